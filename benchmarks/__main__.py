@@ -21,6 +21,7 @@ BENCHMARKS: tuple[str, ...] = (
     "monte_carlo",
     "long_log",
     "start_up",
+    "whole_run",
 )
 """Modules of this folder, in the order of the table."""
 

@@ -10,6 +10,7 @@ from .estimation.methods import make_estimator as make_estimator
 from .exporters import diff_drive_parameters as diff_drive_parameters
 from .exporters import export as export
 from .foundation.errors import Failure as Failure
+from .foundation.errors import Flaw as Flaw
 from .foundation.errors import LogError as LogError
 from .foundation.errors import OedError as OedError
 from .foundation.errors import ProblemError as ProblemError
@@ -19,9 +20,11 @@ from .kernel.criteria import A as A
 from .kernel.criteria import Criterion as Criterion
 from .kernel.criteria import D as D
 from .kernel.criteria import E as E
+from .kernel.criteria import Epigraph as Epigraph
 from .kernel.criteria import G as G
 from .kernel.criteria import I as I
 from .kernel.criteria import ModifiedE as ModifiedE
+from .kernel.criteria import Subject as Subject
 from .kernel.dynamics.rollout import Drive as Drive
 from .kernel.dynamics.space import SignalSpace as SignalSpace
 from .kernel.dynamics.space import Space as Space
@@ -46,9 +49,11 @@ from .logs import LogForm as LogForm
 from .logs import read_logs as read_logs
 from .optimize import Cluster as Cluster
 from .optimize import CmaEs as CmaEs
+from .optimize import Context as Context
 from .optimize import DifferentialEvolution as DifferentialEvolution
 from .optimize import Genetic as Genetic
 from .optimize import Ipopt as Ipopt
+from .optimize import Progress as Progress
 from .optimize import Solver as Solver
 from .optimize import solve as solve
 from .records.path_file import read_trajectory as read_trajectory
@@ -61,27 +66,34 @@ from .records.record import save_record as save_record
 from .report import animate as animate
 from .report import write_estimate as write_estimate
 from .report import write_report as write_report
+from .robots.baselines import Baseline as Baseline
+from .robots.baselines import Move as Move
+from .robots.limits import BareLimit as BareLimit
 from .robots.limits import BodySpeed as BodySpeed
 from .robots.limits import Circle as Circle
 from .robots.limits import CircularObstacle as CircularObstacle
 from .robots.limits import EndHeading as EndHeading
 from .robots.limits import EndPosition as EndPosition
+from .robots.limits import InputLimit as InputLimit
 from .robots.limits import LateralAcceleration as LateralAcceleration
 from .robots.limits import Limit as Limit
 from .robots.limits import Obstacle as Obstacle
 from .robots.limits import Obstacles as Obstacles
 from .robots.limits import PathLength as PathLength
+from .robots.limits import PathLimit as PathLimit
 from .robots.limits import Polygon as Polygon
 from .robots.limits import PolygonalObstacle as PolygonalObstacle
 from .robots.limits import Rectangle as Rectangle
 from .robots.limits import Rows as Rows
 from .robots.limits import SteeringAngle as SteeringAngle
 from .robots.limits import SteeringRate as SteeringRate
+from .robots.limits import TrailerAngleLimit as TrailerAngleLimit
 from .robots.limits import TurningRadius as TurningRadius
 from .robots.limits import WheelAcceleration as WheelAcceleration
 from .robots.limits import WheelJerk as WheelJerk
 from .robots.limits import WheelSpeed as WheelSpeed
 from .robots.limits import Workspace as Workspace
+from .robots.limits import YawRateLimit as YawRateLimit
 from .robots.models import Ackermann as Ackermann
 from .robots.models import DifferentialDrive as DifferentialDrive
 from .robots.models import Mecanum as Mecanum
@@ -106,6 +118,7 @@ from .robots.sensors import Poses as Poses
 from .robots.sensors import Ranges as Ranges
 from .robots.sensors import Sensor as Sensor
 from .robots.sensors import Several as Several
+from .robots.sensors import TrailerAngle as TrailerAngle
 from .robots.sensors import YawRate as YawRate
 from .robots.sensors import regression as regression
 from .robots.space import DesignSpace as DesignSpace
@@ -123,3 +136,5 @@ from .workflow.next_drive import next_drive as next_drive
 from .workflow.runner import run as run
 from .workflow.studies import load_study as load_study
 from .workflow.studies import parse_study as parse_study
+
+__version__: str

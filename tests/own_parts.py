@@ -1,4 +1,4 @@
-"""A module of somebody's own, with a sensor, a criterion and a limit."""
+"""A module of somebody's own, with a sensor, a criterion, a limit and a baseline."""
 
 from __future__ import annotations
 
@@ -60,4 +60,15 @@ class Strip(oed.Limit):
         y = drive.path[:, 1]
         bounds = np.full(y.shape[0], self.half_width)
         return oed.Rows(y, -bounds, bounds, self.half_width, "m")
+
+
+class Zigzag(oed.Baseline):
+    """There, a turn, half as far back, and the turn undone."""
+
+    kind: Literal["zigzag"] = "zigzag"
+    angle: float = 1.0
+
+    def moves(self, size, lap):
+        turn = oed.Move(0.0, self.angle), oed.Move(0.0, -self.angle)
+        return [oed.Move(size, 0.0), turn[0], oed.Move(-size / 2, 0.0), turn[1]]
 '''

@@ -5,4 +5,4 @@ from __future__ import annotations
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PROBLEMS, GALLERY = ROOT / "problems", ROOT / "reports" / "gallery"
+PROBLEMS, REPORTS = ROOT / "problems", ROOT / "reports" / "gallery"

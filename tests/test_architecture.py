@@ -267,7 +267,8 @@ def test_docstrings_stand_alone(module: str):
 @pytest.mark.parametrize("stub", sorted(PACKAGE.rglob("*.pyi")), ids=module_name)
 def test_every_public_name_exists(stub: Path):
     package = importlib.import_module(module_name(stub))
-    listed = [alias.asname for node in ast.parse(stub.read_text()).body for alias in node.names]
+    imports = [node for node in ast.parse(stub.read_text()).body if isinstance(node, ast.ImportFrom)]
+    listed = [alias.asname for node in imports for alias in node.names]
     assert package.__all__ == dir(package) == sorted(set(listed))
     assert len(listed) == len(set(listed))
     assert all(getattr(package, name) is not None for name in listed)

@@ -185,7 +185,9 @@ def test_the_keys_for_estimates_are_accepted():
 def test_the_keys_for_parts_of_ones_own_are_accepted(tmp_path: Path):
     (tmp_path / "own_parts.py").write_text(OWN_PARTS)
     (tmp_path / "study.yaml").write_text(study_with("howto/own_parts", 0, bound=False))
-    problem = load_study(tmp_path / "study.yaml").problem
+    study = load_study(tmp_path / "study.yaml")
+    problem = study.problem
+    assert [getattr(one, "label", one) for one in study.file.baselines] == ["square", "zigzag"]
     kinds = [one.kind for one in (*problem.measurement.sensors, problem.criterion)]
     assert kinds == ["poses", "compass", "log_smallest"]
     assert [limit.name for limit in problem.limits] == ["wheel_speed", "strip"]

@@ -6,7 +6,7 @@ import shutil
 import subprocess
 
 import pytest
-from places import GALLERY, ROOT
+from places import REPORTS, ROOT
 
 WRITTEN = ("record.json", "report.html", "report.md", "figures/best_path.svg", "ipopt.csv", "drive.gif")
 
@@ -35,4 +35,4 @@ def test_the_gallery_is_kept_without_what_only_repeats_its_records():
     tracked = subprocess.run(["git", "ls-files", "reports"], cwd=ROOT, capture_output=True, text=True)
     assert tracked.stdout.split()
     assert all(name.startswith("reports/gallery/") for name in tracked.stdout.split())
-    assert {one.name for one in GALLERY.iterdir()} >= {"choi_skid_steer", "obstacle_course"}
+    assert {one.name for one in REPORTS.iterdir()} >= {"choi_skid_steer", "obstacle_course"}

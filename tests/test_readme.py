@@ -8,7 +8,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from places import GALLERY, PROBLEMS, ROOT
+from places import PROBLEMS, REPORTS, ROOT
 
 import oed
 from oed.cli import main
@@ -91,7 +91,7 @@ def shown_rows() -> dict[str, list[str]]:
 
 
 def test_the_drive_shown_is_that_of_the_committed_report():
-    answer = answer_of(load_record(GALLERY / "choi_skid_steer"))
+    answer = answer_of(load_record(REPORTS / "choi_skid_steer"))
     assert answer is not None
     assert blocks("text")[0].splitlines()[0] == answer.title
     expected = {row.name: [row.value.split()[0], row.designed.split()[0]] for row in answer.rows}

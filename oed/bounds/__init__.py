@@ -13,6 +13,7 @@ from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regr
 from oed.bounds.joint import joint_bounds
 from oed.bounds.reach import largest_rates, unslipped
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
+from oed.foundation.arguments import require_kind
 from oed.foundation.arrays import Array
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -58,7 +59,11 @@ def bound(
         nodes: of the search by branch and bound at most; by default as many as take some seconds.
         time_limit: of that search [s]; none by default, for where it stops depends on the machine.
         gap: at which that search ends.
+
+    Raises:
+        WrongKind: no problem.
     """
+    require_kind("problem", problem, Problem)
     began = time.perf_counter()
     if problem.robust is not None and problem.robust.objective == "mean":
         # A bound is of the nominal robot, which limits the worst of several, but not their mean.

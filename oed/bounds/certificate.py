@@ -8,6 +8,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.moved import Renamed
+from oed.foundation.presenting import Card, Presented, given, number
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation
 
@@ -36,8 +37,8 @@ class Bound:
     multiplier: Array | None = None
 
 
-@dataclass(frozen=True)
-class Certificate(Renamed):
+@dataclass(frozen=True, repr=False)
+class Certificate(Presented, Renamed):
     """The smallest of the bounds found, and what drives were found with it.
 
     Attributes:
@@ -75,6 +76,16 @@ class Certificate(Renamed):
     def loose(self, objective: float) -> bool:
         """Whether the bound says little about a design of that objective."""
         return self.gap(objective) > LOOSE
+
+    def _card(self) -> Card:
+        facts = given(
+            ("upper bound", number(self.upper_bound)),
+            ("method", self.method),
+            ("assumes", "; ".join(self.assumptions)),
+            ("search", "" if self.complete else "not complete: more nodes may lower the bound"),
+        )
+        rows = tuple((number(one.value), one.method) for one in self.bounds)
+        return Card("Certificate: no drive has a larger objective", facts, ("bound", "method"), rows)
 
 
 def gap(bound: float, objective: float) -> float:

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from oed.cli.terminal.arguments import add_working, workers_of
+from oed.cli.terminal.arguments import add_working, aim, durations, workers_of
 from oed.cli.terminal.command import DONE, FAILED, Command, CommandResult, saved, verdict
-from oed.cli.terminal.messages import say
+from oed.cli.terminal.messages import say, tell
+from oed.foundation.shown import shown
 
 if TYPE_CHECKING:
     from oed.optimize import Progress
@@ -161,3 +162,44 @@ def _pages(found: StoredSweep, out: Path, folders: Sequence[str], listener: Prog
 SWEEP = Command(
     "sweep", "run a study at every combination of values; compare them on one page", _sweep, _sweep_arguments
 )
+
+
+def _plan_arguments(parser: argparse.ArgumentParser) -> None:
+    add_working(parser)
+    parser.add_argument("study", metavar="STUDY")
+    parser.add_argument(
+        "--to",
+        metavar="'PARAMETER SIZE'",
+        type=aim,
+        action="append",
+        required=True,
+        help="standard error wanted, e.g. 'track 0.1 %%' or 'wheel radius 0.05 mm'; may be given again",
+    )
+    parser.add_argument(
+        "--durations",
+        metavar="'T1,T2,... [UNIT]'",
+        type=durations,
+        default=(),
+        help="of one drive, to be tried, e.g. '10,20,40 s' (default: half, once and twice the study's)",
+    )
+    parser.add_argument("--out", metavar="DIR", help="where to write (default: reports/<file stem>-plan/)")
+
+
+def _plan(options: argparse.Namespace) -> int:
+    from oed.cli.terminal.console import progress
+    from oed.report import write_plan
+    from oed.workflow.plan import plan
+
+    out = Path(options.out) if options.out else Path("reports") / f"{Path(options.study).stem}-plan"
+    more = {"durations": options.durations, "seed": options.seed, "workers": workers_of(options)}
+    with progress(options.quiet) as listener:
+        done = plan(options.study, dict(options.to), out, progress=listener, **more)
+    found = done.found
+    outcome = CommandResult(done.folder, out, None, found.interrupted, GOES_ON)
+    outcome.report(lambda: write_plan(found, out))
+    outcome.show(options, {**done.data, **outcome.place}, lambda: tell(shown(found.answer)))
+    answered = found.one_drive is not None or found.drives is not None
+    return DONE if answered and not (found.interrupted or outcome.trouble) else FAILED
+
+
+PLAN = Command("plan", "how long, or how many drives, for a wanted precision", _plan, _plan_arguments)

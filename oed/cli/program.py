@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from oed.cli.design_commands import RUN, SOLVE, SWEEP
+from oed.cli.design_commands import PLAN, RUN, SOLVE, SWEEP
 from oed.cli.log_commands import ESTIMATE, NEXT
 from oed.cli.record_commands import ANIMATE, EXPORT, REPORT, VALIDATE
 from oed.cli.study_commands import BOUND, CHECK, EVALUATE, INIT, SCHEMA
@@ -29,6 +29,7 @@ COMMANDS: tuple[Command, ...] = (
     CHECK,
     SOLVE,
     SWEEP,
+    PLAN,
     BOUND,
     EVALUATE,
     ESTIMATE,

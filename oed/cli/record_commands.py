@@ -11,39 +11,59 @@ from oed.cli.terminal.messages import print_json, tell
 
 
 def _report_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folders", metavar="DIR", nargs="+")
-    parser.add_argument("--out", metavar="DIR", help="where a comparison goes (default: reports/comparison/)")
+    parser.add_argument(
+        "folders",
+        metavar="DIR",
+        nargs="+",
+        help="a run; several are compared; a folder of runs gets an index",
+    )
+    parser.add_argument(
+        "--out", metavar="DIR", help="where the page goes (default: DIR; a comparison: reports/comparison/)"
+    )
 
 
 def _report(options: argparse.Namespace) -> int:
-    from oed.foundation.work.folders import in_order
-    from oed.records.record import ESTIMATE_FILE as ESTIMATE
-    from oed.records.record import FILE, load_estimate, load_record
-    from oed.report import write_comparison, write_estimate, write_report, write_sweep
-    from oed.workflow.sweep import FILE as SWEEP
-    from oed.workflow.sweep import load_sweep
+    from oed.report import write_index
 
-    first = in_order(options.folders[0])
-    estimated = len(options.folders) == 1 and (first / ESTIMATE).is_file()
-    if estimated:
-        page = write_estimate(load_estimate(first), options.out or first)
-    swept = len(options.folders) == 1 and (first / SWEEP).is_file()
-    if swept:
-        page = write_sweep(load_sweep(first), first, options.out or first)
-    elif not estimated or (first / FILE).is_file():
-        records = [(folder, load_record(folder)) for folder in options.folders]
-        if len(records) == 1:
-            page = write_report(records[0][1], options.out or first)
-        else:
-            names = [Path(folder).resolve().name for folder in options.folders]
-            labels = names if len(set(names)) == len(names) else options.folders
-            named = list(zip(labels, (record for _, record in records), strict=True))
-            page = write_comparison(named, options.out or Path("reports") / "comparison")
+    folders = options.folders
+    if len(folders) > 1:
+        page = _compared(folders, options.out)
+    else:
+        page = _page_of(folders[0], options.out) or write_index(folders[0], options.out)
     if options.json:
         print_json({"report": str(page)})
     else:
         tell(f"Page:  {page}")
     return DONE
+
+
+def _page_of(folder: str, out: str | None) -> Path | None:
+    # The pages of all that is saved in a folder, or in the file that is named; None where it holds no run.
+    from oed.foundation.work.folders import in_order
+    from oed.records.record import ESTIMATE_FILE as ESTIMATE
+    from oed.records.record import FILE, SWEEP_FILE, load_estimate, load_record, load_sweep
+    from oed.report import write_estimate, write_report, write_sweep
+
+    first = in_order(folder)
+    page = None
+    estimated, swept = (first / ESTIMATE).is_file(), (first / SWEEP_FILE).is_file()
+    if estimated:
+        page = write_estimate(load_estimate(first), out or first)
+    if swept:
+        return write_sweep(load_sweep(first), first, out or first)
+    if (first / FILE).is_file() or not first.is_dir():
+        return write_report(load_record(folder), out or first)
+    return page
+
+
+def _compared(folders: list[str], out: str | None) -> Path:
+    from oed.records.record import load_record
+    from oed.report import write_comparison
+
+    records = [load_record(folder) for folder in folders]
+    names = [Path(folder).resolve().name for folder in folders]
+    labels = names if len(set(names)) == len(names) else folders
+    return write_comparison(list(zip(labels, records, strict=True)), out or Path("reports") / "comparison")
 
 
 REPORT = Command(

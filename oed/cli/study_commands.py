@@ -14,7 +14,15 @@ def _init_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="STUDY", nargs="?", help="what to write (default: ROBOT.yaml)")
     parser.add_argument("--robot", help="a preset or a kind of robot; asked for where not given")
     parser.add_argument("--room", help="like '4 m x 3 m' or 'circle 2 m'")
-    parser.add_argument("--sensor", help="poses, positions, ranges or displacements")
+    parser.add_argument("--sensor", help="poses, positions, positions_and_yaw_rate, ranges or displacements")
+    parser.add_argument(
+        "--noise",
+        metavar="KEY=VALUE",
+        type=pair,
+        action="append",
+        default=[],
+        help="standard deviation of the sensor's readings, e.g. 'position=5 mm'; may be given again",
+    )
     parser.add_argument(
         "--size",
         metavar="KEY=VALUE",
@@ -29,18 +37,17 @@ def _init_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _init(options: argparse.Namespace) -> int:
-    from oed.cli.terminal.console import choice_of
-    from oed.foundation.errors import UserMistake
+    from oed.cli.terminal.asking import choice_of
+    from oed.foundation.errors import StudyError, UserMistake
     from oed.foundation.files import write_text
-    from oed.records.record import require_no_results
-    from oed.study.starter import starter
+    from oed.study.starter import in_short, starter
 
-    choice = choice_of(options)
-    file = Path(options.file or f"{choice.robot}.yaml")
-    if file.exists() and not options.force:
-        raise UserMistake(f"{file} exists; give another name, or --force to write over it")
-    require_no_results(file)
-    write_text(file, starter(choice))
+    choice, file = choice_of(options)
+    try:
+        text = starter(choice)
+    except StudyError as error:
+        raise UserMistake(f"this makes no study: {in_short(error)}") from None
+    write_text(file, text)
     if options.json:
         print_json({"study": str(file)})
     else:

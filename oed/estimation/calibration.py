@@ -27,6 +27,7 @@ from oed.estimation.setup.options import CalibrationOptions, alternative_flaws
 from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
 from oed.foundation.moved import Renamed
+from oed.foundation.presenting import Brief
 from oed.kernel.problem import Problem
 from oed.logs.log import Log
 from oed.robots.models.model import Model, robot_of
@@ -40,8 +41,8 @@ CLOCKS_APART = 0.1
 """Offset of two clocks that is worth a warning [s]."""
 
 
-@dataclass(frozen=True)
-class Calibration(Renamed):
+@dataclass(frozen=True, repr=False)
+class Calibration(Brief, Renamed):
     """What logs say of a robot.
 
     Attributes:

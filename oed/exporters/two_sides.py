@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Any
 
-from oed.robots.limits import BodySpeed, Limit, YawRate
+from oed.robots.limits import BodySpeed, Limit, YawRateLimit
 from oed.robots.models import Model
 
 Pair = tuple[float, float]
@@ -65,7 +65,7 @@ def controller_limits(model: Model, sides: Sides, limits: Iterable[Limit]) -> di
     rate = _tightest(model, [limit.rate_bounds(model) for limit in known])
     groups = {
         ("linear", "x"): (_both(sides.forward(*speed), known, BodySpeed), sides.forward(*rate)),
-        ("angular", "z"): (_both(sides.turning(*speed), known, YawRate), sides.turning(*rate)),
+        ("angular", "z"): (_both(sides.turning(*speed), known, YawRateLimit), sides.turning(*rate)),
     }
     found = {name: _group(*pair) for name, pair in groups.items()}
     return {group: {axis: entries} for (group, axis), entries in found.items() if entries}
@@ -85,7 +85,7 @@ def _within(pairs: Iterable[Pair]) -> Pair:
     return min(low, 0.0), max(high, 0.0)
 
 
-def _both(bounds: Pair, limits: tuple[Limit, ...], kind: type[BodySpeed | YawRate]) -> Pair:
+def _both(bounds: Pair, limits: tuple[Limit, ...], kind: type[BodySpeed | YawRateLimit]) -> Pair:
     return _within([bounds, *(limit.bounds for limit in limits if isinstance(limit, kind))])
 
 

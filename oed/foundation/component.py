@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import operator
 from functools import cache, partial, reduce
-from typing import Annotated, Any, ClassVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args
 
 from pydantic import (
     BaseModel,
@@ -17,11 +17,33 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
+    ValidationError,
 )
 from pydantic_core import CoreSchema, core_schema
 
+from oed.foundation.arguments import WrongKind
+from oed.foundation.presenting import Tidy
+from oed.foundation.shown import written
+from oed.foundation.wording import worded
 
-class Component(BaseModel):
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass as _Worded
+else:
+
+    class _Worded(type(BaseModel)):
+        # Of parts that are made in Python: what is wrong with their arguments is said as in a study.
+        def __call__(self, *arguments: Any, **keys: Any) -> Any:
+            if arguments and self.__init__ is BaseModel.__init__:
+                names = ", ".join(name for name in self.model_fields if name != "kind") or "none"
+                came = written(arguments[0])
+                raise WrongKind(f"{self.__name__}: expected arguments by name ({names}), got {came}")
+            try:
+                return super().__call__(*arguments, **keys)
+            except ValidationError as error:
+                raise worded(error, tuple(self.model_fields)) from None
+
+
+class Component(Tidy, BaseModel, metaclass=_Worded):
     """Base of every configurable part: immutable, unknown keys refused, numbers SI, and true is no number."""
 
     model_config = ConfigDict(
@@ -88,11 +110,17 @@ class OneOf:
     def __init__(self, members: tuple[type[Component], ...]) -> None:
         """Keep the listed classes."""
         self.members = members
+        kinds = (one.model_fields["kind"].default for one in members if "kind" in one.model_fields)
+        self.kinds = tuple(kind for kind in kinds if isinstance(kind, str) and kind != "python")
         self.own: Any = next((one for one in members if one.names_code), None)
 
     def as_data(self, part: Component) -> dict[str, Any]:
         """A part as plain data that a study may hold."""
         return part.as_data() if self.own is None or type(part) in self.members else self.own.named(part)
+
+    def _named(self, value: Any) -> Any:
+        # A kind by its name alone: of what needs no further keys.
+        return {"kind": value} if isinstance(value, str) and value in self.kinds else value
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """A tagged union over the listed kinds, passed by for instances."""
@@ -102,7 +130,7 @@ class OneOf:
         def take(
             value: Any, validate: core_schema.ValidatorFunctionWrapHandler, info: core_schema.ValidationInfo
         ) -> Any:
-            part = value if isinstance(value, source) else validate(value)
+            part = value if isinstance(value, source) else validate(self._named(value))
             return part.resolved(info.context, source)
 
         return core_schema.with_info_wrap_validator_function(
@@ -113,4 +141,5 @@ class OneOf:
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         """The tagged union's schema."""
-        return handler(schema["schema"])
+        whole = handler(schema["schema"])
+        return {"anyOf": [whole, {"enum": list(self.kinds)}]} if self.kinds else whole

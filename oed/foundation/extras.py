@@ -1,8 +1,9 @@
-"""Heavy libraries that only some work needs: they are extras of the package, imported when first used."""
+"""Other packages: heavy libraries that only some work needs, imported when first used; versions installed."""
 
 from __future__ import annotations
 
 import importlib
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from oed.foundation.errors import UserMistake
@@ -25,3 +26,11 @@ def extra(module: str, name: str, purpose: str) -> Any:
         if error.name is None or error.name.partition(".")[0] != module.partition(".")[0]:
             raise
         raise UserMistake(f"{purpose} needs an extra of the package: pip install 'oed[{name}]'") from None
+
+
+def package_version(package: str) -> str:
+    """The version of an installed package, "unknown" of one that is not."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"

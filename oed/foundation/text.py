@@ -187,6 +187,16 @@ def listing(items: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))
 
 
+def did_you_mean(given: str, known: Iterable[str]) -> str:
+    """`; did you mean track?` where what was given is close to one that is known, else ""."""
+    # Only mistakes need it.
+    import difflib
+
+    names = {name.lower(): name for name in known}
+    close = difflib.get_close_matches(given.lower(), names, n=1)
+    return f"; did you mean {names[close[0]]}?" if close else ""
+
+
 def count(number: int, noun: str) -> str:
     """`1 start`, `12 starts`."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

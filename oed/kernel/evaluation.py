@@ -6,68 +6,36 @@ Every number that anything reports about a trajectory (solvers, baselines, bound
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
+from oed.foundation.arguments import require_kind
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, NotFinite
 from oed.foundation.moved import Renamed
+from oed.foundation.presenting import PARAMETER_COLUMNS, Card, Fact, Presented, given, number, parameter_rows
+from oed.foundation.text import size_text, words
 from oed.kernel.between import Sight, most_exceeded
 from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.rollout import FINE, any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.finiteness import require_finite
 from oed.kernel.limit import Limit, Rows
+from oed.kernel.margin import TOLERANCE as TOLERANCE
+from oed.kernel.margin import Margin as Margin
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
-
-TOLERANCE = 1e-3
-"""A limit is satisfied when it is exceeded by at most this share of its size, and active within it."""
 
 EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
 """What a drive's splines are among, as `roll_out` takes it."""
 
 
-@dataclass(frozen=True)
-class Margin(Renamed):
-    """How far a trajectory stays inside one limit.
-
-    Attributes:
-        name: of the limit.
-        margin: distance to the limit at the closest time, in `unit`; negative when it is exceeded.
-        size: the limit's size in `unit`.
-        unit: SI unit.
-        certain: whether that is so at all times; else only at the points that were checked.
-    """
-
-    name: str
-    margin: float
-    size: float
-    unit: str
-    certain: bool = True
-
-    @property
-    def active(self) -> bool:
-        """Whether the trajectory touches the limit (or exceeds it)."""
-        return self.margin <= TOLERANCE * self.size
-
-    @property
-    def violation(self) -> float:
-        """Amount by which the limit is exceeded, 0 where it is satisfied."""
-        return max(0.0, -self.margin)
-
-    @property
-    def satisfied(self) -> bool:
-        """Whether the limit is satisfied, within `TOLERANCE` of its size."""
-        return self.violation <= TOLERANCE * self.size
-
-
-@dataclass(frozen=True)
-class Evaluation(Renamed):
+@dataclass(frozen=True, repr=False)
+class Evaluation(Presented, Renamed):
     """What `evaluate` says of a trajectory; all SI.
 
     Attributes:
@@ -89,6 +57,7 @@ class Evaluation(Renamed):
         parameters: the estimated parameters' names by block.
         states: at the samples, (N + runs, states), run by run.
         path: on the fine grid, (10 N + runs, states).
+        nominal, units: nominal values and SI units of the estimated parameters, by name.
     """
 
     objective: float
@@ -106,6 +75,8 @@ class Evaluation(Renamed):
     parameters: Mapping[str, tuple[str, ...]]
     states: Array
     path: Array
+    nominal: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def information(self) -> Mapping[str, Array]:
@@ -162,6 +133,36 @@ class Evaluation(Renamed):
         """Amount by which each limit that is not satisfied is exceeded, in its SI unit."""
         return {margin.name: margin.violation for margin in self.margins if not margin.satisfied}
 
+    @property
+    def limits_text(self) -> str:
+        """How the limits fare, in words: `satisfied`, `duration exceeded by 0.50 s`."""
+        broken = [one for one in self.margins if not one.satisfied]
+        each = [f"{words(one.name)} exceeded by {size_text(one.violation, one.unit, 2)}" for one in broken]
+        return "; ".join(each) or "satisfied"
+
+    @property
+    def facts(self) -> tuple[Fact, ...]:
+        """What a reader is shown of it, by name; units on every number that has one."""
+        return given(
+            ("objective", number(self.objective)),
+            ("limits", self.limits_text),
+            ("path length", size_text(self.path_length, "m")),
+            ("condition number", number(self.condition_number)),
+            ("not identifiable", "" if self.identifiable else "a combination that the criterion asks about"),
+        )
+
+    @property
+    def precision(self) -> tuple[tuple[str, ...], ...]:
+        """A row of every estimated parameter: name, nominal value and predicted standard error; () without
+        noise.
+        """
+        errors = self.standard_deviations
+        return parameter_rows(tuple(errors), self.nominal, errors, self.units)
+
+    def _card(self) -> Card:
+        title = f"Evaluation: {'feasible' if self.feasible else 'infeasible'}"
+        return Card(title, self.facts, PARAMETER_COLUMNS, self.precision)
+
 
 def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
     """Score any trajectory by a problem's measurement, criterion and limits.
@@ -172,7 +173,10 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
     Raises:
         ValueError: inputs or states that do not match the robot's, another number of runs.
         NotFinite: a drive, or what is measured of it, that is not finite; says what, and when.
+        WrongKind: no problem, or no trajectory.
     """
+    require_kind("problem", problem, Problem)
+    require_kind("trajectory", trajectory, Trajectory)
     scorer, extremes = _scorer_of(problem, trajectory)
     return scorer.evaluation(trajectory, extremes)
 
@@ -322,6 +326,12 @@ class _Scorer:
             parameters={one.block.name: one.parameters for one in self.estimations},
             states=states,
             path=path,
+            nominal={
+                n: float(v)
+                for one in self.estimations
+                for n, v in zip(one.parameters, one.nominal, strict=True)
+            },
+            units={n: u for one in self.estimations for n, u in zip(one.parameters, one.units, strict=True)},
         )
 
 

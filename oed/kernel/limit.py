@@ -16,6 +16,7 @@ from pydantic_core import CoreSchema
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
+from oed.foundation.presenting import Brief
 from oed.foundation.quantities import counts_as_zero, parse_quantity
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
@@ -28,8 +29,8 @@ ROUNDED = 1e-3
 """Share of a magnitude's limit over which its corner at 0 is rounded."""
 
 
-@dataclass(frozen=True)
-class Rows:
+@dataclass(frozen=True, repr=False)
+class Rows(Brief):
     """lower <= expression <= upper, row by row.
 
     Attributes:

@@ -11,19 +11,21 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import ProblemError
 from oed.foundation.moved import Renamed
+from oed.foundation.presenting import Card, Fact, Presented, given
+from oed.foundation.text import quantity, words
+from oed.kernel.consistency import parts_of, problem_flaws
 from oed.kernel.criteria import Criterion, Subject
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, drive_shape
 from oed.kernel.dynamics.space import Space
-from oed.kernel.dynamics.system import System
+from oed.kernel.dynamics.system import System, label_of
 from oed.kernel.limit import Limit, Rows, implied_bounds
 from oed.kernel.measurement.information import (
     Scaling,
     information,
     scale_factors,
-    scaling_flaws,
     square_root,
     weights_of,
 )
@@ -87,16 +89,16 @@ class Estimation:
         return tuple(self.block.units[self.block.parameters.index(name)] for name in self.parameters)
 
 
-@dataclass(frozen=True, eq=False)
-class Problem(Renamed):
+@dataclass(frozen=True, eq=False, repr=False)
+class Problem(Presented, Renamed):
     """What to design for: a system, the drives allowed, a measurement, limits and a criterion.
 
     Attributes:
         model: the system, as the design space drives it.
         design: all drives allowed.
-        measurement: what is measured.
+        measurement: what is measured; several sensors may be given as a list of them.
         limits: what a drive must keep to.
-        criterion: what makes a drive good.
+        criterion: what makes a drive good; one that needs no options may be given by its name, "E".
         name: shown in reports.
         estimate: the parameters to estimate, those of the system or others that it is known by; all that
             the measurement is informative about by default. Other parameters are taken as known.
@@ -123,12 +125,11 @@ class Problem(Renamed):
     excess: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check that the parts fit together."""
+        """Take lists and names for what they stand for, and check that the parts fit together."""
+        for name, part in parts_of(self).items():
+            object.__setattr__(self, name, part)
         object.__setattr__(self, "model", self.design.driving(self.model))
-        object.__setattr__(self, "limits", tuple(self.limits))
-        if self.estimate is not None:
-            object.__setattr__(self, "estimate", tuple(self.estimate))
-        flaws = _flaws(self)
+        flaws = problem_flaws(self)
         if flaws:
             raise ProblemError(flaws)
 
@@ -144,7 +145,7 @@ class Problem(Renamed):
 
     def judging(self, criterion: Criterion) -> Criterion:
         """Any criterion of the same scaling and subset, of the parameters that it judges."""
-        return criterion.about(self._subject)
+        return criterion.about(self.subject)
 
     @cached_property
     def input_bounds(self) -> Array:
@@ -229,15 +230,16 @@ class Problem(Renamed):
         return self._estimations(self.measurement.blocks(drive))
 
     def _estimations(self, blocks: Sequence[Block]) -> tuple[Estimation, ...]:
-        return tuple(self._estimation(block) for block in blocks if self._judged(block))
+        return tuple(self._estimation(block) for block in blocks if self.judged(block))
 
     @cached_property
     def any_estimations(self) -> tuple[Estimation, ...]:
         """What blocks of a drive without values say: for parameters, noise and nuisances."""
-        return self._estimations(self._any_blocks)
+        return self._estimations(self.any_blocks)
 
     @cached_property
-    def _any_blocks(self) -> tuple[Block, ...]:
+    def any_blocks(self) -> tuple[Block, ...]:
+        """The blocks of a drive without values."""
         return self.measurement.blocks(self._any_drive)
 
     @cached_property
@@ -250,25 +252,46 @@ class Problem(Renamed):
         wanted = block.parameters if self.estimate is None else self.estimate
         return tuple(name for name in wanted if name in block.parameters)
 
-    def _judged(self, block: Block) -> tuple[str, ...]:
+    def judged(self, block: Block) -> tuple[str, ...]:
+        """Names of a block's parameters that the criterion judges."""
         subset = self.criterion.subset
         return tuple(name for name in self._estimated(block) if subset is None or name in subset)
 
     def _estimation(self, block: Block) -> Estimation:
-        judged, scaling = self._judged(block), self.criterion.scaling
+        judged, scaling = self.judged(block), self.criterion.scaling
         others = tuple(name for name in self._estimated(block) if name not in judged)
         names = judged + others
         prior = None if self.prior is None else prior_of(self.prior, block, names)
         return Estimation(block, names, judged, scaling, prior)
 
     @property
-    def _subject(self) -> Subject:
+    def subject(self) -> Subject:
+        """What the criterion judges."""
         found = self.any_estimations
         return Subject(
             system=self.system.estimating([name for one in found for name in one.judged]),
             parameters=tuple(one.judged for one in found),
             scales=tuple(one.scales for one in found),
         )
+
+    @property
+    def facts(self) -> tuple[Fact, ...]:
+        """What a reader is shown of it, by name."""
+        space = self.design
+        names = dict.fromkeys(name for one in self.any_estimations for name in one.parameters)
+        runs = "" if space.runs == 1 else f"{space.runs} runs, "
+        return given(
+            (self.model.noun, label_of(self.model)),
+            ("estimates", ", ".join(names)),
+            ("drive", f"{runs}{quantity(space.whole_duration, 's')}, {space.samples} samples"),
+            ("measured", self.measurement.brief(space.samples)),
+            ("limits", ", ".join(words(one.name) for one in self.limits)),
+            ("criterion", self.criterion.kind),
+            ("robust", "" if self.robust is None else "yes"),
+        )
+
+    def _card(self) -> Card:
+        return Card(f"Problem {self.name}".strip(), self.facts)
 
     def __getstate__(self) -> dict[str, Any]:
         """The parts only: caches are made again where they are needed."""
@@ -287,103 +310,3 @@ def prior_of(prior: Prior, block: Block, names: Sequence[str]) -> Array | None:
         return None
     places = [block.parameters.index(name) for name in names]
     return prior.precision(names, block.nominal[places], [block.units[place] for place in places])
-
-
-def _flaws(problem: Problem) -> list[Flaw]:
-    model, space = problem.model, problem.design
-    flaws = model.flaws()
-    if flaws:
-        # Of such a system nothing else can be said.
-        return flaws
-    needed = space.spline.degree + (3 if space.rest_to_rest else 1)
-    if space.spline.coefficients < needed:
-        text = (
-            f"a degree-{space.spline.degree} spline{' at rest at both ends' if space.rest_to_rest else ''} "
-            f"needs at least {needed} coefficients, got {space.spline.coefficients}"
-        )
-        flaws.append(Flaw(("trajectory", "spline", "coefficients"), text))
-    for limit in problem.limits:
-        flaws += limit.flaws(model, space)
-    names = [limit.name for limit in problem.limits]
-    for name in sorted({name for name in names if names.count(name) > 1}):
-        flaws.append(Flaw(("limits", name), "given twice; a limit is known by its name"))
-    flaws += _unbounded(problem)
-    flaws += problem.measurement.flaws(model, space.samples)
-    flaws += _name_flaws(problem)
-    # Blocks exist only for a measurement that fits the system.
-    return flaws or _estimation_flaws(problem) or _uncertainty_flaws(problem)
-
-
-def _unbounded(problem: Problem) -> list[Flaw]:
-    # Inputs that no limit bounds, with the limits that would.
-    names = [limit.name for limit in problem.limits]
-    found = zip(problem.model.inputs, problem.input_bounds, strict=True)
-    return [
-        Flaw(
-            ("limits",),
-            f"nothing bounds {one.name}; {problem.model.remedy(one, names)}, without which no design is best",
-        )
-        for one, pair in found
-        if not np.isfinite(pair).all()
-    ]
-
-
-def _name_flaws(problem: Problem) -> list[Flaw]:
-    # Parameters that the system has by none of the sorts it is known by, or of several at once.
-    wanted, known = problem.estimate, problem.model.estimable
-    if wanted is None:
-        return []
-    if not wanted:
-        return [Flaw(("estimate",), "expected at least one parameter")]
-    if len(set(wanted)) < len(wanted):
-        return [Flaw(("estimate",), "a parameter is listed twice")]
-    if any(set(wanted) <= set(names) for names in known.values()):
-        return []
-    choices = " or ".join(f"{sort} ({', '.join(names)})" for sort, names in known.items())
-    text = f"expected some of the {problem.model.noun}'s {choices}, got {', '.join(wanted)}"
-    return [Flaw(("estimate",), text)]
-
-
-def _uncertainty_flaws(problem: Problem) -> list[Flaw]:
-    flaws = problem.uncertainty.flaws(problem.uncertain_system) if problem.uncertainty is not None else []
-    return flaws or (problem.robust.flaws(problem.uncertain_system) if problem.robust is not None else [])
-
-
-def _estimation_flaws(problem: Problem) -> list[Flaw]:
-    blocks = problem._any_blocks
-    known = [name for block in blocks for name in block.parameters]
-    strangers = [name for name in problem.estimate or () if name not in known]
-    if strangers:
-        text = (
-            f"{', '.join(strangers)} cannot be estimated from {problem.measurement.kind}, "
-            f"which identify {', '.join(known)}"
-        )
-        return [Flaw(("estimate",), text)]
-    estimated = problem.estimate or known
-    unknown = [name for name in problem.criterion.subset or () if name not in estimated]
-    if unknown or problem.criterion.subset == ():
-        text = f"expected some of the estimated {', '.join(estimated)}, got {', '.join(unknown) or 'none'}"
-        return [Flaw(("criterion", "subset"), text)]
-    judged = [problem._judged(block) for block in blocks]
-    flaws = scaling_flaws(
-        [block for block, names in zip(blocks, judged, strict=True) if names],
-        problem.criterion.scaling,
-        [names for names in judged if names],
-    )
-    flaws += _prior_flaws(problem, blocks, list(estimated))
-    return flaws or problem.criterion.flaws(problem._subject)
-
-
-def _prior_flaws(problem: Problem, blocks: Sequence[Block], estimated: list[str]) -> list[Flaw]:
-    if problem.prior is None:
-        return []
-    if problem.criterion.scaling == "none" and any(block.raw for block in blocks):
-        text = "a prior cannot be added to W'W, which leaves the noise out; use scaling: relative"
-        return [Flaw(("prior",), text)]
-    table = {
-        name: (value, unit)
-        for block in blocks
-        for name, value, unit in zip(block.parameters, block.nominal, block.units, strict=True)
-    }
-    values = np.array([table[name][0] for name in estimated])
-    return problem.prior.flaws(estimated, values, [table[name][1] for name in estimated])

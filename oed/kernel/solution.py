@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
+from oed.foundation import plots
 from oed.foundation.arrays import Array
 from oed.foundation.errors import NotFinite
 from oed.foundation.moved import Renamed
+from oed.foundation.presenting import PARAMETER_COLUMNS, Card, Presented, given
+from oed.foundation.text import count, quantity
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
@@ -127,8 +131,8 @@ class Violation:
         return self.interval[1] <= probability
 
 
-@dataclass(frozen=True)
-class Solution(Renamed):
+@dataclass(frozen=True, repr=False)
+class Solution(Presented, Renamed):
     """A solver's best design.
 
     Attributes:
@@ -168,6 +172,31 @@ class Solution(Renamed):
         """The status in words, with what is special to this search."""
         said = "" if self.violation is None else self.violation.sentence
         return " ".join(filter(None, [self.status.sentence, self.detail, said]))
+
+    def plot(self, what: str = "path", problem: Problem | None = None) -> Any:
+        """The figure (matplotlib's) of the design.
+
+        Args:
+            what: "path", or "inputs" over time.
+            problem: whose room is drawn behind the path; none by default.
+
+        Raises:
+            UserMistake: there is no design, or no such figure.
+        """
+        return plots.plot(self, what, problem)
+
+    def _card(self) -> Card:
+        found = self.evaluation
+        search = count(len(self.starts), "start") if self.starts else ""
+        spent = quantity(self.wall_seconds, "s", 2) if self.wall_seconds else ""
+        facts = (
+            *(() if found is None else found.facts),
+            *given(("search", ", ".join(filter(None, [search, spent]))), ("message", self.message)),
+        )
+        rows = () if found is None else found.precision
+        return Card(
+            f"Solution {self.name}: {self.status.value.replace('_', ' ')}", facts, PARAMETER_COLUMNS, rows
+        )
 
 
 def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from oed.foundation.arrays import Array
+from oed.foundation.presenting import Card, Presented, dataframe, given, number
 
 
 @dataclass(frozen=True)
@@ -24,8 +26,8 @@ class Finding:
     doubtful: bool = False
 
 
-@dataclass(frozen=True)
-class Log:
+@dataclass(frozen=True, repr=False)
+class Log(Presented):
     """One drive as it was logged. Times rise, numbers are finite, all SI.
 
     Attributes:
@@ -79,6 +81,31 @@ class Log:
         last = np.searchsorted(clock, moments.max(initial=clock[0])) + 1
         rows = slice(max(0, min(int(first), int(last) - 1)), int(last))
         return np.column_stack([np.interp(moments, clock[rows], column) for column in self.integrals[rows].T])
+
+    def to_dataframe(self, what: Literal["poses", "inputs"] = "poses") -> Any:
+        """A pandas DataFrame of the poses, or of the inputs' time integrals, on its own clock `t` [s]; SI.
+
+        Raises:
+            ValueError: neither of these.
+            UserMistake: pandas is not installed.
+        """
+        if what == "poses":
+            return dataframe({"t": self.pose_times, **dict(zip(self.quantities, self.poses.T, strict=True))})
+        if what == "inputs":
+            names = (f"integral_{place + 1}" for place in range(self.integrals.shape[1]))
+            return dataframe({"t": self.input_times, **dict(zip(names, self.integrals.T, strict=True))})
+        raise ValueError(f"what: expected poses or inputs, got {what!r}")
+
+    def _card(self) -> Card:
+        width = self.integrals.shape[1]
+        facts = given(
+            ("file", self.file),
+            ("inputs", f"{width}, {len(self.input_times)} readings"),
+            ("poses", f"{len(self.pose_times)} of {', '.join(self.quantities)}"),
+            ("in doubt", " ".join(one.message for one in self.findings if one.doubtful)),
+        )
+        rows = tuple((one.name, one.message) for one in self.findings)
+        return Card(f"Log {self.name}: {number(self.duration, 's')}", facts, ("found", "what"), rows)
 
     def found(self, name: str, message: str, *, doubtful: bool = False) -> Log:
         """The log with one finding more.

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from oed.foundation.arguments import WrongKind, require_count, require_kind
+from oed.foundation.shown import written
 from oed.foundation.work.cluster import Cluster
 from oed.foundation.work.parallel import Workers, default_workers
 from oed.foundation.work.progress import Progress, Silent
@@ -22,7 +24,7 @@ SOLVERS: tuple[type[Solver], ...] = (Ipopt, Genetic, CmaEs, DifferentialEvolutio
 
 def solve(
     problem: Problem,
-    solver: Solver | None = None,
+    solver: Solver | str | None = None,
     *,
     seed: int = 0,
     workers: Workers | None = None,
@@ -33,7 +35,7 @@ def solve(
 
     Args:
         problem: what to design for.
-        solver: a frozen set of options, e.g. `Ipopt(starts=12)`.
+        solver: a frozen set of options, e.g. `Ipopt(starts=12)`, or the name of one, "ipopt".
         seed: of every random draw; the same seed gives the same design.
         workers: processes, or a cluster; by default one per processor. Does not change the result.
         progress: informed how far the search is.
@@ -41,8 +43,11 @@ def solve(
 
     Raises:
         ProblemError: parameters that no drive makes identifiable; it names them.
+        WrongKind: arguments that are something else.
     """
-    options = solver or Ipopt()
+    require_kind("problem", problem, Problem)
+    require_count("seed", seed)
+    options = _solver(solver)
     chosen = seed if options.seed is None else options.seed
     context = Context(chosen, workers or default_workers(), progress or Silent(), earlier or {})
     own = problem if options.criterion is None else replace(problem, criterion=options.criterion)
@@ -53,6 +58,17 @@ def solve(
     # Found by another measure of quality, but scored by the problem's.
     evaluation = None if solution.trajectory is None else evaluate(problem, solution.trajectory)
     return replace(solution, evaluation=evaluation, criterion=own.criterion.kind)
+
+
+def _solver(given: Solver | str | None) -> Solver:
+    if isinstance(given, str):
+        kinds = {one.model_fields["kind"].default: one for one in SOLVERS}
+        if given not in kinds:
+            raise WrongKind(f"solver: expected one of {', '.join(kinds)}, got {written(given)}")
+        return kinds[given](kind=given)
+    if given is not None:
+        require_kind("solver", given, Solver)
+    return given or Ipopt()
 
 
 __all__ = [

@@ -10,7 +10,9 @@ from __future__ import annotations
 import contextlib
 import time
 from abc import abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -24,6 +26,7 @@ from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Status
 from oed.optimize.solver import Context, Solver
+from oed.optimize.standing import announce_drive
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives, start_bounds
@@ -43,6 +46,8 @@ WORTH = 0.5
 Sending one costs 15 ms here and 0.1 s on a cluster, starting processes some seconds. 200 drives of 200
 samples take 0.02 s: they are scored here.
 """
+THREADS = 4
+"""Threads that score a generation here, at most: the more there are, the less each adds."""
 COMPILED = 30.0
 """Time [s] of all that is to be scored from which compiling first is faster."""
 
@@ -86,6 +91,7 @@ class Genetic(PopulationSearch):
     def algorithm(self, sampling: Array) -> Any:
         """Pymoo's GA with the operators chosen."""
         from pymoo.algorithms.soo.nonconvex.ga import GA
+        from pymoo.core.duplicate import DefaultDuplicateElimination
         from pymoo.operators.crossover.pntx import TwoPointCrossover
         from pymoo.operators.crossover.sbx import SBX
         from pymoo.operators.crossover.ux import UniformCrossover
@@ -99,7 +105,26 @@ class Genetic(PopulationSearch):
             sampling=sampling,
             crossover=crossovers[self.crossover](),
             mutation=mutations[self.mutation](),
+            survival=_survival(),
+            eliminate_duplicates=DefaultDuplicateElimination(func=_genes),
         )
+
+
+def _genes(population: Any) -> Array:
+    # As `population.get("X")`, in a fifth of the time.
+    return np.array([one.X for one in population])
+
+
+def _survival() -> Any:
+    # Pymoo's own, the least infeasible and then the fittest, in a third of the time.
+    from pymoo.algorithms.soo.nonconvex.ga import FitnessSurvival
+
+    class Fittest(FitnessSurvival):  # type: ignore[misc]
+        def _do(self, _: Any, population: Any, n_survive: int | None = None, **__: Any) -> Any:
+            order = np.lexsort([[one.F[0] for one in population], [one.cv for one in population]])
+            return population[order[:n_survive]]
+
+    return Fittest()
 
 
 class DifferentialEvolution(PopulationSearch):
@@ -153,7 +178,8 @@ class Population:
         # Compiling, on the first call, is not to be taken for scoring.
         self._design.terms.scores  # noqa: B018
         began = time.perf_counter()
-        scores = self._design.score_many(candidates)
+        threads = min(self._workers, THREADS) if isinstance(self._workers, int) else 1
+        scores = self._design.score_many(candidates, threads)
         self._seconds = (time.perf_counter() - began) / len(candidates)
         if not self._compiled and self._seconds * self._expected >= COMPILED:
             self._design.compile_scores()
@@ -274,7 +300,7 @@ class _Run:
         return Status.SEARCHED
 
     def _keep_best(self, algorithm: Any, *, last: bool = False) -> None:
-        for value, unknowns in self._fresh(algorithm.pop)[: None if last else RESCORED]:
+        for value, unknowns in islice(self._fresh(algorithm.pop), None if last else RESCORED):
             if value <= self.standing:
                 return
             # A drive that is not finite keeps no limit.
@@ -285,16 +311,14 @@ class _Run:
                     return
             self.refused.add(unknowns.tobytes())
 
-    def _fresh(self, population: Any) -> list[tuple[float, Array]]:
+    def _fresh(self, population: Any) -> Iterator[tuple[float, Array]]:
         # Drives that keep the limits where the population is checked, the best first, but those that do not
         # keep them between: surviving from generation to generation, they would be in the others' way.
-        values, feasible = -population.get("F")[:, 0], population.get("feas").ravel()
-        drives = [
-            (float(values[index]), np.asarray(population[index].X, dtype=float))
-            for index in np.argsort(-values, kind="stable")
-            if feasible[index]
-        ]
-        return [pair for pair in drives if pair[1].tobytes() not in self.refused]
+        values = -np.array([one.F[0] for one in population])
+        for index in np.argsort(-values, kind="stable"):
+            unknowns = np.asarray(population[index].X, dtype=float)
+            if population[index].feas and unknowns.tobytes() not in self.refused:
+                yield float(values[index]), unknowns
 
     def _keep(self, value: float, unknowns: Array, evaluation: Evaluation) -> None:
         self.standing = value
@@ -302,6 +326,7 @@ class _Run:
             return
         self.best = (unknowns, evaluation)
         seconds = time.perf_counter() - self.began
+        announce_drive(self.context, self.problem, evaluation, seconds)
         self.history.append(HistoryPoint(self.evaluations, seconds, evaluation.objective))
 
     def _solution(self, status: Status) -> Solution:

@@ -23,6 +23,7 @@ from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, S
 from oed.optimize.conflict import describe_conflict
 from oed.optimize.local import Local, Settings, local_search, surely_better
 from oed.optimize.solver import Context, Solver
+from oed.optimize.standing import announce_drive
 from oed.optimize.transcription.starting_points import (
     SCREENED,
     Screening,
@@ -223,6 +224,9 @@ class _Search:
         def take(index: int, result: Local) -> None:
             results[index] = result
             self._note_history(result)
+            if result.evaluation is not None:
+                seconds = time.perf_counter() - self.began
+                announce_drive(self.context, self.problem, result.evaluation, seconds)
             self.context.progress.advance(self._standing(results))
             if self._out_of_time():
                 raise _TimeUp

@@ -10,15 +10,13 @@ import numpy as np
 from oed.estimation import Calibration, Compared, Comparison, DeadReckoning, HeldOut, correlations
 from oed.estimation.setup.noise import group_of, groups, places_of
 from oed.foundation.arrays import Array
+from oed.records.stored.compared import ComparedModel, FittedParameter, Models
 from oed.records.stored.door import FORMAT
 from oed.records.stored.estimate import (
-    ComparedModel,
     Correlations,
     Estimated,
     EstimateRecord,
-    FittedParameter,
     FoundNoise,
-    Models,
     ReadLog,
     Reckoned,
     ReckonedPath,
@@ -223,6 +221,11 @@ def _path(name: str, role: str, before: DeadReckoning, after: DeadReckoning) -> 
         before_y=before.path[rows, 1],
         after_x=after.path[rows, 0],
         after_y=after.path[rows, 1],
+        heading=before.turns[rows, 0],
+        before_heading=before.turns[rows, 1],
+        after_heading=after.turns[rows, 1],
+        before=Reckoned.of(before),
+        after=Reckoned.of(after),
     )
 
 

@@ -7,13 +7,13 @@ import math
 import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
 
 from oed.bounds import LOOSE, Certificate, gap
 from oed.foundation.arrays import Array
+from oed.foundation.extras import package_version
 from oed.kernel.dynamics.system import label_of
 from oed.kernel.evaluation import TOLERANCE, Evaluation
 from oed.kernel.problem import Problem
@@ -183,14 +183,6 @@ def provenance() -> Provenance:
         platform=f"{platform.system()} {platform.machine()}",
         finished=datetime.now(UTC).isoformat(timespec="seconds"),
     )
-
-
-def package_version(package: str) -> str:
-    """The version of an installed package, for records."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "unknown"
 
 
 def trial_of(found: Outcome) -> StoredTrial:

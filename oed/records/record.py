@@ -14,11 +14,12 @@ from oed.records.stored.consistency import require_one_study
 from oed.records.stored.door import checked, read_echo, read_file
 from oed.records.stored.estimate import EstimateRecord as EstimateRecord
 from oed.records.stored.study_record import Record as Record
+from oed.records.stored.sweep import StoredSweep
 
-FILE, ESTIMATE_FILE = "record.json", "estimate.json"
+FILE, ESTIMATE_FILE, SWEEP_FILE = "record.json", "estimate.json", "sweep.json"
 REPORT, ESTIMATE = "report", "estimate"
 """Names, without suffix, of the pages on a design and on an estimate; the latter's figures begin with it."""
-RESULTS = (FILE, ESTIMATE_FILE, "sweep.json")
+RESULTS = (FILE, ESTIMATE_FILE, SWEEP_FILE)
 """Names of the files that hold what a run, an estimate and a sweep found."""
 
 
@@ -87,6 +88,16 @@ def known_estimate(data: Mapping[str, Any], path: Path) -> EstimateRecord:
     if found.study is not None:
         found = found.model_copy(update={"study": read_echo(found.study, path).echo()})
     return found.at(path)
+
+
+def load_sweep(folder: str | Path) -> StoredSweep:
+    """The sweep in `folder`.
+
+    Raises:
+        RecordError: none there, or not one of this format.
+    """
+    path = saved_file(folder, SWEEP_FILE)
+    return checked(StoredSweep, read_file(path, "a sweep", "oed sweep", "points"), path)
 
 
 def saved_file(folder: str | Path, name: str) -> Path:

@@ -6,16 +6,21 @@ What is predicted, and how the readings are simulated, is the estimator's; what 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from oed.estimation.methods import Estimator, EstimatorName, Heading, make_estimator
 from oed.estimation.setup.options import Loss
+from oed.foundation.arguments import require_count, require_kind
 from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.foundation.moved import Renamed
+from oed.foundation.presenting import Card, Presented, dataframe
+from oed.foundation.text import deviation_text, significant
 from oed.foundation.work.parallel import Workers, run_tasks
 from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -33,8 +38,8 @@ SHOWN = 200
 STREAM = 5
 
 
-@dataclass(frozen=True)
-class Validation(Renamed):
+@dataclass(frozen=True, repr=False)
+class Validation(Presented, Renamed):
     """Predicted against simulated precision; all SI.
 
     Attributes:
@@ -51,6 +56,7 @@ class Validation(Renamed):
         paired_error: standard error of that ratio, (p,).
         checks: the tests, judged together.
         estimates: the first estimates, (<= 200, p).
+        units: SI units of the parameters, (p,); () where they are not known.
     """
 
     estimator: EstimatorName
@@ -67,6 +73,7 @@ class Validation(Renamed):
     paired_error: Array
     checks: tuple[Check, ...]
     estimates: Array
+    units: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -90,6 +97,51 @@ class Validation(Renamed):
             f"{self.parameters[worst]} scatters {ratios[worst]:.3g} times as much as predicted "
             f"and is off by {offset:+.2g} predicted standard errors on average."
         )
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """What is compared, by name, an entry of each parameter; SI."""
+        predicted, sampled = np.sqrt(np.diag(self.predicted)), np.sqrt(np.diag(self.sampled))
+        return {
+            "parameter": list(self.parameters),
+            "true": self.true,
+            "mean": self.mean,
+            "predicted": predicted,
+            "sampled": sampled,
+            "ratio": sampled / predicted,
+        }
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row per parameter: true value, mean estimate, predicted and sampled
+        standard error, SI, and the ratio of these.
+
+        Raises:
+            UserMistake: pandas is not installed.
+        """
+        return dataframe({**self.columns, "unit": list(self.units or [""] * len(self.parameters))})
+
+    def _card(self) -> Card:
+        facts = (
+            ("verdict", self.verdict),
+            ("estimator", f"{self.estimator}, {self.replicates} experiments, seed {self.seed}"),
+        )
+        found, units = self.columns, self.units or ("",) * len(self.parameters)
+        sizes = (
+            [deviation_text(float(one), unit) for one, unit in zip(found[name], units, strict=True)]
+            for name in ("predicted", "sampled")
+        )
+        rows = zip(self.parameters, *sizes, map(significant(3), found["ratio"]), strict=True)
+        heads = ("parameter", "predicted standard error", "sampled", "ratio")
+        return Card(f"Validation: {'passed' if self.passed else 'failed'}", facts, heads, tuple(rows))
+
+
+def _units(problem: Problem, parameters: Sequence[str]) -> tuple[str, ...]:
+    known = {
+        name: unit
+        for one in problem.any_estimations
+        for name, unit in zip(one.parameters, one.units, strict=True)
+    }
+    return tuple(known.get(name, "") for name in parameters)
 
 
 def validate(
@@ -124,7 +176,11 @@ def validate(
     Raises:
         ProblemError: no noise given, a singular design, an estimator that does not suit the measurement, or
             too few replicates for a covariance.
+        WrongKind: arguments that are something else.
     """
+    require_kind("problem", problem, Problem)
+    require_kind("trajectory", trajectory, Trajectory)
+    require_count("replicates", replicates, least=None)
     chosen = make_estimator(problem, trajectory, estimator, heading=heading, loss=loss)
     least = len(chosen.parameters) + 1
     if replicates < least:
@@ -152,6 +208,7 @@ def validate(
         seed=seed,
         alpha=alpha,
         parameters=chosen.parameters,
+        units=_units(problem, chosen.parameters),
         true=true,
         mean=true + root @ whitened.mean,
         predicted=predicted,

@@ -8,13 +8,15 @@ from dataclasses import dataclass, field, replace
 
 import jinja2
 
-from oed.foundation.errors import UserMistake
+from oed.foundation.errors import StudyError, UserMistake
 from oed.foundation.quantities import parse_quantity
+from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import Parameter
 from oed.robots.baselines import suited
 from oed.robots.models import MODELS, Model, PythonRobot
-from oed.robots.models.model import robot_of
+from oed.robots.models.model import nominal_coefficients, robot_of
 from oed.robots.presets import preset, preset_names
+from oed.study.offered import OFFERS, entries_of, noise_of, offer_of, usual_noise
 from oed.study.study import Study, read_study
 from oed.study.yaml_source import parse_yaml
 
@@ -29,6 +31,8 @@ TYPICAL = {
     "trailer_length": "60 cm",
 }
 """Sizes of a typical robot, for those that are not given."""
+LONGER = "3 to 8"
+"""How many times as long a run with a robust drive takes."""
 ROOM = "3 m x 3 m"
 """The room of a first study, where none is given."""
 DURATION = "20 s"
@@ -41,7 +45,7 @@ UNSURE = "5 %"
 """How far the parameters of a robot may be from their nominal values before its first drive."""
 IDENTIFIABLE = {"skid_steer": ("wheel_radius_right", "wheel_radius_left", "track")}
 """What to estimate of robots whose parameters are not identifiable all together."""
-SENSORS = ("poses", "positions", "ranges", "displacements")
+SENSORS = tuple(OFFERS)
 """What a first study may measure with."""
 
 
@@ -54,6 +58,8 @@ class Choice:
         sizes: the robot's constants, with units, by their keys; typical ones for those not given.
         room: "4 m x 3 m" or "circle 2 m" (its radius).
         sensor: one of `SENSORS`.
+        noise: standard deviations of its readings, with units, by their quantities; usual ones for those not
+            given.
         duration: of one run, with its unit; by default 20 s, of robots that skid 8 s.
         runs: how many.
     """
@@ -62,6 +68,7 @@ class Choice:
     sizes: Mapping[str, str] = field(default_factory=dict)
     room: str = ROOM
     sensor: str = "poses"
+    noise: Mapping[str, str] = field(default_factory=dict)
     duration: str | None = None
     runs: int = 1
 
@@ -81,9 +88,20 @@ def sizes_needed(robot: str) -> dict[str, str]:
         return {}
     model = _kinds().get(robot)
     if model is None:
-        raise UserMistake(f"expected a robot of {', '.join(robots())}; got {robot!r}")
+        hint = did_you_mean(robot, robots())
+        raise UserMistake(f"expected a robot of {', '.join(robots())}; got {robot!r}{hint}")
     fields = model.model_fields
     return {key: value for key, value in TYPICAL.items() if key in fields and key != "body_radius"}
+
+
+def noise_needed(robot: str, sensor: str) -> dict[str, str]:
+    """The standard deviations of a sensor's readings on a robot, with usual values.
+
+    Raises:
+        UserMistake: an unknown robot or sensor.
+    """
+    sizes_needed(robot)
+    return usual_noise(sensor, trailer=_has_trailer(robot))
 
 
 def usual_duration(robot: str) -> str:
@@ -98,8 +116,6 @@ def starter(choice: Choice) -> str:
         UserMistake: an unknown robot or sensor, a room that cannot be read.
         StudyError: sizes that make no study, e.g. a room smaller than the robot.
     """
-    if choice.sensor not in SENSORS:
-        raise UserMistake(f"expected a sensor of {', '.join(SENSORS)}; got {choice.sensor!r}")
     model = robot_of(_read(_text(choice), "the new study").problem.model)
     if _model(choice.robot).skids and "track" in type(model).model_fields:
         own = {parameter.name: parameter.nominal for parameter in model.parameters}["track"]
@@ -107,8 +123,33 @@ def starter(choice: Choice) -> str:
         choice = replace(choice, sizes=widened)
         model = robot_of(_read(_text(choice)).problem.model)
     amounts = _amounts(choice, model)
-    study = _read(_text(choice, amounts=amounts), "the new study")
-    return _text(choice, suited(study.problem), amounts, model)
+    scaling = _scaling(choice, model)
+    study = _read(_text(choice, scaling=scaling), "the new study")
+    study.require_identifiable()
+    return _text(choice, suited(study.problem), amounts, model, scaling)
+
+
+def _scaling(choice: Choice, model: Model) -> str:
+    # Nothing can be precise to a share of nothing.
+    estimated = nominal_coefficients(model).ravel() if offer_of(choice.sensor).alone else ()
+    return "relative" if all(estimated) else "none"
+
+
+def require_readable(choice: Choice) -> None:
+    """Refuse answers that no study can be made of, as far as they are given.
+
+    Raises:
+        UserMistake: says what is wrong with them.
+    """
+    try:
+        _read(_text(choice))
+    except StudyError as error:
+        raise UserMistake(in_short(error)) from None
+
+
+def in_short(error: StudyError) -> str:
+    """What is wrong with a study that is nowhere yet: its keys, without lines of a file."""
+    return "; ".join(f"{flaw.key}: {flaw.message}" if flaw.key else flaw.message for flaw in error.flaws)
 
 
 def _read(text: str, name: str = "study") -> Study:
@@ -124,6 +165,7 @@ def _text(
     baselines: Sequence[str] = ("straight", "random"),
     amounts: Mapping[str, str] | None = None,
     model: Model | None = None,
+    scaling: str = "none",
 ) -> str:
     # Where `model` is given, with what stands in its logs.
     known, radius, (x_min, x_max, y_min, y_max) = (
@@ -131,8 +173,13 @@ def _text(
         _circle(choice.room),
         _extent(choice.room),
     )
+    noise = noise_of(choice.sensor, choice.noise, trailer=_has_trailer(choice.robot))
+    corners = [f"[{x:g} m, {y:g} m]" for x, y in ((x_min, y_min), (x_max, y_min), (x_min, y_max))]
     return _template().render(
         choice=choice,
+        sensor=offer_of(choice.sensor),
+        entries=entries_of(choice.sensor, noise, corners),
+        typical_noise=not choice.noise,
         robot=choice.robot.replace("_", " "),
         kind=_kind(choice.robot),
         preset=choice.robot in preset_names(),
@@ -141,15 +188,16 @@ def _text(
         typical=[key for key in known if not choice.sizes.get(key)],
         sizes={**known, **{key: value for key, value in choice.sizes.items() if value or key not in known}},
         effective=EFFECTIVE,
+        longer=LONGER,
         duration=choice.duration or usual_duration(choice.robot),
         radius=radius,
         x=(x_min, x_max),
         y=(y_min, y_max),
-        corners=[f"[{x:g} m, {y:g} m]" for x, y in ((x_min, y_min), (x_max, y_min), (x_min, y_max))],
         identifiable=IDENTIFIABLE.get(_kind(choice.robot)),
         amounts=amounts,
         baselines=baselines,
         model=model,
+        scaling=scaling,
     )
 
 
@@ -190,6 +238,10 @@ def _model(robot: str) -> type[Model]:
 
 def _kind(robot: str) -> str:
     return str(preset(robot)["robot"]["kind"]) if robot in preset_names() else robot
+
+
+def _has_trailer(robot: str) -> bool:
+    return _kind(robot) == "tractor_trailer"
 
 
 def _circle(room: str) -> float | None:

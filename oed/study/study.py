@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Optional
 
 import yaml
-from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError, create_model
+from pydantic import BeforeValidator, Field, ValidationError, create_model
 
 from oed.bounds import LATTICE
 from oed.estimation import CalibrationOptions, alternative_flaws
-from oed.estimation.methods import EstimatorName, Heading, estimator_flaws
-from oed.estimation.setup.options import Loss
+from oed.estimation.methods import estimator_flaws
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw, NotFinite, ProblemError, StudyError
 from oed.foundation.files import file_stem, name_flaw
 from oed.foundation.own.part import OwnCodeError, OwnPart
+from oed.foundation.presenting import Card, Presented, given
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion, E
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.measurement.prior import Prior
@@ -26,15 +26,19 @@ from oed.kernel.problem import Problem
 from oed.kernel.solution import NOMINAL
 from oed.logs import AnyLogForm, CsvForm, LogForm
 from oed.optimize import SOLVERS, Ipopt, Solver
-from oed.robots.baselines import BaselineName, baseline_flaws
+from oed.robots.baselines import baseline_flaws, label
 from oed.robots.limits import LIMITS, Limit, PythonLimit
 from oed.robots.models import MODELS, Model
 from oed.robots.own_parts import code_flaw, components, judge_flaws, measurement_flaws
 from oed.robots.presets import preset_names, with_preset
 from oed.robots.sensors import MEASUREMENTS, Measurement
 from oed.robots.space import DesignSpace
-from oed.simulation.monte_carlo import ALPHA
 from oed.simulation.trial import Trial, trial_flaws
+from oed.study.parts import AnyBaseline, AnyPrior
+from oed.study.parts import PathFile as PathFile
+from oed.study.parts import PriorRecord as PriorRecord
+from oed.study.parts import ValidationOptions as ValidationOptions
+from oed.study.plausibility import size_flaws
 from oed.study.study_errors import explain
 from oed.study.yaml_source import PlainSource, Source
 from oed.uncertainty.robust import Robust
@@ -51,52 +55,6 @@ def _limit_table() -> Any:
 
 
 _Limits = _limit_table()
-
-
-class PathFile(Component):
-    """A path of the user's own to compare with: a trajectory CSV, found from the study's folder."""
-
-    file: str
-    name: Annotated[str, Field(pattern=r"^\w[\w -]*$")] | None = None
-
-    @property
-    def label(self) -> str:
-        """The result's name."""
-        return self.name or Path(self.file).stem
-
-
-class PriorRecord(Component):
-    """A prior from an earlier study: the covariance that its record predicts for a drive.
-
-    Attributes:
-        record: the earlier study's folder (or record file), found from this study's folder.
-        result: name of the drive that was driven; the record's best by default.
-    """
-
-    record: str
-    result: str | None = None
-
-
-def _prior_form(value: Any) -> str:
-    # By what is given, so that mistakes are those of the form that was meant.
-    from_record = "record" in value if isinstance(value, dict) else isinstance(value, PriorRecord)
-    return "from a record" if from_record else "as numbers"
-
-
-AnyPrior = Annotated[
-    Annotated[Prior, Tag("as numbers")] | Annotated[PriorRecord, Tag("from a record")],
-    Discriminator(_prior_form),
-]
-
-
-class ValidationOptions(Component):
-    """Simulated experiments to compare the predicted covariance with; see `oed.validate`."""
-
-    replicates: Annotated[int, Field(ge=100, le=100_000_000)] = 10_000
-    estimators: Annotated[tuple[EstimatorName, ...], Field(min_length=1)] | None = None
-    heading: Heading = "known"
-    loss: Loss = "linear"
-    alpha: Annotated[float, Field(gt=0, lt=1)] = ALPHA
 
 
 def _sensor_list(value: Any) -> Any:
@@ -119,7 +77,7 @@ class StudyFile(Component):
     limits: _Limits  # type: ignore[valid-type]
     criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] = E()
     solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
-    baselines: tuple[BaselineName | PathFile, ...] = ()
+    baselines: tuple[AnyBaseline, ...] = ()
     bound: bool = False
     validation: ValidationOptions | None = None
     log: AnyLogForm | None = None
@@ -139,8 +97,8 @@ class StudyFile(Component):
                 yield ".".join(map(str, key)), part
 
 
-@dataclass(frozen=True)
-class Study:
+@dataclass(frozen=True, repr=False)
+class Study(Presented):
     """A study: the problem, and what to do with it.
 
     Attributes:
@@ -177,6 +135,18 @@ class Study:
     def folder(self) -> Path:
         """Where the study's own files are looked for."""
         return Path(self.source).parent
+
+    def _card(self) -> Card:
+        asked = {"a bound": self.file.bound, "validation": self.file.validation, "physics": self.file.physics}
+        paths = [one if isinstance(one, str) else one.label for one in self.file.baselines]
+        facts = given(
+            ("file", self.source),
+            *self.problem.facts,
+            ("solvers", ", ".join(one.label for one in self.solvers)),
+            ("baselines", ", ".join(paths)),
+            ("also", ", ".join(name for name, wanted in asked.items() if wanted)),
+        )
+        return Card(f"Study {self.name}", facts)
 
     @property
     def log(self) -> LogForm:
@@ -278,6 +248,7 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
         flaws = [*error.flaws, *flaws]
     except OwnCodeError as error:
         flaws = [code_flaw(file, error), *flaws]
+    flaws += size_flaws(file.robot, file.trajectory, _limits(file))
     if flaws:
         found = [source.flaw(flaw.key, flaw.message) for flaw in flaws]
         raise StudyError(sorted(found, key=lambda flaw: (flaw.line, flaw.column)))
@@ -335,7 +306,8 @@ def _name_flaws(file: StudyFile) -> list[Flaw]:
         if isinstance(path, PathFile):
             entries.append((("baselines", index), path.label))
         else:
-            entries += [(("baselines", index), path), (("baselines", index), f"{path}_same_length")]
+            name = label(path)
+            entries += [(("baselines", index), name), (("baselines", index), f"{name}_same_length")]
     flaws: list[Flaw] = []
     known = set[str]()
     for key, name in entries:

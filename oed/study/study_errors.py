@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import typing
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -12,12 +11,16 @@ from pydantic_core import ErrorDetails
 
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import FileFlaw
-from oed.foundation.quantities import counts_as_zero
-from oed.foundation.shown import written
+from oed.foundation.text import did_you_mean
+from oed.foundation.wording import in_words
 from oed.study.yaml_source import Source
 
 MOST_EXPLAINED = 200
 """Mistakes that are explained; where there are more, the file is hardly a study."""
+
+
+KIND = "kind"
+"""The key by which parts are told apart."""
 
 
 def explain(error: ValidationError, root: type[Component], source: Source) -> list[FileFlaw]:
@@ -45,7 +48,7 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
     ]
     above = {".".join(parts[:depth]) for parts in map(_parts, reasons) for depth in range(1, len(parts))}
     return [
-        FileFlaw(source.file, line, column, key, "; or ".join(texts))
+        FileFlaw(source.file, line, column, key, "; or ".join(_telling(texts)))
         for (line, column, key), texts in sorted(reasons.items())
         if key not in above
     ] + left
@@ -53,7 +56,15 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
 
 def _place(detail: ErrorDetails, source: Source, message: str = "") -> FileFlaw:
     path, missing = detail["loc"], detail["type"] == "missing"
+    if detail["type"] == "union_tag_invalid" and KIND in detail["input"]:
+        # The mistyped value's own line.
+        path = (*path, KIND)
     return source.flaw(path[:-1] if missing else path, message, missing=str(path[-1]) if missing else "")
+
+
+def _telling(texts: Sequence[str]) -> Sequence[str]:
+    # Where it is known what was meant, other forms that the value does not have are none of the reader's.
+    return [text for text in texts if text.endswith("?")] or texts
 
 
 def _parts(place: tuple[int, int, str]) -> list[str]:
@@ -62,56 +73,16 @@ def _parts(place: tuple[int, int, str]) -> list[str]:
 
 def sentence(detail: ErrorDetails, root: type[Component] = Component) -> str:
     """What is wrong with one value; `root` knows the keys that there are."""
-    context = detail.get("ctx", {})
-    got = f"got {written(detail['input'])}"
-    bounds = {
-        "greater_than": ("gt", "more than"),
-        "greater_than_equal": ("ge", "at least"),
-        "less_than": ("lt", "less than"),
-        "less_than_equal": ("le", "at most"),
-    }
-    kind = detail["type"]
-    if kind == "missing":
-        return "missing"
-    if kind == "extra_forbidden":
+    if detail["type"] == "extra_forbidden":
         return _unknown_key(str(detail["loc"][-1]), _known_keys(root, detail["loc"][:-1]))
-    if kind == "value_error":
-        return str(context["error"])
-    if kind in bounds:
-        key, words = bounds[kind]
-        why = counts_as_zero(detail["input"]) if context[key] == 0 and kind == "greater_than" else ""
-        return f"expected {words} {context[key]}, {got}{why}"
-    if kind in ("literal_error", "union_tag_invalid"):
-        expected = context.get("expected") or context.get("expected_tags")
-        came = f"got {context['tag']!r}" if "tag" in context else got
-        return f"expected {expected}, {came}"
-    if kind == "union_tag_not_found":
-        return "the key kind is missing, which says what this is"
-    if kind == "too_short":
-        return f"expected at least {context['min_length']} of them, {got}"
-    plain = {
-        "model_type": "keys and values",
-        "model_attributes_type": "keys and values",
-        "int_parsing": "a whole number",
-        "int_type": "a whole number",
-        "int_from_float": "a whole number",
-        "float_parsing": "a number",
-        "float_type": "a number",
-        "bool_parsing": "true or false",
-        "bool_type": "true or false",
-        "string_type": "text",
-        "tuple_type": "a list",
-        "list_type": "a list",
-        "dict_type": "keys and values",
-        "finite_number": "a finite number",
-    }
-    return f"expected {plain[kind]}, {got}" if kind in plain else f"{detail['msg']}, {got}"
+    return in_words(detail)
 
 
 def _unknown_key(key: str, known: Sequence[str]) -> str:
-    close = difflib.get_close_matches(key, known, n=1)
-    hint = f"did you mean {close[0]}? " if close else ""
-    return f"unknown key; {hint}known here: {', '.join(known)}" if known else "unknown key"
+    hint = did_you_mean(key, known)
+    return (
+        f"unknown key{hint}{'' if hint else ';'} known here: {', '.join(known)}" if known else "unknown key"
+    )
 
 
 def _known_keys(root: type[Component], path: Sequence[str | int]) -> list[str]:
@@ -131,7 +102,7 @@ def _known_keys(root: type[Component], path: Sequence[str | int]) -> list[str]:
 
 
 def _kind(component: type[Component]) -> object:
-    field = component.model_fields.get("kind")
+    field = component.model_fields.get(KIND)
     return None if field is None else field.default
 
 

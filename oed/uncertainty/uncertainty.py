@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import parse_quantity
+from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.tightening import Scenarios, Uncertain, UncertainSystem
@@ -67,7 +68,9 @@ class Uncertainty(Uncertain):
             names = base.long_names(given)
             if names[0] not in known:
                 last = f"of the start the last {len(_starts(base))}"
-                text = f"expected one of {', '.join(known)} ({last}), got {given!r}"
+                text = (
+                    f"expected one of {', '.join(known)} ({last}), got {given!r}{did_you_mean(given, known)}"
+                )
                 flaws.append(Flaw(key, text))
                 continue
             if len(names) > 1 and set(names) & set(self.within):

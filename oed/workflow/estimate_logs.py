@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from oed.estimation import calibrate
+from oed.foundation.arguments import require_kind
 from oed.foundation.errors import FileFlaw, LogError, ProblemError
+from oed.foundation.extras import package_version
 from oed.foundation.work.folders import require_usable
 from oed.logs import Log, UnknownColumn, read_logs
 from oed.optimize import Progress, Silent
 from oed.records.calibration_outcome import estimate_of
-from oed.records.outcomes import package_version, provenance
+from oed.records.outcomes import provenance
 from oed.records.record import EstimateRecord
 from oed.study.study import Study
 from oed.workflow.saving import save_estimate
@@ -35,7 +37,7 @@ class _Stages:
 
 def estimate(
     study: Study,
-    logs: Sequence[str | Path],
+    logs: Sequence[str | Path] | str | Path,
     *,
     apart: Sequence[str | Path] = (),
     out: str | Path | None = None,
@@ -46,7 +48,7 @@ def estimate(
 
     Args:
         study: names the robot, what to estimate, and how logs are read (keys `log`, `calibration`).
-        logs: files to estimate from.
+        logs: files to estimate from, or one of them.
         apart: files that only dead reckoning is tried on.
         out: folder for estimate.json; nothing is written without it.
         seed: of the bootstrap, instead of the study's.
@@ -55,7 +57,11 @@ def estimate(
     Raises:
         LogError: logs that cannot be read, do not fit the robot, or are given twice.
         StudyError: options that do not suit the robot or the logs, models that cannot be compared.
+        WrongKind: no study.
     """
+    require_kind("study", study, Study)
+    if isinstance(logs, str | Path):
+        logs = [logs]
     if out is not None:
         require_usable(out)
     _require_different([*logs, *apart])

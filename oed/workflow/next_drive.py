@@ -13,7 +13,7 @@ import yaml
 
 from oed.foundation.component import OneOf
 from oed.foundation.errors import RecordError, UserMistake
-from oed.foundation.quantities import parse_quantity
+from oed.foundation.presenting import Brief
 from oed.logs import CsvForm
 from oed.optimize import Progress, Workers
 from oed.records.record import ESTIMATE, FILE, EstimateRecord, Record, estimate_files, pages
@@ -23,6 +23,7 @@ from oed.robots.models.model import robot_of
 from oed.study.study import Study, read_study
 from oed.study.yaml_source import plain_source
 from oed.uncertainty.uncertainty import Uncertainty
+from oed.workflow.aims import aims_of, stretch
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.runner import run
 from oed.workflow.saving import RunFolder, outdated, run_folder
@@ -57,8 +58,8 @@ class Precision:
         return float(error or 0.0) / float(self.wanted or self.size or 1.0)
 
 
-@dataclass(frozen=True)
-class NextDrive:
+@dataclass(frozen=True, repr=False)
+class NextDrive(Brief):
     """What to do after the drives so far.
 
     Attributes:
@@ -135,7 +136,7 @@ def next_drive(
         _refuse_outside(saved, logs)
     _require_own_parameters(study)
     with run_folder(out) as folder:
-        aims = _aims(study, targets or {})
+        aims = aims_of(study, targets or {}, "--target")
         found = estimate(study, logs, seed=seed, progress=progress)
         wanted = {name: aim.size(found.values[name]) for name, aim in aims.items()}
         enough = bool(wanted) and all(found.errors[name] <= size for name, size in wanted.items())
@@ -194,36 +195,6 @@ def _require_own_parameters(study: Study) -> None:
         raise UserMistake(text)
 
 
-@dataclass(frozen=True)
-class _Aim:
-    # A standard error that is wanted: SI, or relative to the estimate.
-    number: float
-    relative: bool
-
-    def size(self, value: float) -> float:
-        return self.number * abs(value) if self.relative else self.number
-
-
-def _aims(study: Study, targets: Mapping[str, str]) -> dict[str, _Aim]:
-    units = {
-        name: unit
-        for one in study.problem.any_estimations
-        for name, unit in zip(one.parameters, one.units, strict=True)
-    }
-    aims = {}
-    for name, text in targets.items():
-        if name not in units:
-            raise UserMistake(f"--target {name}: expected one of {', '.join(units)}")
-        relative = text.strip().endswith("%")
-        try:
-            aims[name] = _Aim(parse_quantity(text, "" if relative else units[name]), relative)
-        except ValueError as error:
-            raise UserMistake(f"--target {name}: {error}") from None
-        if not aims[name].number > 0:
-            raise UserMistake(f"--target {name}: expected more than 0, got {text!r}")
-    return aims
-
-
 def _following(study: Study, found: EstimateRecord, duration: float | None) -> Study:
     # The same study of the robot as it is known now; simulations are for its own report.
     data, values = study.echo(), found.values
@@ -232,7 +203,8 @@ def _following(study: Study, found: EstimateRecord, duration: float | None) -> S
     data["prior"] = {"parameters": list(values), "covariance": found.covariance}
     data["name"] = f"{study.name}: next drive"
     _narrow(data, study, values)
-    _stretch(data["trajectory"], duration)
+    if duration is not None:
+        stretch(data["trajectory"], duration)
     data.pop("validation", None)
     data.pop("physics", None)
     text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
@@ -250,18 +222,6 @@ def _narrow(data: dict[str, Any], study: Study, values: Mapping[str, float]) -> 
         data["robust"].pop("kept", None)
         # The corners of wide ranges are for drives before anything is known.
         data["robust"]["kind"] = "chance" if data["robust"]["kind"] == "scenarios" else data["robust"]["kind"]
-
-
-def _stretch(trajectory: dict[str, Any], duration: float | None) -> None:
-    if duration is None:
-        return
-    longer = duration / trajectory["duration"]
-    spline = trajectory["spline"]
-    trajectory["duration"] = duration
-    trajectory["samples"] = max(1, round(longer * trajectory["samples"]))
-    # As many spans between knots per second as before.
-    spans = spline["coefficients"] - spline["degree"]
-    spline["coefficients"] = spline["degree"] + max(1, round(longer * spans))
 
 
 def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:

@@ -8,9 +8,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from oed.bounds import LATTICE, Certificate, bound
+from oed.foundation.arguments import require_kind
 from oed.foundation.errors import NotFinite
+from oed.foundation.extras import package_version
 from oed.foundation.files import file_stem
 from oed.foundation.work.folders import Draft
+from oed.foundation.work.progress import Once
 from oed.foundation.work.signals import interrupts_named
 from oed.kernel.criteria import A, Criterion, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -21,7 +24,6 @@ from oed.optimize import SOLVERS, Progress, Silent, Workers, solve
 from oed.records.outcomes import (
     certificate_of,
     nuisance_table,
-    package_version,
     parameter_table,
     provenance,
     result_of,
@@ -73,7 +75,9 @@ def run(
     Raises:
         UserMistake: `out` cannot be written to, or another process is writing there.
         NotSaved: it could not be written to in the end; the error has the record.
+        WrongKind: no study.
     """
+    require_kind("study", study, Study)
     work = Work(study, study.seed if seed is None else seed, workers, progress or Silent())
     # What would fail at the end is better known before the work is done.
     paths = own_paths(study)
@@ -157,6 +161,8 @@ def search(
         StudyError: parameters that no drive makes identifiable.
     """
     work.study.require_identifiable()
+    # Of the first feasible drive a reader hears at once; what follows is for the end.
+    listener = Once(work.progress)
     done: dict[str, Solution] = {}
     try:
         with interrupts_named():
@@ -166,7 +172,7 @@ def search(
                     solver,
                     seed=work.seed,
                     workers=work.workers,
-                    progress=work.progress,
+                    progress=listener,
                     earlier=done,
                 )
                 done[solution.name] = solution

@@ -150,7 +150,7 @@ def test_what_is_known_of_the_sensors_place_counts_once(method):
 def test_poses_in_another_unit_are_refused():
     log = log_of(course(seconds=10.0), noise=NOISE)
     wide = replace(log, poses=log.poses * [1000.0, 1000.0, 1.0])
-    with pytest.raises(LogError, match=r"drive\.csv: .*next to nothing.* times theirs"):
+    with pytest.raises(LogError, match=r"drive\.csv: .*1e\+03 times .* in mm; give x and y unit"):
         calibrate(logged_problem(), [wide], options(segment="log"))
 
 

@@ -74,7 +74,7 @@ class TestData:
         found = estimate_of(calibrate(logged_problem(), logs, options(segment="log"))).plain()
         assert len(found["paths"]) == PATHS
         for path in found["paths"]:
-            assert len({len(values) for name, values in path.items() if name not in ("log", "role")}) == 1
+            assert len({len(values) for values in path.values() if isinstance(values, list)}) == 1
             assert len(path["t"]) <= 10
         for about in ("x", "y", "heading"):
             kept = [len(one["value"]) for one in found["residuals"] if one["quantity"] == about]
@@ -85,6 +85,13 @@ class TestData:
             ("apart", "held out"),
             ("drive 0", "left out"),
         ]
+
+    def test_a_paths_errors_are_the_logs(self, calibration: Calibration, data: dict):
+        path, one = EstimateRecord.model_validate(data).paths[0], calibration.held_out.before[0]
+        turned, off = path.heading_errors[0], path.position_errors[0]
+        assert np.sqrt(np.nanmean(off**2)) == pytest.approx(path.before.rmse_position, rel=0.02)
+        assert np.sqrt(np.nanmean(turned**2)) == pytest.approx(one.rmse_heading, rel=0.02)
+        assert path.after.rmse_heading == calibration.held_out.after[0].rmse_heading
 
     def test_means(self, calibration: Calibration, data: dict):
         one = calibration.cross_validation[0]

@@ -79,6 +79,9 @@ class TestNumbers:
         assert self.FOUND.path[:-1] == pytest.approx(self.PATH[:, :2], abs=1e-9)
         assert np.array_equal(self.FOUND.reference[:-1], LOG.poses[:, :2])
         assert np.array_equal(self.FOUND.times[:-1], LOG.pose_times)
+        assert self.FOUND.turns[:-1, 0] == pytest.approx(LOG.poses[:, 2], abs=1e-12)
+        assert self.FOUND.turns[:-1, 1] == pytest.approx(self.PATH[:, 2], abs=1e-9)
+        assert np.isnan(self.FOUND.turns[-1]).all()
         assert self.FOUND.length == pytest.approx(
             np.linalg.norm(np.diff(LOG.poses[:, :2], axis=0), axis=1).sum()
         )
@@ -127,6 +130,7 @@ class TestLogs:
         found = reckon(log, TRUE)
         assert found.rmse_position == pytest.approx(0, abs=1e-6)
         assert found.rmse_heading is found.end_heading is found.drift_heading is None
+        assert np.isnan(found.turns[:, 0]).all()
 
     def test_gaps_begin_anew(self):
         kept = (LOG.pose_times < 6) | (LOG.pose_times > 9)

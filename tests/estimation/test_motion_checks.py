@@ -23,10 +23,10 @@ from simulated import (
 
 from oed.estimation import calibrate
 from oed.estimation.preprocessing.moves import Moves, clock_offsets, unexplained
-from oed.estimation.preprocessing.wiring_checks import poorly_explained, wiring_fault
+from oed.estimation.preprocessing.wiring_checks import poorly_explained, unit_fault, wiring_fault
 from oed.foundation.errors import LogError
 from oed.logs.log import Log
-from oed.robots.models import SkidSteer
+from oed.robots.models import Mecanum, SkidSteer
 
 NOISE = (0.003, 0.005)
 DRIVE = course(seconds=20.0, period=0.05)
@@ -149,6 +149,46 @@ class TestNamed:
         text = suspected(negated(log, *driving), robot.model)
         assert "wrong sign" in (text or "")
 
+    def test_two_of_four_wheels_of_the_wrong_sign(self):
+        robot = Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.35)
+        log = log_of(course(robot, np.array(robot.nominal)), noise=NOISE)
+        names = " and ".join(robot.input_names[place] for place in (1, 3))
+        assert f"{names} have the wrong sign" in (suspected(negated(log, 1, 3), robot) or "")
+
+    @pytest.mark.parametrize("quantities", [("x", "y", "heading"), ("x", "y"), ("heading",)])
+    @pytest.mark.parametrize(
+        ("turning", "lasting", "length", "text"),
+        [
+            (
+                30 / math.pi,
+                1.0,
+                1.0,
+                "times those of the wheels, as if the wheels' speeds were in rpm;",
+            ),
+            (180 / math.pi, 1.0, 1.0, "times those of the wheels, as if the wheels' speeds were in deg/s;"),
+            (1e3, 1e3, 1.0, "times those of the wheels, as if the times were in ms"),
+            (1.0, 1.0, 1e3, "positions were in mm; give x and y unit: mm"),
+            (1.0, 1.0, 1e2, "positions were in cm"),
+        ],
+    )
+    def test_units(self, quantities, turning: float, lasting: float, length: float, text: str):
+        log = log_of(DRIVE, noise=NOISE, quantities=quantities)
+        factors = [1.0 if name == "heading" else length for name in quantities]
+        moved = replace(
+            log,
+            integrals=turning * log.integrals,
+            input_times=lasting * log.input_times,
+            pose_times=lasting * log.pose_times,
+            poses=log.poses * factors,
+        )
+        found = unit_fault(moves_of(moved)) or ""
+        if "x" in quantities:
+            assert text in found
+        elif length == 1.0:
+            assert found.startswith(text.rpartition("as if ")[2])
+        else:
+            assert found == ""
+
     def test_is_refused_with_the_files_name(self):
         with pytest.raises(LogError, match=rf"drive\.csv: {SWAPPED}.* instead of \d+%"):
             calibrate(logged_problem(), [exchanged(LOG)])
@@ -162,6 +202,7 @@ class TestTrueLogs:
             drive = course(robot.model, np.array(robot.model.nominal), seed=seed)
             log = log_of(drive, noise=NOISE, place=place)
             assert suspected(log, robot.model) is None
+            assert unit_fault(moves_of(log, model=robot.model)) is None
             assert doubted(log, robot.model) is None
 
     @pytest.mark.parametrize("factors", [(1.2, 1.2), (0.8, 0.8), (1.2, 1.0), (1.0, 0.8)])

@@ -60,7 +60,9 @@ def path(name: str, role: str) -> Data:
     }
     columns = {key: values.tolist() for key, values in {"t": angle, **circle, **turned}.items()}
     columns["x"][10] = columns["y"][10] = None
-    return {"log": name, "role": role, **columns}
+    headings = {"heading": angle, "before_heading": 1.1 * angle, "after_heading": 1.01 * angle}
+    columns |= {key: values.tolist() for key, values in headings.items()}
+    return {"log": name, "role": role, **columns, "before": reckoning(0.04), "after": reckoning(0.01)}
 
 
 def residual(name: str, quantity: str, size: float) -> Data:

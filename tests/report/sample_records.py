@@ -284,3 +284,40 @@ RECORDS = {
         "{kind: I, quantity: heading, test_drive: [{inputs: [5, 2], duration: 2 s}]}"
     ),
 }
+
+
+def swept() -> dict[str, Any]:
+    """A sweep of two points."""
+    points = [
+        {
+            "values": {"limits.wheel_speed": speed},
+            "numbers": {"limits.wheel_speed": float(speed)},
+            "label": f"wheel_speed {speed}",
+            "folder": f"wheel_speed_{speed}",
+            "record": f"wheel_speed_{speed}/record.json",
+            "status": "converged",
+            "message": "Converged.",
+            "seed": 0,
+            "design": "ipopt",
+            "objective": 3.0,
+            "lambda_min": 3.0,
+            "standard_deviations": {"track": 0.1},
+            "upper_bound": None,
+            "gap": None,
+            "seconds": 1.0,
+        }
+        for speed in ("5", "10")
+    ]
+    key = {"key": "limits.wheel_speed", "name": "wheel_speed", "unit": "rad/s", "values": ["5", "10"]}
+    return {
+        "format": 1,
+        "oed_version": "1",
+        "study": "study.yaml",
+        "name": "Study",
+        "keys": [{**key, "numeric": True}],
+        "points": points,
+        "best": "wheel_speed_5",
+        "comparable": True,
+        "kept": 0,
+        "interrupted": False,
+    }

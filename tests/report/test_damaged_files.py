@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 import sample_estimates
 from damage import DAMAGES, EVIL, damaged, keys_of, some
-from places import GALLERY
+from places import REPORTS
+from sample_records import swept
 from studies import SMALL
 
 from oed.cli import main
@@ -31,7 +32,7 @@ from oed.workflow.next_drive import next_drive
 from oed.workflow.studies import parse_study
 from oed.workflow.sweep import load_sweep
 
-FLAGSHIP = GALLERY / "choi_skid_steer"
+FLAGSHIP = REPORTS / "choi_skid_steer"
 SHIPPED = ("choi_skid_steer", "obstacle_course", "physics_skid_steer", "robust_laser_tracker")
 KEPT = ("ipopt", "nominal", "square", "circle_same_length")
 """Results that damaged records have."""
@@ -40,7 +41,7 @@ KEPT = ("ipopt", "nominal", "square", "circle_same_length")
 @cache
 def shipped(name: str) -> dict[str, Any]:
     """A shipped record with some of its results."""
-    data = json.loads((GALLERY / name / "record.json").read_text(encoding="utf-8"))
+    data = json.loads((REPORTS / name / "record.json").read_text(encoding="utf-8"))
     data["results"] = [one for one in data["results"] if one["name"] in KEPT]
     for part in ("validation", "robustness"):
         if data.get(part):
@@ -85,43 +86,6 @@ def complained(read: Callable[[Path], None], path: Path) -> str:
 def estimate() -> dict[str, Any]:
     """An estimate with everything there is, of a whole study."""
     return {**sample_estimates.estimate(), "study": parse_study(SMALL).echo()}
-
-
-def swept() -> dict[str, Any]:
-    """A sweep of two points."""
-    points = [
-        {
-            "values": {"limits.wheel_speed": speed},
-            "numbers": {"limits.wheel_speed": float(speed)},
-            "label": f"wheel_speed {speed}",
-            "folder": f"wheel_speed_{speed}",
-            "record": f"wheel_speed_{speed}/record.json",
-            "status": "converged",
-            "message": "Converged.",
-            "seed": 0,
-            "design": "ipopt",
-            "objective": 3.0,
-            "lambda_min": 3.0,
-            "standard_deviations": {"track": 0.1},
-            "upper_bound": None,
-            "gap": None,
-            "seconds": 1.0,
-        }
-        for speed in ("5", "10")
-    ]
-    key = {"key": "limits.wheel_speed", "name": "wheel_speed", "unit": "rad/s", "values": ["5", "10"]}
-    return {
-        "format": 1,
-        "oed_version": "1",
-        "study": "study.yaml",
-        "name": "Study",
-        "keys": [{**key, "numeric": True}],
-        "points": points,
-        "best": "wheel_speed_5",
-        "comparable": True,
-        "kept": 0,
-        "interrupted": False,
-    }
 
 
 @pytest.mark.slow
@@ -270,8 +234,8 @@ class TestWhatIsSaid:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_records_are_read_as_they_are(name: str):
-    data = json.loads((GALLERY / name / "record.json").read_text(encoding="utf-8"))
-    read = load_record(GALLERY / name).data
+    data = json.loads((REPORTS / name / "record.json").read_text(encoding="utf-8"))
+    read = load_record(REPORTS / name).data
     assert {key: read[key] for key in data if key != "study"} == {
         key: value if key != "results" else [{**one, **_added(one)} for one in value]
         for key, value in data.items()

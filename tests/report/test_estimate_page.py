@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sample_estimates import KINDS, ODD, Data, bare, estimate, many, part, read
+from sample_estimates import KINDS, ODD, Data, bare, estimate, many, part, path, read
 
 from oed.cli.terminal.console import print_estimate
 from oed.foundation.text import decimals_of, error_text, size_text, to_error
@@ -17,6 +17,7 @@ from oed.report import write_estimate
 from oed.report.estimate import estimate_sections
 from oed.report.estimate.parameters import gains, warnings
 from oed.report.figures.calibration import residuals_of
+from oed.report.figures.reckoned import LOOKS
 from oed.report.parts.section import Section, Table, lasting, span_text
 
 
@@ -92,8 +93,8 @@ def test_odd_names_mean_themselves(undrawn: Path):
 
 @pytest.mark.slow
 def test_figures_are_those_of_the_page(written: Path):
-    figures = {"estimate_paths.svg", "estimate_residuals_heading.svg", "estimate_residuals_position.svg"}
-    assert {file.name for file in (written / "figures").iterdir()} == figures
+    names = ("paths", "errors", "residuals_heading", "residuals_position")
+    assert {file.name for file in (written / "figures").iterdir()} == {f"estimate_{one}.svg" for one in names}
     drawn = (written / "figures" / "estimate_paths.svg").read_text(encoding="utf-8")
     assert "a|b &lt;i&gt;$x$ `run` *1*" in drawn
 
@@ -101,8 +102,9 @@ def test_figures_are_those_of_the_page(written: Path):
 @pytest.mark.slow
 def test_paths_are_told_apart_without_colour(written: Path):
     drawn = (written / "figures" / "estimate_paths.svg").read_text(encoding="utf-8")
-    dashes = set(re.findall(r"stroke-dasharray: ([^;\"]*)", drawn))
-    assert len(dashes) >= 2
+    for look in LOOKS:
+        assert f"stroke-width: {look['linewidth']:g}" in drawn
+    assert len({(look["linewidth"], look["linestyle"]) for look in LOOKS}) == 3
 
 
 def test_warnings_come_first():
@@ -236,7 +238,70 @@ def test_models_of_a_robust_loss_are_compared_by_prediction_alone():
 
 def test_a_single_log_without_positions_leaves_sections_out():
     titles = [one.title for one in estimate_sections(read(bare()))]
-    assert titles == ["Summary", "What the error bars rest on", "Logs", "Provenance"]
+    assert titles == ["Summary", "Can it be trusted", "What the error bars rest on", "Logs", "Provenance"]
+
+
+def alone() -> Data:
+    """The estimate from one log, which nothing else has tested."""
+    passed = [{**one, "passed": True} for one in estimate()["diagnostics"]]
+    only = {"logs": estimate()["logs"][:1], "left_out": [], "held_out": None, "diagnostics": passed}
+    return {**estimate(), **only, "paths": [path("first", "fitted")]}
+
+
+def test_the_page_begins_with_the_path_before_and_after():
+    (picture,) = section(estimate(), "Summary").figures
+    assert picture.name == "estimate_paths"
+    assert section(estimate(), "Summary").tables[0].columns[0].title == "parameter"
+    assert section(alone(), "Summary").figures[0].caption.startswith("Odometry of the log that was fitted,")
+    for panel in picture.figure.panels:
+        # The reference is in front of both.
+        reference, *others = (part.look["zorder"] for part in panel.parts)
+        assert reference > max(others[:2])
+
+
+def test_errors_over_time_are_those_of_the_paths():
+    made = section(alone(), "Error over time")
+    position, heading = made.figures[0].figure.panels
+    (one,) = read(alone()).paths
+    drawn = position.parts[0]
+    assert position.y.label == "position error [mm]"
+    measured, before, _ = one.paths
+    assert drawn.y == pytest.approx(1e3 * np.linalg.norm(before - measured, axis=1), nan_ok=True)
+    assert (heading.y.label, heading.x.label) == ("heading error [deg]", "time [s]")
+    assert heading.parts[0].y == pytest.approx(np.degrees(0.1 * np.linspace(0.0, 5.0, 30)))
+
+
+def test_without_headings_the_position_alone_is_drawn():
+    data = alone()
+    data["paths"][0]["heading"] = None
+    (panel,) = section(data, "Error over time").figures[0].figure.panels
+    assert panel.x.label == "time [s]"
+    data["paths"][0]["t"] = None
+    assert section(data, "Error over time").figures == ()
+
+
+def test_pose_errors_go_by_evos_names_for_one_log_too():
+    (made,) = section(alone(), "Error over time").tables
+    assert made.caption == "Errors of odometry of the log that was fitted"
+    assert made.cells[0] == ["APE, position, aligned at the start", "40.0 mm", "10.0 mm"]
+    assert [row[0].split(",")[0] for row in made.cells] == ["APE"] * 3 + ["RPE over 1 m"] * 2
+    # Logs that the estimate does not know come first.
+    (made,) = section(estimate(), "Error over time").tables
+    assert made.caption == "Errors of odometry of the test log"
+    assert made.cells[0][1:] == ["45.2 mm", "21.0 mm"]
+
+
+def test_trust_is_one_sentence_with_its_reason():
+    def said(data: Data) -> str:
+        return section(data, "Can it be trusted").paragraphs[0]
+
+    doubtless = {**estimate(), "logs": alone()["logs"], "diagnostics": alone()["diagnostics"]}
+    assert said(doubtless).startswith("The estimates can be trusted: every test of the fit is passed")
+    assert said(estimate()).startswith("Take the estimates with care: what is said first on this page")
+    failed = {**doubtless, "diagnostics": estimate()["diagnostics"]}
+    assert said(failed) == "Take the estimates with care: 1 of 2 tests of the fit is not passed."
+    assert said(alone()).endswith("no other log has tested them. A second drive would.")
+    assert "`oed next DIR LOG`" in section(alone(), "Can it be trusted").paragraphs[-1]
 
 
 def test_residuals_are_drawn_in_units_that_suit_them():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -19,16 +20,7 @@ from oed.study.starter import SENSORS, Choice, robots, sizes_needed, starter
 from oed.study.study import Study
 from oed.workflow.studies import load_study, parse_study
 
-every_robot = pytest.mark.parametrize("robot", robots())
 LARGE = "8 m x 6 m"
-
-
-@every_robot
-@pytest.mark.slow
-def test_every_robot_has_a_study_that_can_be_told(robot: str):
-    study = parse_study(starter(Choice(robot, room=LARGE)))
-    study.require_identifiable()
-    assert len(study.file.baselines) >= 4
 
 
 @pytest.mark.slow
@@ -45,22 +37,18 @@ def test_it_solves(robot: str):
     assert not found.evaluation.singular
 
 
-@pytest.mark.parametrize("sensor", SENSORS)
-@pytest.mark.parametrize("robot", ["turtlebot3_burger", "mecanum", "skid_steer"])
-@pytest.mark.slow
-def test_every_sensor(robot: str, sensor: str):
-    study = parse_study(starter(Choice(robot, room=LARGE, sensor=sensor)))
-    study.require_identifiable()
+def uncommented(text: str, *keys: str) -> str:
+    """The study with some keys, and what is inside of them, not commented out any more."""
+    lines, inside = [], False
+    for line in text.splitlines():
+        inside = line.startswith(tuple(f"# {key}:" for key in keys)) or (inside and line.startswith("#   "))
+        lines.append(line[2:] if inside else line)
+    return "\n".join(lines)
 
 
 def with_its_log(text: str) -> str:
     """The study with the lines about its log not commented out any more."""
-    lines = text.splitlines()
-    first = lines.index("# log:")
-    count = next(row for row, line in enumerate(lines[first + 1 :], start=1) if not line.startswith("#   "))
-    return "\n".join(
-        [*lines[:first], *(line[2:] for line in lines[first : first + count]), *lines[first + count :]]
-    )
+    return uncommented(text, "log")
 
 
 def logged(study: Study, folder: Path) -> Path:
@@ -73,15 +61,30 @@ def logged(study: Study, folder: Path) -> Path:
     return folder / "drive.csv"
 
 
+def fits(robot: str, sensor: str) -> bool:
+    """Whether a robot can be measured so: steered ones have no coefficients."""
+    return sensor != "displacements" or robot not in ("ackermann", "tricycle")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("robot", "sensor"), [*((robot, "poses") for robot in robots()), ("tricycle", "positions")]
+    ("robot", "sensor"), [(robot, sensor) for robot in robots() for sensor in SENSORS if fits(robot, sensor)]
 )
-def test_its_log_is_read_as_it_says(robot: str, sensor: str, tmp_path: Path):
-    study = parse_study(with_its_log(starter(Choice(robot, room=LARGE, sensor=sensor))))
+def test_every_robot_with_every_sensor(robot: str, sensor: str, tmp_path: Path):
+    text = starter(Choice(robot, room=LARGE, sensor=sensor))
+    plain = parse_study(text)
+    plain.require_identifiable()
+    assert plain.problem.robust is None
+    assert len(plain.file.baselines) >= 4
+    study = parse_study(uncommented(text, "log", "uncertainty", "robust"))
+    assert study.problem.robust is not None
     assert study.file.log is not None
+    require_read_as_it_says(study, logged(study, tmp_path))
+
+
+def require_read_as_it_says(study: Study, file: Path) -> None:
+    """The log of a drive has every input of the robot, as it was held, and the states that are measured."""
     model = study.problem.model
-    file = logged(study, tmp_path)
     (log,) = read_logs([file], study.log, model)
     table = np.genfromtxt(file, delimiter=",", names=True)
     held = np.column_stack([table[name][:-1] for name in model.input_names])
@@ -91,8 +94,37 @@ def test_its_log_is_read_as_it_says(robot: str, sensor: str, tmp_path: Path):
     between = (held[1:] + held[:-1]) / 2
     expected = np.where(steering, between, held[:-1])
     np.testing.assert_allclose(means[: len(between)], expected, atol=1e-9)
-    assert ("heading" in log.quantities) == (sensor == "poses")
+    kind = study.problem.measurement
+    headings = any("heading" in getattr(one, "quantities", ()) for one in (kind, *kind.joint_sensors))
+    assert ("heading" in log.quantities) == (headings or kind.kind == "displacements")
     assert ("trailer_angle" in log.quantities) == ("trailer_angle" in model.states)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "noise", "found"),
+    [
+        ("poses", {"position": "4 mm"}, ["position: 4 mm", "heading: 1 deg"]),
+        ("ranges", {"distance": "7 cm"}, ["noise: 7 cm"]),
+        ("positions_and_yaw_rate", {"yaw_rate": "3 deg/s"}, ["kind: yaw_rate, noise: 3 deg/s"]),
+    ],
+)
+def test_the_noise_of_the_sensor_is_taken(sensor: str, noise: dict[str, str], found: list[str]):
+    text = starter(Choice("create_3", room=LARGE, sensor=sensor, noise=noise))
+    assert all(words in text for words in found)
+    assert "put in your sensor's" not in text
+
+
+@pytest.mark.parametrize(
+    ("noise", "words"),
+    [
+        ({"positon": "4 mm"}, "did you mean position?"),
+        ({"position": "4 kg"}, "noise of the position: expected a length"),
+        ({"heading": "0 deg"}, "noise of the heading: expected a standard deviation above 0"),
+    ],
+)
+def test_noise_that_will_not_do(noise: dict[str, str], words: str):
+    with pytest.raises(UserMistake, match=re.escape(words)):
+        starter(Choice("create_3", noise=noise))
 
 
 def test_the_papers_regression_is_not_for_steered_robots():
@@ -153,6 +185,13 @@ def test_what_is_unknown_is_answered_with_what_exists(wrong: dict[str, str]):
         starter(Choice(**wrong))
 
 
+class Terminal(io.StringIO):
+    """Somebody who answers."""
+
+    def isatty(self) -> bool:
+        return True
+
+
 class TestCommand:
     """`oed init` itself."""
 
@@ -201,17 +240,42 @@ class TestCommand:
         assert list(Path().iterdir()) == []
 
     def test_it_asks_at_a_terminal(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
-        class Terminal(io.StringIO):
-            def isatty(self) -> bool:
-                return True
-
-        answers = ["spaceship", "ackermann", "6 cm", "", "circle 3 m", "positions", ""]
+        answers = [
+            *("spaceship", "akermann", "ackermann"),  # the robot
+            *("6 kg", "6 cm", ""),  # its sizes
+            *("large", "circle 3 m"),
+            *("sonar", "displacements", "positions"),
+            *("0 m", "3 mm"),  # the noise
+            *("-3 s", ""),
+        ]
         monkeypatch.setattr("sys.stdin", Terminal("\n".join(answers) + "\n"))
         assert main(["init"]) == 0
         problem = load_study("ackermann.yaml").problem
         assert problem.model.nominal[:2] == pytest.approx([0.06, 0.4])
         assert problem.measurement.quantities == ("x", "y")
-        assert capsys.readouterr().err.count("Which robot") == 2
+        assert problem.measurement.noise.position == pytest.approx(3e-3)
+        asked = capsys.readouterr().err
+        assert asked.count("Which robot") == 3
+        for words in (
+            "did you mean ackermann?",
+            "wheel_radius: expected a length",
+            "expected a room like",
+            "got 'sonar'",
+            "displacements need a robot",
+            "expected a standard deviation above 0, got '0 m'",
+            "expected more than 0",
+        ):
+            assert words in asked
+
+    @pytest.mark.parametrize(("answer", "code"), [("yes", 0), ("no", 2), ("", 2)])
+    def test_what_is_there_is_asked_about_first(
+        self, answer: str, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ):
+        Path("mine.yaml").write_text("mine")
+        monkeypatch.setattr("sys.stdin", Terminal("\n".join([answer, "create_3"]) + "\n"))
+        assert main(["init", "mine.yaml"]) == code
+        assert capsys.readouterr().err.startswith("mine.yaml exists; write over it (yes, no) [no]: ")
+        assert (Path("mine.yaml").read_text() == "mine") == (code == 2)
 
 
 def test_sizes_of_presets_are_known():

@@ -91,14 +91,14 @@ BROKEN_SENSORS = {
         "kind: yaw_rate",
         "kind: gyroscope",
         "- kind: gyroscope",
-        "measurement.1",
+        "measurement.1.kind",
         "expected 'poses', 'ranges', 'yaw_rate', 'trailer_angle', 'python', got 'gyroscope'",
     ),
     "no sensor": (
         "kind: yaw_rate",
         "kind: displacements",
         "- kind: displacements",
-        "measurement.1",
+        "measurement.1.kind",
         "got 'displacements'",
     ),
     "no kind": (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -206,7 +207,11 @@ class Listener:
     def __init__(self, stage: str, after: int, action: Callable[[], None]) -> None:
         self.stage, self.after, self.action = stage, after, action
         self.stages: list[str] = []
+        self.said: list[tuple[str, str]] = []
         self.steps = 0
+
+    def say(self, sentence: str) -> None:
+        self.said.append((self.stages[-1], sentence))
 
     def begin(self, description: str, total: int) -> None:
         self.stages.append(description)
@@ -243,6 +248,13 @@ class TestInterrupted:
         assert [entry.status for entry in record.results] == ["converged", "interrupted"]
         assert record.best.name == "ipopt"
         assert (tmp_path / "out" / "ipopt.csv").exists()
+        # The first feasible drive is told of at once, and only the first.
+        ((stage, sentence),) = listener.said
+        assert stage == "starts"
+        assert re.fullmatch(
+            r"first feasible drive after \S+ s: standard errors c21 \S+ mm and c22 \S+ mm; .* goes on",
+            sentence,
+        )
 
     def test_before_anything_was_found_nothing_more_is_searched(self, tmp_path: Path):
         listener = Listener("starts", 0, interrupt)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -91,6 +92,21 @@ def duration(text: str) -> float:
     if not value > 0:
         raise argparse.ArgumentTypeError(f"expected more than 0 seconds, got {text!r}")
     return value
+
+
+def durations(text: str) -> tuple[float, ...]:
+    """Times above 0, `10,20,40 s` or plain seconds [s]: a unit after the last one is that of all."""
+    parts = [part.strip() for part in text.split(",")]
+    unit = re.sub(r"^[-+.\deE]*", "", parts[-1])
+    return tuple(duration(f"{part} {unit}" if part[-1:].isdigit() else part) for part in parts)
+
+
+def aim(text: str) -> tuple[str, str]:
+    """`PARAMETER SIZE`, as the parameter's name and the size."""
+    found = re.fullmatch(r"\s*(.*?\S)\s*[\s=]\s*([-+.]?\d.*)", text)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"expected PARAMETER SIZE, e.g. 'track 0.1 %', got {text!r}")
+    return re.sub(r"\s+", "_", found[1].strip()), found[2].strip()
 
 
 def share(text: str) -> float:

@@ -19,15 +19,12 @@ from oed.foundation.text import error_text, own_unit, quantity, size_text, to_er
 from oed.foundation.work.progress import Progress, Silent
 
 if TYPE_CHECKING:
-    import argparse
-
     from oed.records.record import EstimateRecord
     from oed.records.stored.result import Result
     from oed.records.stored.simulation import StoredRobustness
     from oed.records.stored.study_record import StoredCertificate
     from oed.records.stored.sweep import StoredSweep
     from oed.report.answer import Answer
-    from oed.study.starter import Choice
     from oed.workflow.driven import DrivenPaths
     from oed.workflow.next_drive import NextDrive
 
@@ -56,6 +53,9 @@ class _Bars:
     def advance(self, note: str = "") -> None:
         if self._task is not None:
             self._bars.update(self._task, advance=1, note=shown(note))
+
+    def say(self, sentence: str) -> None:
+        self._bars.console.print(shown(sentence), markup=False, highlight=False)
 
     def end(self) -> None:
         # Where nothing has begun, nothing is shown: not even the empty line that rich ends with.
@@ -224,49 +224,6 @@ def percent(share: float) -> str:
 def number(value: float | None, digits: int = 6) -> str:
     """A number with so many significant digits; a dash where there is none."""
     return "-" if value is None else f"{value:.{digits}g}"
-
-
-def choice_of(options: argparse.Namespace) -> Choice:
-    """What `oed init` is to write a study for: from its options, and asked for at a terminal where missing.
-
-    Raises:
-        UserMistake: no robot given and nobody there to ask.
-    """
-    from oed.foundation.errors import UserMistake
-    from oed.study.starter import ROOM, SENSORS, Choice, robots, sizes_needed, usual_duration
-
-    asking = sys.stdin.isatty() and not options.json
-    robot = options.robot or _answer(asking, "Which robot", None, robots())
-    if robot is None:
-        raise UserMistake(f"give --robot, one of {', '.join(robots())}")
-    sizes = dict(options.size)
-    for key, typical in sizes_needed(robot).items():
-        if asking and key not in sizes:
-            sizes[key] = _answer(asking, f"Its {key.replace('_', ' ')}", typical) or typical
-    return Choice(
-        robot=robot,
-        sizes=sizes,
-        room=options.room or _answer(asking, "Which room ('4 m x 3 m' or 'circle 2 m')", ROOM) or ROOM,
-        sensor=options.sensor or _answer(asking, "Which sensor", "poses", tuple(SENSORS)) or "poses",
-        duration=options.duration or _answer(asking, "How long may a drive take", usual_duration(robot)),
-        runs=options.runs,
-    )
-
-
-def _answer(asking: bool, question: str, default: str | None, choices: Sequence[str] = ()) -> str | None:
-    # Questions go to stderr, so that stdout stays what the command prints.
-    if not asking:
-        return default
-    known = f" ({', '.join(choices)})" if choices else ""
-    shown = f" [{default}]" if default else ""
-    while True:
-        print(f"{question}{known}{shown}: ", end="", file=sys.stderr, flush=True)
-        given = sys.stdin.readline()
-        if not given:
-            return default
-        text = given.strip() or default
-        if text and (not choices or text in choices):
-            return text
 
 
 def print_estimate(record: EstimateRecord) -> None:

@@ -35,6 +35,16 @@ def say(text: str) -> None:
     sys.stderr.write(f"{shown_lines(text)}\n")
 
 
+def ask(question: str) -> str | None:
+    """The line that answers a question, which goes to standard error: standard output stays what a command
+    prints. None at the end of the input.
+    """
+    sys.stderr.write(f"{shown(question)}: ")
+    sys.stderr.flush()
+    given = sys.stdin.readline()
+    return given.strip() if given else None
+
+
 class _Steady:
     """A stream that outlives its reader: what nobody reads any more goes nowhere.
 

@@ -42,6 +42,8 @@ class DeadReckoning:
             metre.
         times: of the poses [s].
         reference, path: x, y by the reference and by dead reckoning, (n, 2); NaN between stretches.
+        turns: headings [rad] by the reference and by dead reckoning, (n, 2); NaN between stretches, and where
+            the log has none.
     """
 
     length: float
@@ -55,6 +57,7 @@ class DeadReckoning:
     times: Array
     reference: Array
     path: Array
+    turns: Array
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,10 @@ class _Stretch:
     @property
     def length(self) -> float:
         return float(np.abs(np.diff(self.truth)).sum())
+
+    def turns(self, known: bool) -> Array:
+        measured = self.heading if known else np.full_like(self.heading, np.nan)
+        return np.column_stack([measured, self.turned])
 
 
 def dead_reckoned(robot: Model, log: Log, parameters: Array, place: Array, offset: float) -> DeadReckoning:
@@ -100,6 +107,7 @@ def dead_reckoned(robot: Model, log: Log, parameters: Array, place: Array, offse
         times=np.concatenate([np.append(one.times, np.nan) for one in stretches] or [np.zeros(0)]),
         reference=np.vstack([row for one in stretches for row in (_xy(one.truth), gap)] or [gap]),
         path=np.vstack([row for one in stretches for row in (_xy(one.guess), gap)] or [gap]),
+        turns=np.vstack([row for one in stretches for row in (one.turns(with_heading), gap)] or [gap]),
     )
 
 

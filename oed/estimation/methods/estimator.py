@@ -11,6 +11,7 @@ import numpy as np
 from oed.estimation.methods.fit import Fit
 from oed.foundation.arrays import Array
 from oed.foundation.moved import Renamed
+from oed.foundation.presenting import Brief
 
 EstimatorName = Literal["ols", "sandwich", "gls", "errors_in_variables", "nonlinear"]
 ARRIVED = "The steps have become as small as rounding."
@@ -45,8 +46,8 @@ class Estimator(Renamed, ABC):
         """Estimates (count, p) from simulated readings, and the linearised estimates of the same noise."""
 
 
-@dataclass(frozen=True)
-class Estimate:
+@dataclass(frozen=True, repr=False)
+class Estimate(Brief):
     """Parameters estimated from readings; all SI.
 
     Attributes:

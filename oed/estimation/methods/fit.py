@@ -11,12 +11,13 @@ import numpy as np
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.unknowns import Unknowns, inverse_of_sum
 from oed.foundation.arrays import Array
+from oed.foundation.presenting import Brief
 from oed.logs.log import Log
 from oed.robots.sensors.logged import Noise
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, repr=False)
+class Fit(Brief):
     """A least-squares solution over segments.
 
     Attributes:

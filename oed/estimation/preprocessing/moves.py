@@ -81,9 +81,16 @@ class Moves:
         ends = readings(Driven(starts, chosen, layout.steps, nominal, place))[:, -1]
         return dict(zip(("forward", "left", "turn"), ends.T, strict=True))
 
-    def measured(self, sign: float = 1.0, unit: float = 1.0) -> dict[str, Array]:
-        """Each move by the poses, with headings read with another `sign` or in another `unit`."""
+    def measured(self, sign: float = 1.0, unit: float = 1.0, length: float = 1.0) -> dict[str, Array]:
+        """Each move by the poses.
+
+        Args:
+            sign: of headings that may have been read with another one.
+            unit: of headings that may have been read in another one.
+            length: unit of positions that may have been read in another one.
+        """
         x, y, turn = (self.changes(name) for name in ("x", "y", "heading"))
+        x, y = (None if one is None else length * one for one in (x, y))
         heading, found = self.headings(), {}
         if turn is not None:
             found["turn"] = sign * unit * turn

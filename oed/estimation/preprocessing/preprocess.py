@@ -22,6 +22,7 @@ from oed.estimation.preprocessing.wiring_checks import (
     frozen,
     poorly_explained,
     stands_still,
+    unit_fault,
     wiring_fault,
 )
 from oed.foundation.arrays import Array
@@ -183,6 +184,9 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
 def _what_is_wrong(moves: Moves, left: float | None) -> tuple[str, str]:
     # The quantity and what is plainly wrong with it, "" where that is all or nothing; `left` is the share of
     # the motion that the wheels leave unexplained, where that is too large.
+    unit = unit_fault(moves)
+    if unit is not None:
+        return "", unit
     if stands_still(moves):
         return "", STILL
     still = frozen(moves)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import combinations, product
 
 import numpy as np
@@ -26,6 +26,24 @@ measured meanwhile stand still."""
 PLAINLY = 5.0
 """How many times more than barely the wheels have to drive for poses that stand still in one way only."""
 
+SPEEDS = {
+    "the wheels' speeds were in rpm; give them unit: rpm": math.pi / 30,
+    "the wheels' speeds were in deg/s; give them unit: deg/s": math.pi / 180,
+    "the wheels' speeds were in turns a second; give them unit: turn/s": 2 * math.pi,
+}
+"""Units of wheel speeds that are read as rad/s, and their factors."""
+TIMES = {
+    "the times were in ms; give time unit: ms": 1e-3,
+    "the times were in us; give time unit: us": 1e-6,
+    "the times were in ns; give time unit: ns": 1e-9,
+}
+"""Units of times that are read as seconds, and their factors."""
+LENGTHS = {"mm": 1e-3, "cm": 1e-2}
+"""Units of positions that are read as metres, and their factors."""
+Possibility = tuple[str, tuple[Array, float, float, float]]
+"""What may be wrong, in words, and how the log is then to be read: inputs, the sign and unit of headings, the
+unit of positions."""
+
 ACROSS = 0.2
 """Share of its motion that a robot has to drive across a line for neither coordinate to stand still."""
 TURNING = 0.1
@@ -40,7 +58,26 @@ def wiring_fault(moves: Moves) -> str | None:
     as_given = _worst(moves, moves.inputs, any_side=True)
     if as_given < BAD or explained_by_other_sizes(moves):
         return None
-    tried = [(_worst(moves, *what), text) for text, what in _possibilities(moves)]
+    return _most_likely(moves, _possibilities(moves), as_given)
+
+
+def unit_fault(moves: Moves) -> str | None:
+    """The unit in which a log most likely is, by how much too far its wheels or poses go; None where that is
+    the one it was read in.
+    """
+    if moves.layout.count < FEWEST:
+        return None
+    as_given, longer = _worst(moves, moves.inputs, any_side=True), moves.lengthening()
+    if as_given < BAD:
+        return None
+    text = _most_likely(moves, _units(moves), as_given)
+    known = "heading" in moves.layout.quantities and "x" not in moves.layout.quantities
+    ratio = "" if known else f"measured distances are {longer:.2g} times those of the wheels, as if "
+    return None if text is None else f"{ratio}{text}"
+
+
+def _most_likely(moves: Moves, possibilities: Iterable[Possibility], as_given: float) -> str | None:
+    tried = [(_worst(moves, *what), text) for text, what in possibilities]
     left, text = min(tried, key=lambda pair: pair[0], default=(math.inf, ""))
     if left < min(BETTER * as_given, BAD):
         return f"{text}: that leaves {left:.0%} of the motion unexplained instead of {as_given:.0%}"
@@ -123,14 +160,25 @@ def _worst(
     inputs: Array,
     sign: float = 1.0,
     unit: float = 1.0,
+    length: float = 1.0,
     *,
     any_side: bool = False,
 ) -> float:
-    predicted = moves.predicted(inputs)
-    return max(unexplained(moves.measured(sign, unit), predicted, any_side=any_side).values(), default=0.0)
+    measured, predicted = moves.measured(sign, unit, length), moves.predicted(inputs)
+    return max(unexplained(measured, predicted, any_side=any_side).values(), default=0.0)
 
 
-def _possibilities(moves: Moves) -> Iterator[tuple[str, tuple[Array, float, float]]]:
+def _units(moves: Moves) -> Iterator[Possibility]:
+    driving = np.array([entry.drives for entry in moves.robot.inputs])
+    turning = [entry.unit == "rad/s" for entry in moves.robot.inputs if entry.drives]
+    for what, factor in (SPEEDS if all(turning) else {}).items() | TIMES.items():
+        yield what, (np.where(driving, factor, 1.0) * moves.inputs, 1.0, 1.0, 1.0)
+    for unit, factor in LENGTHS.items() if "x" in moves.layout.quantities else ():
+        text = f"positions were in {unit}; give x and y unit: {unit}"
+        yield text, (moves.inputs, 1.0, 1.0, factor)
+
+
+def _possibilities(moves: Moves) -> Iterator[Possibility]:
     robot, inputs = moves.robot, moves.inputs
     for first, second in combinations(range(len(robot.inputs)), 2):
         if robot.inputs[first].quantity != robot.inputs[second].quantity:
@@ -138,13 +186,22 @@ def _possibilities(moves: Moves) -> Iterator[tuple[str, tuple[Array, float, floa
         order = np.arange(inputs.shape[-1])
         order[[first, second]] = second, first
         names = f"{robot.input_names[first]} and {robot.input_names[second]}"
-        yield f"{names} are exchanged; exchange their columns", (inputs[..., order], 1.0, 1.0)
-    for place, name in enumerate(robot.input_names):
-        signs = np.where(np.arange(inputs.shape[-1]) == place, -1.0, 1.0)
-        yield f"{name} has the wrong sign; give it sign: -1", (inputs * signs, 1.0, 1.0)
+        yield f"{names} are exchanged; exchange their columns", (inputs[..., order], 1.0, 1.0, 1.0)
+    for places in _sign_groups(len(robot.inputs)):
+        names = " and ".join(robot.input_names[place] for place in places)
+        signs = np.where(np.isin(np.arange(inputs.shape[-1]), places), -1.0, 1.0)
+        has, it = ("has", "it") if len(places) == 1 else ("have", "them")
+        yield f"{names} {has} the wrong sign; give {it} sign: -1", (inputs * signs, 1.0, 1.0, 1.0)
     if len(robot.inputs) > 1:
-        yield "all inputs have the wrong sign; give them sign: -1", (-inputs, 1.0, 1.0)
+        yield "all inputs have the wrong sign; give them sign: -1", (-inputs, 1.0, 1.0, 1.0)
     if "heading" in moves.layout.quantities:
-        yield "the heading has the wrong sign (it turns to the left)", (inputs, -1.0, 1.0)
-        yield "the heading is in degrees; give it unit: deg", (inputs, 1.0, math.pi / 180)
-        yield "the heading is in radians, not in degrees", (inputs, 1.0, 180 / math.pi)
+        yield "the heading has the wrong sign (it turns to the left)", (inputs, -1.0, 1.0, 1.0)
+        yield "the heading is in degrees; give it unit: deg", (inputs, 1.0, math.pi / 180, 1.0)
+        yield "the heading is in radians, not in degrees", (inputs, 1.0, 180 / math.pi, 1.0)
+
+
+def _sign_groups(count: int) -> Iterator[tuple[int, ...]]:
+    # Inputs whose signs may be wrong: one, or two of more than two.
+    yield from combinations(range(count), 1)
+    if count > 2:
+        yield from combinations(range(count), 2)

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import block_columns
+from oed.foundation.presenting import Brief
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System, carrier, follows_state, mover, signaller, stepper
 
@@ -45,8 +46,8 @@ class Named:
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}; its signals are {known}")
 
 
-@dataclass(frozen=True)
-class Drive(Named):
+@dataclass(frozen=True, repr=False)
+class Drive(Brief, Named):
     """One drive of a system as CasADi expressions; rows are times, those of several runs one after the other.
 
     Attributes:

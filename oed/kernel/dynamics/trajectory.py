@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.arrays import Array
+from oed.foundation.presenting import Card, Presented, dataframe, given, number
 from oed.kernel.dynamics import spline
 
 
@@ -55,8 +57,8 @@ def held_jerks(knots: Array, degree: int, coefficients: Array, samples: int) -> 
     return np.asarray(np.diff(held_rates(knots, degree, coefficients, samples), axis=0) / period)
 
 
-@dataclass(frozen=True)
-class Trajectory:
+@dataclass(frozen=True, repr=False)
+class Trajectory(Presented):
     """A drive: splines of the inputs over time, held sample by sample, from a start state.
 
     A drive may consist of several runs, each from a start of its own: then their splines follow each other
@@ -236,6 +238,37 @@ class Trajectory:
             # A jump has no derivative: what is held has its rates and jerks.
             found.append(self._held((held_rates, held_jerks)[order - 1]))
         return np.concatenate(found)
+
+    def to_dataframe(self, names: Sequence[str] = ()) -> Any:
+        """A pandas DataFrame with a row per period: its begin `t` [s] and the inputs held in it, SI.
+
+        Args:
+            names: of the inputs, e.g. `problem.model.input_names`; "input_1", ... by default.
+
+        Raises:
+            ValueError: another number of names.
+            UserMistake: pandas is not installed.
+        """
+        width = self.coefficients.shape[1]
+        called = tuple(names) or tuple(f"input_{place + 1}" for place in range(width))
+        if len(called) != width:
+            raise ValueError(f"names: expected {width}, one of each input, got {len(called)}")
+        times = self.period * np.arange(self.samples)
+        return dataframe({"t": times, **dict(zip(called, self.inputs.T, strict=True))}, {"t": "s"})
+
+    def _card(self) -> Card:
+        each, width = "" if self.runs == 1 else f"{self.runs} runs, ", self.coefficients.shape[1]
+        starts = "; ".join(", ".join(f"{value:.4g}" for value in start) for start in self.starts[:3])
+        more = "; ..." if self.runs > 3 else ""
+        facts = given(
+            ("samples", f"{each}{self.samples} of {number(self.period, 's')}"),
+            (
+                "inputs",
+                f"{width}, splines of degree {self.degree}, {len(self.coefficients)} coefficients each",
+            ),
+            ("start (SI)", starts + more),
+        )
+        return Card(f"Trajectory: {number(self.duration, 's')}", facts)
 
     def _held(self, changes: Callable[[Array, int, Array, int], Array]) -> Array:
         # Of what is held in every run.

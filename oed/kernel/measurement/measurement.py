@@ -14,6 +14,7 @@ import scipy.sparse
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
+from oed.foundation.presenting import Brief
 from oed.foundation.text import words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
@@ -42,8 +43,8 @@ class Nuisance:
     deviation: float | None = None
 
 
-@dataclass(frozen=True)
-class Block:
+@dataclass(frozen=True, repr=False)
+class Block(Brief):
     """Readings estimated together: their information on the parameters, and on nuisances after them.
 
     Attributes:

@@ -7,11 +7,11 @@ start state and its own nuisances follows by the chain rule along the drive, for
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import lcm
-from typing import Annotated, ClassVar, Literal, Self, cast
+from typing import Annotated, ClassVar, Literal, Self, TypeVar, cast
 
 import casadi as ca
 import numpy as np
@@ -343,3 +343,25 @@ def sensor_labels(sensors: Sequence[Sensor]) -> list[str]:
         before = sum(other.kind == sensor.kind for other in sensors[:index])
         labels.append(f"{sensor.kind}_{before + 1}" if before else sensor.kind)
     return labels
+
+
+Kind = TypeVar("Kind", bound=Measurement)
+_joining: list[Callable[..., Measurement]] = []
+# What joins sensors knows every one of its domain: it stands on a higher floor, and enters here.
+
+
+def joins(kind: type[Kind]) -> type[Kind]:
+    """Marks the measurement of several sensors, whose field `sensors` they are."""
+    _joining.append(kind)
+    return kind
+
+
+def joined(sensors: Sequence[Sensor]) -> Measurement:
+    """The measurement of several sensors.
+
+    Raises:
+        TypeError: no domain with such a measurement has been loaded.
+    """
+    if not _joining:
+        raise TypeError("no measurement of several sensors has been loaded")
+    return _joining[-1](sensors=tuple(sensors))

@@ -15,6 +15,7 @@ from pydantic_core import CoreSchema, core_schema
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import parse_quantity
+from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import System
 from oed.logs.form import Repeats
 
@@ -148,7 +149,8 @@ class PoseColumns(Component):
         units = dict(zip(model.states, model.state_units, strict=True))
         for name, column in self.columns.items():
             if name not in units:
-                text = f"the robot has no state {name}; it has {', '.join(model.states)}"
+                hint = did_you_mean(name, units)
+                text = f"the robot has no state {name}; it has {', '.join(model.states)}{hint}"
                 flaws.append(Flaw((*key, name), text))
             elif reason := unit_reason(column.unit, units[name]):
                 flaws.append(Flaw((*key, name, "unit"), reason))

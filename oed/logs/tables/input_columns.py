@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from oed.foundation.errors import Flaw
+from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import Input, System
 from oed.logs.integrals import Held, Turned, counted, held_integral, summed
 from oed.logs.series import Series
@@ -163,7 +164,7 @@ def input_flaws(columns: Mapping[str, Any], model: System) -> list[Flaw]:
         reason = (
             column.reason_against(entries[name])
             if name in entries
-            else f"the robot has no input {name}; it has {', '.join(entries)}"
+            else f"the robot has no input {name}; it has {', '.join(entries)}{did_you_mean(name, entries)}"
         )
         if reason:
             flaws.append(Flaw(("log", "inputs", name), reason))

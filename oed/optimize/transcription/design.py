@@ -115,12 +115,16 @@ class DesignExpressions:
         typical = float(smallest.max())
         return typical if typical > 0 else float(np.max(means)) or 1.0
 
-    def score_many(self, candidates: Array) -> tuple[Array, Array]:
+    def score_many(self, candidates: Array, threads: int = 1) -> tuple[Array, Array]:
         """Criterion (K,) and relative violation of each limit (K, limits) of candidates (K, size).
 
         For ranking candidates only: it looks at limits at the samples, `evaluate` between them too.
+
+        Args:
+            candidates: (K, size).
+            threads: that share the nominal robot's scores; their number changes none of them.
         """
-        matrices, violations = self._judged(candidates)
+        matrices, violations = self._judged(candidates, threads)
         return self.objective(matrices), violations
 
     @cached_property
@@ -131,10 +135,11 @@ class DesignExpressions:
         """Let generated C score candidates, where there is a compiler; the numbers stay the same."""
         self._scores = compiled(self.terms.scores)
 
-    def _judged(self, candidates: Array) -> tuple[list[list[Array]], Array]:
+    def _judged(self, candidates: Array, threads: int = 1) -> tuple[list[list[Array]], Array]:
         # For every robot its matrices (K, p, p); relative violations (K, limits).
         count = len(candidates)
-        nominal, violations = map(np.array, self._scores.map(count)(candidates.T))
+        several = ("thread", min(threads, count)) if min(threads, count) > 1 else ()
+        nominal, violations = map(np.array, self._scores.map(count, *several)(candidates.T))
         found = [stacks(nominal, self.sizes)] * len(self.robots)
         for place, parameters, shift in self.others:
             other = self.other_robots.values.map("robots", "serial", count, [1, 2], [])

@@ -8,7 +8,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from oed.foundation import plots
 from oed.foundation.arrays import Array
+from oed.foundation.presenting import Card, Presented, dataframe, given, parameter_rows
+from oed.foundation.text import count, listing, words
+from oed.records.stored.compared import ComparedModel, Models
 from oed.records.stored.door import SavedFile
 from oed.records.stored.parts import (
     Count,
@@ -21,7 +25,6 @@ from oed.records.stored.parts import (
     Stored,
     require_alike,
     require_different,
-    require_known,
     require_table,
 )
 from oed.records.stored.study_record import Provenance
@@ -183,60 +186,9 @@ class UnseenLogs(Stored):
         require_alike(len(self.logs), before=self.before, after=self.after)
 
 
-class FittedParameter(Stored):
-    """A parameter of a model."""
-
-    name: str
-    unit: str | None
-    value: Maybe
-    standard_error: Positive | None
-
-
-class Score(Stored):
-    """How good a model is by a measure."""
-
-    value: Maybe
-    difference: Maybe
-    interval: Interval | None
-    equal: bool
-
-
-class ComparedModel(Stored):
-    """A model that was compared."""
-
-    name: str
-    kind: str
-    own: bool
-    comparable: bool
-    reason: str
-    doubt: str
-    parameters: list[FittedParameter]
-    unknowns: Maybe
-    starts: Maybe
-    log_likelihood: Maybe
-    scores: dict[str, Score]
-
-
-class Models(Stored):
-    """Models side by side, as `Comparison` has them."""
-
-    models: list[ComparedModel]
-    readings: Maybe
-    inflation: Maybe
-    inflation_by: str
-    best: dict[str, str]
-    agree: bool | None
-    favourites: list[str]
-
-    def _require(self) -> None:
-        names = [one.name for one in self.models]
-        require_known("best", self.best.values(), names)
-        require_known("favourites", self.favourites, names)
-
-
 class ReckonedPath(Stored):
-    """A path (x, y) [m], measured, and by dead reckoning with nominal (before) and estimated parameters; None
-    where it is interrupted.
+    """A path (x, y) [m], measured, and by dead reckoning with nominal (before) and estimated parameters, and
+    its headings [rad]; None where it is interrupted. `before` and `after` are the errors of all of it.
     """
 
     log: str
@@ -248,6 +200,11 @@ class ReckonedPath(Stored):
     before_y: Place
     after_x: Place
     after_y: Place
+    heading: Place | None = None
+    before_heading: Place | None = None
+    after_heading: Place | None = None
+    before: Reckoned | None = None
+    after: Reckoned | None = None
 
     @property
     def paths(self) -> tuple[Array, Array, Array]:
@@ -257,6 +214,21 @@ class ReckonedPath(Stored):
         return measured, before, np.array([self.after_x, self.after_y], dtype=float).T
 
     @property
+    def position_errors(self) -> tuple[Array, Array]:
+        """Distances to the measured path [m], before and after, each (n,)."""
+        measured, before, after = self.paths
+        return np.hypot(*(before - measured).T), np.hypot(*(after - measured).T)
+
+    @property
+    def heading_errors(self) -> tuple[Array, Array] | None:
+        """Errors of the heading [rad], before and after, each (n,); None where it was not measured."""
+        if not self.heading or not self.before_heading or not self.after_heading:
+            return None
+        measured = np.array(self.heading, dtype=float)
+        before, after = (np.array(one, dtype=float) for one in (self.before_heading, self.after_heading))
+        return (before - measured, after - measured) if np.isfinite(after - measured).any() else None
+
+    @property
     def drawable(self) -> bool:
         """Whether each has a point."""
         return all(np.isfinite(path).all(axis=1).any() for path in self.paths)
@@ -264,6 +236,9 @@ class ReckonedPath(Stored):
     def _require(self) -> None:
         columns = ("y", "before_x", "before_y", "after_x", "after_y")
         require_alike(len(self.x), **{name: getattr(self, name) for name in columns})
+        later = ("t", "heading", "before_heading", "after_heading")
+        known = {name: column for name in later if (column := getattr(self, name))}
+        require_alike(len(self.x), **known)
 
 
 class Residuals(Stored):
@@ -289,7 +264,7 @@ class Correlations(Stored):
     bound: Maybe = None
 
 
-class EstimateRecord(SavedFile):
+class EstimateRecord(Presented, SavedFile):
     """The outcome of a calibration, as estimate.json holds it; SI, None where there is none.
 
     What all models that were compared have in common stands in `comparison`: readings, inflation,
@@ -341,6 +316,51 @@ class EstimateRecord(SavedFile):
         """Standard errors by name, SI; NaN where there is none."""
         known = ((one.name, one.standard_error) for one in self.parameters)
         return {name: math.nan if error is None else error for name, error in known}
+
+    def plot(self, what: str | None = None) -> Any:
+        """A figure (matplotlib's) of the estimate's page.
+
+        Args:
+            what: the figure's name there, e.g. "estimate_paths"; the first by default.
+
+        Raises:
+            UserMistake: the page has no such figure; names those that it has.
+        """
+        return plots.plot(self, what)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row per parameter: nominal value, estimate and standard error, SI.
+
+        Raises:
+            UserMistake: pandas is not installed.
+        """
+        names = ("name", "nominal", "value", "standard_error", "unit")
+        return dataframe({name: [getattr(one, name) for one in self.parameters] for name in names})
+
+    def _card(self) -> Card:
+        facts = given(
+            ("robot", words(self.robot)),
+            ("logs", count(len(self.logs), "log") if self.logs else ""),
+            ("method", words(self.method or "")),
+            ("converged", "" if self.converged is None else "yes" if self.converged else "no"),
+            ("not identifiable", listing(self.not_identifiable)),
+            ("notes", " ".join(self.notes)),
+        )
+        units = {one.name: one.unit or "" for one in self.parameters}
+        names, nominal = tuple(units), {one.name: one.nominal for one in self.parameters}
+        found = parameter_rows(
+            names,
+            {one.name: one.value for one in self.parameters},
+            {one.name: one.standard_error for one in self.parameters},
+            units,
+        )
+        before = parameter_rows(names, nominal, {}, units)
+        rows = tuple(
+            (name, old, new, error) for (name, old, _), (_, new, error) in zip(before, found, strict=True)
+        )
+        return Card(
+            f"Estimate of {self.title}", facts, ("parameter", "nominal", "estimate", "standard error"), rows
+        )
 
     @property
     def title(self) -> str:

@@ -17,6 +17,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic.fields import FieldInfo
 
 from oed.foundation.files import identifier_flaw, name_flaw
+from oed.foundation.presenting import Tidy, brief
 from oed.foundation.quantities import LARGEST as FARTHEST
 
 Kind = TypeVar("Kind")
@@ -44,7 +45,7 @@ def plain(value: Any, digits: int | None = None) -> Any:
     return None if not math.isfinite(value) else value if digits is None else round(value, digits)
 
 
-class Stored(BaseModel):
+class Stored(Tidy, BaseModel):
     """A part of a saved file: no number passes for a text, and keys of later versions are kept."""
 
     model_config = ConfigDict(strict=True, extra="allow", frozen=True, allow_inf_nan=False, defer_build=True)
@@ -72,6 +73,13 @@ class Stored(BaseModel):
             elif form.required:
                 raise TypeError(f"{cls.__name__}: expected {name}")
         return super().model_construct(**found)
+
+    def __repr__(self) -> str:
+        """Its kind and keys, large ones by their size only."""
+        each = ((name, getattr(self, name, None)) for name in type(self).model_fields)
+        return f"{type(self).__name__}({', '.join(f'{name}={brief(value)}' for name, value in each)})"
+
+    __str__ = __repr__
 
     @model_validator(mode="after")
     def _checked(self) -> Self:

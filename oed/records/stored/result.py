@@ -9,6 +9,8 @@ import numpy as np
 from pydantic import Field
 
 from oed.foundation.arrays import Array
+from oed.foundation.presenting import Card, Presented, given, number
+from oed.foundation.text import listing, size_text, words
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.stored.parts import (
     Count,
@@ -144,7 +146,7 @@ class Covariance(Stored):
             raise ValueError("covariance: expected variances of at least 0")
 
 
-class Result(Stored):
+class Result(Presented, Stored):
     """What a search, a baseline or a path of the user's own came to; SI, None where there is no number.
 
     Attributes:
@@ -220,6 +222,18 @@ class Result(Stored):
         if self.drive is None:
             return None
         return -math.inf if self.objective is None else self.objective
+
+    def _card(self) -> Card:
+        facts = given(
+            ("objective", number(self.objective)),
+            (
+                "limits",
+                "satisfied" if self.feasible else f"exceeded: {listing(list(map(words, self.violations)))}",
+            ),
+            ("path length", "" if self.path_length is None else size_text(self.path_length, "m")),
+            ("message", self.message),
+        )
+        return Card(f"Result {self.name}: {words(self.status)}", facts)
 
     def _require(self) -> None:
         if self.feasible and self.drive is None:

@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, PrivateAttr
 
+from oed.foundation import plots
+from oed.foundation.presenting import (
+    PARAMETER_COLUMNS,
+    Card,
+    Presented,
+    dataframe,
+    given,
+    number,
+    parameter_rows,
+)
+from oed.foundation.text import count, listing
 from oed.records.stored.door import SavedFile, read_echo
 from oed.records.stored.parts import (
     Count,
@@ -120,7 +132,32 @@ class Provenance(Stored):
     finished: str
 
 
-class Record(SavedFile):
+COLUMNS = (
+    "name",
+    "kind",
+    "status",
+    "feasible",
+    "objective",
+    "lambda_min",
+    "condition_number",
+    "path_length",
+    "wall_seconds",
+)
+"""Of a result, in a table of all."""
+
+
+def _results_text(results: Sequence[Result]) -> str:
+    names = [one.name for one in results if one.origin != "baseline"]
+    others = len(results) - len(names)
+    return listing([*names, *([count(others, "baseline")] if others else [])])
+
+
+def _bound_text(found: StoredCertificate) -> str:
+    gap = "" if found.gap is None else f", {number(100 * found.gap, '%', 2)} above the best"
+    return number(found.upper_bound) + gap
+
+
+class Record(Presented, SavedFile):
     """A study's outcome, as record.json holds it; numbers are SI, None where there is none.
 
     Attributes:
@@ -191,6 +228,51 @@ class Record(SavedFile):
         if name is None:
             return self.best
         return next((one for one in self.results if one.name == name), None)
+
+    def plot(self, what: str | None = None) -> Any:
+        """A figure (matplotlib's) of the report.
+
+        Args:
+            what: the figure's name in the report, e.g. "paths", "wheel_speeds", "convergence"; the first by
+                default.
+
+        Raises:
+            UserMistake: the report has no such figure; names those that it has.
+        """
+        return plots.plot(self, what)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row per result: what was reached, and predicted standard errors by
+        parameter, SI.
+
+        Raises:
+            UserMistake: pandas is not installed.
+        """
+        columns = {name: [getattr(one, name) for one in self.results] for name in COLUMNS}
+        for one in self.parameters:
+            columns[one.name] = [result.standard_deviations.get(one.name) for result in self.results]
+        units = {one.name: one.unit for one in self.parameters}
+        return dataframe(columns, {"path_length": "m", "wall_seconds": "s", **units})
+
+    def _card(self) -> Card:
+        best, bound = self.best, self.certificate
+        nominal = {one.name: one.nominal for one in self.parameters}
+        units = {one.name: one.unit for one in self.parameters}
+        facts = given(
+            ("results", _results_text(self.results)),
+            ("best feasible", "none" if best is None else f"{best.name}, objective {number(best.objective)}"),
+            ("upper bound", "" if bound is None else _bound_text(bound)),
+            ("simulated", "" if self.validation is None else "yes"),
+            ("interrupted", "yes" if self.interrupted else ""),
+            ("file", str(self.file or "")),
+        )
+        errors = {} if best is None else best.standard_deviations
+        return Card(
+            f"Record of {self.study.name}",
+            facts,
+            PARAMETER_COLUMNS,
+            parameter_rows(tuple(errors), nominal, errors, units),
+        )
 
     def with_validation(self, found: StoredValidation) -> Self:
         """The record with other simulated experiments."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from oed.foundation.presenting import Card, Presented, dataframe, given, number
 from oed.records.stored.parts import (
     Count,
     Name,
@@ -63,7 +64,7 @@ class SweptPoint(Stored):
             raise ValueError("record: expected that of the design, got none")
 
 
-class StoredSweep(Stored):
+class StoredSweep(Presented, Stored):
     """A sweep."""
 
     format: Literal[1]
@@ -89,6 +90,35 @@ class StoredSweep(Stored):
             raise ValueError("points: expected other values in each, got some twice")
         if len(seen) < self._combinations:
             raise ValueError(f"points: expected all {self._combinations} combinations, got {len(seen)}")
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row per point: the keys' values and what the best drive reaches, SI.
+
+        Raises:
+            UserMistake: pandas is not installed.
+        """
+        columns: dict[str, Any] = {
+            axis.key: [(one.numbers if axis.numeric else one.values)[axis.key] for one in self.points]
+            for axis in self.keys
+        }
+        for name in ("status", "design", "objective", "lambda_min", "upper_bound", "gap", "seconds"):
+            columns[name] = [getattr(one, name) for one in self.points]
+        parameters = dict.fromkeys(name for one in self.points for name in one.standard_deviations)
+        for name in parameters:
+            columns[name] = [one.standard_deviations.get(name) for one in self.points]
+        return dataframe(
+            columns, {"seconds": "s", **{axis.key: axis.unit for axis in self.keys if axis.numeric}}
+        )
+
+    def _card(self) -> Card:
+        facts = given(
+            ("varied", ", ".join(f"{axis.key} ({len(axis.values)})" for axis in self.varied)),
+            ("points", str(len(self.points))),
+            ("best", self.best),
+            ("interrupted", "yes" if self.interrupted else ""),
+        )
+        rows = tuple((one.label, one.status, number(one.objective)) for one in self.points)
+        return Card(f"Sweep of {self.name}", facts, ("point", "status", "objective"), rows)
 
     @property
     def varied(self) -> list[SweptKey]:

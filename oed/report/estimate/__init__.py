@@ -6,22 +6,23 @@ from collections.abc import Callable
 from pathlib import Path
 
 from oed.records.record import ESTIMATE, EstimateRecord
-from oed.report.estimate.dead_reckoning import paths, validation
+from oed.report.estimate.dead_reckoning import errors_over_time, validation
 from oed.report.estimate.fit import error_bars, fit
 from oed.report.estimate.logs import logs
 from oed.report.estimate.models import models
-from oed.report.estimate.parameters import nuisances, summary
+from oed.report.estimate.parameters import nuisances, summary, trust
 from oed.report.page import render
 from oed.report.parts.provenance import estimate_provenance
 from oed.report.parts.section import Section
 
 SECTIONS: tuple[Callable[[EstimateRecord], Section | None], ...] = (
     summary,
+    trust,
+    errors_over_time,
+    validation,
+    fit,
     error_bars,
     nuisances,
-    fit,
-    paths,
-    validation,
     models,
     logs,
     estimate_provenance,

@@ -1,4 +1,4 @@
-"""Dead reckoning of logs that the estimate does not know, before and after, and the paths that it gives."""
+"""Dead reckoning before and after: paths, errors over time, and of logs that the estimate does not know."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from oed.foundation.text import count, own_unit, significant, to_error, unit_text, words
-from oed.records.stored.estimate import Estimated, EstimateRecord, Reckoned, UnseenLogs
+from oed.foundation.text import count, own_unit, significant, size_text, to_error, unit_text, words
+from oed.records.stored.estimate import Estimated, EstimateRecord, Reckoned, ReckonedPath, UnseenLogs
 from oed.report.estimate.logs import MOST_ROWS
-from oed.report.figures import calibration as figures
+from oed.report.figures import reckoned as figures
 from oed.report.parts.prose import Prose
 from oed.report.parts.section import Cell, Column, Picture, Section, Table, sized
 
@@ -22,6 +22,14 @@ MEASURES = (
     ("turning drift", "drift_heading", "rad/m"),
 )
 """Title, name and unit of the errors that are shown before and after."""
+EVO = (
+    ("APE, position, aligned at the start", "rmse_position", "m"),
+    ("APE, position, aligned by least squares", "rmse_aligned", "m"),
+    ("APE, heading, aligned at the start", "rmse_heading", "rad"),
+    ("RPE over 1 m, position", "drift_position", "m"),
+    ("RPE over 1 m, heading", "drift_heading", "rad"),
+)
+"""The same errors by the names that evo has for them, with unit."""
 MOST_PATHS = 6
 """Paths that are drawn."""
 
@@ -143,12 +151,54 @@ def _name(fold: UnseenLogs) -> str:
     return names[0] if len(names) == 1 else f"{names[0]} … {names[-1]} ({count(len(names), 'log')})"
 
 
-def paths(record: EstimateRecord) -> Section | None:
-    """Paths of logs that the estimate does not know, else of its own; None where there are no positions."""
-    drawn = [one for one in record.paths if one.drawable][:MOST_PATHS]
+def drawn_paths(record: EstimateRecord) -> list[ReckonedPath]:
+    """Paths of logs that the estimate does not know, else of its own; [] where there are no positions."""
+    return [one for one in record.paths if one.drawable][:MOST_PATHS]
+
+
+def path_picture(record: EstimateRecord) -> Picture | None:
+    """The reference beside dead reckoning before and after; None where there are no positions."""
+    drawn = drawn_paths(record)
     if not drawn:
         return None
     alt = "Driven paths beside dead reckoning with nominal and with estimated parameters"
-    roles = sorted({str(one.role) for one in record.paths[: len(drawn)]})
-    picture = Picture("estimate_paths", alt, SAY("paths"), figures.paths(drawn))
-    return Section.of("Driven paths", SAY("drawn", roles), picture)
+    return Picture("estimate_paths", alt, SAY("paths", _roles(drawn)), figures.paths(drawn))
+
+
+def errors_over_time(record: EstimateRecord) -> Section | None:
+    """Errors of position and heading over time, and their sizes as evo has them; None without positions."""
+    timed = [one for one in drawn_paths(record) if one.t]
+    picture = None
+    if timed:
+        alt = "Errors of position and heading over time, with nominal and with estimated parameters"
+        shown = timed[: figures.MOST_LOGS]
+        caption = SAY("over_time", _roles(shown), any(one.heading_errors for one in shown))
+        picture = Picture("estimate_errors", alt, caption, figures.errors(shown))
+    table = _evo(record)
+    if picture is None and table is None:
+        return None
+    return Section.of("Error over time", SAY("definitions") if table else "", picture, table)
+
+
+def _evo(record: EstimateRecord) -> Table | None:
+    fitted = [
+        Run(one.log, one.before, one.after)
+        for one in record.paths
+        if one.role == "fitted" and one.before is not None and one.after is not None
+    ]
+    test, folds = tested(record.test_set), folds_of(record)
+    runs = test or folds or fitted
+    known = [(name, pair, unit) for name, key, unit in EVO if (pair := means(runs, key)) is not None]
+    if not known:
+        return None
+    role = "held out" if test else "left out" if folds else "fitted"
+    columns = (
+        Column("root mean square error", cell=lambda item: item[0]),
+        Column("nominal", "", significant(3), lambda item: size_text(item[1][0], item[2])),
+        Column("estimated", "", significant(3), lambda item: size_text(item[1][1], item[2])),
+    )
+    return Table.of(known, columns, SAY("whose", [role], len(runs)))
+
+
+def _roles(drawn: Sequence[ReckonedPath]) -> list[str]:
+    return sorted({str(one.role) for one in drawn})

@@ -10,7 +10,8 @@ from oed.foundation.text import (
     whole,
     words,
 )
-from oed.records.stored.estimate import ComparedModel, EstimateRecord, Score
+from oed.records.stored.compared import ComparedModel, Score
+from oed.records.stored.estimate import EstimateRecord
 from oed.report.parts.prose import Prose
 from oed.report.parts.section import Column, Section, Table, estimated, sized
 

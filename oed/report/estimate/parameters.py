@@ -19,7 +19,7 @@ from oed.foundation.text import (
     words,
 )
 from oed.records.stored.estimate import Estimated, EstimateRecord, Finding, FoundNoise, Unknown
-from oed.report.estimate.dead_reckoning import Run, folds_of, means, one_by_one, tested
+from oed.report.estimate.dead_reckoning import Run, folds_of, means, one_by_one, path_picture, tested
 from oed.report.estimate.fit import error_line
 from oed.report.estimate.logs import MOST_ROWS, clock_label, clocks, findings, offset_clocks
 from oed.report.estimate.models import model_lines
@@ -46,13 +46,35 @@ WORTH_A_LINE = 0.02
 
 
 def summary(record: EstimateRecord) -> Section:
-    """The estimates with their errors; warnings first."""
+    """Warnings, the path before and after, and the estimates with their errors."""
+    noted = (*warnings(record), *map(sentence, record.notes))
+    return Section.of("Summary", path_picture(record), estimates(record), notices=noted)
+
+
+def trust(record: EstimateRecord) -> Section:
+    """Whether the estimates can be trusted, and why not where not; what they rest on; the next drive."""
     origin = SAY("origin", record, lasting(sum(log.seconds or 0.0 for log in record.logs)))
     outside = [one.name for one in record.parameters if one.nominal_outside]
-    said = (origin, " ".join(gains(record)), SAY("nominal", outside, len(record.parameters)))
+    failed = sum(not one.passed for one in record.diagnostics)
+    unseen = bool(tested(record.test_set) or folds_of(record))
+    judged = SAY("trust", len(warnings(record)), failed, len(record.diagnostics), unseen)
+    nominal = SAY("nominal", outside, len(record.parameters))
     return Section.of(
-        "Summary", *said, estimates(record), notices=(*warnings(record), *map(sentence, record.notes))
+        "Can it be trusted", judged, " ".join(gains(record)), nominal, origin, SAY("next", *_worst(record))
     )
+
+
+def _worst(record: EstimateRecord) -> tuple[str, str]:
+    # The parameter of the largest relative standard error, and that error; ("", "") where none is known.
+    shares = {
+        one.name: 100 * one.standard_error / abs(one.value)
+        for one in record.parameters
+        if one.value and one.standard_error is not None
+    }
+    if not shares:
+        return "", ""
+    name = max(shares, key=lambda name: shares[name])
+    return words(name), f"{significant(2)(shares[name])} %"
 
 
 def estimates(record: EstimateRecord) -> Table:

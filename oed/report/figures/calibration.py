@@ -1,4 +1,4 @@
-"""The figures of an estimate: residuals in panels, and driven paths beside their dead reckoning."""
+"""The figures of an estimate's residuals, in panels."""
 
 from __future__ import annotations
 
@@ -10,33 +10,22 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.text import unit_for, unit_text, words
-from oed.records.stored.estimate import Correlations, EstimateRecord, FoundNoise, ReckonedPath
+from oed.records.stored.estimate import Correlations, EstimateRecord, FoundNoise
 from oed.records.stored.estimate import Residuals as StoredResiduals
 from oed.report.figures import spec
-from oed.report.figures.spec import FAINT, FIRST, INK, SECOND, WIDTH, Look, mark, stroke
+from oed.report.figures.spec import FAINT, FIRST, INK, Look, mark, stroke
 
 SHADES = (FIRST, "#8fa9c2")
 """Of logs one after the other."""
 SIZE = {**mark("o", 3, INK, 1.0, 5), "color": INK, "linestyle": "-", "linewidth": 1.2}
 EXPECTED = stroke("#b35c00", 1.2, 4, (4, 2))
 NUMBER: Look = {"ha": "center", "va": "bottom", "fontsize": "small", "color": FAINT}
-PATHS: dict[str, Look] = {
-    "reference": stroke(INK, 1.0, 2),
-    "dead reckoning, nominal": stroke(SECOND, 1.2, 3, (4, 1.8)),
-    "dead reckoning, estimated": stroke("#2f7fc4", 1.7, 4, (1.2, 1.1)),
-}
-"""Measured, and before and after the estimate."""
-START = mark("o", 5, "white", 1.0, 5)
 SPREAD = 7.0
 """Typical sizes of residuals beyond which they are drawn as triangles."""
 MOST_DOTS = 1000
 """Dots of a panel."""
 GAP = 0.01
 """Between logs on the axis of time, as a share of all."""
-LETTERS = 26
-"""Of a panel's title."""
-TITLES = (10.0, 9.5, 8.5)
-"""Sizes of titles by the number of columns."""
 MOST_NUMBERS = 12
 """Logs that are numbered in a figure."""
 BINS, FEWEST = 8, 12
@@ -281,41 +270,3 @@ def _later(one: Residuals) -> spec.Panel:
     ends = min(1.15 * float(values.min()), -0.1), max(1.15 * float(values.max()), 0.25)
     x = spec.Axis("readings later", ends=(0.4, len(values) + 0.6), most=5, whole=True)
     return spec.Panel(parts, x, spec.Axis("correlation", ends=ends))
-
-
-def paths(drawn: Sequence[ReckonedPath]) -> spec.Plot:
-    """One panel per log: its measured path, and dead reckoning before and after."""
-    columns = 1 if len(drawn) == 1 else 2 if len(drawn) in (2, 4) else 3
-    panel = WIDTH / columns * (0.6 if columns == 1 else 1.0)
-    shape = float(np.clip(np.median([_shape(one) for one in drawn]), 0.4, 1.2))
-    rows = -(-len(drawn) // columns)
-    keys = [spec.Key(label, look) for label, look in {**PATHS, "start": START}.items()]
-    return spec.Plot(
-        [_panel(one, TITLES[columns - 1]) for one in drawn],
-        columns,
-        height=rows * (max(panel * shape, 1.3) + 0.45) + 0.5,
-        labels="outer ticks",
-        legend=spec.Legend(keys, 4, handle=0.3, options={"handlelength": 3.0}),
-    )
-
-
-def _panel(one: ReckonedPath, size: float) -> spec.Panel:
-    measured = one.paths[0]
-    begin = measured[np.isfinite(measured).all(axis=1)][:1]
-    lines = [spec.Line.through(path, look) for path, look in zip(one.paths, PATHS.values(), strict=True)]
-    x, y = (spec.Axis(name, "m", most=5) for name in "xy")
-    title = _shortened(one.log)
-    return spec.Panel([*lines, spec.Line.through(begin, START)], x, y, title, "ends", size, margin=0.06)
-
-
-def _shortened(name: str) -> str:
-    # With its middle left out where it is too long.
-    half = (LETTERS - 1) // 2
-    return name if len(name) <= LETTERS else f"{name[:half]}…{name[-half:]}"
-
-
-def _shape(one: ReckonedPath) -> float:
-    # Height over width.
-    every = np.concatenate(one.paths)
-    width, height = np.maximum(np.nanmax(every, axis=0) - np.nanmin(every, axis=0), 1e-3)
-    return float(height / width)

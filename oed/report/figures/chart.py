@@ -157,7 +157,7 @@ class Chart:
 
 
 def panels(charts: Sequence[Chart]) -> spec.Plot:
-    """One panel for each chart, all over the same key: lines over numbers, bars over words."""
+    """One panel for each chart, lines over numbers, bars over words; all with the same series."""
     columns, first = (1 if len(charts) == 1 else 2), charts[0]
     height = (3.0 if columns == 1 else 2.4) * -(-len(charts) // columns)
     look = _fill if first.worded else _line
@@ -165,7 +165,8 @@ def panels(charts: Sequence[Chart]) -> spec.Plot:
     keys = [spec.Key(name, look(index), patch=first.worded) for index, (name, _) in enumerate(named)]
     legend = spec.Legend(keys, 3, options={"handlelength": 3.2})
     made = [_panel(one) for one in charts]
-    return spec.Plot(made, columns, height=height, labels="outer ticks", legend=legend)
+    alike = len({one.across for one in charts}) == 1
+    return spec.Plot(made, columns, height=height, labels="outer ticks" if alike else "each", legend=legend)
 
 
 def _panel(chart: Chart) -> spec.Panel:

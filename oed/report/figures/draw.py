@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis as DrawnAxis
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
@@ -45,6 +46,8 @@ STYLE = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial"],
 }
+PIXELS = 110
+"""An inch, in notebooks."""
 BAR, SHORTEST_BAR = 3.6, 0.02
 """Height of a bar of colours at most, and its distance from the panels [inch, share]."""
 
@@ -56,8 +59,32 @@ def svg_text(figure: spec.Plot) -> str:
         warnings.filterwarnings("ignore", message="Glyph ", category=UserWarning)
         buffer = io.StringIO()
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-        drawn(figure).savefig(buffer, format="svg", metadata=nothing)
+        _laid_out(drawn(figure)).savefig(buffer, format="svg", metadata=nothing)
     return page_text(_compact(buffer.getvalue()))
+
+
+def _laid_out(figure: Figure) -> Figure:
+    # With its layout done, as for an SVG file: savefig would draw all of it once more only to lay it out.
+    FigureCanvasSVG(figure)
+    figure.dpi = FigureCanvasSVG.fixed_dpi
+    figure.get_layout_engine().execute(figure)
+    figure.set_layout_engine("none")
+    return figure
+
+
+class Shown(Figure):  # type: ignore[misc]
+    """A figure that notebooks show by itself, whether or not they know of matplotlib's."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        self.savefig(buffer, format="png", dpi=PIXELS)
+        return buffer.getvalue()
+
+
+def shown_figure(plot: spec.Plot) -> Any:
+    """The picture of a figure in the style of the reports, for notebooks and `savefig`."""
+    with style.context(["default", STYLE]):
+        return drawn(plot, Shown)
 
 
 def _compact(svg: str) -> str:
@@ -75,9 +102,9 @@ def as_drawn(text: str) -> str:
     return shown_lines(text).replace("$", r"\$")
 
 
-def drawn(plot: spec.Plot, **options: Any) -> Figure:
-    """The picture of a figure; `options` are those of matplotlib's Figure."""
-    figure = Figure(figsize=(plot.width, plot.height), layout="constrained", **options)
+def drawn(plot: spec.Plot, kind: type[Any] = Figure, **options: Any) -> Any:
+    """The picture of a figure: matplotlib's Figure, or one of a `kind` of it; `options` are that class's."""
+    figure = kind(figsize=(plot.width, plot.height), layout="constrained", **options)
     axes = _placed(figure, plot)
     shades = None if plot.fastest is None else Colours(plot.fastest)
     for ax, panel in zip(axes, plot.panels, strict=True):

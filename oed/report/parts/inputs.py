@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.foundation.text import in_degrees, words
 from oed.kernel.dynamics.system import Input
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.limit import InputLimit
 from oed.records.record import Record
 from oed.records.stored.result import Result
@@ -74,14 +76,17 @@ class Group:
 
 def groups_of(record: Record, count: int) -> list[tuple[Group, Group]]:
     """Inputs by quantity, in their order, each with its rates; `count` inputs where none are named."""
-    table = list(enumerate(_inputs(record, count)))
+    return groups_among([Input(one.name, one.quantity, one.unit) for one in record.inputs], count)
+
+
+def groups_among(inputs: Sequence[Input], count: int) -> list[tuple[Group, Group]]:
+    """As `groups_of`, of inputs themselves."""
+    table = list(enumerate(inputs or _unnamed(count)))
     quantities = dict.fromkeys(one.quantity for _, one in table)
     return [_pair([(at, one) for at, one in table if one.quantity == quantity]) for quantity in quantities]
 
 
-def _inputs(record: Record, count: int) -> list[Input]:
-    if record.inputs:
-        return [Input(one.name, one.quantity, one.unit) for one in record.inputs]
+def _unnamed(count: int) -> list[Input]:
     if count == len(TWO_WHEEL_SPEEDS):
         return list(TWO_WHEEL_SPEEDS)
     return [Input(f"input_{index + 1}", "input", "") for index in range(count)]
@@ -123,7 +128,18 @@ def series_of(result: Result, group: Group) -> Series:
     and to rest.
     """
     assert result.drive is not None
-    drive, steps = result.drive.trajectory, result.drive.degree == 0
+    return series_among(result.drive.trajectory, group, heading(result))
+
+
+def series_among(drive: Trajectory, group: Group, title: str) -> Series:
+    """As `series_of`, of a drive itself.
+
+    Args:
+        drive: whose inputs are drawn.
+        group: of its inputs.
+        title: of the series.
+    """
+    steps = drive.degree == 0
     periods = drive.samples // drive.runs
     each = drive.duration / drive.runs
     drawn = periods if steps else min(PER_SAMPLE * periods, MOST_POINTS // drive.runs)
@@ -141,4 +157,4 @@ def series_of(result: Result, group: Group) -> Series:
     for index, end in enumerate(breaks):
         times[index] = np.append(times[index], end)
         rows[index] = np.vstack([rows[index], np.full(len(group.columns), np.nan)])
-    return Series(heading(result), np.concatenate(times), np.vstack(rows), steps, breaks)
+    return Series(title, np.concatenate(times), np.vstack(rows), steps, breaks)

@@ -83,7 +83,11 @@ class Kinematics:
         most = BEYOND * np.abs(speeds).max(axis=0)
         for _ in range(SPEED_STEPS - 1):
             following = np.array(step(speeds, angles.T, twists.T))
-            speeds = np.where(np.isfinite(following), following.clip(-most, most), speeds)
+            before = speeds
+            speeds = np.where(np.isfinite(following), following.clip(-most, most), before)
+            if np.array_equal(speeds, before):
+                # Every further step would end there, too.
+                break
         values = np.zeros((len(twists), len(self.drives) + len(self.steers)))
         values[:, self.drives], values[:, self.steers] = speeds.T, angles
         return values

@@ -14,9 +14,10 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status, unscored
+from oed.robots.baselines.baseline import Baseline
 from oed.robots.baselines.fitting import MOST_LAPS, Shape, chosen, largest, of_length
 from oed.robots.baselines.kinematics import kinematics
-from oed.robots.baselines.patterns import NAMES, PATTERNS, RANDOM, VARIANTS, Move
+from oed.robots.baselines.patterns import NAMES, PATTERNS, RANDOM, VARIANTS, Move, Pattern
 from oed.robots.baselines.placing import Placement, approach, joined, placements, start_of
 from oed.robots.baselines.schedule import least_samples, least_seconds, starts, stretched
 from oed.robots.limits.workspace import workspace_of
@@ -25,7 +26,9 @@ STREAM = 17
 """Of random paths: their draws are independent of all others of a seed."""
 
 
-def baselines(problem: Problem, name: str, *, length: float | None = None, seed: int = 0) -> list[Solution]:
+def baselines(
+    problem: Problem, asked: str | Baseline, *, length: float | None = None, seed: int = 0
+) -> list[Solution]:
     """One baseline as a careful person would drive it, and where asked again with a given length, scored.
 
     Of the places in the room and the numbers of laps that the duration allows, each as large as the limits
@@ -33,30 +36,41 @@ def baselines(problem: Problem, name: str, *, length: float | None = None, seed:
 
     Args:
         problem: whose limits, duration and start it is made for.
-        name: one of `NAMES`.
+        asked: one of `NAMES`, or a baseline of the user's own.
         length: path length [m] of the second variant; None for none.
         seed: of the random path.
 
     Raises:
         ProblemError: an unknown name, or a path that the robot cannot drive.
     """
-    text = "" if name in NAMES else f"expected one of {', '.join(NAMES)}, got {name!r}"
-    text = text or refusal(problem, name)
+    known = isinstance(asked, Baseline) or asked in NAMES
+    text = "" if known else f"expected one of {', '.join(NAMES)}, got {asked!r}"
+    text = text or refusal(problem, asked)
     if text:
         raise ProblemError.about(("baselines",), text)
-    if name == RANDOM:
+    name = label(asked)
+    if asked == RANDOM:
         shapes = [_random_shape(problem, seed)]
     else:
         most = largest_size(problem)
-        ways = (PATTERNS[name], *VARIANTS.get(name, ()))
+        ways = (_pattern(asked), *(VARIANTS.get(asked, ()) if isinstance(asked, str) else ()))
         shapes = [placed(problem, one) for way in ways for one in placements(problem, way, most)]
-    shape, laps, below = chosen(problem, shapes, 1 if name == RANDOM else MOST_LAPS)
+    shape, laps, below = chosen(problem, shapes, 1 if asked == RANDOM else MOST_LAPS)
     scored = [_scored(problem, name, largest(problem, shape, laps, below=below), seed)]
     if length is not None:
         most = scored[0].evaluation.path_length if scored[0].evaluation else 0.0
         fitted = of_length(problem, shape, length, most / laps)
         scored.append(_scored(problem, f"{name}_same_length", fitted, seed))
     return scored
+
+
+def label(asked: str | Baseline) -> str:
+    """The name of a baseline's result."""
+    return asked if isinstance(asked, str) else asked.label
+
+
+def _pattern(asked: str | Baseline) -> Pattern:
+    return PATTERNS[asked] if isinstance(asked, str) else asked.lap
 
 
 def _scored(problem: Problem, name: str, trajectory: Trajectory, seed: int) -> Solution:
@@ -135,27 +149,27 @@ def suited(problem: Problem) -> tuple[str, ...]:
 
 
 def baseline_flaws(problem: Problem, names: Sequence[object]) -> list[Flaw]:
-    """The baselines of a study that the robot cannot drive; entries that are no names pass."""
+    """The baselines of a study that the robot cannot drive; paths of the user's own pass."""
     return [
         Flaw(("baselines", index), reason)
         for index, name in enumerate(names)
-        if isinstance(name, str) and (reason := refusal(problem, name))
+        if isinstance(name, str | Baseline) and (reason := refusal(problem, name))
     ]
 
 
-def refusal(problem: Problem, name: str) -> str:
+def refusal(problem: Problem, asked: str | Baseline) -> str:
     """Why the robot cannot drive a baseline, and which it can; "" where it can."""
-    obstacle = _obstacle(problem, name)
+    obstacle = _obstacle(problem, asked)
     if not obstacle:
         return ""
     kind = label_of(problem.model)
-    return f"{kind} cannot drive a {name} ({obstacle}); it can drive {', '.join(suited(problem))}"
+    return f"{kind} cannot drive a {label(asked)} ({obstacle}); it can drive {', '.join(suited(problem))}"
 
 
-def _obstacle(problem: Problem, name: str) -> str:
-    if name not in PATTERNS or name == RANDOM:
+def _obstacle(problem: Problem, asked: str | Baseline) -> str:
+    if isinstance(asked, str) and asked not in PATTERNS:
         return ""
-    moves = PATTERNS[name](largest_size(problem), 0)
+    moves = _pattern(asked)(largest_size(problem), 0)
     _, made = kinematics(problem.model).directions(moves, problem.input_bounds)
     for move, possible in zip(moves, made, strict=True):
         if not possible:

@@ -3,14 +3,17 @@
 from typing import Annotated, Any
 
 from oed.foundation.component import OneOf
+from oed.kernel.limit import BareLimit as BareLimit
+from oed.kernel.limit import InputLimit as InputLimit
 from oed.kernel.limit import Limit as Limit
+from oed.kernel.limit import PathLimit as PathLimit
 from oed.kernel.limit import Rows as Rows
 from oed.robots.limits.body_motion import BodySpeed as BodySpeed
 from oed.robots.limits.body_motion import LateralAcceleration as LateralAcceleration
 from oed.robots.limits.body_motion import PathLength as PathLength
-from oed.robots.limits.body_motion import TrailerAngle as TrailerAngle
+from oed.robots.limits.body_motion import TrailerAngleLimit as TrailerAngleLimit
 from oed.robots.limits.body_motion import TurningRadius as TurningRadius
-from oed.robots.limits.body_motion import YawRate as YawRate
+from oed.robots.limits.body_motion import YawRateLimit as YawRateLimit
 from oed.robots.limits.end_pose import EndHeading as EndHeading
 from oed.robots.limits.end_pose import EndPosition as EndPosition
 from oed.robots.limits.inputs import SteeringAngle as SteeringAngle
@@ -29,6 +32,9 @@ from oed.robots.limits.workspace import Rectangle as Rectangle
 from oed.robots.limits.workspace import Workspace as Workspace
 from oed.robots.own_parts import PythonLimit as PythonLimit
 
+YawRate, TrailerAngle = YawRateLimit, TrailerAngleLimit
+"""Names that these limits had, which they shared with sensors."""
+
 LIMITS: dict[str, Any] = {
     one.name: Annotated[one, OneOf(WORKSPACES)] if one is Workspace else one
     for one in (
@@ -38,10 +44,10 @@ LIMITS: dict[str, Any] = {
         SteeringAngle,
         SteeringRate,
         BodySpeed,
-        YawRate,
+        YawRateLimit,
         LateralAcceleration,
         TurningRadius,
-        TrailerAngle,
+        TrailerAngleLimit,
         Workspace,
         Obstacles,
         PathLength,

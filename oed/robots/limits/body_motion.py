@@ -90,7 +90,7 @@ class BodySpeed(MotionLimit):
         return {0: self.bounds, 1: (-size, size)}
 
 
-class YawRate(MotionLimit):
+class YawRateLimit(MotionLimit):
     """The yaw rate within `bounds` [rad/s], to the left positive."""
 
     name, unit, in_degrees = "yaw_rate", "rad/s", True
@@ -161,7 +161,7 @@ class PathLength(BareLimit):
         return Rows(lengths, np.full(drive.runs, -np.inf), np.full(drive.runs, self.bounds), self.bounds, "m")
 
 
-class TrailerAngle(BareLimit, PathLimit):
+class TrailerAngleLimit(BareLimit, PathLimit):
     """The trailer's angle within `bounds` [rad]: 0 straight behind, before the trailer jackknifes."""
 
     name: ClassVar[str] = "trailer_angle"

@@ -193,11 +193,12 @@ class Model(Component, System):
     def remedy(self, unbounded: Input, limits: Sequence[str]) -> str:
         """The limit on the wheel, the steering or the motion that bounds an input."""
         motion = {"m/s": "body_speed", "rad/s": "yaw_rate"}.get(unbounded.unit)
-        if unbounded.quantity in RATES or motion is None:
+        if unbounded.quantity in RATES:
             return f"add {unbounded.quantity}"
-        if motion not in limits:
+        if motion is not None and motion not in limits:
             return f"add {motion}"
-        reason = f"{motion} does not, for the motion does not follow linearly"
+        own = f"no limit but your own (input_bounds) bounds a {unbounded.quantity} [{unbounded.unit}]"
+        reason = own if motion is None else f"{motion} does not, for the motion does not follow linearly"
         return f"{reason}: make it a wheel_speed and add that"
 
     def allows(self, values: Mapping[str, float]) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from oed.foundation.errors import ProblemError
+from oed.foundation.text import did_you_mean
 
 
 @cache
@@ -26,7 +27,8 @@ def preset(name: str) -> dict[str, dict[str, Any]]:
         ProblemError: an unknown name.
     """
     if name not in preset_names():
-        text = f"expected one of {', '.join(preset_names())}, got {name!r}"
+        hint = did_you_mean(str(name), preset_names())
+        text = f"expected one of {', '.join(preset_names())}, got {name!r}{hint}"
         raise ProblemError.about(("robot", "preset"), text)
     text = resources.files(__package__).joinpath(f"{name}.yaml").read_text(encoding="utf-8")
     data: dict[str, dict[str, Any]] = yaml.safe_load(text)

@@ -12,7 +12,7 @@ from oed.foundation.text import listing
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement
-from oed.kernel.measurement.sensor import Sensor, joint_block, joint_cuts
+from oed.kernel.measurement.sensor import Sensor, joins, joint_block, joint_cuts
 from oed.robots.own_parts import PythonSensor
 from oed.robots.sensors.biased import TrailerAngle, YawRate
 from oed.robots.sensors.placed import Ranges
@@ -22,6 +22,7 @@ SENSORS: tuple[type[Sensor], ...] = (Poses, Ranges, YawRate, TrailerAngle)
 """Every sensor of this package."""
 
 
+@joins
 class Several(Measurement):
     """Sensors used together; in a study, a list of them."""
 

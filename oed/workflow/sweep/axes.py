@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,12 +25,14 @@ class Axis:
         texts: of the values, each with its unit.
         numbers: the values in `unit`; None where they are no numbers of one unit.
         unit: as it was given; "" for plain numbers and for words.
+        studies: what the study's keys are at each value, where more changes with it than that key alone.
     """
 
     key: str
     texts: tuple[str, ...]
     numbers: tuple[float, ...] | None
     unit: str
+    studies: tuple[Mapping[str, Any], ...] = ()
 
     @property
     def path(self) -> tuple[str | int, ...]:

@@ -92,7 +92,10 @@ def _last(key: str) -> str:
 def _study(source: YamlSource, axes: Sequence[Axis], chosen: Sequence[int], label: str) -> Study:
     data = copy.deepcopy(source.data)
     for axis, index in zip(axes, chosen, strict=True):
-        _put(data, axis, axis.values[index])
+        if axis.studies:
+            data.update(axis.studies[index])
+        else:
+            _put(data, axis, axis.values[index])
     if isinstance(data, dict) and isinstance(data.get("name"), str) and "name" not in (a.key for a in axes):
         data["name"] = f"{data['name']} ({label})"
     text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=110)

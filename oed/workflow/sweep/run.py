@@ -11,15 +11,17 @@ from pathlib import Path
 from typing import Any
 
 from oed.foundation.errors import OedError, RecordError
+from oed.foundation.extras import package_version
 from oed.foundation.files import inside
+from oed.foundation.presenting import Brief
 from oed.foundation.work.folders import Draft, drafted, interrupted_runs, kept_in
 from oed.foundation.work.parallel import run_tasks
 from oed.foundation.work.signals import interrupts_named
 from oed.optimize import Progress, Silent, Workers, default_workers
-from oed.records.outcomes import package_version
 from oed.records.record import FILE as RECORD
-from oed.records.record import Record, load_record, pages, saved_file
-from oed.records.stored.door import FORMAT, checked, read_file
+from oed.records.record import SWEEP_FILE as FILE
+from oed.records.record import Record, load_record, load_sweep, pages
+from oed.records.stored.door import FORMAT
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.study.study import Study
 from oed.workflow.runner import run
@@ -27,16 +29,14 @@ from oed.workflow.saving import NotSaved, require_readable
 from oed.workflow.sweep.axes import Axis
 from oed.workflow.sweep.points import Point, grid, short_names
 
-FILE = "sweep.json"
-"""Name of the file that holds the table of points."""
 ROUNDING = 1e-6
 """Share of the objective by which points may differ and still count as equal."""
 INCOMPARABLE = ("criterion", "estimate", "measurement")
 """Parts of a study with which the meaning of its objective changes."""
 
 
-@dataclass(frozen=True)
-class Swept:
+@dataclass(frozen=True, repr=False)
+class Swept(Brief):
     """A sweep that was run: what it found, and the folder where it is saved; None where it is nowhere."""
 
     found: StoredSweep
@@ -81,16 +81,6 @@ def sweep(
         done = _Sweep(Path(file), axes, points, draft, seed)
         done.run(default_workers() if workers is None else workers, listener)
         return done.finish()
-
-
-def load_sweep(folder: str | Path) -> StoredSweep:
-    """The sweep in `folder`.
-
-    Raises:
-        RecordError: none there, or not one of this format.
-    """
-    path = saved_file(folder, FILE)
-    return checked(StoredSweep, read_file(path, "a sweep", "oed sweep", "points"), path)
 
 
 @dataclass(frozen=True)

@@ -138,8 +138,8 @@ def test_an_object_in_python_needs_no_study(folder: Path):
         ("no_such_module:Robot", {}, "no module no_such_module in"),
         ("my_robots:Tank", {}, "my_robots has no Tank"),
         ("my_robots:Stranger", {}, "inherits from oed.Model"),
-        ("my_robots:Unicycle", {"gain: 0.9": "gian: 0.9"}, "gian: Extra inputs are not permitted"),
-        ("my_robots:Unicycle", {"gain: 0.9": "gain: fast"}, "gain: Input should be a valid number"),
+        ("my_robots:Unicycle", {"gain: 0.9": "gian: 0.9"}, "gian: unknown key"),
+        ("my_robots:Unicycle", {"gain: 0.9": "gain: fast"}, "gain: expected a number, got 'fast'"),
     ],
 )
 def test_mistakes_are_named_with_their_line(folder: Path, place: str, changes: dict, words: str):

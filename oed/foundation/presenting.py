@@ -1,0 +1,227 @@
+"""How objects present themselves where people look at them: a console, a notebook, a table of numbers.
+
+An object says what matters of it as a `Card`, once; its text, its HTML and its short form follow from that.
+Figures are asked for in `oed.foundation.plots`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import math
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+from oed.foundation.errors import UserMistake
+from oed.foundation.shown import shown, written
+from oed.foundation.text import MISSING, deviation_text, own_unit, significant, to_error, unit_text
+
+Fact = tuple[str, str]
+Row = tuple[str, ...]
+
+PARAMETER_COLUMNS: Row = ("parameter", "value", "standard error")
+UNIDENTIFIED = "not identifiable"
+"""What stands for an infinite standard error."""
+MOST_ROWS = 30
+"""Rows of a card's table that are shown."""
+PYDANTIC = frozenset(
+    ("copy", "dict", "json", "construct", "from_orm", "parse_file", "parse_obj", "parse_raw")
+)
+PYDANTIC_TOO = frozenset(("schema", "schema_json", "update_forward_refs", "validate"))
+"""Names that every pydantic object has, of which only few mean something here."""
+
+
+@dataclass(frozen=True)
+class Card:
+    """What matters of an object.
+
+    Attributes:
+        title: what it is, in one line.
+        facts: what it is called, and what it is; numbers with their units.
+        heads: of the table's columns.
+        rows: of the table, each as wide as the heads.
+    """
+
+    title: str
+    facts: tuple[Fact, ...] = ()
+    heads: Row = ()
+    rows: tuple[Row, ...] = ()
+
+    @property
+    def short(self) -> str:
+        """The title and the facts, a line each."""
+        return "\n".join([shown(self.title), *_aligned([(f"  {name}", value) for name, value in self.facts])])
+
+    @property
+    def text(self) -> str:
+        """The title, the facts and the table."""
+        if not self.rows:
+            return self.short
+        table = _aligned([self.heads, *self._shown_rows])
+        return "\n".join([self.short, *(f"  {line}" for line in [*table, *self._rest])])
+
+    @property
+    def html(self) -> str:
+        """Small tables for notebooks; everything escaped."""
+        facts = "".join(
+            f"<tr><th style='text-align:left'>{_html(n)}</th>{_cell(v)}</tr>" for n, v in self.facts
+        )
+        heads = "".join(f"<th style='text-align:left'>{_html(one)}</th>" for one in self.heads)
+        rows = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in self._shown_rows)
+        rest = "".join(f"<p>{_html(line)}</p>" for line in self._rest)
+        parts = [f"<strong>{_html(self.title)}</strong>"]
+        parts += [f"<table>{facts}</table>"] if facts else []
+        parts += (
+            [f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>{rest}"] if rows else []
+        )
+        return f"<div>{''.join(parts)}</div>"
+
+    @property
+    def _shown_rows(self) -> tuple[Row, ...]:
+        return self.rows[:MOST_ROWS]
+
+    @property
+    def _rest(self) -> list[str]:
+        hidden = len(self.rows) - MOST_ROWS
+        return [f"and {hidden} more"] if hidden > 0 else []
+
+
+def _html(text: str) -> str:
+    return escape(shown(text))
+
+
+def _cell(text: str) -> str:
+    return f"<td style='text-align:left'>{_html(text)}</td>"
+
+
+def _aligned(rows: Sequence[Row]) -> list[str]:
+    # Columns under each other.
+    cells = [[shown(cell) for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = ("  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)) for row in cells)
+    return [line.rstrip() for line in lines]
+
+
+class Presented:
+    """What has a card, and so a short form, a summary and a form for notebooks."""
+
+    @abstractmethod
+    def _card(self) -> Card:
+        # What matters of it.
+        ...
+
+    def __repr__(self) -> str:
+        """The card's title and facts."""
+        return self._card().short
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        # What notebooks show.
+        return self._card().html
+
+    def summary(self) -> str:
+        """What matters of it as text, with its table."""
+        return self._card().text
+
+
+class Brief:
+    """What has many fields: its short form says what each is, with large ones by their size only."""
+
+    def __repr__(self) -> str:
+        """The class and its fields, each cut."""
+        names = [one.name for one in dataclasses.fields(self) if one.repr]  # type: ignore[arg-type]
+        return f"{type(self).__name__}({', '.join(f'{one}={brief(getattr(self, one))}' for one in names)})"
+
+
+def brief(value: object) -> str:
+    """A value in a few words: arrays by their shape, long lists by their length."""
+    shape = getattr(value, "shape", None)
+    if isinstance(shape, tuple) and math.prod(shape) > 6:
+        return f"<array {shape}>"
+    if isinstance(value, Mapping) and len(value) > 3:
+        return f"<{len(value)} entries>"
+    if isinstance(value, list | tuple) and len(value) > 6:
+        return f"<{len(value)} entries>"
+    return " ".join(written(value).split())
+
+
+class Tidy:
+    """A pydantic object of which completion lists what is its own, not what pydantic is made of."""
+
+    def __dir__(self) -> Iterable[str]:
+        """The names without pydantic's."""
+        own = getattr(type(self), "model_fields", {})
+        return [name for name in object.__dir__(self) if name in own or not _of_pydantic(type(self), name)]
+
+
+def _of_pydantic(kind: type, name: str) -> bool:
+    if name.startswith(("model_", "__pydantic", "_abc_")) or name in ("__signature__", "__fields__"):
+        return True
+    owner = next((one for one in kind.__mro__ if name in vars(one)), None)
+    return name in PYDANTIC | PYDANTIC_TOO and owner is not None and owner.__module__.startswith("pydantic")
+
+
+def parameter_rows(
+    names: Sequence[str],
+    values: Mapping[str, float | None],
+    errors: Mapping[str, float | None],
+    units: Mapping[str, str],
+) -> tuple[Row, ...]:
+    """Rows under `PARAMETER_COLUMNS`: every parameter rounded to its standard error, in its usual unit.
+
+    Args:
+        names: of the parameters.
+        values: by name [SI].
+        errors: their standard errors [SI], infinite of what is not identifiable.
+        units: SI units.
+    """
+    return tuple(_parameter_row(one, values.get(one), errors.get(one), units.get(one, "")) for one in names)
+
+
+def _parameter_row(name: str, value: float | None, error: float | None, unit: str) -> Row:
+    own, factor = own_unit(unit)
+    known = value is None or f"{to_error(value, error, factor)} {unit_text(own)}".strip()
+    if error is None or not math.isfinite(error):
+        return (name, MISSING if value is None else str(known), MISSING if error is None else UNIDENTIFIED)
+    return (name, MISSING if value is None else str(known), deviation_text(error, unit))
+
+
+def number(value: float | None, unit: str = "", digits: int = 4) -> str:
+    """A number with its unit, a dash for none.
+
+    Args:
+        value: in that unit.
+        unit: to write after it.
+        digits: significant ones.
+    """
+    return MISSING if value is None else f"{significant(digits)(value)} {unit_text(unit)}".strip()
+
+
+def given(*facts: tuple[str, str | None]) -> tuple[Fact, ...]:
+    """The facts that there are: those without text are left out."""
+    return tuple((name, text) for name, text in facts if text)
+
+
+def dataframe(columns: Mapping[str, Any], units: Mapping[str, str] | None = None) -> Any:
+    """A pandas DataFrame of columns, SI; its `attrs["units"]` say which units.
+
+    Args:
+        columns: by name, all of one length.
+        units: SI units of those columns that have one.
+
+    Raises:
+        UserMistake: pandas is not installed; says how to.
+    """
+    try:
+        pandas = importlib.import_module("pandas")
+    except ModuleNotFoundError as error:
+        if error.name != "pandas":
+            raise
+        raise UserMistake("tables as DataFrames need pandas: pip install pandas") from None
+    frame = pandas.DataFrame(dict(columns))
+    frame.attrs["units"] = {name: unit for name, unit in (units or {}).items() if unit}
+    return frame

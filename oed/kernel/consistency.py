@@ -1,0 +1,203 @@
+"""Whether the parts of a problem fit together: every reason why they do not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from oed.foundation.arguments import kind_flaw
+from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.shown import written
+from oed.foundation.text import did_you_mean, listing
+from oed.kernel.criteria import CRITERIA, Criterion
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.system import System
+from oed.kernel.limit import Limit
+from oed.kernel.measurement.information import scaling_flaws
+from oed.kernel.measurement.measurement import Block, Measurement
+from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.sensor import Sensor, joined
+
+if TYPE_CHECKING:
+    from oed.kernel.problem import Problem
+
+
+KINDS: dict[str, type] = {
+    "model": System,
+    "design": Space,
+    "measurement": Measurement,
+    "criterion": Criterion,
+}
+"""What parts of a problem are to be."""
+
+
+def parts_of(problem: Problem) -> dict[str, Any]:
+    """The parts of a problem as they are to be: lists and names replaced by what they stand for.
+
+    Raises:
+        ProblemError: parts that are something else than they are to be; every one is named.
+    """
+    flaws: list[Flaw] = []
+    found = {
+        "model": problem.model,
+        "design": problem.design,
+        "measurement": _measurement(problem.measurement, flaws),
+        "criterion": _criterion(problem.criterion, flaws),
+    }
+    broken = {flaw.key[0] for flaw in flaws}
+    reasons = {name: kind_flaw(one, KINDS[name]) for name, one in found.items() if name not in broken}
+    if problem.prior is not None:
+        reasons["prior"] = kind_flaw(problem.prior, Prior)
+    flaws += [Flaw((name,), reason) for name, reason in reasons.items() if reason]
+    estimate = (problem.estimate,) if isinstance(problem.estimate, str) else problem.estimate
+    limits, others = _limits(problem.limits)
+    flaws += others
+    if flaws:
+        raise ProblemError(flaws)
+    return {**found, "limits": limits, "estimate": None if estimate is None else tuple(estimate)}
+
+
+def _kind_flaws(found: Mapping[str, object], kinds: Mapping[str, type]) -> list[Flaw]:
+    reasons = {name: kind_flaw(one, kinds[name]) for name, one in found.items()}
+    return [Flaw((name,), reason) for name, reason in reasons.items() if reason]
+
+
+def _limits(given: Any) -> tuple[tuple[Limit, ...], list[Flaw]]:
+    if isinstance(given, Limit):
+        return (given,), []
+    if not isinstance(given, list | tuple):
+        return (), [Flaw(("limits",), f"expected a list of limits, got {written(given)}")]
+    reasons = ((place, kind_flaw(one, Limit)) for place, one in enumerate(given))
+    return tuple(given), [Flaw(("limits", place), reason) for place, reason in reasons if reason]
+
+
+def _measurement(given: Any, flaws: list[Flaw]) -> Any:
+    if not isinstance(given, list | tuple):
+        return given
+    reasons = ((place, kind_flaw(one, Sensor)) for place, one in enumerate(given))
+    found = [Flaw(("measurement", place), reason) for place, reason in reasons if reason]
+    if not given:
+        found = [Flaw(("measurement",), "expected at least one sensor")]
+    flaws += found
+    return given if found else joined(given)
+
+
+def _criterion(given: Any, flaws: list[Flaw]) -> Any:
+    if not isinstance(given, str):
+        return given
+    kinds = {one.model_fields["kind"].default: one for one in CRITERIA}
+    if given not in kinds:
+        flaws.append(Flaw(("criterion",), f"expected one of {', '.join(kinds)}, got {written(given)}"))
+        return given
+    try:
+        return kinds[given](kind=given)
+    except ValidationError as error:
+        needs = listing([str(one["loc"][0]) for one in error.errors()])
+        flaws.append(Flaw(("criterion",), f"{given} needs {needs} as well: give the criterion itself"))
+        return given
+
+
+def problem_flaws(problem: Problem) -> list[Flaw]:
+    """Why a problem's parts do not fit together, by key; [] where they do."""
+    model, space = problem.model, problem.design
+    flaws = model.flaws()
+    if flaws:
+        # Of such a system nothing else can be said.
+        return flaws
+    needed = space.spline.degree + (3 if space.rest_to_rest else 1)
+    if space.spline.coefficients < needed:
+        text = (
+            f"a degree-{space.spline.degree} spline{' at rest at both ends' if space.rest_to_rest else ''} "
+            f"needs at least {needed} coefficients, got {space.spline.coefficients}"
+        )
+        flaws.append(Flaw(("trajectory", "spline", "coefficients"), text))
+    for limit in problem.limits:
+        flaws += limit.flaws(model, space)
+    names = [limit.name for limit in problem.limits]
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        flaws.append(Flaw(("limits", name), "given twice; a limit is known by its name"))
+    flaws += _unbounded(problem)
+    flaws += problem.measurement.flaws(model, space.samples)
+    flaws += _name_flaws(problem)
+    # Blocks exist only for a measurement that fits the system.
+    return flaws or _estimation_flaws(problem) or _uncertainty_flaws(problem)
+
+
+def _unbounded(problem: Problem) -> list[Flaw]:
+    # Inputs that no limit bounds, with the limits that would.
+    names = [limit.name for limit in problem.limits]
+    found = zip(problem.model.inputs, problem.input_bounds, strict=True)
+    return [
+        Flaw(
+            ("limits",),
+            f"nothing bounds {one.name}; {problem.model.remedy(one, names)}, without which no design is best",
+        )
+        for one, pair in found
+        if not np.isfinite(pair).all()
+    ]
+
+
+def _name_flaws(problem: Problem) -> list[Flaw]:
+    # Parameters that the system has by none of the sorts it is known by, or of several at once.
+    wanted, known = problem.estimate, problem.model.estimable
+    if wanted is None:
+        return []
+    if not wanted:
+        return [Flaw(("estimate",), "expected at least one parameter")]
+    if len(set(wanted)) < len(wanted):
+        return [Flaw(("estimate",), "a parameter is listed twice")]
+    if any(set(wanted) <= set(names) for names in known.values()):
+        return []
+    choices = " or ".join(f"{sort} ({', '.join(names)})" for sort, names in known.items())
+    text = f"expected some of the {problem.model.noun}'s {choices}, got {', '.join(wanted)}"
+    every = [name for names in known.values() for name in names]
+    text += next((did_you_mean(name, every) for name in wanted if name not in every), "")
+    return [Flaw(("estimate",), text)]
+
+
+def _uncertainty_flaws(problem: Problem) -> list[Flaw]:
+    flaws = problem.uncertainty.flaws(problem.uncertain_system) if problem.uncertainty is not None else []
+    return flaws or (problem.robust.flaws(problem.uncertain_system) if problem.robust is not None else [])
+
+
+def _estimation_flaws(problem: Problem) -> list[Flaw]:
+    blocks = problem.any_blocks
+    known = [name for block in blocks for name in block.parameters]
+    strangers = [name for name in problem.estimate or () if name not in known]
+    if strangers:
+        text = (
+            f"{', '.join(strangers)} cannot be estimated from {problem.measurement.kind}, "
+            f"which identify {', '.join(known)}"
+        )
+        return [Flaw(("estimate",), text)]
+    estimated = problem.estimate or known
+    unknown = [name for name in problem.criterion.subset or () if name not in estimated]
+    if unknown or problem.criterion.subset == ():
+        text = f"expected some of the estimated {', '.join(estimated)}, got {', '.join(unknown) or 'none'}"
+        return [Flaw(("criterion", "subset"), text)]
+    judged = [problem.judged(block) for block in blocks]
+    flaws = scaling_flaws(
+        [block for block, names in zip(blocks, judged, strict=True) if names],
+        problem.criterion.scaling,
+        [names for names in judged if names],
+    )
+    flaws += _prior_flaws(problem, blocks, list(estimated))
+    return flaws or problem.criterion.flaws(problem.subject)
+
+
+def _prior_flaws(problem: Problem, blocks: Sequence[Block], estimated: list[str]) -> list[Flaw]:
+    if problem.prior is None:
+        return []
+    if problem.criterion.scaling == "none" and any(block.raw for block in blocks):
+        text = "a prior cannot be added to W'W, which leaves the noise out; use scaling: relative"
+        return [Flaw(("prior",), text)]
+    table = {
+        name: (value, unit)
+        for block in blocks
+        for name, value, unit in zip(block.parameters, block.nominal, block.units, strict=True)
+    }
+    values = np.array([table[name][0] for name in estimated])
+    return problem.prior.flaws(estimated, values, [table[name][1] for name in estimated])

@@ -1,0 +1,36 @@
+"""What a search has reached, said while it goes on: nobody need wait for its end to see what to expect."""
+
+from __future__ import annotations
+
+from oed.foundation.text import deviation_text, listing, significant, words
+from oed.foundation.work.progress import announce
+from oed.kernel.evaluation import Evaluation
+from oed.kernel.problem import Problem
+from oed.optimize.solver import Context
+
+
+def announce_drive(context: Context, problem: Problem, evaluation: Evaluation, seconds: float) -> None:
+    """Tell whoever listens of a feasible drive.
+
+    Args:
+        context: of the search.
+        problem: that is searched.
+        evaluation: of the drive.
+        seconds: since the search began [s].
+    """
+    if evaluation.identifiable:
+        after = f"first feasible drive after {significant(2)(seconds)} s"
+        announce(
+            context.progress, f"{after}: {_worth(problem, evaluation)}; the search for a better one goes on"
+        )
+
+
+def _worth(problem: Problem, evaluation: Evaluation) -> str:
+    errors = evaluation.standard_deviations
+    units = {
+        name: unit
+        for one in problem.any_estimations
+        for name, unit in zip(one.parameters, one.units, strict=True)
+    }
+    said = [f"{words(name)} {deviation_text(size, units[name])}" for name, size in errors.items()]
+    return f"standard errors {listing(said)}" if said else f"objective {significant(4)(evaluation.objective)}"

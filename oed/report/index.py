@@ -1,0 +1,249 @@
+"""The index of a folder: a table of the runs in it, which a click on a column's heading sorts."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote
+
+from oed.foundation.errors import RecordError, UserMistake
+from oed.foundation.files import inside
+from oed.foundation.shown import page_text
+from oed.foundation.text import MISSING, significant, words
+from oed.foundation.work.folders import updated
+from oed.records.record import (
+    ESTIMATE,
+    ESTIMATE_FILE,
+    FILE,
+    REPORT,
+    SWEEP_FILE,
+    beside,
+    load_estimate,
+    load_record,
+    load_sweep,
+)
+from oed.records.stored.study_record import Provenance
+from oed.report.comparison import relative_deviations
+from oed.report.page import FILTERS
+from oed.report.parts.prose import environment
+from oed.report.parts.section import percent
+
+NAME = "index"
+"""Of the index's files, without suffix."""
+MADE = '<meta name="generator" content="oed report">'
+"""By which an index is known that may be replaced."""
+HTML, MARKDOWN = "index.html.jinja", "index.md.jinja"
+DEEPEST = 6
+"""Folders within folders that are looked into."""
+NAMED = 3
+"""Runs that cannot be read and are named where none can be."""
+
+Shares = Mapping[str, float | None]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a folder, as a row of the index says it.
+
+    Attributes:
+        folder: of the run, relative to the folder that the index is of.
+        kind: design, estimate or sweep; and whether it was cut short.
+        study: its name.
+        robot: its kind; "" where it is not known.
+        precision: standard errors of the parameters, shares of their values [%]; of a sweep its best's.
+        gap: of the best design to the bound [%]; None where there is none.
+        date: when it was finished, ISO 8601; "" where it is not known.
+        page: of the run; None where none is written.
+    """
+
+    folder: str
+    kind: str
+    study: str
+    robot: str
+    precision: Shares
+    gap: float | None = None
+    date: str = ""
+    page: Path | None = None
+
+    @property
+    def worst(self) -> float | None:
+        """The largest of the standard errors [%]; None where none is known."""
+        return max((size for size in self.precision.values() if size is not None), default=None)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell as it is printed, line by line, and what it is sorted by: "" comes last."""
+
+    heading: str
+    lines: tuple[str, ...]
+    key: str
+    numeric: bool = False
+    address: str = ""
+
+
+def write_index(folder: str | Path, out: str | Path | None = None) -> Path:
+    """Write index.html and index.md of the runs in a folder, and in folders in it; returns index.html.
+
+    Args:
+        folder: that is looked through.
+        out: where to write; the folder itself by default.
+
+    Raises:
+        UserMistake: there are no runs that can be read, or an index.html that is something else.
+    """
+    source, target = Path(folder), Path(folder if out is None else out)
+    runs, unreadable = runs_in(source)
+    if not runs:
+        raise UserMistake(_nothing(source, unreadable))
+    page = target / f"{NAME}.html"
+    if page.exists() and MADE not in page.read_text(encoding="utf-8", errors="replace"):
+        raise UserMistake(
+            f"{page}: cannot be written: it is no index of runs; name another folder with --out"
+        )
+    runs.sort(key=lambda one: (one.date, one.folder), reverse=True)
+    rows = [list(_cells(one, target)) for one in runs]
+    content = {
+        "title": f"Runs in {source.resolve().name}",
+        "rows": rows,
+        "unreadable": unreadable,
+        "made": MADE,
+    }
+    templates = environment().overlay()
+    templates.filters = {**templates.filters, **FILTERS}
+    html, markdown = (
+        page_text(templates.get_template(template).render(content)) for template in (HTML, MARKDOWN)
+    )
+    with updated(target) as draft:
+        draft.write({f"{NAME}.md": markdown, f"{NAME}.html": html})
+        draft.publish({page.name for page in target.glob(f"{NAME}.*") if page.suffix in (".md", ".html")})
+    return page
+
+
+def _nothing(source: Path, unreadable: Sequence[tuple[str, str]]) -> str:
+    if not unreadable:
+        return (
+            f"{source}: no run in it or in its folders: expected {FILE}, {ESTIMATE_FILE} or {SWEEP_FILE}; "
+            f"`oed run STUDY --out {source}` writes one{beside(source)}"
+        )
+    why = "\n".join(f"{name}: {reason}" for name, reason in unreadable[:NAMED])
+    return f"{source}: none of its {len(unreadable)} runs can be read:\n{why}"
+
+
+def runs_in(folder: Path) -> tuple[list[Run], list[tuple[str, str]]]:
+    """The runs in a folder and in folders in it, and those that cannot be read, by name, each with why.
+
+    The points of a sweep are not runs of their own; hidden folders and links are left alone.
+    """
+    runs: list[Run] = []
+    unreadable: list[tuple[str, str]] = []
+    for place, read in _found(folder):
+        name = place.relative_to(folder).as_posix()
+        try:
+            runs.append(read(place, name))
+        except RecordError as error:
+            unreadable.append((name, str(error)))
+    return runs, unreadable
+
+
+Reader = Callable[[Path, str], Run]
+
+
+def _found(folder: Path) -> Iterator[tuple[Path, Reader]]:
+    for at, folders, files in os.walk(folder):
+        place = Path(at)
+        deep = len(place.relative_to(folder).parts)
+        points = _points(place) if SWEEP_FILE in files else set()
+        folders[:] = sorted(
+            one for one in folders if deep < DEEPEST and not one.startswith(".") and one not in points
+        )
+        yield from ((place, read) for name, read in READERS.items() if name in files)
+
+
+def _points(place: Path) -> set[str]:
+    try:
+        return {one.folder.split("/")[0] for one in load_sweep(place).points}
+    except RecordError:
+        # Its records are then runs like any others.
+        return set()
+
+
+def _design(place: Path, name: str) -> Run:
+    record = load_record(place)
+    return Run(
+        name,
+        _kind("design", cut=record.interrupted),
+        record.study.name,
+        record.study.robot.kind,
+        relative_deviations(record),
+        None if record.certificate is None else percent(record.certificate.gap),
+        _finished(record.provenance),
+        _page(place, REPORT),
+    )
+
+
+def _estimate(place: Path, name: str) -> Run:
+    record = load_estimate(place)
+    values = record.values
+    shares = {
+        one.name: 100 * one.standard_error / abs(values[one.name])
+        for one in record.parameters
+        if one.standard_error is not None and values[one.name]
+    }
+    date = _finished(record.provenance)
+    return Run(name, "estimate", record.title, record.robot, shares, date=date, page=_page(place, ESTIMATE))
+
+
+def _sweep(place: Path, name: str) -> Run:
+    found = load_sweep(place)
+    kind = _kind(f"sweep of {len(found.points)} points", cut=found.interrupted)
+    page = _page(place, REPORT)
+    known = [one for one in found.points if one.record is not None]
+    point = next((one for one in known if one.folder == found.best), known[0] if known else None)
+    if point is None:
+        return Run(name, kind, found.name, "", {}, page=page)
+    best = _design(inside(place, point.folder), name)
+    return Run(name, kind, found.name, best.robot, best.precision, percent(point.gap), best.date, page)
+
+
+READERS: Mapping[str, Reader] = {FILE: _design, ESTIMATE_FILE: _estimate, SWEEP_FILE: _sweep}
+"""By the names of the files that they read."""
+
+
+def _kind(kind: str, *, cut: bool) -> str:
+    return f"{kind}, cut short" if cut else kind
+
+
+def _finished(made: Provenance | None) -> str:
+    return "" if made is None else made.finished
+
+
+def _page(place: Path, name: str) -> Path | None:
+    file = place / f"{name}.html"
+    return file if file.is_file() else None
+
+
+def _cells(run: Run, target: Path) -> Iterator[Cell]:
+    address = "" if run.page is None else quote(Path(os.path.relpath(run.page, target)).as_posix())
+    yield Cell("Study", (run.study,), run.study.casefold())
+    yield Cell("Run", (run.folder,), run.folder.casefold(), address=address)
+    yield Cell("What", (run.kind,), run.kind)
+    yield Cell("Robot", (words(run.robot) or MISSING,), run.robot)
+    lines = tuple(f"{words(name)} {_share(size)}" for name, size in run.precision.items())
+    yield Cell("Standard errors", lines or (MISSING,), _number(run.worst))
+    yield Cell("Gap to the bound", (_share(run.gap),), _number(run.gap), numeric=True)
+    yield Cell("Finished", (run.date[:16].replace("T", " ") or MISSING,), run.date)
+
+
+def _share(size: float | None) -> str:
+    return MISSING if size is None else f"{significant(2)(size)} %"
+
+
+def _number(size: float | None) -> str:
+    # As a script reads it; what is not known sorts last.
+    if size is None or math.isnan(size):
+        return ""
+    return "Infinity" if math.isinf(size) else repr(float(size))

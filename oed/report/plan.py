@@ -1,0 +1,88 @@
+"""The page of a plan: the answer, and precision against duration, the room and the noise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from oed.foundation.text import error_text, fixed, own_unit, shown_unit, size_text, words
+from oed.records.stored.plan import PlannedAim, PlannedAxis, PlannedPoint, StoredPlan
+from oed.report.figures import chart as charts
+from oed.report.figures.chart import Chart
+from oed.report.page import render
+from oed.report.parts.prose import Prose
+from oed.report.parts.section import Column, Picture, Section, Table
+
+SAY = Prose("plan")
+ACROSS = {
+    "duration": "duration of the drive",
+    "room": "longer side of the room",
+    "noise": "size of the noise",
+}
+"""What is varied, in words."""
+TIMES = "times the study's"
+"""Unit of what is a share of the study's own."""
+
+
+def write_plan(found: StoredPlan, folder: str | Path) -> Path:
+    """Write report.html, report.md and figures/*.svg of a plan into `folder`; returns report.html.
+
+    Raises:
+        UserMistake: the folder cannot be written to.
+    """
+    target = Path(folder)
+    sections = (_summary(found), *(_table(found, axis) for axis in found.axes))
+    return render(f"{found.name}: how long, or how many drives", sections, target)
+
+
+def _summary(found: StoredPlan) -> Section:
+    drawn = [one for axis in found.axes if (one := _chart(found, axis)) is not None]
+    figure = None
+    if drawn:
+        figure = Picture("precision", SAY("alt"), SAY("caption", len(found.aims)), charts.panels(drawn))
+    wanted = [(words(one.name), size_text(one.wanted, one.unit, 2)) for one in found.aims]
+    return Section.of(found.answer, SAY("wanted", wanted), figure, SAY("adding"))
+
+
+def _chart(found: StoredPlan, axis: PlannedAxis) -> Chart | None:
+    # With the study's own drive among them, which was designed with the durations.
+    points = {one.value: one for one in axis.points if one.errors}
+    own = next((one for one in found.axes[0].points if one.value == found.duration), None)
+    if own is not None and own.errors and axis is not found.axes[0]:
+        points[axis.base] = own
+    places = tuple(sorted(points))
+    if len(places) < 2:
+        return None
+    single = len(found.aims) == 1
+    name = f"standard error [{shown_unit(found.aims[0].unit)}]" if single else "share of what is wanted"
+    lines = [
+        (words(aim.name), tuple(_drawn(points[place], aim, single) for place in places)) for aim in found.aims
+    ]
+    level = found.aims[0].wanted * own_unit(found.aims[0].unit)[1] if single else 1.0
+    lines.append(("wanted", (level,) * len(places)))
+    unit = f" [{axis.unit}]" if axis.unit else f", {TIMES}"
+    return Chart(f"{ACROSS[axis.name]}{unit}", places, tuple(lines), name)
+
+
+def _drawn(one: PlannedPoint, aim: PlannedAim, single: bool) -> float | None:
+    error = one.errors.get(aim.name)
+    return None if error is None else error * own_unit(aim.unit)[1] if single else error / aim.wanted
+
+
+def _table(found: StoredPlan, axis: PlannedAxis) -> Section:
+    title = ACROSS[axis.name]
+    columns = (
+        Column(title, axis.unit or TIMES, lambda value: f"{value:.3g}", lambda one: one.value),
+        *(_error_column(aim) for aim in found.aims),
+        Column("drives needed", "", fixed(0), lambda one: one.drives),
+        Column("status", cell=lambda one: words(one.status)),
+    )
+    return Section.of(f"{title[0].upper()}{title[1:]}", Table.of(axis.points, columns))
+
+
+def _error_column(aim: PlannedAim) -> Column:
+    factor = own_unit(aim.unit)[1]
+
+    def error(one: PlannedPoint) -> float | None:
+        return one.errors[aim.name] * factor if aim.name in one.errors else None
+
+    return Column(f"standard error of {words(aim.name)}", shown_unit(aim.unit), error_text, error)

@@ -1,0 +1,129 @@
+"""The figures of objects in a console or a notebook: those of the reports, drawn for one object alone.
+
+`oed.foundation.plots` finds them here: objects themselves know of no figures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from oed.foundation.errors import UserMistake
+from oed.foundation.plots import draws
+from oed.foundation.text import listing, words
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution, Status
+from oed.records.record import EstimateRecord, Record
+from oed.report.estimate import estimate_sections
+from oed.report.figures import chart, paths, spec
+from oed.report.figures.driven import Path, Room, Run
+from oed.report.page import sections_of
+from oed.report.parts.inputs import groups_among, series_among
+from oed.report.parts.reading import NOWHERE
+from oed.report.parts.section import Section
+from oed.robots.limits.workspace import Obstacles, workspace_of
+from oed.robots.models.arcs import Integration, goes_sideways, signed_speeds
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DRIVEN = ("path", "inputs")
+"""Figures of a solution."""
+
+
+def picture(plot: spec.Plot) -> Figure:
+    """A figure as notebooks show it."""
+    # The drawing library is loaded when there is something to draw.
+    from oed.report.figures.draw import shown_figure
+
+    return shown_figure(plot)
+
+
+@draws(Record)
+def record_figure(record: Record, what: str | None = None) -> Figure:
+    """A figure of a record's report by its name, the first for None.
+
+    Raises:
+        UserMistake: there is none of that name.
+    """
+    return _named(sections_of(record), what)
+
+
+@draws(EstimateRecord)
+def estimate_figure(record: EstimateRecord, what: str | None = None) -> Figure:
+    """A figure of an estimate's page by its name, the first for None.
+
+    Raises:
+        UserMistake: there is none of that name.
+    """
+    return _named(estimate_sections(record), what)
+
+
+def _named(sections: Sequence[Section], what: str | None) -> Figure:
+    table = {one.name: one.figure for section in sections for one in section.figures}
+    if not table:
+        raise UserMistake("there is nothing to draw: no result has a drive")
+    name = next(iter(table)) if what is None else what
+    if name not in table:
+        raise UserMistake(f"expected one of {listing(list(table))}; there is no figure {name!r}")
+    return picture(table[name])
+
+
+@draws(Solution)
+def solution_figure(solution: Solution, what: str = "path", problem: Problem | None = None) -> Figure:
+    """The path of a design, or its inputs over time.
+
+    Args:
+        solution: whose design is drawn.
+        what: "path" or "inputs".
+        problem: whose room is drawn behind the path, and whose inputs' names are used.
+
+    Raises:
+        UserMistake: there is no design, or no such figure.
+    """
+    if what not in DRIVEN:
+        raise UserMistake(f"expected one of {listing(DRIVEN)}; there is no figure {what!r}")
+    if solution.trajectory is None or solution.evaluation is None:
+        raise UserMistake(f"there is no design to draw: {solution.message}")
+    if what == "inputs":
+        return picture(_inputs(solution, problem))
+    return picture(paths.paths([_path(solution, problem)], Room() if problem is None else _room(problem)))
+
+
+def _path(solution: Solution, problem: Problem | None) -> Path:
+    drive, evaluation = solution.trajectory, solution.evaluation
+    assert drive is not None
+    assert evaluation is not None
+    each = np.split(evaluation.states, drive.runs)
+    sideways = any(goes_sideways(states, NOWHERE) for states in each)
+    integration: Integration = "arc" if problem is None else getattr(problem.design, "integration", "arc")
+    runs = []
+    for states in each:
+        x, y, angle = states[:, :3].T
+        speeds = signed_speeds(states, drive.period, integration, sideways)
+        runs.append(Run(x, y, angle, speeds, np.zeros(0, dtype=np.int64)))
+    return Path(_title(solution), tuple(runs), evaluation.feasible, sideways)
+
+
+def _title(solution: Solution) -> str:
+    found, given = solution.evaluation, solution.status is Status.SCORED
+    title = words(solution.name) if given else "Designed drive"
+    return title if found is None or found.feasible else f"{title}: violates limits"
+
+
+def _room(problem: Problem) -> Room:
+    obstacles = next((one for one in problem.limits if isinstance(one, Obstacles)), None)
+    places = [place for one in problem.measurement.joint_sensors for place in getattr(one, "beacons", ())]
+    beacons = np.array(places, dtype=float).reshape(-1, 2)
+    shapes = () if obstacles is None else obstacles.shapes
+    return Room(workspace_of(problem.limits), shapes, beacons, getattr(problem.model, "body_radius", 0.0))
+
+
+def _inputs(solution: Solution, problem: Problem | None) -> spec.Plot:
+    assert solution.trajectory is not None
+    width = solution.trajectory.coefficients.shape[1]
+    group = groups_among(problem.model.inputs if problem is not None else (), width)[0][0]
+    drive = series_among(solution.trajectory, group, _title(solution))
+    return chart.series([drive], group, group.short_names, None)

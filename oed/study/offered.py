@@ -1,0 +1,141 @@
+"""Sensors that a first study may measure with: what they are, how noisy they usually are, and their YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from oed.foundation.errors import UserMistake
+from oed.foundation.quantities import parse_quantity
+from oed.foundation.text import did_you_mean, words
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A sensor that a first study may have.
+
+    Attributes:
+        text: what it is.
+        noise: the usual standard deviation of each of its quantities, with its unit.
+        entries: YAML of the sensors it is made of; {position} and so on stand for the noise, {beacons} for
+            the places of beacons.
+        headings: whether logs of it have the robot's heading.
+        alone: whether a trailer's angle cannot be measured beside it.
+    """
+
+    text: str
+    noise: Mapping[str, str]
+    entries: Sequence[str]
+    headings: bool = True
+    alone: bool = False
+
+
+POSITION, HEADING = "1 cm", "1 deg"
+OFFERS = {
+    "poses": Offer(
+        "motion capture: position and heading at every sample",
+        {"position": POSITION, "heading": HEADING},
+        ["{{kind: poses, noise: {{position: {position}, heading: {heading}}}}}"],
+    ),
+    "positions": Offer(
+        "a laser tracker or satellite navigation: positions only",
+        {"position": POSITION},
+        ["{{kind: poses, quantities: [x, y], noise: {{position: {position}}}}}"],
+        headings=False,
+    ),
+    "positions_and_yaw_rate": Offer(
+        "positions, and by a gyroscope: its yaw rate has a bias that nobody knows",
+        {"position": POSITION, "yaw_rate": "1 deg/s"},
+        [
+            "{{kind: poses, quantities: [x, y], noise: {{position: {position}}}}}",
+            "{{kind: yaw_rate, noise: {yaw_rate}}}",
+        ],
+        headings=False,
+    ),
+    "ranges": Offer(
+        "distances to beacons in three corners of the room",
+        {"distance": "3 cm"},
+        ["{{kind: ranges, beacons: [{beacons}], noise: {distance}}}"],
+        headings=False,
+    ),
+    "displacements": Offer(
+        "the founding paper's regression: where the robot stands after each of ten segments",
+        {"position": POSITION, "heading": HEADING},
+        [
+            "{{kind: displacements, segments: 10, regressor: both, noise: {{position: {position}, "
+            "heading: {heading}}}}}"
+        ],
+        alone=True,
+    ),
+}
+"""Sensors by name."""
+TRAILER = "{{kind: trailer_angle, noise: {trailer_angle}}}"
+"""What measures a trailer's angle, beside other sensors."""
+UNITS = {"heading": "rad", "yaw_rate": "rad/s", "trailer_angle": "rad"}
+"""SI units of quantities that are no lengths."""
+
+
+def offer_of(sensor: str) -> Offer:
+    """A sensor by its name.
+
+    Raises:
+        UserMistake: an unknown one.
+    """
+    if sensor not in OFFERS:
+        hint = did_you_mean(sensor, OFFERS)
+        raise UserMistake(f"expected a sensor of {', '.join(OFFERS)}; got {sensor!r}{hint}")
+    return OFFERS[sensor]
+
+
+def usual_noise(sensor: str, *, trailer: bool) -> dict[str, str]:
+    """The usual standard deviations of a sensor's readings, of a robot with or without a `trailer`.
+
+    Raises:
+        UserMistake: an unknown sensor.
+    """
+    offer = offer_of(sensor)
+    angle = {"trailer_angle": HEADING} if trailer and not offer.alone else {}
+    return {**offer.noise, **angle}
+
+
+def noise_of(sensor: str, given: Mapping[str, str], *, trailer: bool) -> dict[str, str]:
+    """The standard deviations of a sensor's readings, usual ones for those that are not given.
+
+    Args:
+        sensor: its name.
+        given: some of them, each with its unit.
+        trailer: whether the robot has a trailer.
+
+    Raises:
+        UserMistake: a quantity that the sensor does not read, no standard deviation of its kind.
+    """
+    usual = usual_noise(sensor, trailer=trailer)
+    for key, text in given.items():
+        if key not in usual:
+            hint = did_you_mean(key, usual)
+            raise UserMistake(f"noise: {sensor} have noise of {', '.join(usual)}; got {key!r}{hint}")
+        _require_deviation(key, text)
+    return {**usual, **given}
+
+
+def _require_deviation(key: str, text: str) -> None:
+    what = f"noise of the {words(key)}"
+    try:
+        value = parse_quantity(text, UNITS.get(key, "m"))
+    except ValueError as error:
+        raise UserMistake(f"{what}: {error}") from None
+    if not value > 0:
+        raise UserMistake(f"{what}: expected a standard deviation above 0, got {text!r}")
+
+
+def entries_of(sensor: str, noise: Mapping[str, str], beacons: Sequence[str]) -> list[str]:
+    """YAML of each sensor that is used together.
+
+    Args:
+        sensor: its name.
+        noise: the standard deviations of its quantities.
+        beacons: places of beacons, as YAML has them.
+    """
+    offer = offer_of(sensor)
+    entries = [*offer.entries, *([TRAILER] if "trailer_angle" in noise else [])]
+    return [entry.format(**noise, beacons=", ".join(beacons)) for entry in entries]

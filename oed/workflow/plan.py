@@ -1,0 +1,312 @@
+"""How long, or how many drives, for a wanted precision: a study swept over duration, room and noise."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from oed.foundation.errors import StudyError, UserMistake
+from oed.foundation.extras import package_version
+from oed.foundation.files import inside, write_text
+from oed.foundation.text import count, quantity, significant
+from oed.optimize import Progress, Workers
+from oed.records.stored.door import FORMAT
+from oed.records.stored.plan import PlannedAim, PlannedAxis, PlannedPoint, StoredPlan
+from oed.records.stored.sweep import StoredSweep, SweptPoint
+from oed.robots.limits.workspace import workspace_of
+from oed.study.study import Study
+from oed.workflow.aims import aims_of, stretch
+from oed.workflow.studies import load_study
+from oed.workflow.sweep import Axis, grid, sweep
+
+FILE = "plan.json"
+"""Name of the file that holds the plan."""
+DURATIONS = (0.5, 1.0, 2.0)
+"""Durations that are tried, as shares of the study's."""
+ROOMS = (2 / 3, 1.5)
+"""Sizes of rooms that are tried beside the study's, as shares of it."""
+NOISES = (0.5, 2.0)
+"""Sizes of the noise that are tried beside the study's, as shares of it."""
+BARE = {"baselines": [], "bound": False, "validation": None, "physics": None, "calibration": None}
+"""Keys of a study whose search alone is wanted."""
+FREE = 3
+"""Spline coefficients beyond the degree that a drive at rest at both ends needs at least."""
+ROUNDING = 1e-9
+"""Share by which the number of drives may be rounded down."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A plan, and the folder where it is saved."""
+
+    found: StoredPlan
+    folder: Path
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What plan.json holds."""
+        return self.found.plain()
+
+
+def plan(
+    file: str | Path,
+    targets: Mapping[str, str],
+    out: str | Path,
+    *,
+    durations: Sequence[float] = (),
+    seed: int | None = None,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+) -> Planned:
+    """How long, or how many drives, for wanted standard errors.
+
+    Drives are designed for several durations, for smaller and larger rooms, and for less and more noise, each
+    alone. Drives of their own add up what they tell: n of them have errors smaller by sqrt(n). What `out` has
+    of an earlier plan of the same study is kept.
+
+    Args:
+        file: the study.
+        targets: standard errors wanted, by parameter, with a unit ("0.2 mm") or relative ("0.1 %").
+        out: folder for plan.json, and for the sweeps.
+        durations: of one drive, to be tried [s]; half, once and twice the study's by default.
+        seed: instead of the study's.
+        workers: processes, or a cluster; does not change the result.
+        progress: informed how far it is.
+
+    Raises:
+        UserMistake: nothing wanted, or of what the study does not estimate, a study without noise.
+        NotSaved: `out` could not be written to in the end.
+    """
+    study = load_study(file)
+    aims = _aims(study, targets)
+    axes, interrupted = list[PlannedAxis](), False
+    for axis, base in _axes(study, durations):
+        name = axis.key.rpartition(".")[2]
+        done = sweep(
+            file, [axis], inside(Path(out), name), seed=seed, workers=workers, progress=progress
+        ).found
+        axes.append(PlannedAxis(name=name, unit=axis.unit, base=base, points=_points(done, aims, name)))
+        interrupted = done.interrupted
+        if interrupted:
+            break
+    found = _planned(study, aims, axes, interrupted)
+    write_text(Path(out) / FILE, json.dumps(found.plain(), indent=1, allow_nan=False) + "\n")
+    return Planned(found, Path(out))
+
+
+def _aims(study: Study, targets: Mapping[str, str]) -> list[PlannedAim]:
+    known = {
+        name: (nominal, unit)
+        for one in study.problem.any_estimations
+        for name, nominal, unit in zip(one.parameters, one.nominal, one.units, strict=True)
+    }
+    if any(one.block.noise is None for one in study.problem.any_estimations):
+        raise UserMistake(
+            "without noise there are no standard errors: give the study's key measurement.noise"
+        )
+    found = []
+    for name, aim in aims_of(study, targets, "--to").items():
+        nominal, unit = known[name]
+        if not aim.size(nominal) > 0:
+            raise UserMistake(
+                f"--to {name}: it is nominally 0 and has no share; give a size in {unit or '1'}"
+            )
+        found.append(PlannedAim(name=name, unit=unit, nominal=nominal, wanted=aim.size(nominal)))
+    if not found:
+        raise UserMistake("nothing is wanted: give --to, e.g. --to 'track 0.1 %'")
+    return found
+
+
+def _axes(study: Study, durations: Sequence[float]) -> Iterator[tuple[Axis, float]]:
+    # What to vary, and the study's own value of it. What makes no study, as a room too small for the robot,
+    # is left out.
+    own = study.file.trajectory.duration
+    times = sorted(set(durations) or {share * own for share in DURATIONS})
+    texts, studies = tuple(f"{time:g} s" for time in times), tuple(_lasting(study, time) for time in times)
+    yield Axis("trajectory.duration", texts, tuple(times), "s", studies), own
+    room = workspace_of(study.problem.limits)
+    if room is not None:
+        x_min, x_max, y_min, y_max = room.extent
+        side = max(x_max - x_min, y_max - y_min)
+        rooms = [(share * side, _in_room(study, share)) for share in ROOMS]
+        yield from ((axis, side) for axis in _readable(study, "limits.room", "m", rooms))
+    noises = [(share, _noisy(study, share)) for share in NOISES]
+    yield from ((axis, 1.0) for axis in _readable(study, "measurement.noise", "", noises))
+
+
+def _readable(
+    study: Study, key: str, unit: str, values: Iterable[tuple[float, Mapping[str, Any]]]
+) -> Iterator[Axis]:
+    kept = []
+    for value, keys in values:
+        axis = Axis(key, (f"{value:.3g} {unit}".strip(),), (value,), unit, (keys,))
+        try:
+            grid(study.source, [axis])
+        except StudyError:
+            continue
+        kept.append(axis)
+    if kept:
+        texts, numbers, studies = (
+            tuple(entry for axis in kept for entry in getattr(axis, name) or ())
+            for name in ("texts", "numbers", "studies")
+        )
+        yield Axis(key, texts, numbers, unit, studies)
+
+
+def _bare(study: Study) -> dict[str, Any]:
+    return {**study.echo(), **copy.deepcopy(BARE)}
+
+
+def _lasting(study: Study, duration: float) -> dict[str, Any]:
+    data = _bare(study)
+    longer, spline = duration / data["trajectory"]["duration"], data["trajectory"]["spline"]
+    least = min(spline["coefficients"], spline["degree"] + FREE)
+    stretch(data["trajectory"], duration)
+    spline["coefficients"] = max(spline["coefficients"], least)
+    segments = data["measurement"].get("segments")
+    if isinstance(segments, int):
+        data["measurement"]["segments"] = max(1, round(longer * segments))
+    return data
+
+
+def _in_room(study: Study, share: float) -> dict[str, Any]:
+    # All that has a place in it moves along.
+    data = _bare(study)
+    limits = data["limits"]
+    for key in ("workspace", "obstacles"):
+        if key in limits:
+            limits[key] = _scaled(limits[key], share)
+    start = data["trajectory"].get("start")
+    starts = start if isinstance(start, list) else [start] if isinstance(start, dict) else []
+    for one in starts:
+        one.update({name: share * one[name] for name in ("x", "y") if name in one})
+    for sensor in data["measurement"].get("sensors", [data["measurement"]]):
+        if "beacons" in sensor:
+            sensor["beacons"] = _scaled(sensor["beacons"], share)
+    return data
+
+
+def _noisy(study: Study, share: float) -> dict[str, Any]:
+    data = _bare(study)
+    for sensor in data["measurement"].get("sensors", [data["measurement"]]):
+        if "noise" in sensor:
+            sensor["noise"] = _scaled(sensor["noise"], share, square=("covariance",))
+    return data
+
+
+def _scaled(value: Any, share: float, square: Sequence[str] = ()) -> Any:
+    # All numbers times a share, those of squares times its square.
+    if isinstance(value, dict):
+        own = {key: share**2 if key in square else share for key in value}
+        return {key: _scaled(one, own[key], square) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_scaled(one, share, square) for one in value]
+    return share * value if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def _points(done: StoredSweep, aims: Sequence[PlannedAim], name: str) -> list[PlannedPoint]:
+    (axis,) = done.keys
+    return [_point(one, axis.key, aims, name) for one in done.points]
+
+
+def _point(one: SweptPoint, key: str, aims: Sequence[PlannedAim], name: str) -> PlannedPoint:
+    errors = {aim.name: one.standard_deviations.get(aim.name) for aim in aims}
+    known = {parameter: size for parameter, size in errors.items() if size is not None}
+    whole = len(known) == len(aims)
+    worst = max(known[aim.name] / aim.wanted for aim in aims) if whole else None
+    return PlannedPoint(
+        value=one.numbers[key] or 0.0,
+        text=one.values[key],
+        folder=f"{name}/{one.folder}",
+        status=one.status,
+        errors=known,
+        worst=worst,
+        drives=None if worst is None else max(1, math.ceil(worst**2 - ROUNDING)),
+    )
+
+
+def _planned(
+    study: Study, aims: Sequence[PlannedAim], axes: Sequence[PlannedAxis], interrupted: bool
+) -> StoredPlan:
+    own = study.file.trajectory.duration
+    found = sorted(
+        ((one.value, one.worst, one.drives) for one in axes[0].points if one.worst is not None),
+        key=lambda entry: entry[0],
+    )
+    if not found and not interrupted:
+        status = ", ".join(sorted({one.status for one in axes[0].points}))
+        answer = f"No drive of these durations was found that tells them ({status})."
+        return _stored(study, aims, axes, (None, None, answer), interrupted)
+    base = min(found, key=lambda entry: abs(entry[0] - own), default=(own, None, None))
+    one = _reaching([(value, worst) for value, worst, _ in found if worst is not None])
+    return _stored(study, aims, axes, (one, base[2], _answer(found, one, base)), interrupted, base[0])
+
+
+def _stored(
+    study: Study,
+    aims: Sequence[PlannedAim],
+    axes: Sequence[PlannedAxis],
+    said: tuple[float | None, int | None, str],
+    interrupted: bool,
+    duration: float | None = None,
+) -> StoredPlan:
+    one_drive, drives, answer = said
+    return StoredPlan(
+        format=FORMAT,
+        oed_version=package_version("oed"),
+        study=Path(study.source).name,
+        name=study.name,
+        aims=list(aims),
+        axes=list(axes),
+        duration=duration or study.file.trajectory.duration,
+        one_drive=one_drive,
+        drives=drives,
+        answer=answer,
+        interrupted=interrupted,
+    )
+
+
+def _reaching(points: Sequence[tuple[float, float]]) -> float | None:
+    # Where the worst error, a straight line between logarithms, comes down to what is wanted: the shortest
+    # duration tried where that is enough, None where the longest is not.
+    if not points:
+        return None
+    if points[0][1] <= 1:
+        return points[0][0]
+    for (short, above), (long, below) in pairwise(points):
+        if below <= 1:
+            share = math.log(above) / (math.log(above) - math.log(below))
+            return float(short * (long / short) ** share)
+    return None
+
+
+def _answer(
+    found: Sequence[tuple[float, float | None, int | None]],
+    one: float | None,
+    base: tuple[float, float | None, int | None],
+) -> str:
+    # One drive of 34 s, or 3 of 20 s.
+    if not found:
+        return "Interrupted before a drive was found."
+    own, drives = base[0], base[2] or 1
+    if one is None:
+        return (
+            f"{count(drives, 'drive')} of {_seconds(own)}. One alone would have to be longer than "
+            f"{_seconds(found[-1][0])}: --durations tries others."
+        )
+    shortest = one <= found[0][0]
+    about = f"{_seconds(one)}{' or less' if shortest else ''}"
+    if drives == 1:
+        other = "" if math.isclose(one, own) else f", and about {about} would do"
+        return f"One drive of {_seconds(own)} is enough{other}."
+    return f"One drive of about {about}, or {drives} of {_seconds(own)}."
+
+
+def _seconds(time: float) -> str:
+    return quantity(time, "s", 2) if time < 100 else f"{significant(2)(time)} s"

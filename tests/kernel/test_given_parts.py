@@ -1,0 +1,182 @@
+"""Lists and names where they mean something, and words for what is something else than it is to be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar, Literal
+
+import casadi as ca
+import numpy as np
+import pytest
+from builders import problem_of, random_drive
+from pydantic import ValidationError
+
+import oed
+from oed.foundation.arguments import WrongKind, require_count
+from oed.robots import limits
+
+POSES = oed.Poses(noise={"position": 0.01, "heading": 0.01})
+GYRO = oed.YawRate(noise=0.01)
+
+
+class Voltage(oed.Model):
+    """A robot whose input no limit of the package bounds."""
+
+    kind: Literal["voltage"] = "voltage"
+    inputs: ClassVar = (oed.Input("u", "motor_voltage", "V"),)
+    parameters: ClassVar = (oed.Parameter("gain", 1.0, ""),)
+
+    def twist(self, inputs, parameters):
+        """Straight on."""
+        return ca.vertcat(parameters[0] * inputs[0], 0, 0)
+
+
+class TwoRows(Voltage):
+    """A robot that forgets its yaw rate."""
+
+    def twist(self, inputs, parameters):
+        """One row too few."""
+        return ca.vertcat(parameters[0] * inputs[0], 0)
+
+
+def test_a_list_of_sensors_is_the_sensors_together():
+    problem = problem_of(measurement=[POSES, GYRO])
+    assert problem.measurement == oed.Several(sensors=(POSES, GYRO))
+    assert problem_of(measurement=(GYRO,)).measurement.sensors == (GYRO,)
+
+
+@pytest.mark.parametrize("kind", [oed.E, oed.D, oed.A])
+def test_a_criterion_that_needs_no_options_may_be_named(kind):
+    criterion = kind()
+    assert problem_of(measurement=POSES, criterion=criterion.kind).criterion == criterion
+
+
+def test_one_limit_and_one_parameter_need_no_list():
+    (limit,) = replace(problem_of(), limits=oed.WheelSpeed(bounds=3)).limits
+    assert limit == oed.WheelSpeed(bounds=3)
+    assert problem_of(measurement=POSES, estimate="track").estimate == ("track",)
+
+
+@pytest.mark.parametrize(
+    ("parts", "reason"),
+    [
+        ({"criterion": "EE"}, "criterion: expected one of E, D, A, .*, got 'EE'"),
+        ({"criterion": "G"}, "criterion: G needs test_drive as well"),
+        ({"criterion": 3}, "criterion: expected a Criterion, got 3"),
+        ({"measurement": "poses"}, "measurement: expected a Measurement, got 'poses'"),
+        ({"measurement": []}, "measurement: expected at least one sensor"),
+        ({"measurement": [POSES, 3]}, "measurement.1: expected a Sensor, got 3"),
+        ({"model": "robot"}, "model: expected a System, got 'robot'"),
+        ({"design": {"duration": 3}}, "design: expected a Space, got a dict"),
+        ({"limits": {"wheel_speed": 3}}, r"limits: expected a list of limits, got \{'wheel_speed': 3\}"),
+        ({"limits": [oed.WheelSpeed(bounds=3), "box"]}, "limits.1: expected a Limit, got 'box'"),
+        ({"prior": "little"}, "prior: expected a Prior, got 'little'"),
+        (
+            {"measurement": POSES, "model": TwoRows()},
+            r"robot: expected a twist \(3, 1\).* \(2, 1\)",
+        ),
+        (
+            {"measurement": POSES, "model": Voltage(), "limits": ()},
+            r"no limit but your own \(input_bounds\) bounds a motor_voltage \[V\]: make it a wheel_speed",
+        ),
+    ],
+)
+def test_a_part_that_is_something_else_is_refused_in_words(parts, reason):
+    with pytest.raises(oed.ProblemError, match=reason):
+        replace(problem_of(), **parts)
+
+
+def test_all_wrong_parts_are_named_at_once():
+    with pytest.raises(oed.ProblemError) as caught:
+        replace(problem_of(), model=1, criterion="none", limits=None)
+    assert [flaw.key[0] for flaw in caught.value.flaws] == ["criterion", "model", "limits"]
+
+
+@pytest.mark.parametrize(
+    ("call", "reason"),
+    [
+        (
+            lambda problem, drive: oed.evaluate(problem, drive.inputs),
+            "make one of a table with",
+        ),
+        (lambda problem, drive: oed.evaluate(problem, None), "trajectory: expected a Trajectory, got None"),
+        (lambda problem, drive: oed.evaluate(drive, drive), "problem: expected a Problem, got a Trajectory"),
+        (lambda problem, drive: oed.solve(problem, "ipop"), "solver: expected one of ipopt, .*, got 'ipop'"),
+        (lambda problem, drive: oed.solve(problem, drive), "solver: expected a Solver, got a Trajectory"),
+        (
+            lambda problem, drive: oed.solve(problem, seed=-1),
+            "seed: expected a whole .* at least 0, got -1",
+        ),
+        (lambda problem, drive: oed.bound("study.yaml"), "problem: expected a Problem, got 'study.yaml'"),
+        (
+            lambda problem, drive: oed.run(problem),
+            "study: expected a Study, got a Problem; make one",
+        ),
+        (
+            lambda problem, drive: oed.validate(problem, drive, replicates="9"),
+            "expected a whole number",
+        ),
+        (lambda problem, drive: oed.estimate("a.yaml", ["a.csv"]), "study: .* got 'a.yaml'; read one with"),
+    ],
+)
+def test_an_argument_that_is_something_else_is_refused_in_words(flagship, call, reason):
+    with pytest.raises(WrongKind, match=reason):
+        call(flagship, random_drive(flagship, 0))
+
+
+def test_such_an_error_is_the_users_mistake_and_pythons_type_error():
+    assert issubclass(WrongKind, oed.UserMistake)
+    assert issubclass(WrongKind, TypeError)
+    with pytest.raises(WrongKind):
+        require_count("seed", True)
+
+
+def test_one_replicate_is_refused():
+    problem = problem_of(measurement=POSES)
+    reason = "replicates: expected at least 4, one more than there are parameters, got 1"
+    with pytest.raises(oed.ProblemError, match=reason):
+        oed.validate(problem, random_drive(problem, 0), replicates=1)
+
+
+@pytest.mark.slow
+def test_a_solver_may_be_named(three_segments, monkeypatch):
+    monkeypatch.setattr("oed.optimize.assured", lambda options, problem, context: options)
+    monkeypatch.setattr("oed.optimize.require_identifiable", lambda problem: None)
+    assert oed.solve(three_segments, "genetic") == oed.Genetic()
+    assert oed.solve(three_segments) == oed.solve(three_segments, "ipopt") == oed.Ipopt()
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda: oed.DesignSpace(duration=-1, samples=10), "duration\n  expected more than 0, got -1"),
+        (lambda: oed.Ipopt(starts="many"), "starts\n  expected a whole number, got 'many'"),
+        (lambda: oed.DifferentialDrive(wheel_radius="5 kg", track=1), "wheel_radius\n  expected a length"),
+        (lambda: oed.Ipopt(startz=3), "startz\n  unknown key; known here: .*starts"),
+    ],
+)
+def test_parts_made_in_python_are_refused_in_words_without_addresses(make, reason):
+    with pytest.raises(ValidationError, match=reason) as caught:
+        make()
+    assert "http" not in str(caught.value)
+
+
+def test_arguments_go_by_name():
+    with pytest.raises(WrongKind, match=r"WheelSpeed: expected arguments by name \(bounds, each\), got 10"):
+        oed.WheelSpeed(10)
+
+
+def test_limits_and_sensors_of_the_same_quantity_have_names_of_their_own():
+    assert issubclass(oed.YawRateLimit, oed.Limit)
+    assert issubclass(oed.YawRate, oed.Sensor)
+    assert issubclass(oed.TrailerAngleLimit, oed.PathLimit)
+    assert issubclass(oed.TrailerAngle, oed.Sensor)
+    assert limits.YawRate is oed.YawRateLimit
+    assert oed.YawRateLimit.name == "yaw_rate"
+
+
+def test_a_study_takes_names_as_well():
+    study = oed.load_study("problems/laser_tracker.yaml").changed(criterion="D", solvers=["genetic"])
+    assert study.problem.criterion == oed.D()
+    assert study.solvers == (oed.Genetic(),)
+    assert np.isfinite(study.problem.input_bounds).all()

@@ -1,0 +1,166 @@
+"""What a console or a notebook shows of the package's own objects: a few lines, a small table, a figure."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from builders import random_drive
+from report import sample_estimates, sample_records
+
+import oed
+from oed.kernel.solution import scored
+from oed.records.record import EstimateRecord, Record
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    return sample_records.absolute()
+
+
+@pytest.fixture(scope="module")
+def estimate() -> EstimateRecord:
+    return sample_estimates.read(sample_estimates.estimate())
+
+
+@pytest.fixture(scope="module")
+def driven(flagship):
+    return scored(flagship, random_drive(flagship, 1, 3.0), "wave <b>")
+
+
+@pytest.fixture
+def frames(monkeypatch):
+    fake = SimpleNamespace(DataFrame=lambda columns: SimpleNamespace(columns=columns, attrs={}))
+    monkeypatch.setitem(sys.modules, "pandas", fake)
+
+
+def shown(flagship, driven, record, estimate) -> dict[str, object]:
+    times = np.arange(50.0)
+    log = oed.Log("a", "a.csv", times, np.zeros((50, 2)), times, np.zeros((50, 3)))
+    bound = oed.Certificate(9.0, "by hand", ("none",))
+    return {
+        "problem": flagship,
+        "solution": driven,
+        "trajectory": driven.trajectory,
+        "evaluation": driven.evaluation,
+        "record": record,
+        "result": record.results[0],
+        "estimate": estimate,
+        "log": log,
+        "certificate": bound,
+    }
+
+
+def test_short_forms_are_a_few_lines(flagship, driven, record, estimate):
+    for name, one in shown(flagship, driven, record, estimate).items():
+        text = repr(one)
+        assert text.lower().startswith(name), text
+        assert len(text) < 900, name
+        assert 1 <= text.count("\n") <= 10, name
+        assert str(one) == text
+        assert text in one.summary()
+
+
+def test_notebooks_show_tables_in_which_everything_is_escaped(flagship, driven, record, estimate):
+    for one in shown(flagship, driven, record, estimate).values():
+        html = one._repr_html_()
+        assert html.startswith("<div><strong>")
+        assert "<b>" not in html
+    assert "wave &lt;b&gt;" in driven._repr_html_()
+
+
+def test_summaries_say_every_parameter_with_its_unit_and_error(record, estimate):
+    text = record.summary()
+    assert all(one.name in text for one in record.parameters)
+    assert " mm" in text
+    text = estimate.summary()
+    assert "standard error" in text
+    assert all(one.name in text for one in estimate.parameters)
+
+
+def test_a_limit_that_is_exceeded_is_named_with_its_unit(flagship):
+    text = repr(scored(flagship, random_drive(flagship, 1, 40.0), "fast"))
+    assert "wheel speed exceeded by" in text
+    assert "rad/s" in text
+
+
+def test_a_validation_compares_the_errors(laser_validation):
+    text = laser_validation.summary()
+    assert text.startswith("Validation: ")
+    assert "track" in text
+    assert " mm" in text
+
+
+@pytest.fixture(scope="module")
+def laser_validation():
+    units = ("m", "m")
+    covariance = np.diag([1e-8, 4e-8])
+    return oed.Validation(
+        "gls", "known", 1000, 0, 0.01, ("wheel_radius", "track"), np.array([0.05, 0.18]),
+        np.array([0.05, 0.18]), covariance, 1.1 * covariance, np.ones(2), np.ones(2), (), np.zeros((1, 2)),
+        units,
+    )  # fmt: skip
+
+
+def test_tables_are_data_frames(driven, record, estimate, laser_validation, frames):
+    table = record.to_dataframe()
+    assert len(table.columns["name"]) == len(record.results)
+    assert table.attrs["units"]["path_length"] == "m"
+    assert {one.name for one in record.parameters} <= table.columns.keys()
+    table = driven.trajectory.to_dataframe(("right", "left"))
+    assert list(table.columns) == ["t", "right", "left"]
+    assert table.columns["t"][1] == pytest.approx(driven.trajectory.period)
+    assert np.array_equal(table.columns["left"], driven.trajectory.inputs[:, 1])
+    assert list(driven.trajectory.to_dataframe().columns) == ["t", "input_1", "input_2"]
+    with pytest.raises(ValueError, match="names: expected 2"):
+        driven.trajectory.to_dataframe(("right",))
+    assert estimate.to_dataframe().columns["value"] == list(estimate.values.values())
+    assert laser_validation.to_dataframe().columns["ratio"] == pytest.approx(np.sqrt(1.1))
+
+
+def test_a_log_gives_a_table_of_each_clock(frames):
+    log = oed.Log("a", "a.csv", np.arange(4.0), np.ones((4, 2)), np.arange(3.0), np.zeros((3, 3)))
+    assert list(log.to_dataframe().columns) == ["t", "x", "y", "heading"]
+    assert len(log.to_dataframe("inputs").columns["integral_2"]) == 4
+    with pytest.raises(ValueError, match="expected poses or inputs"):
+        log.to_dataframe("both")
+
+
+@pytest.mark.slow
+def test_figures_are_matplotlibs(flagship, driven, record, estimate):
+    for figure in (driven.plot(), driven.plot("inputs", flagship), record.plot("paths"), estimate.plot()):
+        assert figure.axes
+    assert driven.plot(problem=flagship)._repr_png_().startswith(b"\x89PNG")
+
+
+def test_a_figure_that_there_is_not_is_refused_with_those_that_there_are(driven, record):
+    with pytest.raises(oed.UserMistake, match="expected one of path and inputs; there is no figure 'room'"):
+        driven.plot("room")
+    with pytest.raises(oed.UserMistake, match=r"paths.*there is no figure 'room'"):
+        record.plot("room")
+    nothing = oed.Solution("ipopt", "ipopt", None, None, oed.Status.INFEASIBLE)
+    with pytest.raises(oed.UserMistake, match="no design to draw"):
+        nothing.plot()
+
+
+@pytest.mark.slow
+def test_an_import_of_the_package_alone_is_enough_to_draw():
+    code = (
+        "import sys, oed\n"
+        "assert not {'matplotlib', 'oed.report', 'inspect'} & sys.modules.keys()\n"
+        "record = oed.load_record(sys.argv[1])\n"
+        "assert 'matplotlib' not in sys.modules\n"
+        "print(type(record.plot()).__mro__[1].__module__)\n"
+    )
+    folder = f"{oed.__path__[0]}/../reports/choi_skid_steer"
+    run = subprocess.run([sys.executable, "-c", code, folder], capture_output=True, text=True, check=True)
+    assert run.stdout == "matplotlib.figure\n"
+
+
+def test_the_package_says_its_version_and_what_to_begin_with():
+    assert oed.__version__[0].isdigit()
+    assert all(f"oed.{one}(" in oed.__doc__ for one in ("load_study", "solve", "run", "export", "estimate"))
+    assert all(not one.startswith("_") for one in dir(oed))
