@@ -2,13 +2,17 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test campaign bench bench-peers lint clean
+.PHONY: demo test docs campaign bench bench-peers lint clean
 
 demo: .venv/installed
 	$(BIN)/oed run problems/choi_skid_steer.yaml
 
 test: .venv/installed-dev
 	$(BIN)/python -m pytest
+
+# Every page, with all studies in the gallery and all cells executed, some minutes; docs/_build/html/index.html.
+docs: .venv/installed-dev
+	$(BIN)/python -m sphinx -W --keep-going -b html docs docs/_build/html
 
 # Thousands of random problems, damaged files and signals; CAMPAIGN='--problems 500' for fewer, with a --seed.
 campaign: .venv/installed-dev
@@ -45,4 +49,4 @@ lint: .venv/installed-dev
 	touch $@
 
 clean:
-	rm -rf .venv .venv-peers build dist .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-peers build dist docs/_build docs/generated .mypy_cache .pytest_cache .ruff_cache

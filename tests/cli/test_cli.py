@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from places import REPORTS
+from places import GALLERY
 from studies import GENETIC, INFEASIBLE, SMALL, small, write_study
 
 from oed.cli import main
@@ -457,7 +457,7 @@ class TestValidate:
 
     @pytest.fixture
     def folder(self, tmp_path: Path) -> Path:
-        saved = REPORTS / "choi_skid_steer" / "record.json"
+        saved = GALLERY / "choi_skid_steer" / "record.json"
         data = json.loads(saved.read_text())
         # Two searches, a path like any other and one that tells nothing.
         names = ("ipopt", "genetic", "straight", "square")

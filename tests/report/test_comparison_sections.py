@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from places import REPORTS
+from places import GALLERY
 from recorded import record_from
 from scipy import stats
 
@@ -31,7 +31,7 @@ UPPER_BOUND = 2 * 10 * (0.18 / 0.049) ** 2
 
 @pytest.fixture(scope="module")
 def flagship() -> Record:
-    return load_record(REPORTS / "choi_skid_steer")
+    return load_record(GALLERY / "choi_skid_steer")
 
 
 def entry(record: Record, name: str) -> Result:
@@ -165,5 +165,5 @@ class TestSeveralRecords:
 @pytest.mark.slow
 def test_the_committed_report_is_what_its_record_gives(flagship: Record, tmp_path: Path):
     write_report(flagship, tmp_path)
-    committed = REPORTS / "choi_skid_steer" / "report.md"
+    committed = GALLERY / "choi_skid_steer" / "report.md"
     assert (tmp_path / "report.md").read_text("utf-8") == committed.read_text("utf-8")

@@ -1,0 +1,255 @@
+"""The documentation builds without a warning, its studies are valid, and what it shows is what comes out."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from own_parts import OWN_PARTS
+from places import PROBLEMS, ROOT
+
+import oed
+from oed.cli import main
+from oed.report.estimate.parameters import estimate_rows
+from oed.robots.limits import LIMITS
+from oed.robots.models import MODELS
+from oed.robots.presets import preset_names
+from oed.uncertainty.uncertainty import spread_of
+from oed.workflow.estimate_logs import estimate
+from oed.workflow.studies import load_study, parse_study
+
+DOCS = ROOT / "docs"
+PAGES = {
+    str(file.relative_to(DOCS).with_suffix("")): file.read_text(encoding="utf-8")
+    for file in DOCS.rglob("*.md")
+    if not {"_build", "generated"} & set(file.relative_to(DOCS).parts)
+}
+"""Text of every page that is written by hand."""
+GALLERY = ("choi_paper_table", "room_robot")
+"""Studies of the gallery of the build that is tested."""
+
+
+def blocks(page: str, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", PAGES[page], flags=re.DOTALL | re.MULTILINE)
+
+
+WHOLE = yaml.safe_load(blocks("reference/study", "yaml")[0])
+
+
+def study_with(page: str, number: int, **keys: object) -> str:
+    """The study that is explained, with the keys of a block of a page instead of its own."""
+    return yaml.safe_dump({**WHOLE, **yaml.safe_load(blocks(page, "yaml")[number]), **keys})
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The pages as HTML, from a copy of their sources: executed in full, with a gallery of two studies."""
+    place = tmp_path_factory.mktemp("docs")
+    shutil.copytree(DOCS, place / "docs", ignore=shutil.ignore_patterns("_build", "generated", "__pycache__"))
+    for name in ("oed", "problems", "reports", "CONTRIBUTING.md", "CHANGELOG.md"):
+        (place / name).symlink_to(ROOT / name)
+    quick = {"OED_DOCS_QUICK": "1", "OED_DOCS_GALLERY": " ".join(GALLERY)}
+    search = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "docs", "html"],
+        cwd=place,
+        env={**os.environ, **quick, "PYTHONPATH": search},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    return place / "html"
+
+
+def page(built: Path, name: str) -> str:
+    return (built / f"{name}.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_every_page_is_built(built: Path):
+    assert [name for name in PAGES if not (built / f"{name}.html").exists()] == []
+
+
+@pytest.mark.slow
+def test_every_public_name_is_in_the_reference(built: Path):
+    reference = "".join(
+        one.read_text(encoding="utf-8") for one in (built / "generated" / "api").glob("*.html")
+    )
+    assert [name for name in oed.__all__ if f'id="oed.{name}"' not in reference] == []
+
+
+@pytest.mark.slow
+def test_the_gallery_shows_each_study_with_its_drive_and_standard_errors(built: Path):
+    listed = page(built, "generated/gallery/index")
+    for stem in GALLERY:
+        assert f"{stem}.svg" in listed
+        shown = page(built, f"generated/gallery/{stem}")
+        assert f"{stem}.svg" in shown
+        assert "standard error, designed" in shown
+        assert "best baseline" in shown
+
+
+@pytest.mark.slow
+def test_the_tutorial_ends_with_parameters_near_the_truth(built: Path):
+    text = re.sub(r"<[^>]+>", "", page(built, "tutorial"))
+    found = {
+        name: (float(estimate), float(error))
+        for name, estimate, error in re.findall(
+            r"^(wheel radius \w+|track) +mm +[\d.]+ +([\d.]+) +([\d.]+)", text, flags=re.MULTILINE
+        )
+    }
+    truth = {"wheel radius right": 32.72, "wheel radius left": 33.18, "track": 163.1}
+    assert set(found) == set(truth)
+    for name, (value, error) in found.items():
+        assert abs(value - truth[name]) < 4 * error
+        assert error < 0.01 * truth[name]
+
+
+@pytest.mark.slow
+def test_the_notebooks_show_what_was_computed(built: Path):
+    assert "Converged to a local optimum that satisfies every limit." in page(built, "notebooks/design")
+    assert "clock_offset" in page(built, "notebooks/estimate")
+
+
+def test_the_study_explained_is_the_shipped_one():
+    shipped = load_study(PROBLEMS / "choi_skid_steer.yaml")
+    assert parse_study(blocks("reference/study", "yaml")[0]).echo() == shipped.echo()
+
+
+@pytest.mark.parametrize("number", range(len(blocks("howto/sensors", "yaml"))))
+def test_the_keys_for_sensors_are_accepted(number: int):
+    study = parse_study(study_with("howto/sensors", number, bound=False))
+    assert study.problem.measurement is not None
+
+
+def test_sensors_add_up():
+    study = parse_study(study_with("howto/sensors", -1))
+    assert [sensor.kind for sensor in study.problem.measurement.sensors] == ["poses", "ranges", "yaw_rate"]
+    study.require_identifiable()
+
+
+def test_the_keys_for_robots_and_limits_are_accepted():
+    sensors = yaml.safe_load(blocks("howto/sensors", "yaml")[-1])
+    measured = {key: sensors[key] for key in ("measurement", "estimate")}
+    measured |= yaml.safe_load(blocks("howto/limits", "yaml")[0])
+    problem = parse_study(
+        yaml.safe_dump({**WHOLE, **measured, "criterion": {"kind": "E"}, "validation": None})
+    ).problem
+    assert {limit.name for limit in problem.limits} == set(LIMITS) - {
+        "steering_angle",
+        "steering_rate",
+        "trailer_angle",
+        "end_heading",
+    }
+
+
+@pytest.mark.parametrize("number", range(len(blocks("howto/criteria", "yaml"))))
+def test_the_keys_for_criteria_are_accepted(number: int):
+    measured = {"measurement": {"kind": "poses", "noise": {"position": 0.01, "heading": 0.02}}}
+    given = yaml.safe_load(blocks("howto/criteria", "yaml")[number])
+    study = parse_study(
+        yaml.safe_dump({**WHOLE, "criterion": {"kind": "E"}, "bound": False, **measured, **given})
+    )
+    for key, value in given.items():
+        if key == "criterion":
+            assert study.problem.criterion.kind == value["kind"]
+
+
+def test_the_robust_study_is_one():
+    problem = parse_study(study_with("howto/robust", 0)).problem
+    assert problem.robust is not None
+    spread = spread_of(problem.uncertain_system)
+    assert spread.names == ("wheel_radius_right", "wheel_radius_left", "track", "heading")
+
+
+@pytest.mark.parametrize("number", range(len(blocks("howto/logs", "yaml"))))
+def test_the_keys_for_logs_are_accepted(number: int):
+    study = parse_study(study_with("howto/logs", number))
+    assert study.log.kind == yaml.safe_load(blocks("howto/logs", "yaml")[number])["log"].get("kind", "csv")
+    assert study.log.flaws(study.problem.model) == []
+
+
+def test_the_keys_for_estimates_are_accepted():
+    study = parse_study(study_with("howto/estimate", 0))
+    assert study.log.kind == "csv"
+    assert study.calibration.method == "joint"
+
+
+def test_the_keys_for_parts_of_ones_own_are_accepted(tmp_path: Path):
+    (tmp_path / "own_parts.py").write_text(OWN_PARTS)
+    (tmp_path / "study.yaml").write_text(study_with("howto/own_parts", 0, bound=False))
+    study = load_study(tmp_path / "study.yaml")
+    problem = study.problem
+    assert [getattr(one, "label", one) for one in study.file.baselines] == ["square", "zigzag"]
+    kinds = [one.kind for one in (*problem.measurement.sensors, problem.criterion)]
+    assert kinds == ["poses", "compass", "log_smallest"]
+    assert [limit.name for limit in problem.limits] == ["wheel_speed", "strip"]
+
+
+def test_every_robot_is_listed():
+    for model in MODELS:
+        assert f"`{model.model_fields['kind'].default}`" in PAGES["howto/limits"]
+    for name in preset_names():
+        assert f"`{name}`" in PAGES["howto/limits"]
+
+
+def test_every_command_is_listed(capsys: pytest.CaptureFixture[str]):
+    assert main([]) == 2
+    commands = re.findall(r"^    (\w+) {2,}\S", capsys.readouterr().out, flags=re.MULTILINE)
+    assert len(commands) >= 14
+    assert [one for one in commands if f"| `oed {one} " not in PAGES["reference/command_line"]] == ["schema"]
+
+
+@pytest.mark.slow
+def test_the_estimate_shown_is_that_of_the_shipped_log():
+    (text,) = [block for block in blocks("howto/estimate", "text") if block.startswith("parameter")]
+    study = load_study(PROBLEMS / "room_robot.yaml")
+    found = estimate(study, [PROBLEMS / "logs" / "room_robot.csv"])
+    for row in estimate_rows(found):
+        assert any(line.split() == " ".join(row).split() for line in text.splitlines())
+
+
+@pytest.mark.slow
+def test_python_runs_and_prints_what_is_said(capsys: pytest.CaptureFixture[str]):
+    (text,) = blocks("howto/own_parts", "python")
+    exec(compile(text, "own_parts.md", "exec"), {})
+    printed = capsys.readouterr().out
+    said = [line.removeprefix("# ") for line in text.splitlines() if line.startswith("# ")]
+    assert said == printed.splitlines()
+
+
+COMMANDS = [
+    shlex.split(line, comments=True)
+    for text in blocks("reference/command_line", "sh") + blocks("howto/estimate", "sh")
+    for line in text.splitlines()
+    if line.startswith("oed")
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_commands_run(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(ROOT)
+    if words[1] == "solve":
+        # One start alone: that the whole search is a good one is shown elsewhere.
+        text = Path(words[2]).read_text()
+        assert "starts: 12" in text
+        (tmp_path / words[2]).parent.mkdir()
+        (tmp_path / words[2]).write_text(text.replace("starts: 12", "starts: 1, perturbations: 0"))
+        monkeypatch.chdir(tmp_path)
+    out = ["--out", str(tmp_path / "out")] if words[1] == "estimate" else []
+    assert main([*words[1:], *out]) == 0
+    assert capsys.readouterr().out
+
+
+def test_the_film_is_small():
+    assert (DOCS / "_static" / "drive.gif").stat().st_size < 500_000
