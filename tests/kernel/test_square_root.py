@@ -26,6 +26,7 @@ from oed.kernel.measurement.square_root import SquareRoot, project_out, rounding
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Status
 from oed.optimize import Genetic, Ipopt, solve
+from oed.robots.baselines import baselines
 from oed.robots.models import Tricycle
 from oed.robots.sensors import Displacements, Poses, YawRate
 from oed.workflow.studies import load_study
