@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,6 +18,9 @@ from oed.records.outcomes import provenance
 from oed.records.record import EstimateRecord
 from oed.study.study import Study
 from oed.workflow.saving import save_estimate
+
+NOT_FINITE = re.compile(r"expected a finite number, got '[-+]?(nan|inf)", re.IGNORECASE)
+"""What is said of a cell that stands for a missing number."""
 
 
 class _Stages:
@@ -106,6 +110,9 @@ def _read(study: Study, files: Sequence[str | Path]) -> list[Log]:
     try:
         return read_logs(files, study.log, study.problem.model)
     except LogError as error:
+        if any(NOT_FINITE.search(one.message) for one in error.flaws):
+            hint = "`skip_invalid_rows: true` leaves out what of a row is no finite number, and counts it"
+            raise LogError([*error.flaws, FileFlaw(study.source, 0, 0, "log", hint)]) from None
         # What is wrong with the log itself, the key would not mend.
         if study.file.log is not None or not any(isinstance(one, UnknownColumn) for one in error.flaws):
             raise

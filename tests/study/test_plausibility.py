@@ -32,8 +32,8 @@ def test_a_robot_without_a_room_may_be_large_but_not_any():
         parse_study(text.replace("track: 18 cm", "track: 1e7 m"))
 
 
-def test_a_robot_a_little_too_large_for_its_room_is_nobodys_mistake():
-    parse_study(small().replace("track: 18 cm", "track: 2.2 m"))
+def test_a_robot_larger_than_its_room_but_not_by_an_order_is_nobodys_mistake():
+    parse_study(small().replace("track: 18 cm", "track: 12 m"))
 
 
 @pytest.mark.parametrize(
@@ -54,3 +54,7 @@ def test_what_was_meant(old: str, new: str, words: str):
     with pytest.raises(StudyError) as caught:
         parse_study(small().replace(old, new))
     assert str(caught.value).endswith(words)
+
+
+def test_a_size_that_is_computed_has_not_lost_its_unit():
+    parse_study(small().replace("track: 18 cm", "track: 31.41593 m"))

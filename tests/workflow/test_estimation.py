@@ -12,6 +12,7 @@ from studies import saved_study
 
 from oed.foundation.errors import LogError
 from oed.records.record import EstimateRecord, load_estimate
+from oed.report.estimate.logs import findings
 from oed.study.study import Study
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.saving import NotSaved
@@ -181,3 +182,18 @@ def test_a_foreign_table_asks_for_the_key_that_explains_it(tmp_path: Path):
     (tmp_path / "run.csv").write_text("time,left,right\n0,1,1\n1,1,1\n2,1,1\n")
     with pytest.raises(LogError, match=r"study\.yaml: log: the study has no key `log`"):
         estimate(saved_study(tmp_path, STUDY), [tmp_path / "run.csv"])
+
+
+@pytest.mark.slow
+def test_rows_without_numbers_are_refused_with_a_hint_or_skipped_and_counted(tmp_path: Path):
+    file = write_drive(tmp_path / "drive.csv", 0)
+    lines = file.read_text().splitlines()
+    lines[20] = ",".join([*lines[20].split(",")[:3], "nan", "nan", "nan"])
+    file.write_text("\n".join(lines) + "\n")
+    with pytest.raises(LogError) as caught:
+        estimate(saved_study(tmp_path, STUDY), [file])
+    assert caught.value.flaws[-1].key == "log"
+    assert "`skip_invalid_rows: true`" in caught.value.flaws[-1].message
+    found = estimate(saved_study(tmp_path, f"{STUDY}log: {{skip_invalid_rows: true}}\n"), [file])
+    said = [one.message for group in findings(found).values() for _, one in group]
+    assert any(text.startswith("the poses of 1 of 100 rows are skipped") for text in said)

@@ -38,6 +38,7 @@ class ColumnBlock:
         clock: the time's column.
         places: of the columns in the table.
         runs: value of the run column in each row; None without one.
+        skipped: rows whose numbers are left out, for some are none, (n,).
     """
 
     table: Table | None
@@ -45,6 +46,20 @@ class ColumnBlock:
     clock: int = 0
     places: tuple[int, ...] = ()
     runs: list[str] | None = None
+    skipped: Bools | None = None
+
+    def without_invalid(self, invalid: Bools, own_clock: bool) -> ColumnBlock:
+        """With nothing at all in rows that have some numbers, but not all.
+
+        Args:
+            invalid: rows with cells that are neither empty nor numbers, (n,).
+            own_clock: whether its times are those of nothing else.
+        """
+        missing = np.isnan(self.series.values)
+        skipped = invalid | (missing.any(axis=1) & ~missing.all(axis=1))
+        values = np.where(skipped[:, None], np.nan, self.series.values)
+        times = np.where(skipped, np.nan, self.series.times) if own_clock else self.series.times
+        return replace(self, series=replace(self.series, times=times, values=values), skipped=skipped)
 
     def require_filled(self, series: Series, rows: Rows) -> None:
         """Refuse empty cells in these rows, whose numbers are `series`.
@@ -97,9 +112,10 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
     """
     beside = form.poses.beside(Path(table.file))
     columns = dict(zip(model.input_names, input_columns(form.inputs, model), strict=True))
+    own_clock = _skipping(form.skip_invalid_rows, False)
     inputs, (quantities, poses), kept = together(
         [
-            lambda: _read_block(table, form.time, columns, form.runs),
+            lambda: _read_block(table, form.time, columns, form.runs, own_clock),
             lambda: _read_poses(table, beside, form, model),
             lambda: _kept(table, form.keep),
         ]
@@ -117,17 +133,33 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
 
 
 def _read_block(
-    table: Table, time: TimeColumn, columns: Mapping[str, Column], runs: Column | None
+    table: Table, time: TimeColumn, columns: Mapping[str, Column], runs: Column | None, own_clock: bool | None
 ) -> ColumnBlock:
-    read = [partial(_read, table, column, name) for name, column in columns.items()]
+    # Rows with cells that are no numbers are refused, or skipped where it is said whose clock it is.
+    skip = own_clock is not None
+    read = [partial(_read, table, column, name, skip) for name, column in columns.items()]
     try:
         clock, *found, labels = together(
-            [partial(_read, table, time, "time"), *read, partial(_run_labels, table, runs)]
+            [partial(_read, table, time, "time", skip), *read, partial(_run_labels, table, runs)]
         )
     except LogError as error:
         raise LogError([*error.flaws, *_clock_flaws(table, time, runs)]) from None
     series = _series(table, time, clock, [numbers for _, numbers in found])
-    return ColumnBlock(table, series, clock[0], tuple(place for place, _ in found), labels)
+    places = tuple(place for place, _ in found)
+    block = ColumnBlock(table, series, clock[0], places, labels)
+    if own_clock is None:
+        return block
+    return block.without_invalid(_invalid(table, (clock[0], *places)), own_clock)
+
+
+def _skipping(skip: bool, own_clock: bool) -> bool | None:
+    return own_clock if skip else None
+
+
+def _invalid(table: Table, places: Sequence[int]) -> Bools:
+    # Rows with a cell in one of these columns that is neither empty nor a number.
+    flaws = [flaw for place in places for flaw in table.numbers(place)[1]]
+    return np.isin(table.lines, [flaw.line for flaw in flaws])
 
 
 def _clock_flaws(table: Table, time: TimeColumn, runs: Column | None) -> list[FileFlaw]:
@@ -147,14 +179,14 @@ def _series(table: Table, time: TimeColumn, clock: tuple[int, Array], columns: S
     return Series(table.file, table.label(clock[0]), time.factor * clock[1], values, table.lines)
 
 
-def _read(table: Table, column: Column, key: str) -> tuple[int, Array]:
+def _read(table: Table, column: Column, key: str, skip: bool = False) -> tuple[int, Array]:
     place = table.place(column.column, key)
-    return place, _numbers(table, place)
+    return place, _numbers(table, place, skip)
 
 
-def _numbers(table: Table, place: int) -> Array:
+def _numbers(table: Table, place: int, skip: bool = False) -> Array:
     values, flaws = table.numbers(place)
-    if flaws:
+    if len(flaws) == len(values) or (flaws and not skip):
         raise LogError(flaws)
     return values
 
@@ -176,7 +208,8 @@ def _read_poses(
         # A file of poses need not know of runs, even where the log does.
         runs = runs if runs is not None and runs.column in table.header else None
     columns = _pose_columns(table, poses, model)
-    block = _read_block(table, poses.time or form.time, columns, runs)
+    own_clock = _skipping(form.skip_invalid_rows, beside is not None or poses.time is not None)
+    block = _read_block(table, poses.time or form.time, columns, runs, own_clock)
     units = dict(zip(model.states, model.state_units, strict=True))
     factors = [unit_factor(column.unit, units[name]) for name, column in columns.items()]
     return tuple(columns), replace(block, series=block.series.with_values(block.series.values * factors))
