@@ -415,7 +415,7 @@ class TestStudy:
                 "models.0.track_per_yawrate: unknown key; did you mean",
             ),
             ("half known", "skid_steer_slip", "two models named skid_steer_slip; give each a `name`"),
-            ("kind: differential_drive", "kind: hovercraft", "models.1: expected"),
+            ("kind: differential_drive", "kind: hovercraft", "models.1.kind: expected"),
             ("track: 16 cm, estimate", "track: 16 s, estimate", "models.1.track: expected a length"),
         ],
     )
