@@ -114,8 +114,12 @@ class Presented:
         ...
 
     def __repr__(self) -> str:
-        """The card's title and facts."""
-        return self._card().short
+        """The card's title and facts; just the class where the object is too broken to say them."""
+        try:
+            return self._card().short
+        except Exception:
+            # What looks at an object after an error must not meet another one.
+            return f"<{type(self).__name__}>"
 
     __str__ = __repr__
 

@@ -8,7 +8,7 @@ import pytest
 
 from oed import E, Ipopt, UserMistake
 from oed.foundation import plots
-from oed.foundation.presenting import UNIDENTIFIED, Card, brief, dataframe, parameter_rows
+from oed.foundation.presenting import UNIDENTIFIED, Card, Presented, brief, dataframe, parameter_rows
 
 CARD = Card(
     "Solution a<b", (("objective", "3"), ("path", "2 m")), ("parameter", "value"), (("track", "<180> mm"),)
@@ -72,6 +72,16 @@ def test_a_table_names_its_units(monkeypatch):
     frame = dataframe({"t": [0.0], "name": ["a"]}, {"t": "s", "name": ""})
     assert frame.columns == {"t": [0.0], "name": ["a"]}
     assert frame.attrs == {"units": {"t": "s"}}
+
+
+def test_an_object_too_broken_to_describe_itself_is_named_all_the_same():
+    class Broken(Presented):
+        def _card(self):
+            raise ValueError("broken")
+
+    assert repr(Broken()) == "<Broken>"
+    with pytest.raises(ValueError, match="broken"):
+        Broken().summary()
 
 
 def test_what_nobody_draws_is_refused():

@@ -268,7 +268,7 @@ class Record(Presented, SavedFile):
         )
         errors = {} if best is None else best.standard_deviations
         return Card(
-            f"Record of {self.study.name}",
+            f"Record of {self.echo.get('name', 'a study')}",
             facts,
             PARAMETER_COLUMNS,
             parameter_rows(tuple(errors), nominal, errors, units),
