@@ -64,6 +64,14 @@ def test_short_forms_are_a_few_lines(flagship, driven, record, estimate):
         assert text in one.summary()
 
 
+def test_a_study_and_its_keys_are_a_few_lines():
+    study = oed.load_study("problems/laser_tracker.yaml")
+    assert repr(study).startswith("Study Laser tracker\n")
+    assert "E-optimal, D-optimal, A-optimal" in repr(study)
+    assert len(repr(study.file)) < 250
+    assert repr(study.file).startswith("StudyFile('Laser tracker', differential_drive; keys: ")
+
+
 def test_notebooks_show_tables_in_which_everything_is_escaped(flagship, driven, record, estimate):
     for one in shown(flagship, driven, record, estimate).values():
         html = one._repr_html_()

@@ -14,7 +14,7 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Card, Fact, Presented, given
-from oed.foundation.text import quantity, words
+from oed.foundation.text import given_text, words
 from oed.kernel.consistency import parts_of, problem_flaws
 from oed.kernel.criteria import Criterion, Subject
 from oed.kernel.dynamics.expression import Expression
@@ -283,7 +283,7 @@ class Problem(Presented, Renamed):
         return given(
             (self.model.noun, label_of(self.model)),
             ("estimates", ", ".join(names)),
-            ("drive", f"{runs}{quantity(space.whole_duration, 's')}, {space.samples} samples"),
+            ("drive", f"{runs}{given_text(space.whole_duration, 's')}, {space.samples} samples"),
             ("measured", self.measurement.brief(space.samples)),
             ("limits", ", ".join(words(one.name) for one in self.limits)),
             ("criterion", self.criterion.kind),

@@ -8,7 +8,8 @@ from typing import Any, Literal
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.foundation.presenting import Card, Presented, dataframe, given, number
+from oed.foundation.presenting import Card, Presented, dataframe, given
+from oed.foundation.text import given_text
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ class Log(Presented):
             ("in doubt", " ".join(one.message for one in self.findings if one.doubtful)),
         )
         rows = tuple((one.name, one.message) for one in self.findings)
-        return Card(f"Log {self.name}: {number(self.duration, 's')}", facts, ("found", "what"), rows)
+        return Card(f"Log {self.name}: {given_text(self.duration, 's')}", facts, ("found", "what"), rows)
 
     def found(self, name: str, message: str, *, doubtful: bool = False) -> Log:
         """The log with one finding more.

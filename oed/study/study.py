@@ -85,6 +85,14 @@ class StudyFile(Component):
     physics: Trial | None = None
     seed: Annotated[int, Field(ge=0)] = 0
 
+    def __repr__(self) -> str:
+        """Its name, its robot and the keys that were given."""
+        return (
+            f"StudyFile({self.name!r}, {self.robot.kind}; keys: {', '.join(sorted(self.model_fields_set))})"
+        )
+
+    __str__ = __repr__
+
     def echo(self) -> dict[str, Any]:
         """The study as plain data, defaults filled in, SI numbers; itself a valid study."""
         plain: dict[str, Any] = self.model_dump(mode="json", exclude_none=True)

@@ -12,7 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.arrays import Array
-from oed.foundation.presenting import Card, Presented, dataframe, given, number
+from oed.foundation.presenting import Card, Presented, dataframe, given
+from oed.foundation.text import given_text
 from oed.kernel.dynamics import spline
 
 
@@ -261,14 +262,14 @@ class Trajectory(Presented):
         starts = "; ".join(", ".join(f"{value:.4g}" for value in start) for start in self.starts[:3])
         more = "; ..." if self.runs > 3 else ""
         facts = given(
-            ("samples", f"{each}{self.samples} of {number(self.period, 's')}"),
+            ("samples", f"{each}{self.samples} of {given_text(self.period, 's')}"),
             (
                 "inputs",
                 f"{width}, splines of degree {self.degree}, {len(self.coefficients)} coefficients each",
             ),
             ("start (SI)", starts + more),
         )
-        return Card(f"Trajectory: {number(self.duration, 's')}", facts)
+        return Card(f"Trajectory: {given_text(self.duration, 's')}", facts)
 
     def _held(self, changes: Callable[[Array, int, Array, int], Array]) -> Array:
         # Of what is held in every run.

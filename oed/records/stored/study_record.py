@@ -148,7 +148,8 @@ COLUMNS = (
 
 def _results_text(results: Sequence[Result]) -> str:
     names = [one.name for one in results if one.origin != "baseline"]
-    others = len(results) - len(names)
+    baselines = [one.name for one in results if one.origin == "baseline"]
+    others = len([name for name in baselines if not name.endswith("_same_length")])
     return listing([*names, *([count(others, "baseline")] if others else [])])
 
 
