@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -91,8 +92,7 @@ def test_summaries_say_every_parameter_with_its_unit_and_error(record, estimate)
 
 def test_a_limit_that_is_exceeded_is_named_with_its_unit(flagship):
     text = repr(scored(flagship, random_drive(flagship, 1, 40.0), "fast"))
-    assert "wheel speed exceeded by" in text
-    assert "rad/s" in text
+    assert re.search(r"wheel speed exceeded by \d+ rad/s;", text)
 
 
 def test_a_validation_compares_the_errors(laser_validation):

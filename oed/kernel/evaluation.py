@@ -18,7 +18,7 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, NotFinite
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import PARAMETER_COLUMNS, Card, Fact, Presented, given, number, parameter_rows
-from oed.foundation.text import size_text, words
+from oed.foundation.text import quantity, size_text, words
 from oed.kernel.between import Sight, most_exceeded
 from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.rollout import FINE, any_drive
@@ -32,6 +32,13 @@ from oed.kernel.problem import Problem
 
 EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
 """What a drive's splines are among, as `roll_out` takes it."""
+
+
+def _amount(margin: Margin) -> str:
+    # Rates stay in radians, as they are mostly given; angles are in degrees.
+    if margin.unit.startswith("rad/"):
+        return quantity(margin.violation, margin.unit, 2)
+    return size_text(margin.violation, margin.unit, 2)
 
 
 @dataclass(frozen=True, repr=False)
@@ -137,7 +144,7 @@ class Evaluation(Presented, Renamed):
     def limits_text(self) -> str:
         """How the limits fare, in words: `satisfied`, `duration exceeded by 0.50 s`."""
         broken = [one for one in self.margins if not one.satisfied]
-        each = [f"{words(one.name)} exceeded by {size_text(one.violation, one.unit, 2)}" for one in broken]
+        each = [f"{words(one.name)} exceeded by {_amount(one)}" for one in broken]
         return "; ".join(each) or "satisfied"
 
     @property
