@@ -13,6 +13,14 @@ from oed.cli.terminal.messages import print_json, tell
 def _report_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folders", metavar="DIR", nargs="+")
     parser.add_argument("--out", metavar="DIR", help="where a comparison goes (default: reports/comparison/)")
+    parser.add_argument(
+        "--figures",
+        metavar="FORMAT",
+        action="append",
+        choices=("pdf", "png"),
+        default=[],
+        help="figures also as pdf or png, beside the SVG of each; may be given again",
+    )
 
 
 def _report(options: argparse.Namespace) -> int:
@@ -26,19 +34,20 @@ def _report(options: argparse.Namespace) -> int:
     first = in_order(options.folders[0])
     estimated = len(options.folders) == 1 and (first / ESTIMATE).is_file()
     if estimated:
-        page = write_estimate(load_estimate(first), options.out or first)
+        page = write_estimate(load_estimate(first), options.out or first, options.figures)
     swept = len(options.folders) == 1 and (first / SWEEP).is_file()
     if swept:
-        page = write_sweep(load_sweep(first), first, options.out or first)
+        page = write_sweep(load_sweep(first), first, options.out or first, options.figures)
     elif not estimated or (first / FILE).is_file():
         records = [(folder, load_record(folder)) for folder in options.folders]
         if len(records) == 1:
-            page = write_report(records[0][1], options.out or first)
+            page = write_report(records[0][1], options.out or first, options.figures)
         else:
             names = [Path(folder).resolve().name for folder in options.folders]
             labels = names if len(set(names)) == len(names) else options.folders
             named = list(zip(labels, (record for _, record in records), strict=True))
-            page = write_comparison(named, options.out or Path("reports") / "comparison")
+            target = options.out or Path("reports") / "comparison"
+            page = write_comparison(named, target, options.figures)
     if options.json:
         print_json({"report": str(page)})
     else:

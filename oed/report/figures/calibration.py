@@ -33,6 +33,8 @@ MOST_DOTS = 1000
 """Dots of a panel."""
 GAP = 0.01
 """Between logs on the axis of time, as a share of all."""
+TALLEST = 4.2
+"""Height of a path's panel at most, of one as tall as it is wide [inch]."""
 LETTERS = 26
 """Of a panel's title."""
 TITLES = (10.0, 9.5, 8.5)
@@ -286,7 +288,7 @@ def _later(one: Residuals) -> spec.Panel:
 def paths(drawn: Sequence[ReckonedPath]) -> spec.Plot:
     """One panel per log: its measured path, and dead reckoning before and after."""
     columns = 1 if len(drawn) == 1 else 2 if len(drawn) in (2, 4) else 3
-    panel = WIDTH / columns * (0.6 if columns == 1 else 1.0)
+    panel = min(WIDTH / columns, TALLEST)
     shape = float(np.clip(np.median([_shape(one) for one in drawn]), 0.4, 1.2))
     rows = -(-len(drawn) // columns)
     keys = [spec.Key(label, look) for label, look in {**PATHS, "start": START}.items()]

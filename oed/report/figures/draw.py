@@ -45,6 +45,8 @@ STYLE = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial"],
 }
+PNG_DPI = 200
+"""Of figures as PNG [dots/inch]."""
 BAR, SHORTEST_BAR = 3.6, 0.02
 """Height of a bar of colours at most, and its distance from the panels [inch, share]."""
 
@@ -58,6 +60,21 @@ def svg_text(figure: spec.Plot) -> str:
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
         drawn(figure).savefig(buffer, format="svg", metadata=nothing)
     return page_text(_compact(buffer.getvalue()))
+
+
+def picture_bytes(figure: spec.Plot, form: str) -> bytes:
+    """A figure as a file of another format: the same bytes for the same data.
+
+    Args:
+        figure: what is drawn.
+        form: "pdf" or "png".
+    """
+    with style.context(["default", STYLE]), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph ", category=UserWarning)
+        buffer = io.BytesIO()
+        nothing = {"CreationDate": None} if form == "pdf" else {}
+        drawn(figure).savefig(buffer, format=form, metadata=nothing, dpi=PNG_DPI)
+    return buffer.getvalue()
 
 
 def _compact(svg: str) -> str:

@@ -74,12 +74,13 @@ class Group:
 
 def groups_of(record: Record, count: int) -> list[tuple[Group, Group]]:
     """Inputs by quantity, in their order, each with its rates; `count` inputs where none are named."""
-    table = list(enumerate(_inputs(record, count)))
+    table = list(enumerate(inputs_of(record, count)))
     quantities = dict.fromkeys(one.quantity for _, one in table)
     return [_pair([(at, one) for at, one in table if one.quantity == quantity]) for quantity in quantities]
 
 
-def _inputs(record: Record, count: int) -> list[Input]:
+def inputs_of(record: Record, count: int) -> list[Input]:
+    """The robot's inputs; `count` without names where the record names none."""
     if record.inputs:
         return [Input(one.name, one.quantity, one.unit) for one in record.inputs]
     if count == len(TWO_WHEEL_SPEEDS):
@@ -142,3 +143,23 @@ def series_of(result: Result, group: Group) -> Series:
         times[index] = np.append(times[index], end)
         rows[index] = np.vstack([rows[index], np.full(len(group.columns), np.nan)])
     return Series(heading(result), np.concatenate(times), np.vstack(rows), steps, breaks)
+
+
+def sampled(result: Result, group: Group, run: int) -> Array:
+    """A group's inputs in a run of a result that has a drive, at the samples, (N + 1, inputs), as shown.
+
+    Args:
+        result: that has a drive.
+        group: of inputs.
+        run: its number, from 0.
+    """
+    assert result.drive is not None
+    drive = result.drive.trajectory
+    periods, each = drive.samples // drive.runs, drive.duration / drive.runs
+    if drive.degree == 0:
+        held = np.split(drive.inputs, drive.runs)[run]
+        values = np.vstack([held, held[-1:]])
+    else:
+        last = each * (JUST_BEFORE if run + 1 < drive.runs else 1.0)
+        values = drive.inputs_at(run * each + np.linspace(0.0, last, periods + 1))
+    return np.asarray(group.factor * values[:, list(group.columns)])
