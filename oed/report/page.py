@@ -15,6 +15,7 @@ from oed.foundation.errors import UserMistake
 from oed.foundation.shown import page_text, shown
 from oed.foundation.work.folders import updated
 from oed.records.record import FIGURE_FORMATS, REPORT, Record, pages
+from oed.report.figures.spec import WIDTH
 from oed.report.film.animation import with_film
 from oed.report.parts.prose import environment
 from oed.report.parts.section import Animation, Section
@@ -28,6 +29,8 @@ UNITS = "%|m|cm|mm|µm|s|ms|min|h|rad|deg|rad/s²?|rad²|deg/s"
 """Units that follow a number in a text."""
 WIDE = 9
 """Columns beyond which a table is set smaller."""
+POINTS = 72.0
+"""In an inch."""
 MOST_ROWS = 7
 """Rows of a table in sight; further ones are folded away."""
 
@@ -164,10 +167,12 @@ def embedded(gif: Path) -> str:
 
 
 def _inline_svg(svg: str, name: str, alt: str) -> Markup:
-    # An SVG file's text as an element of a page, its ids made unique to the figure.
+    # An SVG file's text as an element of a page, its ids made unique to the figure; narrow ones stay narrow.
     element = svg[svg.index("<svg") :]
     element = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", element)
-    label = f'<svg role="img" aria-label="{escape(alt)}"'
+    width = re.match(r'<svg [^>]*?\bwidth="([\d.]+)pt"', element)
+    share = float(width[1]) / (POINTS * WIDTH) if width else 1.0
+    label = f'<svg role="img" style="--share: {min(share, 1.0):.3g}" aria-label="{escape(alt)}"'
     return Markup(element.replace("<svg", label, 1))  # noqa: S704 - the package's own drawing
 
 

@@ -15,7 +15,7 @@ from shown_in import section
 from oed.foundation.errors import UserMistake
 from oed.records.record import Record
 from oed.report.figures import ranking
-from oed.report.figures.spec import Line, Note
+from oed.report.figures.spec import WIDTH, Line, Note, Panel, Plot
 from oed.report.page import render, sections_of
 from oed.report.parts.inputs import groups_of, sampled
 from oed.report.parts.reading import called, drivable
@@ -168,3 +168,12 @@ def test_figures_are_written_in_further_formats(tmp_path: Path) -> None:
     assert {one.name for one in figures.iterdir()} == {"dots.svg", "mine.png"}
     with pytest.raises(UserMistake, match="expected a list of pdf or png, got gif"):
         render("Page", made, tmp_path, figures=("gif",))
+
+
+def test_a_narrow_figure_stays_narrow(tmp_path: Path) -> None:
+    one = Panel((), title="One")
+    wide, narrow = (
+        Picture(f"w{int(width)}", "a", "b", Plot([one], width=width)) for width in (WIDTH, WIDTH / 2)
+    )
+    html = render("Page", [Section("Both", figures=(wide, narrow))], tmp_path).read_text("utf-8")
+    assert re.findall(r'<svg role="img" style="--share: ([\d.]+)"', html) == ["1", "0.5"]

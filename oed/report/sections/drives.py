@@ -14,7 +14,7 @@ from oed.report.figures import paths as path_figures
 from oed.report.figures.driven import Path, Room, path_of, robot_width, room_of, view_of
 from oed.report.parts.inputs import Group, Series, groups_of, sampled, series_of
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import called, drivable, heading, in_place, runs_of, segments, with_drive
+from oed.report.parts.reading import called, drivable, heading, in_place, runs_of, segments
 from oed.report.parts.section import Animation, Picture, Section
 from oed.robots.limits.shapes import Outline
 
@@ -26,28 +26,19 @@ DECIMALS = 4
 
 
 def paths(record: Record) -> Section | None:
-    """The path of every drive to choose from, on one scale; those that cannot be driven folded away."""
+    """The path of every drive to choose from, on one scale."""
     results = drivable(record)
     if not results:
         return None
-    others = [one for one in with_drive(record) if one not in results]
-    folds = (
-        [Section("Paths of the other drives", figures=(_paths(record, others, "other_paths"),))]
-        if others
-        else []
-    )
-    return Section("Paths in the workspace", figures=(_paths(record, results, "paths"),), folds=tuple(folds))
-
-
-def _paths(record: Record, results: list[Result], name: str) -> Picture:
     drives, room = [path_of(record, one) for one in results], room_of(record)
     figure = path_figures.paths(drives, room)
-    return Picture(name, SAY("paths", len(drives)), _caption(record, results, drives, room), figure)
+    picture = Picture("paths", SAY("paths", len(drives)), _caption(record, results, drives, room), figure)
+    return Section("Paths in the workspace", figures=(picture,))
 
 
 def best_path(record: Record) -> Picture | None:
-    """The path of the best drive alone; None without one."""
-    if record.best is None:
+    """The path of the best drive alone; None without one, or where it is the only one."""
+    if record.best is None or len(drivable(record)) < 2:
         return None
     drive, room = path_of(record, record.best), room_of(record)
     note = _caption(record, [record.best], [drive], room)
