@@ -184,7 +184,7 @@ def test_player_knows_the_room_and_the_body() -> None:
     assert right > 2
     assert top > 1.4
     assert '"obstacles":[{"x":1.4' in script_data(animation)
-    assert "the circle is its body" in section(record, "Summary").paragraphs[-1]
+    assert "the circle is its body" in animation.caption
 
 
 def test_player_knows_the_trailer() -> None:

@@ -122,6 +122,7 @@ class Animation:
         body_radius: of the circle around it, 0 for none.
         trailer: how far behind the robot's origin it is hitched, and from there to its axle.
         charts: of the inputs over time: title, labels of the lines, and limits or None.
+        caption: how to read it.
     """
 
     drives: tuple[Mapping[str, Any], ...]
@@ -132,6 +133,7 @@ class Animation:
     body_radius: float = 0.0
     trailer: tuple[float, float] | None = None
     charts: tuple[Mapping[str, Any], ...] = ()
+    caption: str = ""
 
 
 @dataclass(frozen=True)

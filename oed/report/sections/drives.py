@@ -123,13 +123,8 @@ def player(record: Record) -> Animation | None:
         body_radius=room.body_radius,
         trailer=robot.towed,
         charts=tuple(_chart(record, one) for one in groups),
+        caption=SAY("player", hasattr(robot, "track"), room.body_radius, robot.towed),
     )
-
-
-def player_text(record: Record) -> str:
-    """What is seen when a drive is played."""
-    robot = record.study.robot
-    return SAY("player", hasattr(robot, "track"), room_of(record).body_radius, robot.towed)
 
 
 def _chart(record: Record, group: Group) -> dict[str, Any]:

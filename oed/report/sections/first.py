@@ -22,7 +22,7 @@ from oed.report.parts.reading import (
     regression_of,
 )
 from oed.report.parts.section import Download, Section
-from oed.report.sections.drives import best_path, player, player_text
+from oed.report.sections.drives import best_path, player
 from oed.report.sections.summary import summary
 
 SAY = Prose("first")
@@ -37,7 +37,7 @@ def first(record: Record) -> Section:
     still = best_path(record)
     return replace(
         made,
-        paragraphs=(capital(said[0]), *said[1:], player_text(record)),
+        paragraphs=(capital(said[0]), *said[1:]),
         figures=() if still is None else (still,),
         animation=animation,
         downloads=_downloads(record),
