@@ -20,6 +20,14 @@ def _report_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="DIR", help="where the page goes (default: DIR; a comparison: reports/comparison/)"
     )
+    parser.add_argument(
+        "--figures",
+        metavar="FORMAT",
+        action="append",
+        choices=("pdf", "png"),
+        default=[],
+        help="figures also as pdf or png, beside the SVG of each; may be given again",
+    )
 
 
 def _report(options: argparse.Namespace) -> int:
@@ -27,9 +35,9 @@ def _report(options: argparse.Namespace) -> int:
 
     folders = options.folders
     if len(folders) > 1:
-        page = _compared(folders, options.out)
+        page = _compared(options)
     else:
-        page = _page_of(folders[0], options.out) or write_index(folders[0], options.out)
+        page = _page_of(options) or write_index(folders[0], options.out)
     if options.json:
         print_json({"report": str(page)})
     else:
@@ -37,33 +45,38 @@ def _report(options: argparse.Namespace) -> int:
     return DONE
 
 
-def _page_of(folder: str, out: str | None) -> Path | None:
+def _page_of(options: argparse.Namespace) -> Path | None:
     # The pages of all that is saved in a folder, or in the file that is named; None where it holds no run.
     from oed.foundation.work.folders import in_order
     from oed.records.record import ESTIMATE_FILE as ESTIMATE
     from oed.records.record import FILE, SWEEP_FILE, load_estimate, load_record, load_sweep
     from oed.report import write_estimate, write_report, write_sweep
 
-    first = in_order(folder)
-    page = None
+    folder, out, figures = options.folders[0], options.out, options.figures
+    first, page = in_order(folder), None
     estimated, swept = (first / ESTIMATE).is_file(), (first / SWEEP_FILE).is_file()
     if estimated:
-        page = write_estimate(load_estimate(first), out or first)
+        page = write_estimate(load_estimate(first), out or first, figures)
     if swept:
-        return write_sweep(load_sweep(first), first, out or first)
+        return write_sweep(load_sweep(first), first, out or first, figures)
     if (first / FILE).is_file() or not first.is_dir():
-        return write_report(load_record(folder), out or first)
+        return write_report(load_record(folder), out or first, figures)
     return page
 
 
-def _compared(folders: list[str], out: str | None) -> Path:
+def _compared(options: argparse.Namespace) -> Path:
     from oed.records.record import load_record
     from oed.report import write_comparison
 
+    folders = options.folders
     records = [load_record(folder) for folder in folders]
     names = [Path(folder).resolve().name for folder in folders]
     labels = names if len(set(names)) == len(names) else folders
-    return write_comparison(list(zip(labels, records, strict=True)), out or Path("reports") / "comparison")
+    return write_comparison(
+        list(zip(labels, records, strict=True)),
+        options.out or Path("reports") / "comparison",
+        options.figures,
+    )
 
 
 REPORT = Command(

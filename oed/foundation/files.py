@@ -136,7 +136,16 @@ def _special(mode: int) -> str:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write text under a temporary name, then rename: a reader never sees half a file.
+    """Write text as UTF-8, as `write_bytes` does.
+
+    Raises:
+        UserMistake, Failure: as `write_bytes` does.
+    """
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file under a temporary name, then rename: a reader never sees half a file.
 
     Raises:
         UserMistake: the folder cannot be written to, or something else than a file has that name.
@@ -150,8 +159,8 @@ def write_text(path: Path, text: str) -> None:
     except OSError as error:
         raise unwritten(f"{path.parent}: cannot write there", error) from None
     try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
         # mkstemp makes files private; a report is to be read as any other file.
         umask = os.umask(0)
         os.umask(umask)
@@ -186,14 +195,14 @@ def require_replaceable(path: Path, *, links: bool = False) -> None:
         raise UserMistake(f"{path}: cannot be written: {_special(mode)} is there, not a file; name another")
 
 
-def write_files(folder: Path, files: Mapping[str, str]) -> None:
-    """Write texts by file name, each as `write_text` does.
+def write_files(folder: Path, files: Mapping[str, str | bytes]) -> None:
+    """Write texts and other contents by file name, each as `write_bytes` does.
 
     Raises:
         UserMistake, Failure: as `write_text` does.
     """
-    for name, text in files.items():
-        write_text(folder / name, text)
+    for name, content in files.items():
+        write_bytes(folder / name, content.encode() if isinstance(content, str) else content)
 
 
 def unwritten(text: str, error: OSError) -> UserMistake | Failure:

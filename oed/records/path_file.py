@@ -33,12 +33,24 @@ def trajectory_csv(problem: Problem, trajectory: Trajectory, poses: Array) -> st
         trajectory: the drive.
         poses: at the samples, (N + runs, states).
     """
+    return drive_csv(trajectory, poses, problem.model.input_names, problem.model.states)
+
+
+def drive_csv(trajectory: Trajectory, poses: Array, inputs: Sequence[str], states: Sequence[str]) -> str:
+    """The CSV text of a trajectory, as `trajectory_csv` writes it.
+
+    Args:
+        trajectory: the drive.
+        poses: at the samples, (N + runs, states).
+        inputs: their names.
+        states: their names.
+    """
     buffer, runs = io.StringIO(), trajectory.runs
     writer = csv.writer(buffer, lineterminator="\n")
     first = ["run"] if runs > 1 else []
-    writer.writerow([*first, "t", *problem.model.input_names, *problem.model.states])
+    writer.writerow([*first, "t", *inputs, *states])
     times = np.linspace(0.0, trajectory.duration / runs, trajectory.samples // runs + 1)
-    nothing = [[""] * len(problem.model.inputs)]
+    nothing = [[""] * len(inputs)]
     each = zip(np.split(trajectory.inputs, runs), np.split(poses, runs), strict=True)
     for run, (rows, own_poses) in enumerate(each, start=1):
         held = [*([repr(float(value)) for value in row] for row in rows), *nothing]

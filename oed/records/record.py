@@ -19,6 +19,8 @@ from oed.records.stored.sweep import StoredSweep
 FILE, ESTIMATE_FILE, SWEEP_FILE = "record.json", "estimate.json", "sweep.json"
 REPORT, ESTIMATE = "report", "estimate"
 """Names, without suffix, of the pages on a design and on an estimate; the latter's figures begin with it."""
+FIGURE_FORMATS = ("pdf", "png")
+"""In which figures may be had beside the SVG of each."""
 RESULTS = (FILE, ESTIMATE_FILE, SWEEP_FILE)
 """Names of the files that hold what a run, an estimate and a sweep found."""
 
@@ -119,7 +121,8 @@ def pages(folder: Path, name: str = REPORT) -> set[str]:
     """Names, relative to a folder, of the files of a report (or an estimate's page) that is there."""
     figures = {
         path.relative_to(folder).as_posix()
-        for path in folder.glob("figures/*.svg")
-        if path.name.startswith(f"{ESTIMATE}_") == (name == ESTIMATE)
+        for figure in folder.glob("figures/*.svg")
+        for path in (figure, *(figure.with_suffix(f".{one}") for one in FIGURE_FORMATS))
+        if path.name.startswith(f"{ESTIMATE}_") == (name == ESTIMATE) and path.exists()
     }
     return figures | {file for file in (f"{name}.html", f"{name}.md") if (folder / file).exists()}

@@ -25,14 +25,19 @@ ASKED = {"robot", "trajectory", "measurement", "estimate", "prior", "limits", "c
 """Keys of a study that say what is designed for, rather than how it was searched."""
 
 
-def write_comparison(records: Sequence[Named], folder: str | Path) -> Path:
+def write_comparison(records: Sequence[Named], folder: str | Path, figures: Sequence[str] = ()) -> Path:
     """Write report.html, report.md and figures/*.svg that compare named records; returns report.html.
+
+    Args:
+        records: that are compared, by name.
+        folder: where to write.
+        figures: formats in which figures are written beside the SVG of each: "pdf", "png".
 
     Raises:
         UserMistake: the folder cannot be written to.
     """
     sections = (_summary(records), _differences(records), _paths(records), _precision(records))
-    return render("Comparison", sections, Path(folder))
+    return render("Comparison", sections, Path(folder), figures=figures)
 
 
 def _summary(records: Sequence[Named]) -> Section:

@@ -5,15 +5,17 @@ from __future__ import annotations
 import base64
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
 
 from markupsafe import Markup
 
-from oed.foundation.shown import page_text
+from oed.foundation.errors import UserMistake
+from oed.foundation.shown import page_text, shown
 from oed.foundation.work.folders import updated
-from oed.records.record import REPORT, Record, pages
+from oed.records.record import FIGURE_FORMATS, REPORT, Record, pages
+from oed.report.figures.spec import WIDTH
 from oed.report.film.animation import with_film
 from oed.report.parts.prose import environment
 from oed.report.parts.section import Animation, Section
@@ -27,22 +29,37 @@ UNITS = "%|m|cm|mm|µm|s|ms|min|h|rad|deg|rad/s²?|rad²|deg/s"
 """Units that follow a number in a text."""
 WIDE = 9
 """Columns beyond which a table is set smaller."""
+POINTS = 72.0
+"""In an inch."""
+MOST_ROWS = 7
+"""Rows of a table in sight; further ones are folded away."""
 
 
-def write_report(record: Record, folder: str | Path) -> Path:
+def write_report(record: Record, folder: str | Path, figures: Sequence[str] = ()) -> Path:
     """Write report.html, report.md and figures/*.svg into `folder`; returns report.html.
 
     A film of the drives that lies there, `drive.gif`, becomes part of it.
+
+    Args:
+        record: what is reported.
+        folder: where to write.
+        figures: formats in which figures are written beside the SVG of each: "pdf", "png".
 
     Raises:
         UserMistake: the folder cannot be written to.
     """
     target = Path(folder)
     sections = (with_film(section, record, target) for section in sections_of(record))
-    return render(record.study.name, sections, target)
+    return render(record.study.name, sections, target, figures=figures)
 
 
-def render(title: str, parts: Iterable[Section | None], target: Path, name: str = NAME) -> Path:
+def render(
+    title: str,
+    parts: Iterable[Section | None],
+    target: Path,
+    name: str = NAME,
+    figures: Sequence[str] = (),
+) -> Path:
     """Write sections as an HTML page, as Markdown and as figures/*.svg into `target`; returns the page.
 
     Args:
@@ -50,20 +67,23 @@ def render(title: str, parts: Iterable[Section | None], target: Path, name: str 
         parts: its sections, in order; None is left out.
         target: folder.
         name: of the page's files, without suffix.
+        figures: formats of figures beside the SVG of each.
 
     Raises:
-        UserMistake: the folder cannot be written to.
+        UserMistake: the folder cannot be written to, or there is no such format.
     """
+    require_formats(figures)
     sections = [one for one in parts if one is not None]
     drawings = _drawings(sections)
-    content = {"title": title, "sections": sections, "svg": drawings, "wide": WIDE}
+    content = {"title": title, "sections": sections, "svg": drawings, "wide": WIDE, "most": MOST_ROWS}
     templates = environment().overlay()
     templates.filters = {**templates.filters, **FILTERS}
     # Whatever a text comes from: pages steer neither a terminal that shows them nor the direction of writing.
     html, markdown = (
         page_text(templates.get_template(template).render(content)) for template in (HTML, MARKDOWN)
     )
-    files = {f"{FIGURES}/{figure}.svg": text for figure, text in drawings.items()}
+    files: dict[str, str | bytes] = {f"{FIGURES}/{one}.svg": text for one, text in drawings.items()}
+    files |= dict(_printed(sections, figures))
     with updated(target) as draft:
         draft.write({**files, f"{name}.md": markdown, f"{name}.html": html})
         draft.publish(pages(target, name))
@@ -77,12 +97,35 @@ def sections_of(record: Record) -> list[Section]:
 
 def _drawings(sections: list[Section]) -> dict[str, str]:
     # The drawing library is loaded here and in the pictures' own functions, only when there is one to draw.
-    pictures = [picture for section in sections for picture in section.figures]
+    pictures = [picture for section in sections for picture in section.pictures]
     if not pictures:
         return {}
     from oed.report.figures.draw import svg_text
 
     return {picture.name: svg_text(picture.figure) for picture in pictures}
+
+
+def require_formats(figures: Sequence[str]) -> None:
+    """Make sure that figures can be had in these formats.
+
+    Raises:
+        UserMistake: in one of them they cannot.
+    """
+    unknown = [one for one in figures if one not in FIGURE_FORMATS]
+    if unknown or isinstance(figures, str):
+        expected = " or ".join(FIGURE_FORMATS)
+        raise UserMistake(f"figures: expected a list of {expected}, got {shown(', '.join(figures))}")
+
+
+def _printed(sections: list[Section], figures: Sequence[str]) -> Iterator[tuple[str, bytes]]:
+    # The figures once more, in the formats asked for.
+    if not figures:
+        return
+    from oed.report.figures.draw import picture_bytes
+
+    for picture in (one for section in sections for one in section.pictures):
+        for form in figures:
+            yield f"{FIGURES}/{picture.name}.{form}", picture_bytes(picture.figure, form)
 
 
 def html_text(text: str) -> Markup:
@@ -113,16 +156,23 @@ def script_data(animation: Animation) -> Markup:
     return Markup(text.replace("<", "\\u003c"))  # noqa: S704 - no element can begin or end in it
 
 
+def data_address(text: str) -> str:
+    """A text as an address that holds it."""
+    return f"data:text/plain;charset=utf-8;base64,{base64.b64encode(text.encode()).decode('ascii')}"
+
+
 def embedded(gif: Path) -> str:
     """A GIF as an address that holds it."""
     return f"data:image/gif;base64,{base64.b64encode(gif.read_bytes()).decode('ascii')}"
 
 
 def _inline_svg(svg: str, name: str, alt: str) -> Markup:
-    # An SVG file's text as an element of a page, its ids made unique to the figure.
+    # An SVG file's text as an element of a page, its ids made unique to the figure; narrow ones stay narrow.
     element = svg[svg.index("<svg") :]
     element = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", element)
-    label = f'<svg role="img" aria-label="{escape(alt)}"'
+    width = re.match(r'<svg [^>]*?\bwidth="([\d.]+)pt"', element)
+    share = float(width[1]) / (POINTS * WIDTH) if width else 1.0
+    label = f'<svg role="img" style="--share: {min(share, 1.0):.3g}" aria-label="{escape(alt)}"'
     return Markup(element.replace("<svg", label, 1))  # noqa: S704 - the package's own drawing
 
 
@@ -131,6 +181,7 @@ FILTERS = {
     "markdown": markdown_text,
     "cell": lambda text: _escaped(" ".join(text.split())),
     "data": script_data,
+    "data_address": data_address,
     "embedded": embedded,
     "fence": fence,
     "inline": _inline_svg,

@@ -29,13 +29,16 @@ PATHS = 12
 """Paths that are drawn."""
 
 
-def write_sweep(found: StoredSweep, source: str | Path, folder: str | Path | None = None) -> Path:
+def write_sweep(
+    found: StoredSweep, source: str | Path, folder: str | Path | None = None, figures: Sequence[str] = ()
+) -> Path:
     """Write report.html, report.md and figures/*.svg of a sweep; returns report.html.
 
     Args:
         found: the sweep.
         source: its folder, where its records are.
         folder: where to write; the sweep's own by default.
+        figures: formats in which figures are written beside the SVG of each: "pdf", "png".
 
     Raises:
         UserMistake: the folder cannot be written to.
@@ -47,7 +50,7 @@ def write_sweep(found: StoredSweep, source: str | Path, folder: str | Path | Non
     links = _links(found, base) if base == target else None
     sections = (_summary(found), _precision(found, records), _paths(found, records), links)
     keys = listing([words(axis.name) for axis in found.keys])
-    return render(f"{found.name} over {keys}", sections, target)
+    return render(f"{found.name} over {keys}", sections, target, figures=figures)
 
 
 def _summary(found: StoredSweep) -> Section:

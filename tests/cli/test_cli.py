@@ -259,10 +259,18 @@ class TestRun:
         *_, folder = ran
         out = folder / "reports" / "my study"
         (out / "report.html").unlink()
-        code, data, _ = call_json(capsys, "report", str(out))
+        code, data, _ = call_json(capsys, "report", str(out), "--figures", "pdf")
         assert code == 0
         assert Path(data["report"]).exists()
         assert (out / "report.html").exists()
+        figures = {path.name for path in (out / "figures").iterdir()}
+        assert {"paths.svg", "paths.pdf"} <= figures
+        assert {Path(name).stem for name in figures if name.endswith("svg")} == {
+            Path(name).stem for name in figures if name.endswith("pdf")
+        }
+        code, _, err = call(capsys, "report", str(out), "--figures", "gif")
+        assert code == 2
+        assert "pdf" in err
 
     def test_several_are_compared(self, ran, capsys, folder: Path):
         *_, other = ran

@@ -27,7 +27,7 @@ QUICK = {"speed": 8.0, "fps": 5.0}
 
 
 def empty_figures(sections: list[Section]) -> dict[str, str]:
-    return {picture.name: "<svg/>" for section in sections for picture in section.figures}
+    return {picture.name: "<svg/>" for section in sections for picture in section.pictures}
 
 
 def looks_like(frame: Frame, colour: str) -> np.ndarray:
@@ -219,7 +219,7 @@ class TestReport:
 
     def test_without_one_it_says_how_to_make_it(self, tmp_path: Path):
         html, markdown = self.pages(towing(), tmp_path)
-        assert "`oed animate`" in markdown
+        assert "`oed animate .`" in markdown
         assert "data:image/gif" not in html
         assert "](drive.gif)" not in markdown
 
@@ -229,7 +229,7 @@ class TestReport:
         assert "![Film of arc and ipopt in the room](drive.gif)" in markdown
         assert "data:image/gif;base64,R0lGOD" in html
         assert len(html) > film.file.stat().st_size
-        assert "`oed animate`" not in markdown
+        assert "`oed animate .`" not in markdown
 
     def test_one_of_other_drives_is_not_shown(self, tmp_path: Path):
         oed.animate(towing(), tmp_path / "drive.gif", **QUICK)

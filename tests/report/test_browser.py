@@ -93,6 +93,23 @@ def test_rooms_bodies_and_trailers_play_without_console_errors(
     assert state(elements)["time"] > 0
 
 
+def test_the_cursor_follows_the_drive_and_a_click_sets_the_time(page: Path, tmp_path: Path):
+    # As far as half of the panel: between its margins of 44 and 64 pixels.
+    click = """<script>addEventListener("load", function () {
+      const strip = document.querySelector("canvas.inputs"), box = strip.getBoundingClientRect();
+      const at = box.left + 44 + (box.width - 108) / 2;
+      strip.dispatchEvent(new PointerEvent("pointerdown", {clientX: at, clientY: box.top + 50}));
+    });</script></body>"""
+    clicked = tmp_path / "clicked.html"
+    clicked.write_text(page.read_text().replace("</body>", click))
+    elements, console = opened(clicked, "", tmp_path / "profile")
+    assert console == []
+    assert state(elements)["time"] == pytest.approx(2.0, abs=0.01)
+    cursor = re.search(r'<canvas class="inputs"[^>]*data-time="([^"]*)"', elements)
+    assert cursor is not None
+    assert float(cursor[1]) == state(elements)["time"]
+
+
 def test_an_error_in_the_page_would_be_seen(page: Path, tmp_path: Path):
     broken = tmp_path / "broken.html"
     broken.write_text(page.read_text().replace("const context = canvas", "const context = missing"))

@@ -61,7 +61,8 @@ def test_a_certificate_with_the_agreed_keys_alone_is_enough():
     plain = {key: FOUND[key] for key in ("upper_bound", "gap", "method", "assumptions")}
     section = certificate(record_from({"results": [], "certificate": plain}))
     assert section is not None
-    assert "86.7018" in section.paragraphs[0]
+    assert "86.7018" in section.paragraphs[1]
+    assert section.brief == (1, 0)
     assert certificate(record_from({"results": [], "certificate": {**plain, "gap": None}})) is not None
 
 

@@ -165,7 +165,7 @@ class TestFigures:
         assert "5 robots" in picture.caption
         figure = drawn(picture.figure)
         titles = [ax.get_title() for ax in figure.axes if ax.get_title()]
-        assert [title.split(":")[0] for title in titles] == ["ipopt", "nominal"]
+        assert [title.split(":")[0] for title in titles] == ["Designed drive", "nominal"]
         labels = [text.get_text() for text in figure.legends[0].get_texts()]
         assert {"nominal robot", "satisfies the limits", "violates them"} <= set(labels)
 

@@ -105,13 +105,13 @@ def test_body_is_drawn_at_both_ends_of_every_run() -> None:
     ends = poses[:, [0, -1], :2].reshape(-1, 2)
     assert np.allclose([body.center for body in bodies], ends)
     assert {body.radius for body in bodies} == {0.15}
-    caption = section(record, "Paths in the workspace").figures[1].caption
+    caption = section(record, "Paths in the workspace").figures[0].caption
     assert "body of radius 0.15 m, which has to stay inside the workspace and clear of obstacles" in caption
     assert "Hatched shapes are obstacles." in caption
 
 
 def test_a_point_in_a_rectangle_has_none_of_that() -> None:
-    caption = section(full(), "Paths in the workspace").figures[1].caption
+    caption = section(full(), "Paths in the workspace").figures[0].caption
     assert "body" not in caption
     assert "obstacle" not in caption
     assert legend(drawn(full())) == ["start", "end", "forwards", "segments meet"]
@@ -125,7 +125,7 @@ def test_a_robot_that_drives_sideways_never_drives_backwards() -> None:
     assert np.ptp(crab.x) < 1e-6 < np.ptp(crab.y)
     assert all((run.speed >= 0).all() for run in path.runs)
     assert {"motion", "heading"} <= set(legend(drawn(record)))
-    assert "backwards" not in section(record, "Paths in the workspace").figures[1].caption
+    assert "backwards" not in section(record, "Paths in the workspace").figures[0].caption
 
 
 def test_sideways_motion_is_seen_of_unlisted_robots() -> None:
@@ -173,7 +173,7 @@ def test_legends_fit_their_figures() -> None:
 
 def test_player_knows_the_room_and_the_body() -> None:
     record = sample_rooms.crab()
-    animation = section(record, "The drive, played").animation
+    animation = section(record, "Summary").animation
     assert animation is not None
     assert animation.workspace == {"points": record.data["study"]["limits"]["workspace"]["points"]}
     assert animation.obstacles[0] == {"x": 1.4, "y": -0.5, "radius": 0.2}
@@ -184,17 +184,17 @@ def test_player_knows_the_room_and_the_body() -> None:
     assert right > 2
     assert top > 1.4
     assert '"obstacles":[{"x":1.4' in script_data(animation)
-    assert "the circle is its body" in section(record, "The drive, played").paragraphs[0]
+    assert "the circle is its body" in animation.caption
 
 
 def test_player_knows_the_trailer() -> None:
     record = sample_rooms.towing()
-    animation = section(record, "The drive, played").animation
+    animation = section(record, "Summary").animation
     assert animation is not None
     assert animation.trailer == (0.1, 0.4)
     poses = np.array(record.best.drive.poses) if record.best else np.zeros((0, 4))
     assert np.allclose(animation.drives[0]["trailer"], poses[:, 3], atol=1e-4)
-    assert "trailer" not in section(full(), "The drive, played").animation.drives[0]
+    assert "trailer" not in section(full(), "Summary").animation.drives[0]
 
 
 def test_unknown_shapes_are_left_out() -> None:

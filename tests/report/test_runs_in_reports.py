@@ -39,13 +39,13 @@ def test_every_run_has_its_marks_and_its_number() -> None:
     assert [text.get_text() for text in ax.texts] == ["1", "2", "3"]
     assert sum(line.get_marker() == "o" for line in ax.lines) == 3
     assert sum(line.get_marker() == "s" for line in ax.lines) == 3
-    assert "in 3 runs, numbered" in section(record, "Paths in the workspace").figures[1].caption
+    assert "in 3 runs, numbered" in section(record, "Paths in the workspace").figures[0].caption
 
 
 def test_a_single_run_has_no_number() -> None:
     figure = drawn(paths([path_of(full(), one) for one in full().results], room_of(full())))
     assert not figure.axes[0].texts
-    assert "runs" not in section(full(), "Paths in the workspace").figures[1].caption
+    assert "runs" not in section(full(), "Paths in the workspace").figures[0].caption
 
 
 def run_along(angle: float) -> Run:
@@ -105,7 +105,7 @@ def test_piecewise_constant_runs_break_as_well() -> None:
 
 def test_player_plays_runs_one_by_one() -> None:
     record = sample_rooms.crab()
-    animation = section(record, "The drive, played").animation
+    animation = section(record, "Summary").animation
     assert animation is not None
     best = str(record.best.name) if record.best else ""
     names = [drive["name"] for drive in animation.drives]
@@ -121,7 +121,7 @@ def test_texts_count_the_runs() -> None:
     assert "Which drive in 3 runs of 8 s is the most informative about" in question
     assert "displacements of 4 segments in each run" in question
     assert "the initial pose of each run." in section(steered, "Question and search").paragraphs[0]
-    assert "segments of each run meet" in section(crab, "Paths in the workspace").figures[1].caption
+    assert "segments of each run meet" in section(crab, "Paths in the workspace").figures[0].caption
     assert (
         "Which drive of 4 s is the most informative about"
         in section(full(), "Question and search").paragraphs[0]

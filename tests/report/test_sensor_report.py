@@ -29,7 +29,7 @@ from oed.report.figures.draw import drawn
 from oed.report.page import sections_of
 from oed.report.parts.judging import aim_of, by_aim, repeatable, repetitions_of, study_aim
 from oed.report.parts.reading import measured_as, nuisance_text, prior_of, readings_text
-from oed.report.sections.candidates import candidates, criteria, paper
+from oed.report.sections.candidates import candidates, comparison, criteria, paper
 from oed.robots.sensors import Several
 from oed.workflow.runner import record as record_of
 from oed.workflow.studies import parse_study
@@ -105,8 +105,8 @@ class TestCriteria:
     def test_a_best_without_the_largest_objective_is_explained(self):
         data = record("sensors").data
         data["results"][1].update(objective=1.002 * data["results"][0]["objective"])
-        text = text_of(criteria(record_from(data)))
-        assert "arc is 0.20 % better by E than ipopt, which counts as equal" in text
+        text = text_of(comparison(record_from(data)))
+        assert "Design 2 is 0.20 % better by E than Designed drive, which counts as equal" in text
 
     def test_none_for_old_records_and_single_drives(self):
         assert criteria(sample_records.full()) is None
@@ -395,16 +395,16 @@ class TestValidation:
         assert table.cells[0][-2] == "0"
         assert "ipopt by sandwich: sandwich keeps its promise." in part.paragraphs
         assert len(part.tables) == 4
-        assert "in 3 ways: ols is ordinary least squares" in part.paragraphs[0]
+        assert "in 3 ways: ols is ordinary least squares" in part.paragraphs[3]
 
     def test_sensors_know_no_headings(self):
         part = section(record("sensors"), "Validation by simulation")
-        assert "true headings" not in part.paragraphs[0]
+        assert "true headings" not in part.paragraphs[1]
         assert (
             "nonlinear least squares from all readings together, along with the initial pose"
-            in (part.paragraphs[0])
+            in (part.paragraphs[1])
         )
-        assert "A robust loss (soft l1)" in part.paragraphs[0]
+        assert "A robust loss (soft l1)" in part.paragraphs[1]
         assert "estimator" not in [entry.title for entry in part.tables[-1].columns]
 
     def test_means_have_as_many_digits_as_tell_a_bias(self):

@@ -55,8 +55,8 @@ class Draft:
         self.path = hidden / "draft" / home.name
         self._old, self._ready = hidden / "old", hidden / "ready"
 
-    def write(self, files: Mapping[str, str]) -> None:
-        """Write texts by file name.
+    def write(self, files: Mapping[str, str | bytes]) -> None:
+        """Write texts and other contents by file name.
 
         Raises:
             UserMistake: no file may have that name, it would go where a link in the folder leads, or a

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from oed.records.record import ESTIMATE, EstimateRecord
@@ -31,12 +31,13 @@ SECTIONS: tuple[Callable[[EstimateRecord], Section | None], ...] = (
 __all__ = ["estimate_sections", "write_estimate"]
 
 
-def write_estimate(record: EstimateRecord, folder: str | Path) -> Path:
+def write_estimate(record: EstimateRecord, folder: str | Path, figures: Sequence[str] = ()) -> Path:
     """Write estimate.html, estimate.md and figures/estimate_*.svg into `folder`; returns estimate.html.
 
     Args:
         record: the estimate.
         folder: that of the estimate; a design's report may be there, too.
+        figures: formats in which figures are written beside the SVG of each: "pdf", "png".
 
     Raises:
         TypeError: plain data instead of an estimate.
@@ -44,7 +45,8 @@ def write_estimate(record: EstimateRecord, folder: str | Path) -> Path:
     """
     if not isinstance(record, EstimateRecord):
         raise TypeError("expected an EstimateRecord, as `estimate` and `load_estimate` return; not its data")
-    return render(f"{record.title}: estimate from logs", estimate_sections(record), Path(folder), ESTIMATE)
+    title = f"{record.title}: estimate from logs"
+    return render(title, estimate_sections(record), Path(folder), ESTIMATE, figures)
 
 
 def estimate_sections(record: EstimateRecord) -> list[Section]:

@@ -48,6 +48,8 @@ STYLE = {
 }
 PIXELS = 110
 """An inch, in notebooks."""
+PNG_DPI = 200
+"""Of figures as PNG [dots/inch]."""
 BAR, SHORTEST_BAR = 3.6, 0.02
 """Height of a bar of colours at most, and its distance from the panels [inch, share]."""
 
@@ -85,6 +87,21 @@ def shown_figure(plot: spec.Plot) -> Any:
     """The picture of a figure in the style of the reports, for notebooks and `savefig`."""
     with style.context(["default", STYLE]):
         return drawn(plot, Shown)
+
+
+def picture_bytes(figure: spec.Plot, form: str) -> bytes:
+    """A figure as a file of another format: the same bytes for the same data.
+
+    Args:
+        figure: what is drawn.
+        form: "pdf" or "png".
+    """
+    with style.context(["default", STYLE]), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph ", category=UserWarning)
+        buffer = io.BytesIO()
+        nothing = {"CreationDate": None} if form == "pdf" else {}
+        drawn(figure).savefig(buffer, format=form, metadata=nothing, dpi=PNG_DPI)
+    return buffer.getvalue()
 
 
 def _compact(svg: str) -> str:

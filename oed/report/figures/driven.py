@@ -12,7 +12,7 @@ import numpy as np
 from oed.foundation.arrays import Array, Places
 from oed.records.record import Record
 from oed.records.stored.result import Result
-from oed.report.parts.reading import NOWHERE, heading, segments, with_drive
+from oed.report.parts.reading import NOWHERE, called, heading, segments, with_drive
 from oed.robots.limits import Obstacle, Workspace
 from oed.robots.limits.shapes import Outline
 from oed.robots.models.arcs import goes_sideways, signed_speeds
@@ -184,7 +184,7 @@ def path_of(record: Record, result: Result) -> Path:
     assert drive is not None
     sideways = moves_sideways(record)
     runs = tuple(_run(record, poses, drive.trajectory.period, sideways) for poses in drive.by_run)
-    return Path(heading(result), runs, result.feasible, sideways)
+    return Path(heading(result, called(record, result)), runs, result.feasible, sideways)
 
 
 def moves_sideways(record: Record) -> bool:

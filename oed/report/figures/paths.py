@@ -29,7 +29,9 @@ HANDLE = 0.45
 """Width of what stands before an entry of the legend, and of the gap after it [inch]."""
 LINE = 0.28
 """Height of a further line of a legend or a title [inch]."""
-SCALES, LETTERS = (1.0, 0.85, 0.7), (10.0, 10.0, 9.0)
+MOST_COLUMNS = 4
+"""Panels beside each other."""
+SCALES, LETTERS = (1.0, 0.85, 0.8, 0.7), (10.0, 10.0, 10.0, 9.0)
 """Of marks and of titles, by the number of columns."""
 
 ARROW = spec.Glyph(((-0.9, -0.75), (1.0, 0.0), (-0.9, 0.75), (-0.9, -0.75)))
@@ -88,7 +90,7 @@ class Bundle:
 def paths(drives: Sequence[Path], room: Room) -> spec.Plot:
     """One panel per drive on one scale, its room behind it, speed as colour and width."""
     box = _view(drives, room)
-    columns = 1 if len(drives) == 1 or box.size[1] < 0.45 * box.size[0] else 2 if len(drives) <= 4 else 3
+    columns = min(2 if box.size[1] < 0.45 * box.size[0] else MOST_COLUMNS, len(drives))
     x, y, width, height = _scales(box, columns, len(drives))
     scale, letters = SCALES[columns - 1], LETTERS[columns - 1]
     panels = [

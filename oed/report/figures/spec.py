@@ -20,7 +20,7 @@ Look = Mapping[str, Any]
 Values = npt.NDArray[Any] | Sequence[float]
 Ends = tuple[float, float]
 
-WIDTH = 7.2
+WIDTH = 11.0
 """Width of a report's column [inch]."""
 INK, FAINT, FIRST = "#222222", "#767676", "#123f6d"
 SECOND, THIRD = "#e07b00", "#5a9a3c"

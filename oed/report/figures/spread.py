@@ -99,7 +99,7 @@ def clouds(drives: Sequence[Simulated], titles: Sequence[str], pair: Sequence[Es
         pair: the parameters of both axes.
     """
     drawn = [_Cloud.of(one, pair) for one in drives]
-    columns, (x, y) = min(len(drawn), 2), _reach(drawn, pair[0].unit == pair[1].unit)
+    columns, (x, y) = min(len(drawn), 4), _reach(drawn, pair[0].unit == pair[1].unit)
     reach, equal = 1.25 * np.array([x, y]), x == y
     panels = [_cloud(one, title, pair, reach, equal) for one, title in zip(drawn, titles, strict=True)]
     keys = [

@@ -174,7 +174,7 @@ def with_film(section: Section, record: Record, folder: Path) -> Section:
     file = folder / NAME
     comment = _comment(file)
     if comment is None:
-        return replace(section, paragraphs=(*section.paragraphs, SAY("no_film", NAME)))
+        return replace(section, commands=(*section.commands, (SAY("no_film", NAME), "oed animate .")))
     found = _marked(comment)
     names = [] if found is None else list(map(str, found["results"]))
     if found is not None and found["drives"] != _digest(record, names):

@@ -76,7 +76,7 @@ class Group:
 
 def groups_of(record: Record, count: int) -> list[tuple[Group, Group]]:
     """Inputs by quantity, in their order, each with its rates; `count` inputs where none are named."""
-    return groups_among([Input(one.name, one.quantity, one.unit) for one in record.inputs], count)
+    return groups_among(inputs_of(record, count), count)
 
 
 def groups_among(inputs: Sequence[Input], count: int) -> list[tuple[Group, Group]]:
@@ -84,6 +84,12 @@ def groups_among(inputs: Sequence[Input], count: int) -> list[tuple[Group, Group
     table = list(enumerate(inputs or _unnamed(count)))
     quantities = dict.fromkeys(one.quantity for _, one in table)
     return [_pair([(at, one) for at, one in table if one.quantity == quantity]) for quantity in quantities]
+
+
+def inputs_of(record: Record, count: int) -> list[Input]:
+    """The robot's inputs; `count` without names where the record names none."""
+    named = [Input(one.name, one.quantity, one.unit) for one in record.inputs]
+    return named or _unnamed(count)
 
 
 def _unnamed(count: int) -> list[Input]:
@@ -158,3 +164,23 @@ def series_among(drive: Trajectory, group: Group, title: str) -> Series:
         times[index] = np.append(times[index], end)
         rows[index] = np.vstack([rows[index], np.full(len(group.columns), np.nan)])
     return Series(title, np.concatenate(times), np.vstack(rows), steps, breaks)
+
+
+def sampled(result: Result, group: Group, run: int) -> Array:
+    """A group's inputs in a run of a result that has a drive, at the samples, (N + 1, inputs), as shown.
+
+    Args:
+        result: that has a drive.
+        group: of inputs.
+        run: its number, from 0.
+    """
+    assert result.drive is not None
+    drive = result.drive.trajectory
+    periods, each = drive.samples // drive.runs, drive.duration / drive.runs
+    if drive.degree == 0:
+        held = np.split(drive.inputs, drive.runs)[run]
+        values = np.vstack([held, held[-1:]])
+    else:
+        last = each * (JUST_BEFORE if run + 1 < drive.runs else 1.0)
+        values = drive.inputs_at(run * each + np.linspace(0.0, last, periods + 1))
+    return np.asarray(group.factor * values[:, list(group.columns)])

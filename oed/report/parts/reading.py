@@ -8,6 +8,7 @@ import re
 from oed.foundation.component import Component
 from oed.foundation.text import deviation_text, given_text, listing, words
 from oed.kernel.measurement.prior import Prior
+from oed.kernel.solution import NOMINAL
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.records.stored.study_record import StoredNuisance, StoredParameter
@@ -17,6 +18,8 @@ from oed.robots.sensors import Displacements
 SAY = Prose("reading")
 NOWHERE = 1e-3
 """Path length [m] below which a drive goes nowhere."""
+VARIANT = "_same_length"
+"""What names of baselines end in that go as far as the design."""
 STATES = ("x", "y", "heading")
 
 
@@ -30,9 +33,37 @@ def or_infinite(result: Result, number: float | None) -> float | None:
     return math.inf if number is None and result.drive is not None else number
 
 
-def heading(result: Result) -> str:
-    """A result's name in words, and below it what is special about it: its variant, limits it breaks."""
-    name, variant, _ = result.name.partition("_same_length")
+def drivable(record: Record) -> list[Result]:
+    """The drives to choose from: those that satisfy every limit, no baseline of the design's length.
+
+    All drives where none satisfies every limit.
+    """
+    known = with_drive(record)
+    return [one for one in known if one.feasible and VARIANT not in one.name] or known
+
+
+def called(record: Record, result: Result) -> str:
+    """What a drive is called: `Designed drive`, `Design 2`, `Figure eight`; not by what found it."""
+    if result.origin != "search":
+        return capital(words(result.name)) if result.origin == "baseline" else words(result.name)
+    if record.best is not None and result.name == record.best.name:
+        return "Designed drive"
+    if result.name == NOMINAL:
+        return "Design for the nominal robot"
+    others = [one.name for one in record.results if one.origin == "search" and one.name != NOMINAL]
+    first = record.best.name if record.best is not None else ""
+    number = 1 + sorted(others, key=lambda name: name != first).index(result.name)
+    return f"Design {number}"
+
+
+def capital(text: str) -> str:
+    """A text that begins with a capital letter."""
+    return text[:1].upper() + text[1:]
+
+
+def heading(result: Result, title: str = "") -> str:
+    """What a result is called, and below it what is special about it: its variant, limits it breaks."""
+    name, variant, _ = (title or result.name).replace(" ", "_").partition(VARIANT)
     broken = [words(limit) for limit in result.violations]
     what = broken[0] if len(broken) == 1 else f"{len(broken)} limits"
     notes = ["same length"] if variant else []

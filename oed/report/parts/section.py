@@ -114,13 +114,15 @@ class Animation:
 
     Attributes:
         drives: each a run with name, duration [s], and x, y, heading at even times, of a tractor the
-            trailer's angle, too.
+            trailer's angle, too; and its inputs chart by chart, each at even times, which hold if `steps`.
         view: x_min, x_max, y_min, y_max of what is shown.
         workspace: its outline, a circle (x, y, radius) or a polygon (points).
         obstacles: outlines alike.
         width: of the robot; 0 where it is not known.
         body_radius: of the circle around it, 0 for none.
         trailer: how far behind the robot's origin it is hitched, and from there to its axle.
+        charts: of the inputs over time: title, labels of the lines, and limits or None.
+        caption: how to read it.
     """
 
     drives: tuple[Mapping[str, Any], ...]
@@ -130,6 +132,23 @@ class Animation:
     obstacles: tuple[Mapping[str, Any], ...] = ()
     body_radius: float = 0.0
     trailer: tuple[float, float] | None = None
+    charts: tuple[Mapping[str, Any], ...] = ()
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Download:
+    """A file that the HTML page holds.
+
+    Attributes:
+        text: of the link to it.
+        name: of the file.
+        content: of the file.
+    """
+
+    text: str
+    name: str
+    content: str
 
 
 @dataclass(frozen=True)
@@ -160,7 +179,13 @@ class Section:
         animation: played in the HTML page, left out elsewhere.
         film: below the animation; part of the HTML page.
         links: text and address of pages beside the report.
-        code: verbatim text, last.
+        code: verbatim text.
+        downloads: files that the HTML page holds.
+        commands: what to do next, and the command that does it.
+        folds: parts that are folded away in the HTML page, last.
+        brief: how many paragraphs and tables are in sight in the HTML page, the others folded; None for all.
+        folded: whether the section itself is.
+        first: whether it is the page's first screen: the drive beside the tables and sentences.
     """
 
     title: str
@@ -172,6 +197,17 @@ class Section:
     film: Film | None = None
     links: tuple[tuple[str, str], ...] = ()
     code: str = ""
+    downloads: tuple[Download, ...] = ()
+    commands: tuple[tuple[str, str], ...] = ()
+    folds: tuple[Section, ...] = ()
+    brief: tuple[int, int] | None = None
+    folded: bool = False
+    first: bool = False
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """All figures, those of folded parts too."""
+        return (*self.figures, *(picture for one in self.folds for picture in one.pictures))
 
     @classmethod
     def of(cls, title: str, *parts: str | Table | Picture | None, notices: Iterable[str] = ()) -> Section:

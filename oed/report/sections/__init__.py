@@ -1,37 +1,51 @@
 """The sections of a report. A new one is a function here in a file and its name in `SECTIONS`."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from oed.records.record import Record
 from oed.report.parts.provenance import provenance
 from oed.report.parts.section import Section
-from oed.report.sections.candidates import candidates, criteria, paper
-from oed.report.sections.drives import paths, player, wheels
+from oed.report.sections.candidates import candidates, comparison, criteria, paper
+from oed.report.sections.drives import paths, wheels
+from oed.report.sections.first import first
 from oed.report.sections.limits import limits
 from oed.report.sections.physics import physics
 from oed.report.sections.precision import precision
 from oed.report.sections.robustness import robustness
 from oed.report.sections.searches import certificate, convergence, starts
-from oed.report.sections.summary import question, summary
+from oed.report.sections.summary import question
 from oed.report.sections.validation import validation
 
-SECTIONS: tuple[Callable[[Record], Section | None], ...] = (
-    summary,
+Make = Callable[[Record], Section | None]
+
+
+def _folded(make: Make) -> Make:
+    # Of a section for those who ask: open where there is no design, as it then says why.
+    def made(record: Record) -> Section | None:
+        section = make(record)
+        return section and replace(section, folded=record.best is not None)
+
+    return made
+
+
+SECTIONS: tuple[Make, ...] = (
+    first,
+    comparison,
     certificate,
-    candidates,
-    criteria,
-    paths,
-    player,
-    wheels,
-    paper,
-    limits,
-    robustness,
-    starts,
-    convergence,
-    precision,
     validation,
+    robustness,
+    limits,
+    paths,
+    wheels,
     physics,
-    question,
-    provenance,
+    _folded(question),
+    _folded(candidates),
+    _folded(criteria),
+    _folded(paper),
+    _folded(precision),
+    _folded(starts),
+    _folded(convergence),
+    _folded(provenance),
 )
 """In the order of the page; a function returns None where the record has nothing for its section."""

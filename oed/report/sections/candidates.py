@@ -7,26 +7,86 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from oed.foundation.text import fixed, significant, whole
+from oed.foundation.text import error_text, fixed, own_unit, quantity, significant, whole, words
 from oed.records.record import Record
 from oed.records.stored.result import Result
-from oed.report.parts.judging import Aim, aim_of, plain_aim, repeatable, repetitions_of, study_aim
+from oed.records.stored.study_record import StoredParameter
+from oed.report.figures.ranking import Scale, ranking
+from oed.report.parts.judging import Aim, aim_of, judged, plain_aim, repeatable, repetitions_of, study_aim
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import or_infinite, regression_of, with_drive
-from oed.report.parts.section import Column, Section, Table
+from oed.report.parts.reading import called, drivable, or_infinite, regression_of, with_drive
+from oed.report.parts.section import Column, Picture, Section, Table
+from oed.report.sections.limits import Room
 
 SAY = Prose("candidates")
 FOUR = significant(4)
 CENTIMETRES = 100.0
 """In a metre: the founding paper's table has |y| in cm."""
+MOST_DOTS, MOST_SCALES = 8, 4
+"""Drives and parameters that are drawn side by side."""
 LEVEL = 99.95
 """Share [%] from which a drive counts as the best."""
 PRACTICALLY = 1e-3
 """How much better [%] a drive has to be for its being second to need a word."""
 
 
+def comparison(record: Record) -> Section | None:
+    """The drives to choose from, best first: what each is worth as a dot; None for one alone."""
+    shown = _ranked(record)
+    if len(shown) < 2:
+        return None
+    scales = _errors(record, shown) or _efficiencies(record, shown)
+    if not scales:
+        return None
+    designs = [one.origin == "search" for one in shown]
+    names = [called(record, one) for one in shown]
+    picture = Picture(
+        "candidates",
+        SAY("alt"),
+        SAY("caption", bool(_errors(record, shown))),
+        ranking(names, designs, scales),
+    )
+    left_out = sum(not one.feasible for one in with_drive(record))
+    return Section.of("How it compares", _practically_equal(record), SAY("left_out", left_out), picture)
+
+
+def _ranked(record: Record) -> list[Result]:
+    # The best first, then by worth; what leaves something not identifiable last.
+    best = record.best
+
+    def rank(one: Result) -> tuple[bool, bool, float]:
+        return best is None or one.name != best.name, one.useless, -(one.worth or 0.0)
+
+    return sorted((one for one in drivable(record) if one.feasible), key=rank)[:MOST_DOTS]
+
+
+def _errors(record: Record, shown: Sequence[Result]) -> list[Scale]:
+    # Standard errors of what is judged.
+    return [
+        _error_scale(one, [result.standard_deviations.get(one.name) for result in shown])
+        for one in judged(record)
+        if any(result.standard_deviations.get(one.name) for result in shown)
+    ][:MOST_SCALES]
+
+
+def _error_scale(parameter: StoredParameter, sizes: Sequence[float | None]) -> Scale:
+    unit, factor = own_unit(parameter.unit)
+    values = tuple(None if size is None else factor * size for size in sizes)
+    texts = tuple("not identifiable" if size is None else error_text(size, factor) for size in sizes)
+    return Scale(words(parameter.name), unit, values, texts)
+
+
+def _efficiencies(record: Record, shown: Sequence[Result]) -> list[Scale]:
+    shares = [repetitions_of(record, one) for one in shown]
+    if any(one is None for one in shares):
+        return []
+    values = tuple(100.0 / one if one and math.isfinite(one) else None for one in shares)
+    texts = tuple("not identifiable" if one is None else quantity(one, "%") for one in values)
+    return [Scale("efficiency", "%", values, texts)]
+
+
 def candidates(record: Record) -> Section | None:
-    """One row per result: objective, efficiency, effort."""
+    """One row per result: objective, efficiency, effort, and why it cannot be driven."""
     if not with_drive(record):
         return None
     shares, several = repeatable(record), len(record.results) > 1
@@ -57,7 +117,16 @@ def _columns(record: Record, shares: bool) -> Iterator[Column]:
     yield Column("path length", "m", fixed(2), lambda one: one.path_length)
     yield Column("search time", "s", fixed(1), lambda one: one.wall_seconds if one.history else None)
     yield Column("evaluations", "", whole, lambda one: one.history[-1].evaluations if one.history else None)
+    yield Column("called here", cell=lambda one: called(record, one))
     yield Column("satisfies every limit", cell=lambda one: one.feasible)
+    yield Column("why it cannot be driven", cell=_obstacle)
+
+
+def _obstacle(one: Result) -> str | None:
+    # By how much a drive exceeds which limits, in the limits' units.
+    broken = (Room(margin) for margin in one.margins if not margin.satisfied)
+    said = [f"{words(room.margin.limit)} exceeded by {room.text}" for room in broken]
+    return "; ".join(said or map(words, one.violations)) or None
 
 
 @dataclass(frozen=True)
@@ -126,7 +195,6 @@ def criteria(record: Record) -> Section | None:
         "Criteria",
         SAY("criteria", judges, record.study.criterion.scaling, record.study.prior),
         _verdict(record, judges),
-        _practically_equal(record),
         Table.of(results, columns),
     )
 
@@ -144,12 +212,13 @@ def _verdict(record: Record, judges: Sequence[_Judge]) -> str:
 def _practically_equal(record: Record) -> str:
     # The best result need not have the largest objective; say why.
     winner, aim = record.best, study_aim(record)
-    kept = [(one.objective, one.name) for one in record.results if one.feasible and one.objective is not None]
+    kept = [(one.objective, one) for one in record.results if one.feasible and one.objective is not None]
     if winner is None or winner.objective is None or not kept:
         return ""
-    largest, name = max(kept, key=lambda one: one[0])
+    largest, other = max(kept, key=lambda one: one[0])
     more = aim.change(largest, winner.objective)
-    return "" if more < PRACTICALLY else SAY("equal", name, more, aim.label, winner.name)
+    names = [called(record, one) for one in (other, winner)]
+    return "" if more < PRACTICALLY else SAY("equal", names[0], more, aim.label, names[1])
 
 
 def paper(record: Record) -> Section | None:
@@ -166,10 +235,10 @@ def paper(record: Record) -> Section | None:
     square = "rad²" if record.study.criterion.scaling == "none" else ""
     columns = (
         Column("result", cell=lambda one: one.name),
-        Column("λ_min", square, FOUR, lambda one: one.lambda_min),
+        Column("λ_min", square, FOUR, lambda one: 0.0 if one.leaves_open else one.lambda_min),
         Column("λ_max", square, FOUR, lambda one: or_infinite(one, one.lambda_max)),
-        Column("cond(W)", "", FOUR, lambda one: or_infinite(one, one.condition_number)),
-        Column("s_min(W)", "rad", FOUR, lambda one: one.smallest_singular_value),
+        Column("cond(W)", "", FOUR, _condition),
+        Column("s_min(W)", "rad", FOUR, lambda one: 0.0 if one.leaves_open else one.smallest_singular_value),
         *(_response(unit) if unit else ()),
     )
     absolute = regression.noise_model == "absolute"
@@ -177,16 +246,21 @@ def paper(record: Record) -> Section | None:
     return Section.of("The paper's figures", *said, Table.of(record.results, columns))
 
 
+def _condition(one: Result) -> float | None:
+    # What is singular but for rounding is singular.
+    return math.inf if one.leaves_open else or_infinite(one, one.condition_number)
+
+
 def _response(unit: str) -> tuple[Column, Column]:
     # |y|, and the error factor of eq. 17.
     def size(one: Result) -> float | None:
-        condition = or_infinite(one, one.condition_number)
+        condition = _condition(one)
         if one.norm_y is None or condition is None:
             return None
         return one.norm_y if unit == "rad" else CENTIMETRES * one.norm_y
 
     def factor(one: Result) -> float | None:
-        response, condition = size(one), or_infinite(one, one.condition_number)
+        response, condition = size(one), _condition(one)
         return condition / response if response and condition is not None else None
 
     return Column("|y|", unit, FOUR, size), Column("cond(W)/|y|", f"1/{unit}", FOUR, factor)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
-from oed.foundation.text import count, listing, words
+from oed.foundation.text import count, listing, unit_text, words
 from oed.records.record import Record
 from oed.records.stored.parts import plain
 from oed.records.stored.result import Result
 from oed.report.figures import chart
 from oed.report.figures import paths as path_figures
 from oed.report.figures.driven import Path, Room, path_of, robot_width, room_of, view_of
-from oed.report.parts.inputs import Group, Series, groups_of, series_of
+from oed.report.parts.inputs import Group, Series, groups_of, sampled, series_of
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import in_place, runs_of, segments, with_drive
+from oed.report.parts.reading import called, drivable, heading, in_place, runs_of, segments
 from oed.report.parts.section import Animation, Picture, Section
 from oed.robots.limits.shapes import Outline
 
@@ -25,21 +26,26 @@ DECIMALS = 4
 
 
 def paths(record: Record) -> Section | None:
-    """Every drive's path in the room, on one scale."""
-    results = with_drive(record)
+    """The path of every drive to choose from, on one scale."""
+    results = drivable(record)
     if not results:
         return None
     drives, room = [path_of(record, one) for one in results], room_of(record)
     figure = path_figures.paths(drives, room)
-    pictures = [Picture("paths", SAY("paths", len(drives)), _caption(record, drives, room), figure)]
-    if record.best is not None and len(drives) > 1:
-        best = path_figures.paths([path_of(record, record.best)], room)
-        alt, note = (SAY(which, record.best.name) for which in ("best_path", "best_note"))
-        pictures.insert(0, Picture("best_path", alt, note, best))
-    return Section("Paths in the workspace", figures=tuple(pictures))
+    picture = Picture("paths", SAY("paths", len(drives)), _caption(record, results, drives, room), figure)
+    return Section("Paths in the workspace", figures=(picture,))
 
 
-def _caption(record: Record, drives: list[Path], room: Room) -> str:
+def best_path(record: Record) -> Picture | None:
+    """The path of the best drive alone; None without one, or where it is the only one."""
+    if record.best is None or len(drivable(record)) < 2:
+        return None
+    drive, room = path_of(record, record.best), room_of(record)
+    note = _caption(record, [record.best], [drive], room)
+    return Picture("best_path", SAY("best_path"), note, path_figures.paths([drive], room))
+
+
+def _caption(record: Record, results: list[Result], drives: list[Path], room: Room) -> str:
     parts = segments(record, record.study.trajectory.samples)
     return SAY(
         "caption",
@@ -48,30 +54,36 @@ def _caption(record: Record, drives: list[Path], room: Room) -> str:
         runs_of(record),
         count(parts, "segment") if parts else "",
         any(one.tows for one in drives),
-        any(map(in_place, with_drive(record))),
-        _broken(record),
+        any(map(in_place, results)),
+        not all(one.feasible for one in results),
     )
-
-
-def _broken(record: Record) -> bool:
-    return any(not one.feasible for one in with_drive(record))
 
 
 def wheels(record: Record) -> Section | None:
     """Every drive's inputs by quantity, and their rates, between their limits."""
-    results = [one for one in with_drive(record) if not one.name.endswith("_same_length")]
+    results = drivable(record)
     if not results:
         return None
     first = results[0].drive
     assert first is not None
     groups = groups_of(record, len(first.coefficients[0]))
     pictures = [
-        _picture(record, group, drives)
+        _picture(record, group, drives, not all(one.feasible for one in results))
         for pair in groups
         for group in pair
-        if (drives := [one for one in (series_of(each, group) for each in results) if len(one.times)])
+        if (drives := [one for one in _drawn(record, results, group) if len(one.times)])
     ]
     return Section(_title([values.limit for values, _ in groups]), figures=tuple(pictures))
+
+
+def _drawn(record: Record, results: list[Result], group: Group) -> list[Series]:
+    # Rates are drawn of what was designed; of all where nothing was.
+    designed = [one for one in results if one.origin == "search"] if group.rates else []
+    return [_series(record, one, group) for one in designed or results]
+
+
+def _series(record: Record, result: Result, group: Group) -> Series:
+    return replace(series_of(result, group), title=heading(result, called(record, result)))
 
 
 def _title(quantities: list[str]) -> str:
@@ -80,7 +92,7 @@ def _title(quantities: list[str]) -> str:
     return f"{listing([f'{words(one)}s' for one in quantities])}, and their rates".capitalize()
 
 
-def _picture(record: Record, group: Group, drives: list[Series]) -> Picture:
+def _picture(record: Record, group: Group, drives: list[Series], broken: bool) -> Picture:
     shorts, bounds = group.short_names, group.bounds(record)
     # A line alone needs no label.
     labels = (
@@ -88,30 +100,37 @@ def _picture(record: Record, group: Group, drives: list[Series]) -> Picture:
     )
     called = dict(zip(group.names, shorts, strict=True))
     own = [(called[name], ends) for name, ends in group.own_bounds(record).items()]
-    caption = SAY("inputs", group, labels, bounds, own, runs_of(record) > 1, _broken(record))
+    caption = SAY("inputs", group, labels, bounds, own, runs_of(record) > 1, broken)
     alt = f"{group.title.capitalize()} over time of {count(len(drives), 'drive')}"
     return Picture(f"{group.limit}s", alt, caption, chart.series(drives, group, labels, bounds))
 
 
-def player(record: Record) -> Section | None:
-    """All drives run by run, the best first, ready to be played in the HTML page."""
+def player(record: Record) -> Animation | None:
+    """The drives to choose from run by run, the best first, ready to be played in the HTML page."""
     best, room, robot = record.best, room_of(record), record.study.robot
-    results = sorted(with_drive(record), key=lambda one: best is None or one.name != best.name)
-    if not results:
+    results = sorted(drivable(record), key=lambda one: best is None or one.name != best.name)
+    if not results or results[0].drive is None:
         return None
+    groups = [values for values, _ in groups_of(record, len(results[0].drive.coefficients[0]))]
     view = view_of(record, results)
     (left, bottom), (right, top) = view.low, view.high
-    animation = Animation(
-        drives=tuple(run for one in results for run in _runs(one)),
+    return Animation(
+        drives=tuple(run for one in results for run in _runs(record, one, groups)),
         view=(float(left), float(right), float(bottom), float(top)),
         workspace=None if room.floor is None else _plain(room.floor),
         obstacles=tuple(map(_plain, room.hatched)),
         width=robot_width(record),
         body_radius=room.body_radius,
         trailer=robot.towed,
+        charts=tuple(_chart(record, one) for one in groups),
+        caption=SAY("player", hasattr(robot, "track"), room.body_radius, robot.towed),
     )
-    text = SAY("player", hasattr(robot, "track"), room.body_radius, robot.towed)
-    return Section("The drive, played", paragraphs=(text,), animation=animation)
+
+
+def _chart(record: Record, group: Group) -> dict[str, Any]:
+    labels = group.short_names if len(group.names) > 1 else [""]
+    title = f"{group.title} [{unit_text(group.unit)}]" if group.unit else group.title
+    return {"title": title, "labels": labels, "limits": group.bounds(record)}
 
 
 def _plain(outline: Outline) -> dict[str, Any]:
@@ -122,13 +141,20 @@ def _plain(outline: Outline) -> dict[str, Any]:
     return {"points": [list(point) for point in outline.points]}
 
 
-def _runs(result: Result) -> list[dict[str, Any]]:
+def _runs(record: Record, result: Result, groups: list[Group]) -> list[dict[str, Any]]:
     drive = result.drive
     assert drive is not None
     found = []
     for number, poses in enumerate(drive.by_run, 1):
-        name = f"{result.name}, run {number}" if drive.runs > 1 else result.name
+        title = called(record, result)
+        name = f"{title}, run {number}" if drive.runs > 1 else title
         columns = zip(("x", "y", "heading", "trailer"), poses[:, :4].T, strict=False)
         places = {key: plain(column, DECIMALS) for key, column in columns}
-        found.append({"name": name, "duration": drive.knots[-1] / drive.runs, **places})
+        inputs = [_columns(result, group, number - 1) for group in groups]
+        timing = {"duration": drive.knots[-1] / drive.runs, "steps": drive.degree == 0}
+        found.append({"name": name, **timing, **places, "inputs": inputs})
     return found
+
+
+def _columns(result: Result, group: Group, run: int) -> list[list[float]]:
+    return [plain(column, DECIMALS) for column in sampled(result, group, run).T]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from oed.foundation.text import Unit, fixed, in_degrees, quantity, unit_text, words
 from oed.records.record import Record
 from oed.records.stored.result import Margin, Result
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import with_drive
+from oed.report.parts.reading import called, with_drive
 from oed.report.parts.section import Cell, Column, Section, Table
 from oed.robots.limits import LIMITS
 
@@ -31,11 +31,12 @@ def limits(record: Record) -> Section | None:
     silent = any(margin.certain is None for margin in margins)
     points = list(dict.fromkeys(margin.limit for margin in margins if not margin.certain))
     every = _side_by_side(results) if len(results) > 1 else None
-    return Section.of("Limits", SAY("margins", silent, points), _by_limit(winner), every)
+    table = _by_limit(winner, called(record, winner))
+    return replace(Section.of("Limits", SAY("margins", silent, points), table, every), brief=(1, 1))
 
 
 @dataclass(frozen=True)
-class _Room:
+class Room:
     """How much room a drive leaves to a limit, in words."""
 
     margin: Margin
@@ -48,10 +49,12 @@ class _Room:
 
     @property
     def met(self) -> bool:
+        """Whether it is a condition, which holds exactly."""
         return self.margin.active and self.margin.limit in CONDITIONS
 
     @property
     def text(self) -> str:
+        """The distance to the limit, with its unit."""
         shown, factor = self.unit
         return quantity(abs(factor * self.margin.margin), shown)
 
@@ -68,7 +71,7 @@ class _Room:
         return f"{self.unit[1] * self.margin.size:g}" if sized else None
 
 
-def _by_limit(result: Result) -> Table:
+def _by_limit(result: Result, title: str) -> Table:
     columns = (
         Column("limit", cell=lambda one: words(one.margin.limit)),
         Column("margin", cell=lambda one: one.amount),
@@ -76,7 +79,7 @@ def _by_limit(result: Result) -> Table:
         Column("unit", cell=lambda one: unit_text(one.unit[0])),
         Column("state", cell=lambda one: SAY("state", one)),
     )
-    return Table.of(map(_Room, result.margins), columns, f"Limits of {result.name}")
+    return Table.of(map(Room, result.margins), columns, f"Limits: {title}")
 
 
 def _side_by_side(results: list[Result]) -> Table:
@@ -87,7 +90,7 @@ def _side_by_side(results: list[Result]) -> Table:
 
 def _column(name: str) -> Column:
     def brief(one: Result) -> Cell:
-        rooms = (_Room(margin) for margin in one.margins if margin.limit == name)
+        rooms = (Room(margin) for margin in one.margins if margin.limit == name)
         return next((SAY("brief", room) for room in rooms), None)
 
     return Column(words(name), cell=brief)
@@ -95,7 +98,7 @@ def _column(name: str) -> Column:
 
 def _touched() -> Iterator[Column]:
     def exceeded(one: Result) -> Cell:
-        broken = (_Room(margin) for margin in one.margins if not margin.satisfied)
+        broken = (Room(margin) for margin in one.margins if not margin.satisfied)
         return ", ".join(f"{words(room.margin.limit)} by {room.text}" for room in broken) or None
 
     def met(one: Result) -> Cell:

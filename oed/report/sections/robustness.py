@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from oed.report.figures import paths
 from oed.report.figures.driven import room_of
 from oed.report.parts.judging import study_aim
 from oed.report.parts.prose import Prose
+from oed.report.parts.reading import called
 from oed.report.parts.section import Column, Picture, Section, Table, percent
 from oed.robots.limits import EndHeading, EndPosition
 
@@ -26,7 +28,8 @@ def robustness(record: Record) -> Section | None:
     if found is None or not found.results:
         return None
     parts = (*_sentences(record, found), _bundles(record, found), _table(record, found))
-    return Section.of("Robots other than the nominal one", *parts)
+    made = Section.of("Robots other than the nominal one", *parts)
+    return replace(made, brief=(len(made.paragraphs), 0))
 
 
 def _sentences(record: Record, found: StoredRobustness) -> Iterator[str]:
@@ -34,14 +37,20 @@ def _sentences(record: Record, found: StoredRobustness) -> Iterator[str]:
     # Where every robot ends cannot be asked for: nothing corrects it on its way.
     ends = [name for name in (EndPosition.name, EndHeading.name) if getattr(record.study.limits, name, None)]
     yield SAY("ends", ends)
-    yield SAY("verdict", found.kind, [one for one in found.results if one.back_off is not None])
+    searched = [(_called(record, one), one) for one in found.results if one.back_off is not None]
+    yield SAY("verdict", found.kind, searched)
     plain = next((one for one in found.results if one.name == NOMINAL), None)
     best = record.best
     if plain is None or plain.objective is None or best is None or best.objective is None:
         return
     share = study_aim(record).efficiency(best.objective, plain.objective)
     if share is not None:
-        yield SAY("cost", best.name, share, plain)
+        yield SAY("cost", called(record, best), share, _called(record, plain), plain)
+
+
+def _called(record: Record, tried: Tried) -> str:
+    result = record.result(tried.name)
+    return tried.name if result is None else called(record, result)
 
 
 def _range(one: Uncertain) -> str:
@@ -88,4 +97,4 @@ def _bundle(record: Record, tried: Tried, bundle: Paths) -> paths.Bundle:
     if not tried.probability:
         share = f"less than {quantity(100 * tried.interval[1], '%', 1)}"
     nominal = tuple(poses[:, :2] for poses in result.drive.by_run)
-    return paths.Bundle(f"{bundle.name}: {share} violate", inside, outside, nominal)
+    return paths.Bundle(f"{called(record, result)}: {share} violate", inside, outside, nominal)

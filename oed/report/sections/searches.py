@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 
 from oed.foundation.text import fixed, listing, significant, whole
@@ -13,7 +13,7 @@ from oed.records.stored.study_record import StoredCertificate
 from oed.report.figures import chart, spread
 from oed.report.parts.judging import Aim, aim_of, by_aim, study_aim
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import solver_of
+from oed.report.parts.reading import called, solver_of
 from oed.report.parts.section import Column, Picture, Section, Table
 
 SAY = Prose("searches")
@@ -33,9 +33,17 @@ def certificate(record: Record) -> Section | None:
     found = record.certificate
     if found is None:
         return None
-    said, loose = SAY.paragraphs("certificate", found), SAY("loose") if found.loose else ""
+    said = SAY.paragraphs("certificate", found, _holder(record, found.best))
+    loose = SAY("loose") if found.loose else ""
     bounds = _bounds(found) if len(found.bounds) > 1 else None
-    return Section.of("How far from the best possible", *said, bounds, notices=[loose])
+    return replace(Section.of("How far from the best possible", *said, bounds, notices=[loose]), brief=(1, 0))
+
+
+def _holder(record: Record, best: float | None) -> str:
+    # The drive that the gap is of, where it is not the one that is chosen; "" else.
+    holders = (one for one in record.results if one.feasible and one.objective == best)
+    holder, winner = next(holders, None), record.best
+    return "" if holder is None or winner is None or holder.name == winner.name else called(record, holder)
 
 
 def _bounds(found: StoredCertificate) -> Table:
@@ -143,16 +151,19 @@ def convergence(record: Record) -> Section | None:
 
     Searches by different criteria apart, for their objectives do not compare.
     """
-    searches = [one for one in record.results if _points(one)]
+    every = [one for one in record.results if _points(one)]
+    # A design that cannot be driven is no measure of one that can.
+    searches = [one for one in every if one.feasible] or every
     if not searches:
         return None
+    left_out = [called(record, one) for one in every if one not in searches]
     groups = by_aim(record, searches)
     apart = len(groups) > 1
     lines = [line for aim, results in groups for line in _lines(aim, results, apart)]
     alt = f"Convergence of {listing([one.name for one in searches])} over time"
     picture = Picture("convergence", alt, SAY("convergence", apart, FLOOR), chart.convergence(lines, apart))
     races = (sentence for _, results in groups for sentence in _races(results))
-    return Section.of("Convergence", *races, picture, _times(groups))
+    return Section.of("Convergence", *races, SAY("left_out", left_out), picture, _times(groups))
 
 
 def _points(result: Result) -> list[tuple[Progress, float]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from oed.foundation.text import fixed, own_unit, shown_unit, significant, words
@@ -12,7 +12,7 @@ from oed.records.record import Record
 from oed.records.stored.simulation import Simulated
 from oed.report.figures import spread
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import nuisance_names, regression_of
+from oed.report.parts.reading import called, nuisance_names, regression_of
 from oed.report.parts.section import Column, Picture, Section, Table
 
 SAY = Prose("validation")
@@ -39,21 +39,28 @@ def validation(record: Record) -> Section | None:
     estimators = list(dict.fromkeys(one.estimator for one in every))
     several = len(estimators) > 1
     names, prior = nuisance_names(record), record.study.prior
-    return Section.of(
+    made = Section.of(
         "Validation by simulation",
+        *(f"{_titled(record, one, several)}: {one.verdict}" for one in chosen),
         SAY("intro", outcome, regression_of(record), estimators, names, prior),
-        *(f"{_titled(one, several)}: {one.verdict}" for one in chosen),
         *_clouds(record, every, chosen, several),
-        *(_checks(one, outcome.alpha, several) for one in chosen),
-        _side_by_side(record, every, several),
+        *(_checks(one, outcome.alpha, _titled(record, one, several)) for one in chosen),
+        _side_by_side(record, every, outcome.replicates),
     )
+    return replace(made, brief=(len(chosen), 0))
 
 
-def _titled(one: Simulated, several: bool) -> str:
-    return f"{one.name} by {words(one.estimator)}" if several else one.name
+def _called(record: Record, one: Simulated) -> str:
+    result = record.result(one.name)
+    return words(one.name) if result is None else called(record, result)
 
 
-def _checks(simulated: Simulated, alpha: float, several: bool) -> Table:
+def _titled(record: Record, one: Simulated, several: bool) -> str:
+    name = _called(record, one)
+    return f"{name} by {words(one.estimator)}" if several else name
+
+
+def _checks(simulated: Simulated, alpha: float, title: str) -> Table:
     columns = (
         Column("test", cell=lambda one: one.name),
         Column("question", cell=lambda one: one.question),
@@ -65,7 +72,7 @@ def _checks(simulated: Simulated, alpha: float, several: bool) -> Table:
     )
     outside = [one for one in simulated.checks if not one.expected[0] <= one.statistic <= one.expected[1]]
     lucky = any(one.passed for one in outside)
-    return Table.of(simulated.checks, columns, SAY("checks", _titled(simulated, several), alpha, lucky))
+    return Table.of(simulated.checks, columns, SAY("checks", title, alpha, lucky))
 
 
 @dataclass(frozen=True)
@@ -103,7 +110,8 @@ def _estimated(record: Record, one: Simulated, name: str) -> _Estimated:
     return _Estimated(one, one.parameters.index(name), unit)
 
 
-def _side_by_side(record: Record, every: Sequence[Simulated], several: bool) -> Table:
+def _side_by_side(record: Record, every: Sequence[Simulated], replicates: int) -> Table:
+    several = len({one.estimator for one in every}) > 1
     items = [_estimated(record, one, name) for one in every for name in one.parameters]
     columns = (
         Column("result", cell=lambda one: one.drive.name),
@@ -115,12 +123,15 @@ def _side_by_side(record: Record, every: Sequence[Simulated], several: bool) -> 
         Column("predicted deviation", "", THREE, lambda one: one.predicted),
         Column("simulated deviation", "", THREE, lambda one: one.deviation(one.drive.sampled_covariance)),
         Column(
-            "variance, simulated/predicted", "", fixed(3), lambda one: one.drive.paired_variance_ratio[one.at]
+            "variance ratio on the same draws",
+            "",
+            fixed(3),
+            lambda one: one.drive.paired_variance_ratio[one.at],
         ),
         Column("± (paired)", "", _error, lambda one: one.drive.paired_standard_error[one.at]),
         Column("all tests passed", cell=lambda one: one.drive.passed),
     )
-    return Table.of(items, columns, "All drives from which the parameters are identifiable")
+    return Table.of(items, columns, SAY("every", 100 / math.sqrt(2 * replicates)))
 
 
 def _error(size: float) -> str:
@@ -151,7 +162,10 @@ def _picture(record: Record, drawn: Sequence[Simulated], pair: tuple[str, str], 
         one = _estimated(record, drawn[0], name)
         title = f"error of {words(name)}" if one.near else words(name)
         axes.append(spread.Estimated(name, title, *own_unit(one.unit), errors=one.near))
-    titles = [f"{words(one.name)}\n{words(one.estimator)}" if several else words(one.name) for one in drawn]
+    names = [_called(record, one) for one in drawn]
+    titles = [
+        f"{name}\n{words(one.estimator)}" if several else name for name, one in zip(names, drawn, strict=True)
+    ]
     caption = SAY("caption", pair, any(one.errors for one in axes))
     figure = spread.clouds(drawn, titles, axes)
     return Picture(f"estimates_{pair[0]}_{pair[1]}", SAY("alt", pair), caption, figure)

@@ -1,40 +1,52 @@
-// Plays each drive: the robot along its path, with its trail, on one canvas.
+// Plays each drive: the robot on its path in the room, and its inputs over time with a cursor.
 document.querySelectorAll(".player").forEach(function (player) {
   "use strict";
   const data = JSON.parse(player.querySelector("script").textContent);
-  const canvas = player.querySelector("canvas");
+  const canvas = player.querySelector("canvas.path");
+  const strip = player.querySelector("canvas.inputs");
   const button = player.querySelector("button");
   const choice = player.querySelector("select.drive");
   const rate = player.querySelector("select.rate");
-  const slider = player.querySelector("input");
+  const loop = player.querySelector("input.loop");
+  const slider = player.querySelector("input.time");
   const clock = player.querySelector("output");
   const context = canvas.getContext("2d");
-  const hatch = hatched();
+  const inputs = inputsOn(strip, data.charts);
+  const { dark, ink, timeColour, ticks, sized, line, word } = brushes;
   const [left, right, bottom, top] = data.view;
+  const ROOM = { left: 44, right: 12, top: 12, bottom: 36 };
   let drive = data.drives[0];
+  let spins = spinsOf(drive);
   let time = 0;
   let before = null;
 
-  function hatched() {
-    const tile = document.createElement("canvas");
-    tile.width = tile.height = 10;
-    const brush = tile.getContext("2d");
-    brush.strokeStyle = "#4a4a4a";
-    for (const shift of [-10, 0, 10]) {
-      brush.moveTo(shift, 10);
-      brush.lineTo(shift + 10, 0);
+  // Stretches in which the robot turns in place: first and last sample.
+  function spinsOf(one) {
+    const arm = Math.max(data.width / 2, 0.02 * (right - left));
+    const found = [];
+    for (let k = 0; k + 1 < one.x.length; k += 1) {
+      const turn = one.heading[k + 1] - one.heading[k];
+      const step = Math.hypot(one.x[k + 1] - one.x[k], one.y[k + 1] - one.y[k]);
+      if (Math.abs(turn) < 2e-3 || step > 0.15 * arm * Math.abs(turn)) continue;
+      const last = found[found.length - 1];
+      if (last && last.to === k && last.turn * turn > 0) {
+        last.to = k + 1;
+        last.turn += turn;
+      } else found.push({ from: k, to: k + 1, turn: turn });
     }
-    brush.stroke();
-    return context.createPattern(tile, "repeat");
+    return found.filter((spin) => Math.abs(spin.turn) > 0.6).map(function (spin, number, every) {
+      const near = every.slice(0, number).filter((other) =>
+        Math.hypot(one.x[other.from] - one.x[spin.from], one.y[other.from] - one.y[spin.from]) < arm);
+      return Object.assign(spin, { level: near.length });
+    });
   }
 
   function fit() {
-    const width = player.clientWidth;
-    const scale = window.devicePixelRatio || 1;
-    const height = Math.min(width * (top - bottom) / (right - left), 560);
-    canvas.style.height = height + "px";
-    canvas.width = Math.round(width * scale);
-    canvas.height = Math.round(height * scale);
+    const width = canvas.parentNode.clientWidth;
+    const inner = width - ROOM.left - ROOM.right;
+    const tall = inner * (top - bottom) / (right - left) + ROOM.top + ROOM.bottom;
+    sized(canvas, context, width, Math.min(Math.max(tall, 180), 470));
+    inputs.fit();
     draw();
   }
 
@@ -50,11 +62,134 @@ document.querySelectorAll(".player").forEach(function (player) {
     };
   }
 
+  function view() {
+    const width = canvas.wide - ROOM.left - ROOM.right;
+    const height = canvas.high - ROOM.top - ROOM.bottom;
+    const scale = Math.min(width / (right - left), height / (top - bottom));
+    const middleX = ROOM.left + width / 2;
+    const middleY = ROOM.top + height / 2;
+    return {
+      width: width, height: height, scale: scale,
+      toX: (x) => middleX + (x - (left + right) / 2) * scale,
+      toY: (y) => middleY - (y - (bottom + top) / 2) * scale,
+      fromX: (x) => (x - middleX) / scale + (left + right) / 2,
+      fromY: (y) => (middleY - y) / scale + (bottom + top) / 2
+    };
+  }
+
+  function drawRoom(at) {
+    const shape = function (outline, fill) {
+      context.beginPath();
+      if (outline.points) {
+        outline.points.forEach((point) => context.lineTo(at.toX(point[0]), at.toY(point[1])));
+        context.closePath();
+      } else context.arc(at.toX(outline.x), at.toY(outline.y), outline.radius * at.scale, 0, 2 * Math.PI);
+      context.fillStyle = fill;
+      context.strokeStyle = ink.faint;
+      context.lineWidth = 1.2;
+      context.fill();
+      context.stroke();
+    };
+    context.save();
+    context.beginPath();
+    context.rect(ROOM.left, ROOM.top, at.width, at.height);
+    context.clip();
+    if (data.workspace) shape(data.workspace, ink.floor);
+    data.obstacles.forEach(function (obstacle) {
+      shape(obstacle, ink.block);
+      shape(obstacle, ink.hatch);
+    });
+    context.restore();
+  }
+
+  function drawAxes(at) {
+    const end = ROOM.left + at.width;
+    const floor = ROOM.top + at.height;
+    const across = ticks(at.fromX(ROOM.left), at.fromX(end), at.width / 80);
+    const up = ticks(at.fromY(floor), at.fromY(ROOM.top), at.height / 60);
+    line(context, ink.line, 1, [[ROOM.left, ROOM.top], [ROOM.left, floor], [end, floor]]);
+    across.places.forEach(function (x) {
+      line(context, ink.line, 1, [[at.toX(x), floor], [at.toX(x), floor + 4]]);
+      word(context, x.toFixed(across.digits), at.toX(x), floor + 7, "center", "top");
+    });
+    up.places.forEach(function (y) {
+      line(context, ink.line, 1, [[ROOM.left - 4, at.toY(y)], [ROOM.left, at.toY(y)]]);
+      word(context, y.toFixed(up.digits), ROOM.left - 7, at.toY(y), "right", "middle");
+    });
+    word(context, "x [m]", end, floor + 22, "right", "top");
+    word(context, "y [m]", ROOM.left + 6, ROOM.top, "left", "top");
+    // The bar is as long as a round number of metres.
+    const bar = ticks(0, at.width / at.scale, 9).step;
+    const from = end - 14 - bar * at.scale;
+    line(context, ink.ink, 2, [[from, floor - 12], [end - 14, floor - 12]]);
+    word(context, bar + " m", from + bar * at.scale / 2, floor - 16, "center", "bottom", ink.ink);
+  }
+
+  function drawPath(at, now) {
+    const last = drive.x.length - 1;
+    const started = time > 0 && time < drive.duration;
+    const faded = (k) => { context.globalAlpha = started && k > now.index ? 0.28 : 1; };
+    context.lineCap = "round";
+    for (let k = 0; k < last; k += 1) {
+      faded(k);
+      const points = [k, k + 1].map((one) => [at.toX(drive.x[one]), at.toY(drive.y[one])]);
+      line(context, timeColour(k / last), 3, points);
+    }
+    context.lineCap = "butt";
+    const every = Math.max(1, Math.round(last / 25));
+    for (let k = 0; k <= last; k += every) {
+      faded(k);
+      const x = at.toX(drive.x[k]);
+      const y = at.toY(drive.y[k]);
+      line(context, timeColour(k / last), 1.4,
+        [[x, y], [x + 11 * Math.cos(drive.heading[k]), y - 11 * Math.sin(drive.heading[k])]]);
+    }
+    spins.forEach(function (spin) {
+      faded(spin.to);
+      drawSpin(at, spin, last);
+    });
+    context.globalAlpha = 1;
+    drawEnds(at, last);
+  }
+
+  // A turn in place: an arc about the robot, wider with every turn, with an arrow at its end.
+  function drawSpin(at, spin, last) {
+    const x = at.toX(drive.x[spin.from]);
+    const y = at.toY(drive.y[spin.from]);
+    const base = Math.max(0.55 * data.width * at.scale, 13) + 7 * spin.level;
+    const pieces = Math.max(8, Math.ceil(Math.abs(spin.turn) / 0.12));
+    const place = function (share) {
+      const angle = drive.heading[spin.from] + share * spin.turn;
+      const radius = base + Math.min(5 * Math.abs(spin.turn) / (2 * Math.PI), 30) * share;
+      return [x + radius * Math.cos(angle), y - radius * Math.sin(angle)];
+    };
+    for (let k = 0; k < pieces; k += 1) {
+      const share = (spin.from + (k / pieces) * (spin.to - spin.from)) / last;
+      line(context, timeColour(share), 2.4, [place(k / pieces), place((k + 1) / pieces)]);
+    }
+    const tip = place(1);
+    const angle = Math.atan2(tip[1] - place(1 - 1 / pieces)[1], tip[0] - place(1 - 1 / pieces)[0]);
+    const barb = (side) => [tip[0] - 8 * Math.cos(angle + side), tip[1] - 8 * Math.sin(angle + side)];
+    line(context, timeColour(spin.to / last), 2.4, [barb(0.5), tip, barb(-0.5)]);
+  }
+
+  function drawEnds(at, last) {
+    context.fillStyle = ink.paper;
+    context.strokeStyle = ink.ink;
+    context.lineWidth = 1.6;
+    context.beginPath();
+    context.arc(at.toX(drive.x[0]), at.toY(drive.y[0]), 4.5, 0, 2 * Math.PI);
+    context.fill();
+    context.stroke();
+    context.fillStyle = ink.ink;
+    context.fillRect(at.toX(drive.x[last]) - 3.5, at.toY(drive.y[last]) - 3.5, 7, 7);
+  }
+
   // From the hitch to the trailer's axle and its wheels, in the tractor's frame.
   function tow(angle, offset, length, half) {
     context.save();
-    context.lineWidth = 3 * (window.devicePixelRatio || 1);
-    context.strokeStyle = "#5f5f5f";
+    context.lineWidth = 3;
+    context.strokeStyle = ink.faint;
     context.beginPath();
     context.moveTo(0, 0);
     context.lineTo(-offset, 0);
@@ -66,69 +201,52 @@ document.querySelectorAll(".player").forEach(function (player) {
     context.stroke();
     context.beginPath();
     context.arc(0, 0, context.lineWidth, 0, 2 * Math.PI);
-    context.fillStyle = "#222222";
+    context.fillStyle = ink.ink;
     context.fill();
     context.restore();
   }
 
-  function draw() {
-    const scale = Math.min(canvas.width / (right - left), canvas.height / (top - bottom));
-    const toX = (x) => canvas.width / 2 + (x - (left + right) / 2) * scale;
-    const toY = (y) => canvas.height / 2 - (y - (bottom + top) / 2) * scale;
-    const now = pose();
-    context.clearRect(0, 0, canvas.width, canvas.height);
-    const shape = function (outline, fill, line) {
-      context.beginPath();
-      if (outline.points) {
-        outline.points.forEach((point) => context.lineTo(toX(point[0]), toY(point[1])));
-        context.closePath();
-      } else context.arc(toX(outline.x), toY(outline.y), outline.radius * scale, 0, 2 * Math.PI);
-      context.fillStyle = fill;
-      context.strokeStyle = line;
-      context.lineWidth = 1.5;
-      context.fill();
-      context.stroke();
-    };
-    if (data.workspace) shape(data.workspace, "#f4f4f1", "#767676");
-    data.obstacles.forEach(function (obstacle) {
-      shape(obstacle, "#c4c1ba", "#4a4a4a");
-      shape(obstacle, hatch, "#4a4a4a");
-    });
-    const trace = function (count, colour, width) {
-      context.beginPath();
-      for (let k = 0; k <= count; k += 1) context.lineTo(toX(drive.x[k]), toY(drive.y[k]));
-      if (count < drive.x.length - 1) context.lineTo(toX(now.x), toY(now.y));
-      context.strokeStyle = colour;
-      context.lineWidth = width * (window.devicePixelRatio || 1);
-      context.stroke();
-    };
-    trace(drive.x.length - 1, "#c9d3dc", 1.5);
-    trace(now.index, "#123f6d", 2.5);
+  function drawRobot(at, now) {
+    const half = Math.max(data.width * at.scale / 2, 7);
     context.save();
-    context.translate(toX(now.x), toY(now.y));
+    context.translate(at.toX(now.x), at.toY(now.y));
     context.rotate(-now.heading);
-    const half = Math.max(data.width * scale / 2, 7);
+    context.strokeStyle = ink.ink;
     if (data.body_radius) {
       context.beginPath();
-      context.arc(0, 0, data.body_radius * scale, 0, 2 * Math.PI);
-      context.strokeStyle = "#222222";
+      context.arc(0, 0, data.body_radius * at.scale, 0, 2 * Math.PI);
       context.lineWidth = 1;
       context.stroke();
     }
-    if (data.trailer) tow(now.trailer, data.trailer[0] * scale, data.trailer[1] * scale, half);
+    if (data.trailer) tow(now.trailer, data.trailer[0] * at.scale, data.trailer[1] * at.scale, half);
     context.beginPath();
     context.moveTo(1.3 * half, 0);
     context.lineTo(-0.6 * half, half);
     context.lineTo(-0.2 * half, 0);
     context.lineTo(-0.6 * half, -half);
     context.closePath();
-    context.fillStyle = "#e07b00";
-    context.strokeStyle = "#222222";
-    context.lineWidth = 1.5;
+    context.fillStyle = ink.robot;
+    context.strokeStyle = ink.ink;
+    context.lineWidth = 1.2;
+    context.globalAlpha = 0.85;
     context.fill();
+    context.globalAlpha = 1;
     context.stroke();
     context.restore();
+  }
+
+  function draw() {
+    const at = view();
+    const now = pose();
+    context.clearRect(0, 0, canvas.wide, canvas.high);
+    drawRoom(at);
+    drawAxes(at);
+    drawPath(at, now);
+    drawRobot(at, now);
+    inputs.draw(drive, time);
     slider.value = String(1000 * time / drive.duration);
+    const colours = [0, 0.25, 0.5, 0.75, 1].map(timeColour).join(",");
+    slider.style.background = "linear-gradient(to right," + colours + ")";
     clock.textContent = time.toFixed(1) + " s of " + drive.duration.toFixed(1) + " s";
     player.dataset.time = time.toFixed(3);
     player.dataset.x = now.x.toFixed(4);
@@ -146,11 +264,21 @@ document.querySelectorAll(".player").forEach(function (player) {
     time += Number(rate.value) * Math.max(0, stamp - before) / 1000;
     before = stamp;
     if (time >= drive.duration) {
-      time = drive.duration;
-      stop();
+      if (loop.checked) time %= drive.duration;
+      else {
+        time = drive.duration;
+        stop();
+      }
     }
     draw();
     if (before !== null) requestAnimationFrame(tick);
+  }
+
+  // A click or a drag over the inputs is a time.
+  function seek(event) {
+    if (event.type === "pointermove" && !event.buttons) return;
+    time = drive.duration * inputs.shareAt(event);
+    draw();
   }
 
   button.addEventListener("click", function () {
@@ -162,6 +290,7 @@ document.querySelectorAll(".player").forEach(function (player) {
   });
   choice.addEventListener("change", function () {
     drive = data.drives[Number(choice.value)];
+    spins = spinsOf(drive);
     time = 0;
     draw();
   });
@@ -169,6 +298,9 @@ document.querySelectorAll(".player").forEach(function (player) {
     time = drive.duration * Number(slider.value) / 1000;
     draw();
   });
+  strip.addEventListener("pointerdown", seek);
+  strip.addEventListener("pointermove", seek);
+  dark.addEventListener("change", draw);
   window.addEventListener("resize", fit);
   fit();
   // A link to #play starts at once.
