@@ -100,7 +100,7 @@ def _run(options: argparse.Namespace) -> int:
         _found(options, record, outcome)
 
     notes = [note for note in record.notes if note != CUT_SHORT]
-    further = [f"Drive: oed export {out} --to ros2_node"] if record.best is not None else []
+    further = [f"Drive: oed export {out} --to rosbag2"] if record.best is not None else []
     further += [] if options.verbose else ["More:  oed run --verbose"]
     outcome.show(options, {**record.plain(), **outcome.place}, lines, notes, further)
     return FAILED if outcome.trouble else verdict(record)

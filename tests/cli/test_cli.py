@@ -285,7 +285,7 @@ class TestRun:
         assert code == 0
         assert "Limits satisfied." in out
         assert "Page:  there" in out
-        assert "Drive: oed export there --to ros2_node" in out
+        assert "Drive: oed export there --to rosbag2" in out
         assert not (folder / "reports").exists()
         assert load_record(folder / "there").best.name == "genetic"
 

@@ -48,7 +48,7 @@ def first(record: Record) -> Section:
 
 
 COMMANDS = (
-    "oed export . --to ros2_node",
+    "oed export . --to rosbag2",
     "oed export . --to json",
     "oed estimate STUDY.yaml LOG.csv",
 )
