@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from places import GALLERY
+from places import REPORTS
 
 from benchmarks.acceptance import Floor, Goal, floors_of, goals, main, resampled_pair
 from oed.records.record import load_record
 from oed.simulation.trial.outcome import Interval, Repeats, scatter, total
 
-TRIAL = GALLERY / "physics_skid_steer"
+TRIAL = REPORTS / "physics_skid_steer"
 
 
 def floor_of(errors: np.ndarray, **other: Any) -> Floor:
@@ -51,7 +51,7 @@ def test_a_missed_goal_is_printed_and_fails(capsys: pytest.CaptureFixture[str]):
 
 def test_a_record_without_a_trial_is_refused(capsys: pytest.CaptureFixture[str]):
     with pytest.raises(SystemExit) as stop:
-        main([str(GALLERY / "choi_skid_steer")])
+        main([str(REPORTS / "choi_skid_steer")])
     assert stop.value.code == 2
     assert f"{Path('choi_skid_steer')}: no trial" in capsys.readouterr().err
 

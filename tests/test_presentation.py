@@ -163,7 +163,7 @@ def test_an_import_of_the_package_alone_is_enough_to_draw():
         "assert 'matplotlib' not in sys.modules\n"
         "print(type(record.plot()).__mro__[1].__module__)\n"
     )
-    folder = f"{oed.__path__[0]}/../reports/choi_skid_steer"
+    folder = f"{oed.__path__[0]}/../reports/gallery/choi_skid_steer"
     run = subprocess.run([sys.executable, "-c", code, folder], capture_output=True, text=True, check=True)
     assert run.stdout == "matplotlib.figure\n"
 

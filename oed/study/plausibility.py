@@ -18,8 +18,10 @@ LONGEST = 1e7
 YEAR = 365.25 * 24 * 3600
 FARTHEST = 1e6
 """Size [m] of a room or a robot beyond which none is meant: a thousand kilometres."""
-MUCH_LARGER = 10.0
+MUCH_LARGER = 4.0
 """How many times as long as the room's longer side a size of the robot is that is taken for a mistake."""
+METRES = 1.0
+"""Least size [m] of a robot that looks like a number whose unit was forgotten: those were mm, cm or inches."""
 
 
 def size_flaws(robot: Model, space: Space, limits: Sequence[Limit]) -> Iterator[Flaw]:
@@ -44,7 +46,7 @@ def size_flaws(robot: Model, space: Space, limits: Sequence[Limit]) -> Iterator[
         yield Flaw(("limits", "workspace"), text)
     largest, what = min((MUCH_LARGER * side, "its room"), (FARTHEST, "any robot"))
     for name, size in _lengths(robot):
-        if abs(size) > largest and _as_written(size):
+        if abs(size) > max(largest, METRES) and _as_written(size):
             where = f" of {side:g} m" if what == "its room" else ""
             text = f"{size:g} m is larger than {what}{where}: is a unit missing, or wrong? e.g. '{size:g} cm'"
             yield Flaw(("robot", name), text)

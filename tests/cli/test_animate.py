@@ -10,12 +10,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from places import GALLERY
+from places import REPORTS
 
 from oed.cli import main
 from oed.report.film.writing import Frame
 
-RECORD = GALLERY / "choi_skid_steer" / "record.json"
+RECORD = REPORTS / "choi_skid_steer" / "record.json"
 QUICK = ("--speed", "20", "--fps", "5", "--quiet")
 
 

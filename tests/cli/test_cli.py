@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from places import GALLERY
+from places import REPORTS
 from studies import GENETIC, INFEASIBLE, SMALL, small, write_study
 
 from oed.cli import main
@@ -465,7 +465,7 @@ class TestValidate:
 
     @pytest.fixture
     def folder(self, tmp_path: Path) -> Path:
-        saved = GALLERY / "choi_skid_steer" / "record.json"
+        saved = REPORTS / "choi_skid_steer" / "record.json"
         data = json.loads(saved.read_text())
         # Two searches, a path like any other and one that tells nothing.
         names = ("ipopt", "genetic", "straight", "square")
@@ -485,7 +485,7 @@ class TestValidate:
         outcome = json.loads((folder / "record.json").read_text())["validation"]
         assert (outcome["heading"], outcome["replicates"]) == ("predicted", 500)
         names = [entry["name"] for entry in outcome["results"]]
-        assert names == ["ipopt", "genetic", "square"]
+        assert names == ["ipopt", "genetic", "straight", "square"]
         printed = capsys.readouterr().out
         assert f"ipopt, ols: {outcome['results'][0]['verdict']}" in printed
         assert outcome["results"][0]["verdict"] in (folder / "report.md").read_text()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sample_records
 from PIL import Image
-from places import GALLERY
+from places import REPORTS
 from recorded import record_from
 from sample_rooms import crab, omni, steered, towing
 
@@ -197,7 +197,7 @@ class TestAnimate:
 
     @pytest.mark.slow
     def test_the_demos_film_is_small(self, tmp_path: Path):
-        made = oed.animate(GALLERY / "choi_skid_steer", tmp_path / "film.gif")
+        made = oed.animate(REPORTS / "choi_skid_steer", tmp_path / "film.gif")
         assert (made.fps, made.speed) == (20.0, 1.0)
         assert made.seconds == pytest.approx(21.5, abs=0.1)
         assert made.file.stat().st_size < 1.5e6

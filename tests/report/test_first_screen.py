@@ -47,7 +47,7 @@ def test_the_page_begins_with_the_drive_and_the_answer(designed: Record) -> None
     assert first.paragraphs[0].startswith("A drive of 4 s in a room")
     assert [row[0] for row in first.tables[0].rows] == ["c21", "c22"]
     assert not any(one.first for one in others)
-    assert next(title for title, _ in first.commands).startswith("As a ROS 2 node")
+    assert next(title for title, _ in first.commands).startswith("As a ROS 2 bag")
     (fold,) = first.folds
     assert fold.title == "What this page assumes"
     assert "differential drive" in fold.paragraphs[0]

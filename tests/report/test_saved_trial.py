@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from places import GALLERY
+from places import REPORTS
 
 from oed.records.record import load_record
 from oed.report.sections.physics import physics
 
 
 def test_the_page_judges_nothing_by_goals_that_the_user_never_set():
-    record = load_record(GALLERY / "physics_skid_steer")
+    record = load_record(REPORTS / "physics_skid_steer")
     assert record.data["physics"]["floors"][0]["goals"], "saved with verdicts"
     section = physics(record)
     assert section is not None

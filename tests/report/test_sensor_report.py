@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import sample_records
-from places import GALLERY
+from places import REPORTS
 from recorded import record_from
 from shown_in import column, section, text_of
 
@@ -34,7 +34,7 @@ from oed.robots.sensors import Several
 from oed.workflow.runner import record as record_of
 from oed.workflow.studies import parse_study
 
-FLAGSHIP = GALLERY / "choi_skid_steer"
+FLAGSHIP = REPORTS / "choi_skid_steer"
 
 
 class Compass(Sensor):

@@ -46,8 +46,8 @@ def test_the_least_error_is_marked(shown: Section):
 def test_scatter_stands_beside_what_noise_alone_would_make_of_it(shown: Section):
     rows = {row[1]: row for row in shown.tables[1].rows}
     assert 0.01 < rows["random"][-1] < 10
-    # A circle does not tell the parameters apart.
-    assert rows["circle"][-1] is None
+    # A circle that is driven to by turning in place makes all of them identifiable, with less precision.
+    assert 0.01 < rows["circle"][-1] < 10
 
 
 def test_an_interrupted_trial_says_so():

@@ -32,8 +32,11 @@ def test_a_robot_without_a_room_may_be_large_but_not_any():
         parse_study(text.replace("track: 18 cm", "track: 1e7 m"))
 
 
-def test_a_robot_larger_than_its_room_but_not_by_an_order_is_nobodys_mistake():
-    parse_study(small().replace("track: 18 cm", "track: 12 m"))
+@pytest.mark.parametrize(("track", "room"), [("7 m", "[-1 m, 1 m]"), ("18 cm", "[-1 mm, 1 mm]")])
+def test_a_robot_larger_than_its_room_is_nobodys_mistake_unless_its_unit_may_be_missing(
+    track: str, room: str
+):
+    parse_study(small().replace("track: 18 cm", f"track: {track}").replace("[-1 m, 1 m]", room))
 
 
 @pytest.mark.parametrize(
