@@ -21,7 +21,7 @@ FARTHEST = 1e6
 MUCH_LARGER = 4.0
 """How many times as long as the room's longer side a size of the robot is that is taken for a mistake."""
 METRES = 1.0
-"""Least size [m] of a robot that looks like a number whose unit was forgotten: those were mm, cm or inches."""
+"""Least size [m] of a robot that looks like a number without its unit: it was in mm, cm or inches."""
 
 
 def size_flaws(robot: Model, space: Space, limits: Sequence[Limit]) -> Iterator[Flaw]:
