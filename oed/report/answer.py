@@ -17,6 +17,8 @@ from oed.report.parts.reading import duration_text, in_place
 SAY = Prose("answer")
 EQUAL = 0.05
 """Share of a drive by which two count as equally good."""
+MANY = 100.0
+"""Drives beyond which their number says nothing to a reader: standard errors are compared instead."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ def _compared(record: Record, winner: Result, baseline: Result | None) -> str:
         known = baseline.standard_deviations
         return SAY("useless", name, [one.name for one in judged(record) if known.get(one.name) is None])
     needed = repetitions_of(record, baseline)
-    if needed is None:
+    if needed is None or MANY < needed < math.inf:
         return SAY("smaller", name, sorted(_ratios(record, winner, baseline)))
     return SAY("repetitions", name, needed, EQUAL)
 

@@ -97,6 +97,17 @@ def test_a_baseline_that_leaves_something_open_is_no_number():
     assert [row.baseline for row in answer.rows] == ["not identifiable", "10 mm"]
 
 
+def test_thousands_of_drives_are_no_comparison():
+    record = changed()
+    weak = best_baseline(record)
+    errors = {name: 50 * size for name, size in record.best.standard_deviations.items()}
+    weak = weak.model_copy(update={"objective": record.best.objective / 2500, "standard_deviations": errors})
+    answer = answer_of(record.model_copy(update={"results": [record.best, weak]}))
+    assert answer.sentences[0] == (
+        f"Standard errors are those of the best baseline, {words(weak.name)}, divided by 50."
+    )
+
+
 def test_baselines_that_cannot_be_driven_say_why():
     record = changed()
     results = [one for one in record.results if not one.feasible or one.name == record.best.name]
