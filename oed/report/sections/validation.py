@@ -150,10 +150,17 @@ def _clouds(
         and "same_length" not in one.name
         and one.estimator == chosen[0].estimator
     ]
+    others.sort(key=lambda one: _worth(record, one), reverse=True)
     drawn, names = [*chosen, *others][:MOST_CLOUDS], chosen[0].parameters
     known = [pair for pair in COEFFICIENTS if set(pair) <= set(names)]
     for pair in known or list(pairwise(names))[:MOST_PAIRS]:
         yield _picture(record, drawn, pair, several)
+
+
+def _worth(record: Record, one: Simulated) -> float:
+    # The best drives are drawn.
+    result = record.result(one.name)
+    return -math.inf if result is None or result.worth is None else result.worth
 
 
 def _picture(record: Record, drawn: Sequence[Simulated], pair: tuple[str, str], several: bool) -> Picture:
