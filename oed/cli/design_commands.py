@@ -53,17 +53,18 @@ def _found(options: argparse.Namespace, record: Record, outcome: CommandResult) 
         print_messages(one for one in record.results if one.name in asked and not one.feasible)
 
 
-def _add_verbose(parser: argparse.ArgumentParser) -> None:
+def _add_search(parser: argparse.ArgumentParser, where: str) -> None:
+    # What every search is asked for; `where` it is written.
+    add_working(parser)
     parser.add_argument(
         "--verbose", action="store_true", help="print objectives, every drive, violations and bounds too"
     )
+    parser.add_argument("study", metavar="STUDY")
+    parser.add_argument("--out", metavar="DIR", help=where)
 
 
 def _solve_arguments(parser: argparse.ArgumentParser) -> None:
-    add_working(parser)
-    _add_verbose(parser)
-    parser.add_argument("study", metavar="STUDY")
-    parser.add_argument("--out", metavar="DIR", help="where to write the record and the trajectories")
+    _add_search(parser, "where to write the record and the trajectories")
 
 
 def _solve(options: argparse.Namespace) -> int:
@@ -82,10 +83,7 @@ SOLVE = Command(
 
 
 def _run_arguments(parser: argparse.ArgumentParser) -> None:
-    add_working(parser)
-    _add_verbose(parser)
-    parser.add_argument("study", metavar="STUDY")
-    parser.add_argument("--out", metavar="DIR", help="where to write (default: reports/<file stem>/)")
+    _add_search(parser, "where to write (default: reports/<file stem>/)")
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -96,13 +94,12 @@ def _run(options: argparse.Namespace) -> int:
     record, outcome = _searched(options, out)
     outcome.report(lambda: write_report(record, out))
 
-    def lines() -> None:
-        _found(options, record, outcome)
-
     notes = [note for note in record.notes if note != CUT_SHORT]
     further = [f"Drive: oed export {out} --to rosbag2"] if record.best is not None else []
     further += [] if options.verbose else ["More:  oed run --verbose"]
-    outcome.show(options, {**record.plain(), **outcome.place}, lines, notes, further)
+    outcome.show(
+        options, {**record.plain(), **outcome.place}, lambda: _found(options, record, outcome), notes, further
+    )
     return FAILED if outcome.trouble else verdict(record)
 
 

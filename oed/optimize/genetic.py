@@ -91,7 +91,6 @@ class Genetic(PopulationSearch):
     def algorithm(self, sampling: Array) -> Any:
         """Pymoo's GA with the operators chosen."""
         from pymoo.algorithms.soo.nonconvex.ga import GA
-        from pymoo.core.duplicate import DefaultDuplicateElimination
         from pymoo.operators.crossover.pntx import TwoPointCrossover
         from pymoo.operators.crossover.sbx import SBX
         from pymoo.operators.crossover.ux import UniformCrossover
@@ -105,26 +104,7 @@ class Genetic(PopulationSearch):
             sampling=sampling,
             crossover=crossovers[self.crossover](),
             mutation=mutations[self.mutation](),
-            survival=_survival(),
-            eliminate_duplicates=DefaultDuplicateElimination(func=_genes),
         )
-
-
-def _genes(population: Any) -> Array:
-    # As `population.get("X")`, in a fifth of the time.
-    return np.array([one.X for one in population])
-
-
-def _survival() -> Any:
-    # Pymoo's own, the least infeasible and then the fittest, in a third of the time.
-    from pymoo.algorithms.soo.nonconvex.ga import FitnessSurvival
-
-    class Fittest(FitnessSurvival):  # type: ignore[misc]
-        def _do(self, _: Any, population: Any, n_survive: int | None = None, **__: Any) -> Any:
-            order = np.lexsort([[one.F[0] for one in population], [one.cv for one in population]])
-            return population[order[:n_survive]]
-
-    return Fittest()
 
 
 class DifferentialEvolution(PopulationSearch):

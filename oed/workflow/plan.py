@@ -241,7 +241,7 @@ def _planned(
     )
     if not found and not interrupted:
         status = ", ".join(sorted({one.status for one in axes[0].points}))
-        answer = f"No drive of these durations was found that tells them ({status})."
+        answer = f"No drive of these durations was found that makes them identifiable ({status})."
         return _stored(study, aims, axes, (None, None, answer), interrupted)
     base = min(found, key=lambda entry: abs(entry[0] - own), default=(own, None, None))
     one = _reaching([(value, worst) for value, worst, _ in found if worst is not None])

@@ -297,21 +297,3 @@ def test_threads_change_no_score():
     drives = np.random.default_rng(0).uniform(-0.3, 0.3, (7, design.terms.size))
     for alone, shared in zip(design.score_many(drives), design.score_many(drives, threads=3), strict=True):
         assert np.array_equal(alone, shared)
-
-
-def test_breeding_is_pymoos_own():
-    from pymoo.algorithms.soo.nonconvex.ga import GA
-    from pymoo.problems import get_problem
-
-    def bred(algorithm: GA) -> list[np.ndarray]:
-        # A problem with constraints, of 12 generations that begin infeasible.
-        algorithm.setup(get_problem("g1"), termination=("n_gen", 12), seed=3, verbose=False)
-        algorithm.run()
-        return [algorithm.pop.get(name) for name in ("X", "F", "CV")]
-
-    problem = get_problem("g1")
-    sampling = np.random.default_rng(0).uniform(problem.xl, problem.xu, (20, problem.n_var))
-    # Some drives twice: duplicates are dropped alike.
-    sampling[3] = sampling[4]
-    ours, plain = bred(Genetic(population=20).algorithm(sampling)), bred(GA(pop_size=20, sampling=sampling))
-    assert all(np.array_equal(*pair) for pair in zip(ours, plain, strict=True))

@@ -46,8 +46,8 @@ def comparison(record: Record) -> Section | None:
         SAY("caption", bool(_errors(record, shown))),
         ranking(names, designs, scales),
     )
-    left_out = sum(not one.feasible for one in with_drive(record))
-    return Section.of("How it compares", _practically_equal(record), SAY("left_out", left_out), picture)
+    undriven = sum(not one.feasible for one in with_drive(record))
+    return Section.of("How it compares", _practically_equal(record), SAY("undriven", undriven), picture)
 
 
 def _ranked(record: Record) -> list[Result]:

@@ -156,14 +156,14 @@ def convergence(record: Record) -> Section | None:
     searches = [one for one in every if one.feasible] or every
     if not searches:
         return None
-    left_out = [called(record, one) for one in every if one not in searches]
+    undriven = [called(record, one) for one in every if one not in searches]
     groups = by_aim(record, searches)
     apart = len(groups) > 1
     lines = [line for aim, results in groups for line in _lines(aim, results, apart)]
     alt = f"Convergence of {listing([one.name for one in searches])} over time"
     picture = Picture("convergence", alt, SAY("convergence", apart, FLOOR), chart.convergence(lines, apart))
     races = (sentence for _, results in groups for sentence in _races(results))
-    return Section.of("Convergence", *races, SAY("left_out", left_out), picture, _times(groups))
+    return Section.of("Convergence", *races, SAY("undriven", undriven), picture, _times(groups))
 
 
 def _points(result: Result) -> list[tuple[Progress, float]]:
