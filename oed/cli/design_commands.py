@@ -17,17 +17,23 @@ if TYPE_CHECKING:
     from oed.records.record import Record
     from oed.records.stored.sweep import StoredSweep
 
+LATER = ("pymoo.algorithms.soo.nonconvex.ga", "scipy.stats", "oed.report.figures.draw")
+"""Modules that a run needs after its first search, and that take long to load."""
 GOES_ON = "; the same command goes on where this one stopped"
 """What is to be known of an interrupted sweep."""
 
 
-def _searched(options: argparse.Namespace, out: Path | None, **more: Any) -> tuple[Record, CommandResult]:
-    # A run of the study with these options, and where it is.
+def _searched(
+    options: argparse.Namespace, out: Path | None, later: Sequence[str] = (), **more: Any
+) -> tuple[Record, CommandResult]:
+    # A run of the study with these options, and where it is; modules needed `later` are loaded meanwhile.
     from oed.cli.terminal.console import progress
+    from oed.foundation.work.ahead import load_ahead
     from oed.workflow.runner import run
     from oed.workflow.studies import load_study
 
     study = load_study(options.study)
+    load_ahead(*later)
     more |= {"seed": options.seed, "workers": workers_of(options)}
     with progress(options.quiet) as listener:
         record, trouble = saved(lambda: run(study, out, progress=listener, **more))
@@ -91,7 +97,7 @@ def _run(options: argparse.Namespace) -> int:
     from oed.workflow.runner import CUT_SHORT
 
     out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
-    record, outcome = _searched(options, out)
+    record, outcome = _searched(options, out, LATER)
     outcome.report(lambda: write_report(record, out))
 
     notes = [note for note in record.notes if note != CUT_SHORT]
