@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import pydoc
 import re
 import subprocess
 import sys
@@ -172,3 +174,35 @@ def test_the_package_says_its_version_and_what_to_begin_with():
     assert oed.__version__[0].isdigit()
     assert all(f"oed.{one}(" in oed.__doc__ for one in ("load_study", "solve", "run", "export", "estimate"))
     assert all(not one.startswith("_") for one in dir(oed))
+
+
+def test_the_package_lists_every_name_once():
+    _, listed = oed.__doc__.split("all names")
+    names = [
+        name for line in re.findall(r"^ {8}(.*)", listed, flags=re.MULTILINE) for name in line.split(", ")
+    ]
+    assert sorted(name.rstrip(",") for name in names) == dir(oed)
+
+
+def helped(thing: object) -> str:
+    return pydoc.plain(pydoc.render_doc(thing))
+
+
+def test_help_fits_on_some_screens():
+    assert len(helped(oed)) < 30_000
+    for name in dir(oed):
+        text = helped(getattr(oed, name))
+        assert len(text) < 15_000, name
+        assert not re.search(r"model_dump|model_config|__pydantic|inherited from pydantic", text), name
+
+
+@pytest.mark.parametrize("used", [False, True])
+def test_signatures_are_the_fields(used: bool):
+    if used:
+        oed.Ipopt()
+    given = inspect.signature(oed.Ipopt).parameters
+    assert list(given) == [name for name in oed.Ipopt.model_fields if name != "kind"]
+    assert given["starts"].default == oed.Ipopt().starts
+    assert len(str(inspect.signature(oed.Ipopt))) < 400
+    assert inspect.signature(oed.DifferentialDrive).parameters["track"].default is inspect.Parameter.empty
+    assert "criterion: 'Criterion | str'" in str(inspect.signature(oed.Problem))
