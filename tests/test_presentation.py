@@ -7,6 +7,7 @@ import pydoc
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,7 +17,10 @@ from report import sample_estimates, sample_records
 
 import oed
 from oed.kernel.solution import scored
+from oed.records.outcomes import validation_of
 from oed.records.record import EstimateRecord, Record
+from oed.records.stored.simulation import StoredValidation
+from oed.robots.baselines import baselines
 
 
 @pytest.fixture(scope="module")
@@ -131,6 +135,16 @@ def test_tables_are_data_frames(driven, record, estimate, laser_validation, fram
     assert laser_validation.to_dataframe().columns["ratio"] == pytest.approx(np.sqrt(1.1))
 
 
+def test_stored_simulations_are_a_data_frame_as_fresh_ones_are(laser_validation, frames):
+    stored = StoredValidation.of(
+        results=[validation_of(name, laser_validation) for name in ("ipopt", "square")]
+    )
+    table, fresh = stored.to_dataframe().columns, laser_validation.columns
+    assert list(table["name"]) == ["ipopt", "ipopt", "square", "square"]
+    for name, column in fresh.items():
+        assert list(table[name]) == [*column, *column]
+
+
 def test_a_log_gives_a_table_of_each_clock(frames):
     log = oed.Log("a", "a.csv", np.arange(4.0), np.ones((4, 2)), np.arange(3.0), np.zeros((3, 3)))
     assert list(log.to_dataframe().columns) == ["t", "x", "y", "heading"]
@@ -141,9 +155,21 @@ def test_a_log_gives_a_table_of_each_clock(frames):
 
 @pytest.mark.slow
 def test_figures_are_matplotlibs(flagship, driven, record, estimate):
-    for figure in (driven.plot(), driven.plot("inputs", flagship), record.plot("paths"), estimate.plot()):
+    for figure in (driven.plot(), driven.plot("inputs"), record.plot("paths"), estimate.plot()):
         assert figure.axes
-    assert driven.plot(problem=flagship)._repr_png_().startswith(b"\x89PNG")
+    assert driven.plot()._repr_png_().startswith(b"\x89PNG")
+
+
+@pytest.mark.slow
+def test_a_solution_is_drawn_in_its_room(flagship):
+    found = oed.solve(flagship, oed.Ipopt(starts=1, perturbations=0, max_iterations=3), workers=1)
+    (baseline, *_) = baselines(flagship, "square")
+    own = replace(found, problem=None)
+    assert own == found
+    for one in (found, baseline):
+        assert one.problem is flagship
+        shown = [patch.get_extents() for patch in one.plot().axes[0].patches]
+        assert len(shown) > len(own.plot().axes[0].patches)
 
 
 def test_a_figure_that_there_is_not_is_refused_with_those_that_there_are(driven, record):

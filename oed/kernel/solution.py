@@ -150,6 +150,7 @@ class Solution(Presented, Renamed):
             and `history` are in its numbers then.
         violation: how often robots of the problem's uncertainty violate the limits on this drive.
         robust: how limits were tightened in the end; None where the problem is not robust.
+        problem: that scored it, whose room figures show.
     """
 
     name: str
@@ -166,6 +167,7 @@ class Solution(Presented, Renamed):
     criterion: str | None = None
     violation: Violation | None = None
     robust: Tightening | None = None
+    problem: Problem | None = field(default=None, compare=False)
 
     @property
     def message(self) -> str:
@@ -173,17 +175,13 @@ class Solution(Presented, Renamed):
         said = "" if self.violation is None else self.violation.sentence
         return " ".join(filter(None, [self.status.sentence, self.detail, said]))
 
-    def plot(self, what: str = "path", problem: Problem | None = None) -> Any:
-        """The figure (matplotlib's) of the design.
-
-        Args:
-            what: "path", or "inputs" over time.
-            problem: whose room is drawn behind the path; none by default.
+    def plot(self, what: str = "path") -> Any:
+        """The figure (matplotlib's) of the design: its "path" in the room, or its "inputs" over time.
 
         Raises:
             UserMistake: there is no design, or no such figure.
         """
-        return plots.plot(self, what, problem)
+        return plots.plot(self, what)
 
     def _card(self) -> Card:
         found = self.evaluation
@@ -213,6 +211,7 @@ def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
         trajectory=trajectory,
         evaluation=evaluate(problem, trajectory),
         status=Status.SCORED,
+        problem=problem,
     )
 
 

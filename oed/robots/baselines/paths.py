@@ -86,6 +86,7 @@ def _scored(problem: Problem, name: str, trajectory: Trajectory, seed: int) -> S
         status=Status.SCORED,
         seed=seed,
         detail=_limits_exceeded(evaluation),
+        problem=problem,
     )
 
 
