@@ -171,9 +171,12 @@ class Solution(Presented, Renamed):
 
     @property
     def message(self) -> str:
-        """The status in words, with what is special to this search."""
+        """The status in words, with what is special to this search or drive; of one that was only scored, the
+        latter alone.
+        """
         said = "" if self.violation is None else self.violation.sentence
-        return " ".join(filter(None, [self.status.sentence, self.detail, said]))
+        known = self.status is Status.SCORED and self.detail
+        return " ".join(filter(None, ["" if known else self.status.sentence, self.detail, said]))
 
     def plot(self, what: str = "path") -> Any:
         """The figure (matplotlib's) of the design: its "path" in the room, or its "inputs" over time.
