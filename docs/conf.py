@@ -8,7 +8,6 @@ import sys
 from importlib.metadata import version as version_of
 from pathlib import Path
 
-from pydantic.fields import FieldInfo
 from sphinx.application import Sphinx
 
 HERE = Path(__file__).resolve().parent
@@ -18,9 +17,6 @@ os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.envir
 os.environ["PYTHONPATH"] = os.pathsep.join([*sys.path[:2], os.environ.get("PYTHONPATH", "")])
 
 import generate
-
-SHORT = 40
-"""Characters of a default that is shown."""
 
 project = "oed"
 author = "the authors of oed"
@@ -86,24 +82,7 @@ def _escaped(text: str) -> str:
     return re.sub(r"([|*]|_(?!\w))", r"\\\1", text)
 
 
-def signature(
-    _app: Sphinx, _what: str, _name: str, thing: object, _options: object, _signature: str, _returned: str
-) -> tuple[str, None] | None:
-    """Of a class with fields: their names, with defaults that are short."""
-    fields = getattr(thing, "model_fields", None)
-    if not isinstance(fields, dict):
-        return None
-    said = [name if field.is_required() else f"{name}={_default(field)}" for name, field in fields.items()]
-    return f"({', '.join(said)})", None
-
-
-def _default(field: FieldInfo) -> str:
-    plain = isinstance(field.default, str | int | float | tuple | None)
-    return repr(field.default) if plain and len(repr(field.default)) < SHORT else "..."
-
-
 def setup(app: Sphinx) -> None:
     """Pages that are generated are written before any is read."""
     app.connect("autodoc-process-docstring", plain, priority=100)
-    app.connect("autodoc-process-signature", signature)
     app.connect("builder-inited", lambda _: generate.everything(HERE))

@@ -3,54 +3,36 @@
 from __future__ import annotations
 
 import inspect
+import re
 from pathlib import Path
 
 from gallery import keep
 
 import oed
 
-GROUPS = {
-    "Studies, runs and records": ("oed.study", "oed.workflow", "oed.records"),
-    "Robots": ("oed.robots.models", "oed.robots.space"),
-    "Sensors": ("oed.robots.sensors", "oed.kernel.measurement"),
-    "Limits": ("oed.robots.limits", "oed.kernel.limit"),
-    "Criteria": ("oed.kernel.criteria",),
-    "Problems, drives and their score": ("oed.kernel", "oed.robots"),
-    "Searches": ("oed.optimize", "oed.foundation.work"),
-    "Uncertain robots": ("oed.uncertainty",),
-    "Bounds": ("oed.bounds",),
-    "Logs and estimation": ("oed.logs", "oed.estimation"),
-    "Simulated experiments": ("oed.simulation",),
-    "Reports and exports": ("oed.report", "oed.exporters"),
-    "Errors": ("oed.foundation",),
-}
-"""Of the reference, each with the modules whose public names it has; the longest that fits counts."""
-LEFT_OVER = "Further names"
-"""Of names of modules that no group has."""
 OF_CLASSES = (
     "   :members:\n   :exclude-members: model_config, model_post_init, model_fields, model_computed_fields\n"
 )
 
 
-def group_of(name: str) -> str:
-    """The group of a public name."""
-    module = str(getattr(getattr(oed, name), "__module__", ""))
-    fits = [
-        (len(place), title)
-        for title, places in GROUPS.items()
-        for place in places
-        if f"{module}.".startswith(f"{place}.")
-    ]
-    return max(fits)[1] if fits else LEFT_OVER
+def groups() -> dict[str, list[str]]:
+    """The public names by their groups, as the package lists them."""
+    lines = re.findall(
+        r"^(    (?:    )?)(\S.*)$", str(oed.__doc__).split("all names", 1)[1], flags=re.MULTILINE
+    )
+    found: dict[str, list[str]] = {}
+    for indent, text in lines:
+        if len(indent) == 4:
+            names = found[text] = []
+        else:
+            names += re.findall(r"\w+", text)
+    return found
 
 
 def write(folder: Path) -> None:
     """Write a page for each group, and one that lists them."""
     folder.mkdir(parents=True, exist_ok=True)
-    grouped: dict[str, list[str]] = {title: [] for title in (*GROUPS, LEFT_OVER)}
-    for name in sorted(oed.__all__, key=str.lower):
-        grouped[group_of(name)].append(name)
-    pages = {title: names for title, names in grouped.items() if names}
+    pages = groups()
     for title, names in pages.items():
         keep(folder / f"{_stem(title)}.md", _page(title, names))
     keep(folder / "index.md", _index(list(pages)))

@@ -12,7 +12,43 @@ What shall a robot drive so that its wheel radii, track, slip, ... can be estima
 
 Whatever comes back says what matters of it: `print(solution)`, `solution.summary()`, `solution.plot()`,
 `record.plot("paths")`, `record.to_dataframe()`; notebooks show it as a table. All numbers are SI.
-`oed init` in a terminal writes a first study; `help(oed.solve)` and the like say more.
+`oed init` in a terminal writes a first study. `from oed import *` has the functions; all names, of which
+`help(oed.solve)` and the like say more:
+
+    Studies, runs and records
+        load_study, parse_study, Study, run, Record, load_record, save_record, next_drive, NextDrive,
+        estimate, EstimateRecord, load_estimate, score_path, read_trajectory, write_trajectory
+    Problems, drives and their score
+        Problem, evaluate, Evaluation, Margin, ambiguities, Trajectory, Solution, Status, Violation,
+        Baseline, Move, Drive, Space, SignalSpace, Spline, System, Input, Parameter
+    Robots
+        DifferentialDrive, SkidSteer, SkidSteerIcr, SkidSteerSlip, Tricycle, Ackermann, Mecanum, OmniThree,
+        OffsetDrive, TractorTrailer, Model, DesignSpace, StartPose
+    Sensors
+        Poses, Displacements, Ranges, YawRate, TrailerAngle, Several, AbsoluteNoise, PoseNoise, LeverArm,
+        PosePrior, Prior, regression, Sensor, Measurement, Moment, Block, Nuisance
+    Limits
+        WheelSpeed, WheelAcceleration, WheelJerk, BodySpeed, YawRateLimit, LateralAcceleration, TurningRadius,
+        SteeringAngle, SteeringRate, TrailerAngleLimit, InputLimit, Workspace, Rectangle, Circle, Polygon,
+        Obstacles, Obstacle, CircularObstacle, PolygonalObstacle, EndPosition, EndHeading, PathLength,
+        Limit, BareLimit, PathLimit, Rows
+    Criteria
+        E, D, A, G, I, ModifiedE, Criterion, Epigraph, Subject
+    Searches
+        solve, Ipopt, Genetic, DifferentialEvolution, CmaEs, Cluster, Progress, Solver, Context
+    Uncertain robots
+        Uncertainty, Robust, violation_probability
+    Bounds
+        bound, Certificate
+    Logs and estimation
+        read_logs, Log, CsvForm, BagForm, LogForm, make_estimator, Nonlinear, Regression, Estimator, Estimate,
+        CalibrationOptions, Calibration
+    Simulated experiments
+        validate, Validation
+    Reports and exports
+        write_report, write_estimate, animate, export, diff_drive_parameters
+    Errors
+        OedError, UserMistake, Failure, ProblemError, StudyError, LogError, Flaw
 
 Mistakes of the user are `oed.UserMistake`, what cannot be done is `oed.Failure`; both are `oed.OedError`.
 """
@@ -26,7 +62,9 @@ import lazy_loader
 
 from oed.foundation import moved, plots
 
-_public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_public, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
+# Of all names: `help(oed)` prints what each of these says of itself, and a star should bring no E, G or I.
+__all__ = [name for name in _names if name.islower()]
 
 
 def __getattr__(name: str) -> object:
@@ -39,7 +77,7 @@ def __getattr__(name: str) -> object:
         from oed.foundation.extras import package_version
 
         return package_version(__name__)
-    if name not in __all__:
+    if name not in _names:
         new = moved.NAMES.get(name)
         hint = f": it is now {__name__}.{new}" if new else ""
         text = f"module {__name__!r} has no attribute {name!r}{hint}"

@@ -105,4 +105,4 @@ def driven_once(problem: Problem, name: str) -> Solution:
     """A baseline's pattern driven once from the study's start as it is, as large as the limits allow."""
     heading = start_of(problem)[2]
     shape = placed(problem, Placement(PATTERNS[name], largest_size(problem), heading))
-    return scored(problem, largest(problem, shape), name)
+    return scored(problem, shape.drive(largest(problem, shape), 1), name)

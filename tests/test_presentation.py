@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
+import pydoc
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +17,10 @@ from report import sample_estimates, sample_records
 
 import oed
 from oed.kernel.solution import scored
+from oed.records.outcomes import validation_of
 from oed.records.record import EstimateRecord, Record
+from oed.records.stored.simulation import StoredValidation
+from oed.robots.baselines import baselines
 
 
 @pytest.fixture(scope="module")
@@ -129,6 +135,16 @@ def test_tables_are_data_frames(driven, record, estimate, laser_validation, fram
     assert laser_validation.to_dataframe().columns["ratio"] == pytest.approx(np.sqrt(1.1))
 
 
+def test_stored_simulations_are_a_data_frame_as_fresh_ones_are(laser_validation, frames):
+    stored = StoredValidation.of(
+        results=[validation_of(name, laser_validation) for name in ("ipopt", "square")]
+    )
+    table, fresh = stored.to_dataframe().columns, laser_validation.columns
+    assert list(table["name"]) == ["ipopt", "ipopt", "square", "square"]
+    for name, column in fresh.items():
+        assert list(table[name]) == [*column, *column]
+
+
 def test_a_log_gives_a_table_of_each_clock(frames):
     log = oed.Log("a", "a.csv", np.arange(4.0), np.ones((4, 2)), np.arange(3.0), np.zeros((3, 3)))
     assert list(log.to_dataframe().columns) == ["t", "x", "y", "heading"]
@@ -139,9 +155,21 @@ def test_a_log_gives_a_table_of_each_clock(frames):
 
 @pytest.mark.slow
 def test_figures_are_matplotlibs(flagship, driven, record, estimate):
-    for figure in (driven.plot(), driven.plot("inputs", flagship), record.plot("paths"), estimate.plot()):
+    for figure in (driven.plot(), driven.plot("inputs"), record.plot("paths"), estimate.plot()):
         assert figure.axes
-    assert driven.plot(problem=flagship)._repr_png_().startswith(b"\x89PNG")
+    assert driven.plot()._repr_png_().startswith(b"\x89PNG")
+
+
+@pytest.mark.slow
+def test_a_solution_is_drawn_in_its_room(flagship):
+    found = oed.solve(flagship, oed.Ipopt(starts=1, perturbations=0, max_iterations=3), workers=1)
+    (baseline, *_) = baselines(flagship, "square")
+    own = replace(found, problem=None)
+    assert own == found
+    for one in (found, baseline):
+        assert one.problem is flagship
+        shown = [patch.get_extents() for patch in one.plot().axes[0].patches]
+        assert len(shown) > len(own.plot().axes[0].patches)
 
 
 def test_a_figure_that_there_is_not_is_refused_with_those_that_there_are(driven, record):
@@ -172,3 +200,35 @@ def test_the_package_says_its_version_and_what_to_begin_with():
     assert oed.__version__[0].isdigit()
     assert all(f"oed.{one}(" in oed.__doc__ for one in ("load_study", "solve", "run", "export", "estimate"))
     assert all(not one.startswith("_") for one in dir(oed))
+
+
+def test_the_package_lists_every_name_once():
+    _, listed = oed.__doc__.split("all names")
+    names = [
+        name for line in re.findall(r"^ {8}(.*)", listed, flags=re.MULTILINE) for name in line.split(", ")
+    ]
+    assert sorted(name.rstrip(",") for name in names) == dir(oed)
+
+
+def helped(thing: object) -> str:
+    return pydoc.plain(pydoc.render_doc(thing))
+
+
+def test_help_fits_on_some_screens():
+    assert len(helped(oed)) < 30_000
+    for name in dir(oed):
+        text = helped(getattr(oed, name))
+        assert len(text) < 15_000, name
+        assert not re.search(r"model_dump|model_config|__pydantic|inherited from pydantic", text), name
+
+
+@pytest.mark.parametrize("used", [False, True])
+def test_signatures_are_the_fields(used: bool):
+    if used:
+        oed.Ipopt()
+    given = inspect.signature(oed.Ipopt).parameters
+    assert list(given) == [name for name in oed.Ipopt.model_fields if name != "kind"]
+    assert given["starts"].default == oed.Ipopt().starts
+    assert len(str(inspect.signature(oed.Ipopt))) < 400
+    assert inspect.signature(oed.DifferentialDrive).parameters["track"].default is inspect.Parameter.empty
+    assert "criterion: 'Criterion | str'" in str(inspect.signature(oed.Problem))

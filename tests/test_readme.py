@@ -101,8 +101,9 @@ def test_the_drive_shown_is_that_of_the_committed_report():
 @pytest.mark.slow
 def test_the_baseline_shown_is_the_best_one():
     study = load_study(PROBLEMS / "choi_skid_steer.yaml")
-    short = oed.Ipopt(starts=1, perturbations=0, max_iterations=40, second_stage="none")
-    answer = answer_of(oed.run(study.changed(solvers=[short], validation=None, bound=False), workers=1))
+    # Baselines of the design's length are among those compared, so the design is to be the demo's.
+    found = study.changed(solvers=study.solvers[:1], validation=None, bound=False)
+    answer = answer_of(oed.run(found, workers=1))
     assert answer is not None
     assert f"best baseline ({answer.baseline})" in blocks("text")[0]
     expected = {row.name: row.baseline.split()[0] for row in answer.rows}

@@ -22,16 +22,15 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from oed.foundation.arguments import WrongKind
-from oed.foundation.presenting import Tidy
 from oed.foundation.shown import written
+from oed.foundation.tidy import Tidy, TidyKind
 from oed.foundation.wording import worded
 
-if TYPE_CHECKING:
-    from pydantic._internal._model_construction import ModelMetaclass as _Worded
-else:
 
-    class _Worded(type(BaseModel)):
-        # Of parts that are made in Python: what is wrong with their arguments is said as in a study.
+class _Worded(TidyKind):
+    # Of parts that are made in Python: what is wrong with their arguments is said as in a study.
+    if not TYPE_CHECKING:
+
         def __call__(self, *arguments: Any, **keys: Any) -> Any:
             if arguments and self.__init__ is BaseModel.__init__:
                 names = ", ".join(name for name in self.model_fields if name != "kind") or "none"
@@ -43,7 +42,7 @@ else:
                 raise worded(error, tuple(self.model_fields)) from None
 
 
-class Component(Tidy, BaseModel, metaclass=_Worded):
+class Component(Tidy, metaclass=_Worded):
     """Base of every configurable part: immutable, unknown keys refused, numbers SI, and true is no number."""
 
     model_config = ConfigDict(

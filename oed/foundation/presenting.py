@@ -10,7 +10,7 @@ import dataclasses
 import importlib
 import math
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
@@ -27,11 +27,6 @@ UNIDENTIFIED = "not identifiable"
 """What stands for an infinite standard error."""
 MOST_ROWS = 30
 """Rows of a card's table that are shown."""
-PYDANTIC = frozenset(
-    ("copy", "dict", "json", "construct", "from_orm", "parse_file", "parse_obj", "parse_raw")
-)
-PYDANTIC_TOO = frozenset(("schema", "schema_json", "update_forward_refs", "validate"))
-"""Names that every pydantic object has, of which only few mean something here."""
 
 
 @dataclass(frozen=True)
@@ -151,22 +146,6 @@ def brief(value: object) -> str:
     if isinstance(value, list | tuple) and len(value) > 6:
         return f"<{len(value)} entries>"
     return " ".join(written(value).split())
-
-
-class Tidy:
-    """A pydantic object of which completion lists what is its own, not what pydantic is made of."""
-
-    def __dir__(self) -> Iterable[str]:
-        """The names without pydantic's."""
-        own = getattr(type(self), "model_fields", {})
-        return [name for name in object.__dir__(self) if name in own or not _of_pydantic(type(self), name)]
-
-
-def _of_pydantic(kind: type, name: str) -> bool:
-    if name.startswith(("model_", "__pydantic", "_abc_")) or name in ("__signature__", "__fields__"):
-        return True
-    owner = next((one for one in kind.__mro__ if name in vars(one)), None)
-    return name in PYDANTIC | PYDANTIC_TOO and owner is not None and owner.__module__.startswith("pydantic")
 
 
 def parameter_rows(

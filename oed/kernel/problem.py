@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -31,6 +31,7 @@ from oed.kernel.measurement.information import (
 )
 from oed.kernel.measurement.measurement import Block, Measurement
 from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.tightening import Tightening, Uncertain, UncertainSystem, tightened_rows
 
@@ -117,17 +118,33 @@ class Problem(Presented, Renamed):
     measurement: Measurement
     limits: tuple[Limit, ...]
     criterion: Criterion
-    name: str = ""
-    estimate: tuple[str, ...] | None = None
-    prior: Prior | None = None
-    uncertainty: Uncertain | None = None
-    robust: Tightening | None = None
-    excess: float = 0.0
+    name: str
+    estimate: tuple[str, ...] | None
+    prior: Prior | None
+    uncertainty: Uncertain | None
+    robust: Tightening | None
+    excess: float
 
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        model: System,
+        design: Space,
+        measurement: Measurement | Sequence[Sensor],
+        limits: Limit | Sequence[Limit],
+        criterion: Criterion | str,
+        name: str = "",
+        estimate: str | Sequence[str] | None = None,
+        prior: Prior | None = None,
+        uncertainty: Uncertain | None = None,
+        robust: Tightening | None = None,
+        excess: float = 0.0,
+    ) -> None:
         """Take lists and names for what they stand for, and check that the parts fit together."""
-        for name, part in parts_of(self).items():
-            object.__setattr__(self, name, part)
+        given = locals()
+        for one in fields(self):
+            object.__setattr__(self, one.name, given[one.name])
+        for key, part in parts_of(self).items():
+            object.__setattr__(self, key, part)
         object.__setattr__(self, "model", self.design.driving(self.model))
         flaws = problem_flaws(self)
         if flaws:

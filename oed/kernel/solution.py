@@ -150,6 +150,7 @@ class Solution(Presented, Renamed):
             and `history` are in its numbers then.
         violation: how often robots of the problem's uncertainty violate the limits on this drive.
         robust: how limits were tightened in the end; None where the problem is not robust.
+        problem: that scored it, whose room figures show.
     """
 
     name: str
@@ -166,24 +167,24 @@ class Solution(Presented, Renamed):
     criterion: str | None = None
     violation: Violation | None = None
     robust: Tightening | None = None
+    problem: Problem | None = field(default=None, compare=False)
 
     @property
     def message(self) -> str:
-        """The status in words, with what is special to this search."""
+        """The status in words, with what is special to this search or drive; of one that was only scored, the
+        latter alone.
+        """
         said = "" if self.violation is None else self.violation.sentence
-        return " ".join(filter(None, [self.status.sentence, self.detail, said]))
+        known = self.status is Status.SCORED and self.detail
+        return " ".join(filter(None, ["" if known else self.status.sentence, self.detail, said]))
 
-    def plot(self, what: str = "path", problem: Problem | None = None) -> Any:
-        """The figure (matplotlib's) of the design.
-
-        Args:
-            what: "path", or "inputs" over time.
-            problem: whose room is drawn behind the path; none by default.
+    def plot(self, what: str = "path") -> Any:
+        """The figure (matplotlib's) of the design: its "path" in the room, or its "inputs" over time.
 
         Raises:
             UserMistake: there is no design, or no such figure.
         """
-        return plots.plot(self, what, problem)
+        return plots.plot(self, what)
 
     def _card(self) -> Card:
         found = self.evaluation
@@ -213,6 +214,7 @@ def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
         trajectory=trajectory,
         evaluation=evaluate(problem, trajectory),
         status=Status.SCORED,
+        problem=problem,
     )
 
 

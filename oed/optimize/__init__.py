@@ -54,10 +54,10 @@ def solve(
     require_identifiable(own)
     solution = assured(options, own, context)
     if own is problem:
-        return solution
+        return replace(solution, problem=problem)
     # Found by another measure of quality, but scored by the problem's.
     evaluation = None if solution.trajectory is None else evaluate(problem, solution.trajectory)
-    return replace(solution, evaluation=evaluation, criterion=own.criterion.kind)
+    return replace(solution, evaluation=evaluation, criterion=own.criterion.kind, problem=problem)
 
 
 def _solver(given: Solver | str | None) -> Solver:

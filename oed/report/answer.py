@@ -12,7 +12,7 @@ from oed.records.stored.result import Result
 from oed.records.stored.study_record import StoredParameter
 from oed.report.parts.judging import judged, repetitions_of, study_aim
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import duration_text, in_place
+from oed.report.parts.reading import VARIANT, duration_text, in_place
 
 SAY = Prose("answer")
 EQUAL = 0.05
@@ -67,7 +67,7 @@ def answer_of(record: Record) -> Answer | None:
     return Answer(
         _title(record, winner),
         rows,
-        "" if beside is None else words(beside.name),
+        "" if beside is None else _pattern(beside),
         tuple(filter(None, said if rows else (SAY("noiseless"), *said))),
     )
 
@@ -76,6 +76,11 @@ def best_baseline(record: Record) -> Result | None:
     """The baseline of the largest objective among those that satisfy every limit; None without any."""
     driven = [one for one in record.results if one.origin == "baseline" and one.feasible]
     return max(driven, key=lambda one: (not one.useless, one.worth or -math.inf), default=None)
+
+
+def _pattern(baseline: Result) -> str:
+    # What is driven, of whichever length.
+    return words(baseline.name.removesuffix(VARIANT))
 
 
 def _title(record: Record, winner: Result) -> str:
@@ -103,7 +108,7 @@ def _compared(record: Record, winner: Result, baseline: Result | None) -> str:
     if baseline is None:
         why = {words(one.name): list(one.violations) for one in record.results if one.origin == "baseline"}
         return SAY("undriven", why) if why else ""
-    name = words(baseline.name)
+    name = _pattern(baseline)
     if baseline.name == winner.name:
         return SAY("baseline", name)
     if baseline.useless:

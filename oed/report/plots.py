@@ -72,13 +72,8 @@ def _named(sections: Sequence[Section], what: str | None) -> Figure:
 
 
 @draws(Solution)
-def solution_figure(solution: Solution, what: str = "path", problem: Problem | None = None) -> Figure:
-    """The path of a design, or its inputs over time.
-
-    Args:
-        solution: whose design is drawn.
-        what: "path" or "inputs".
-        problem: whose room is drawn behind the path, and whose inputs' names are used.
+def solution_figure(solution: Solution, what: str = "path") -> Figure:
+    """The path of a design in its room, or its inputs over time.
 
     Raises:
         UserMistake: there is no design, or no such figure.
@@ -88,12 +83,13 @@ def solution_figure(solution: Solution, what: str = "path", problem: Problem | N
     if solution.trajectory is None or solution.evaluation is None:
         raise UserMistake(f"there is no design to draw: {solution.message}")
     if what == "inputs":
-        return picture(_inputs(solution, problem))
-    return picture(paths.paths([_path(solution, problem)], Room() if problem is None else _room(problem)))
+        return picture(_inputs(solution))
+    room = Room() if solution.problem is None else _room(solution.problem)
+    return picture(paths.paths([_path(solution)], room))
 
 
-def _path(solution: Solution, problem: Problem | None) -> Path:
-    drive, evaluation = solution.trajectory, solution.evaluation
+def _path(solution: Solution) -> Path:
+    drive, evaluation, problem = solution.trajectory, solution.evaluation, solution.problem
     assert drive is not None
     assert evaluation is not None
     each = np.split(evaluation.states, drive.runs)
@@ -121,7 +117,8 @@ def _room(problem: Problem) -> Room:
     return Room(workspace_of(problem.limits), shapes, beacons, getattr(problem.model, "body_radius", 0.0))
 
 
-def _inputs(solution: Solution, problem: Problem | None) -> spec.Plot:
+def _inputs(solution: Solution) -> spec.Plot:
+    problem = solution.problem
     assert solution.trajectory is not None
     width = solution.trajectory.coefficients.shape[1]
     group = groups_among(problem.model.inputs if problem is not None else (), width)[0][0]

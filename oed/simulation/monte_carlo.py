@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from oed.estimation.methods import Estimator, EstimatorName, Heading, make_estimator
 from oed.estimation.setup.options import Loss
@@ -101,15 +102,7 @@ class Validation(Presented, Renamed):
     @property
     def columns(self) -> dict[str, Any]:
         """What is compared, by name, an entry of each parameter; SI."""
-        predicted, sampled = np.sqrt(np.diag(self.predicted)), np.sqrt(np.diag(self.sampled))
-        return {
-            "parameter": list(self.parameters),
-            "true": self.true,
-            "mean": self.mean,
-            "predicted": predicted,
-            "sampled": sampled,
-            "ratio": sampled / predicted,
-        }
+        return compared(self.parameters, self.true, self.mean, self.predicted, self.sampled)
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame with a row per parameter: true value, mean estimate, predicted and sampled
@@ -133,6 +126,27 @@ class Validation(Presented, Renamed):
         rows = zip(self.parameters, *sizes, map(significant(3), found["ratio"]), strict=True)
         heads = ("parameter", "predicted standard error", "sampled", "ratio")
         return Card(f"Validation: {'passed' if self.passed else 'failed'}", facts, heads, tuple(rows))
+
+
+def compared(
+    parameters: Sequence[str],
+    true: npt.ArrayLike,
+    mean: npt.ArrayLike,
+    predicted: npt.ArrayLike,
+    sampled: npt.ArrayLike,
+) -> dict[str, Any]:
+    """Columns of predicted and sampled standard errors and of their ratio, an entry of each parameter; SI.
+
+    Args:
+        parameters: names, (p,).
+        true: values simulated with, (p,).
+        mean: of the estimates, (p,).
+        predicted: covariance, (p, p).
+        sampled: covariance of the estimates, (p, p).
+    """
+    found = {"predicted": np.sqrt(np.diag(predicted)), "sampled": np.sqrt(np.diag(sampled))}
+    ratio = found["sampled"] / found["predicted"]
+    return {"parameter": list(parameters), "true": true, "mean": mean, **found, "ratio": ratio}
 
 
 def _units(problem: Problem, parameters: Sequence[str]) -> tuple[str, ...]:

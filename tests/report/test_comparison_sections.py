@@ -132,6 +132,14 @@ class TestValidation:
         assert stats.chi2(2).cdf(RADIUS_95**2) == pytest.approx(0.95, abs=1e-6)
 
 
+def test_how_baselines_are_driven_stands_beside_them(flagship: Record):
+    said = {"circle": "2 laps of 1.11 m.", "square_same_length": "2 laps of 0.3 m. It cannot be driven here."}
+    told = [one.model_copy(update={"message": said.get(one.name, one.message)}) for one in flagship.results]
+    (table,) = candidates(flagship.model_copy(update={"results": told})).tables
+    place = [column.title for column in table.columns].index("how it is driven")
+    assert {row[0]: row[place] for row in table.rows if row[place]} == {"circle": said["circle"]}
+
+
 def test_every_section_is_made_for_the_flagship(flagship: Record):
     titles = [section.title for section in sections_of(flagship)]
     # The study is not robust, and nothing is driven in simulated physics.

@@ -129,9 +129,10 @@ def print_results(results: Sequence[Result], robustness: StoredRobustness | None
             number(one.wall_seconds, 3),
         )
     _console().print(table)
-    # A path that was scored and can be driven has said all there is in its row.
+    # A path of the user's own that can be driven has said all there is in its row.
+    alone = len(results) == 1
     print_messages(
-        (one for one in results if len(results) == 1 or one.status != "scored" or not one.feasible),
+        (one for one in results if alone or one.origin != "path" or not one.feasible),
         () if robustness is None else robustness.limits,
     )
 

@@ -17,8 +17,9 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic.fields import FieldInfo
 
 from oed.foundation.files import identifier_flaw, name_flaw
-from oed.foundation.presenting import Tidy, brief
+from oed.foundation.presenting import brief
 from oed.foundation.quantities import LARGEST as FARTHEST
+from oed.foundation.tidy import Tidy
 
 Kind = TypeVar("Kind")
 
@@ -45,7 +46,7 @@ def plain(value: Any, digits: int | None = None) -> Any:
     return None if not math.isfinite(value) else value if digits is None else round(value, digits)
 
 
-class Stored(Tidy, BaseModel):
+class Stored(Tidy):
     """A part of a saved file: no number passes for a text, and keys of later versions are kept."""
 
     model_config = ConfigDict(strict=True, extra="allow", frozen=True, allow_inf_nan=False, defer_build=True)
@@ -72,7 +73,7 @@ class Stored(Tidy, BaseModel):
                 found[name] = form.made(value)
             elif form.required:
                 raise TypeError(f"{cls.__name__}: expected {name}")
-        return super().model_construct(**found)
+        return super(Tidy, cls).model_construct(**found)
 
     def __repr__(self) -> str:
         """Its kind and keys, large ones by their size only."""

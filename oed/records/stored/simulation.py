@@ -6,10 +6,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from oed.foundation.presenting import dataframe
 from oed.records.stored.parts import (
     Count,
     Line,
@@ -27,7 +28,7 @@ from oed.records.stored.parts import (
     require_known,
     require_table,
 )
-from oed.simulation.monte_carlo import ALPHA
+from oed.simulation.monte_carlo import ALPHA, compared
 
 
 class StoredCheck(Stored):
@@ -58,6 +59,14 @@ class Simulated(Stored):
     paired_standard_error: Numbers
     checks: list[StoredCheck]
     estimates: Annotated[Matrix, Field(min_length=2), Rounded(10)]
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """What is compared, by name, an entry of each parameter; SI."""
+        covariances = self.predicted_covariance, self.sampled_covariance
+        return {"name": [self.name] * len(self.true)} | compared(
+            self.parameters, self.true, self.mean, *covariances
+        )
 
     def _require(self) -> None:
         count = len(self.parameters)
@@ -104,6 +113,17 @@ class StoredValidation(Stored):
     alpha: Share = ALPHA
     seed: Seed = 0
     results: list[Simulated]
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row per result and parameter: true value, mean estimate, predicted and
+        sampled standard error, SI, and the ratio of these.
+
+        Raises:
+            UserMistake: pandas is not installed.
+        """
+        each = [one.columns for one in self.results]
+        heads = [name for one in each[:1] for name in one]
+        return dataframe({name: [entry for one in each for entry in one[name]] for name in heads})
 
 
 class Uncertain(Stored):

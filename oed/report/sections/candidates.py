@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from oed.foundation.text import error_text, fixed, own_unit, quantity, significant, whole, words
+from oed.kernel.solution import Status
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.records.stored.study_record import StoredParameter
@@ -119,7 +120,15 @@ def _columns(record: Record, shares: bool) -> Iterator[Column]:
     yield Column("evaluations", "", whole, lambda one: one.history[-1].evaluations if one.history else None)
     yield Column("called here", cell=lambda one: called(record, one))
     yield Column("satisfies every limit", cell=lambda one: one.feasible)
+    if any(_driven(one) for one in record.results):
+        yield Column("how it is driven", cell=_driven)
     yield Column("why it cannot be driven", cell=_obstacle)
+
+
+def _driven(one: Result) -> str | None:
+    # A baseline's laps, their size and the way there; earlier records do not say.
+    known = one.origin == "baseline" and one.feasible and not one.message.startswith(Status.SCORED.sentence)
+    return one.message if known else None
 
 
 def _obstacle(one: Result) -> str | None:

@@ -51,12 +51,14 @@ class Shape:
         largest: size beyond which none fits.
         fits: whether the samples suffice for that many laps.
         seconds: least time [s] that a drive of a size and number of laps takes.
+        words: what is driven of a size and number of laps.
     """
 
     drive: Callable[[float, int], Trajectory]
     largest: float
     fits: Callable[[int], bool]
     seconds: Callable[[float, int], float]
+    words: Callable[[float, int], str]
 
 
 def chosen(problem: Problem, shapes: Sequence[Shape], most: int) -> tuple[Shape, int, float]:
@@ -103,8 +105,8 @@ def _tried(problem: Problem, shape: Shape, laps: int, below: float) -> _Found | 
     return _Found(shape, laps, size, (evaluation.objective, evaluation.path_length))
 
 
-def largest(problem: Problem, shape: Shape, laps: int = 1, *, below: float = math.inf) -> Trajectory:
-    """The largest size that satisfies every limit; where none does, a small one, whose violations say why.
+def largest(problem: Problem, shape: Shape, laps: int = 1, *, below: float = math.inf) -> float:
+    """The largest size that satisfies every limit [m]; where none does, a small one: its violations say why.
 
     Args:
         problem: with the limits.
@@ -113,7 +115,7 @@ def largest(problem: Problem, shape: Shape, laps: int = 1, *, below: float = mat
         below: size [m] that is not exceeded.
     """
     size = largest_size(problem, shape, laps, below=below)
-    return shape.drive(shape.largest / 4 if size is None else size, laps)
+    return shape.largest / 4 if size is None else size
 
 
 def largest_size(
@@ -208,8 +210,8 @@ def _exceeded(problem: Problem, trajectory: Trajectory) -> frozenset[str]:
     return frozenset(margin.name for margin in margins if margin.violation > 1e-9 * margin.size)
 
 
-def of_length(problem: Problem, shape: Shape, length: float, most: float) -> Trajectory:
-    """As few laps as the largest size, of length `most` [m], needs; at the size that gives `length` [m].
+def of_length(problem: Problem, shape: Shape, length: float, most: float) -> tuple[float, int]:
+    """The size [m] that gives a length, and the laps: as few as the largest size, of length `most`, needs.
 
     Args:
         problem: that the drive is made for.
@@ -231,9 +233,9 @@ def of_length(problem: Problem, shape: Shape, length: float, most: float) -> Tra
     for _ in range(PROPORTIONAL_STEPS):
         found = reached(size)
         if abs(found - length) <= LENGTH_PRECISION * length:
-            return shape.drive(size, laps)
+            return size, laps
         size = min(size * length / found, 1e3 * shape.largest) if found > 0 else shape.largest
-    return shape.drive(_bisected(reached, length, shape.largest), laps)
+    return _bisected(reached, length, shape.largest), laps
 
 
 def _bisected(reached: Callable[[float], float], length: float, most: float) -> float:

@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from oed.foundation.errors import Flaw, NotFinite, ProblemError
+from oed.foundation.text import count, listing, quantity
 from oed.kernel.dynamics.system import label_of
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
@@ -56,11 +57,11 @@ def baselines(
         ways = (_pattern(asked), *(VARIANTS.get(asked, ()) if isinstance(asked, str) else ()))
         shapes = [placed(problem, one) for way in ways for one in placements(problem, way, most)]
     shape, laps, below = chosen(problem, shapes, 1 if asked == RANDOM else MOST_LAPS)
-    scored = [_scored(problem, name, largest(problem, shape, laps, below=below), seed)]
+    scored = [_scored(problem, name, shape, (largest(problem, shape, laps, below=below), laps), seed)]
     if length is not None:
         most = scored[0].evaluation.path_length if scored[0].evaluation else 0.0
         fitted = of_length(problem, shape, length, most / laps)
-        scored.append(_scored(problem, f"{name}_same_length", fitted, seed))
+        scored.append(_scored(problem, f"{name}_same_length", shape, fitted, seed))
     return scored
 
 
@@ -73,7 +74,8 @@ def _pattern(asked: str | Baseline) -> Pattern:
     return PATTERNS[asked] if isinstance(asked, str) else asked.lap
 
 
-def _scored(problem: Problem, name: str, trajectory: Trajectory, seed: int) -> Solution:
+def _scored(problem: Problem, name: str, shape: Shape, driven: tuple[float, int], seed: int) -> Solution:
+    trajectory = shape.drive(*driven)
     try:
         evaluation = evaluate(problem, trajectory)
     except NotFinite as error:
@@ -85,7 +87,8 @@ def _scored(problem: Problem, name: str, trajectory: Trajectory, seed: int) -> S
         evaluation=evaluation,
         status=Status.SCORED,
         seed=seed,
-        detail=_limits_exceeded(evaluation),
+        detail=f"{shape.words(*driven)} {_limits_exceeded(evaluation)}".strip(),
+        problem=problem,
     )
 
 
@@ -98,11 +101,13 @@ def _limits_exceeded(evaluation: Evaluation) -> str:
 def placed(problem: Problem, placement: Placement) -> Shape:
     """The drives of a pattern that lies so in the room, of any size and number of laps."""
 
+    def way(size: float) -> list[Move]:
+        # From the study's start to where the pattern begins.
+        pose = placement.pose(size)
+        return [] if pose is None or problem.fixed_starts is None else approach(start_of(problem), pose)
+
     def moves(size: float, laps: int) -> list[Move]:
-        pose, pattern = placement.pose(size), placement.laps(size, laps)
-        if pose is None or problem.fixed_starts is None:
-            return pattern
-        return joined([*approach(start_of(problem), pose), *pattern])
+        return joined([*way(size), *placement.laps(size, laps)])
 
     def drive(size: float, laps: int) -> Trajectory:
         return stretched(problem, moves(size, laps), placement.pose(size))
@@ -113,7 +118,20 @@ def placed(problem: Problem, placement: Placement) -> Shape:
     def seconds(size: float, laps: int) -> float:
         return least_seconds(problem, moves(size, laps))
 
-    return Shape(drive, placement.largest, fits, seconds)
+    def words(size: float, laps: int) -> str:
+        backwards = ", driven backwards" if placement.reversed else ""
+        steps = [_step(one) for one in way(size)]
+        after = f", after {listing(steps)}" if steps else ""
+        return f"{count(laps, 'lap')} of {quantity(size, 'm')}{backwards}{after}."
+
+    return Shape(drive, placement.largest, fits, seconds, words)
+
+
+def _step(move: Move) -> str:
+    # Of the way to where a pattern begins.
+    if move.in_place:
+        return f"turning by {math.degrees(abs(move.turn)):.0f} deg in place"
+    return f"driving {quantity(move.forward, 'm')}"
 
 
 def _random_shape(problem: Problem, seed: int) -> Shape:
@@ -128,7 +146,10 @@ def _random_shape(problem: Problem, seed: int) -> Shape:
         table = rest + size * (draws - rest)
         return space.trajectory(np.where(held[:, None], table, 0.0), starts(problem))
 
-    return Shape(drive, 1.0, lambda laps: True, lambda size, laps: 0.0)
+    def words(size: float, laps: int) -> str:
+        return f"Random speeds, at {quantity(100 * size, '%')} of their limits."
+
+    return Shape(drive, 1.0, lambda laps: True, lambda size, laps: 0.0, words)
 
 
 def largest_size(problem: Problem) -> float:

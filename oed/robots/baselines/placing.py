@@ -26,6 +26,8 @@ HALVINGS = 12
 """Of the largest size of a pattern in a room: to a four-thousandth."""
 STEPS = 12
 """Points that stand for a move."""
+SAME = 1e-9
+"""Distance [m] and angle [rad] below which two poses are one."""
 ALIKE = 1.02
 """Ratio of sizes below which the simpler of two placements is preferred."""
 
@@ -108,10 +110,12 @@ def traced(moves: Sequence[Move], start: Pose) -> Array:
 def approach(start: Pose, goal: Pose) -> list[Move]:
     """From one pose to another: turn to face it, drive there, turn to its heading."""
     ahead = complex(goal[0] - start[0], goal[1] - start[1])
-    distance, facing = abs(ahead), start[2] if ahead == 0 else math.atan2(ahead.imag, ahead.real)
+    # Where there is no way, the rounding of its direction is none to turn to.
+    distance = abs(ahead)
+    facing = goal[2] if distance <= SAME else math.atan2(ahead.imag, ahead.real)
     turns = [math.remainder(angle, math.tau) for angle in (facing - start[2], goal[2] - facing)]
     moves = [Move(0.0, turns[0]), Move(distance, 0.0), Move(0.0, turns[1])]
-    return [one for one in moves if abs(one.forward) > 1e-9 or abs(one.turn) > 1e-9]
+    return [one for one in moves if abs(one.forward) > SAME or abs(one.turn) > SAME]
 
 
 def placements(problem: Problem, pattern: Pattern, most: float) -> list[Placement]:

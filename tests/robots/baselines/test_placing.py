@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -55,6 +56,12 @@ def test_the_approach_arrives(goal):
     assert math.remainder(turned - goal[2], math.tau) == pytest.approx(0, abs=1e-12)
 
 
+def test_where_there_is_no_way_there_is_one_turn_at_most():
+    # The direction of a rounding error is none: a robot would turn to it, stop, and turn again.
+    (turn,) = approach((0.0, 0.0, 0.0), (2e-17, 1e-17, -0.8))
+    assert (turn.forward, turn.turn) == (0.0, -0.8)
+
+
 class TestPlaced:
     def test_from_the_middle_a_circle_drives_off_to_be_twice_as_large(self):
         anchored, anywhere = placements(problem({"x": 0}), circle, 3.0)
@@ -94,6 +101,17 @@ class TestPlaced:
         assert only.largest > 0.5
 
 
+def legs(solution):
+    """Of a drive that turns in place and drives straight on in turns: by how much [deg, m], in order."""
+    found = []
+    for x, y, turn in np.diff(solution.evaluation.path, axis=0):
+        turning, amount = abs(turn) > 1e-9, math.degrees(abs(turn)) + math.hypot(x, y)
+        if amount > 1e-6:
+            known = found and found[-1][0] == turning
+            found[-1:] = [(turning, found[-1][1] + amount)] if known else [*found[-1:], (turning, amount)]
+    return [amount for _, amount in found]
+
+
 @pytest.mark.slow
 class TestChosen:
     def test_from_a_corner_the_square_is_as_good_as_from_the_middle(self):
@@ -111,6 +129,17 @@ class TestChosen:
         assert chosen.evaluation.objective > 2 * once.evaluation.objective
         turned = np.abs(np.diff(chosen.evaluation.path[:, 2])).sum()
         assert turned > 1.9 * np.abs(np.diff(once.evaluation.path[:, 2])).sum()
+
+    def test_a_message_says_laps_size_and_the_way_there(self):
+        turn = r"turning by (.*) deg in place"
+        pattern = rf"1 lap of (.*) m, after {turn}, driving (.*) m and {turn}\."
+        for solution in baselines(problem({"x": 0}), "straight", length=2.0):
+            size, *way = map(float, re.fullmatch(pattern, solution.message).groups())
+            assert [*way, size] == pytest.approx(legs(solution), rel=0.01)
+
+    def test_from_a_free_start_there_is_no_way(self):
+        (solution,) = baselines(problem("free"), "circle")
+        assert re.fullmatch(r"\d+ laps? of [\d.]+ m\.", solution.message)
 
     def test_what_cannot_be_made_says_why(self):
         forward = (WheelSpeed(bounds=(0, 10)), ACCELERATION, BOX)
