@@ -57,7 +57,7 @@ def solve(
         return solution
     # Found by another measure of quality, but scored by the problem's.
     evaluation = None if solution.trajectory is None else evaluate(problem, solution.trajectory)
-    return replace(solution, evaluation=evaluation, criterion=own.criterion.kind)
+    return replace(solution, evaluation=evaluation, criterion=own.criterion.kind, gains={})
 
 
 def _solver(given: Solver | str | None) -> Solver:
