@@ -108,10 +108,12 @@ class Limit(Component, ABC):
             are written for `Instant`s too, which is how they are checked between the points of a drive. A
             limit that does not say (None) is checked at the points of its rows only.
         in_degrees: whether its angles are shown in degrees.
+        loosened: what there is where it is wider by an `{amount}`, in words.
     """
 
     name: ClassVar[str]
     in_degrees: ClassVar[bool] = False
+    loosened: ClassVar[str] = "{amount} more {name}"
     looks_at: ClassVar[Literal["inputs", "state", "run"] | None] = None
 
     @abstractmethod

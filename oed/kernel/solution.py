@@ -151,6 +151,9 @@ class Solution(Presented, Renamed):
         violation: how often robots of the problem's uncertainty violate the limits on this drive.
         robust: how limits were tightened in the end; None where the problem is not robust.
         problem: that scored it, whose room figures show.
+        gains: by which share the best drive would be better, to first order, were a limit wider: per SI unit,
+            by the limits' names; {} where the search does not know. Lagrange multipliers: they hold for small
+            changes, and for drives like this one.
     """
 
     name: str
@@ -168,6 +171,7 @@ class Solution(Presented, Renamed):
     violation: Violation | None = None
     robust: Tightening | None = None
     problem: Problem | None = field(default=None, compare=False)
+    gains: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def message(self) -> str:

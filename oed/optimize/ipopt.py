@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import uuid
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Literal
 
@@ -215,7 +215,7 @@ class _Search:
         # Less than was asked for only by rounding; anything worse is no gain.
         asked = self.problem.criterion.concede(best.objective, options.second_stage_share)
         if decided.objective >= asked - 1e-6 * abs(asked):
-            self.best = decided
+            self.best = replace(decided, gains=best.gains)
         self._note_stage("second_stage")
 
     def _solve_all(self, points: Sequence[Array], results: list[Local | None]) -> None:
@@ -293,6 +293,7 @@ class _Search:
             detail=detail,
             stages=self.stages,
             history=tuple(self.history),
+            gains={} if best is None else best.gains,
         )
 
     def _verdict(self) -> tuple[Status, str]:

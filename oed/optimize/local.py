@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
@@ -20,6 +20,7 @@ from oed.kernel.measurement.square_root import SQUARED
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Status
 from oed.optimize.terms.needs import asked_of
+from oed.optimize.transcription.chain import SLIGHT
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.design import objective_of
 from oed.optimize.transcription.program import Outcome, Program
@@ -69,6 +70,8 @@ class Local:
     wall_seconds: float
     reason: str = ""
     """Why it has failed, where that is known."""
+    gains: Mapping[str, float] = field(default_factory=dict)
+    """As of a `Solution`."""
 
     @property
     def singular(self) -> bool:
@@ -165,7 +168,17 @@ class LocalSearch:
         better = self.met(unknowns, found.objective)
         if better is None:
             return found
-        return replace(found, unknowns=unknowns, evaluation=better, status=Status.UNIMPROVED, reason="")
+        level = found.objective >= better.objective - MISLED * abs(better.objective)
+        return Local(
+            unknowns,
+            better,
+            Status.UNIMPROVED,
+            found.iterations,
+            found.evaluations,
+            found.wall_seconds,
+            # Of a start that is as good as where a solve from it ended.
+            gains=found.gains if level else {},
+        )
 
     def met(self, unknowns: Array, standing: float) -> Evaluation | None:
         """What a drive that nobody searched for is worth, if it is feasible and better than `standing`."""
@@ -207,7 +220,24 @@ class LocalSearch:
         seconds = time.perf_counter() - began
         if not rounds:
             return Local(unknowns, None, Status.FAILED, 0, 0, seconds, reason)
-        return _judged(rounds, seconds, reason)
+        chosen = _chosen(rounds)
+        gains = self.gains(rounds[chosen][0]) if stage == "program" else {}
+        return replace(_judged(rounds, chosen, seconds, reason), gains=gains)
+
+    def gains(self, outcome: Outcome) -> dict[str, float]:
+        """As of a `Solution`, of where a solve of the criterion's program ended."""
+        if not outcome.succeeded:
+            return {}
+        size = sum(len(one.judged) for one in self.problem.any_estimations)
+        more = outcome.maximised + SLIGHT * outcome.gains
+        shares = [self.problem.objective.change(one, outcome.maximised, size) for one in more]
+        # Of a limit's own size, which its rows may measure otherwise.
+        wider = [
+            limit.amount(SLIGHT * rows.size)
+            for limit, rows in zip(self.problem.limits, self.design.terms.rows, strict=True)
+        ]
+        found = zip(self.problem.limits, shares, wider, strict=True)
+        return {limit.name: float(share / by) for limit, share, by in found if by > 0}
 
     def _rounds(self, stage: Stage, unknowns: Array, floors: Array, corrections: Array) -> Iterator[Round]:
         # Solves under limits tightened again and again, each with what its end is worth.
@@ -302,18 +332,22 @@ def surely_better(objective: float, standing: float) -> bool:
     return bool(np.isfinite(objective)) and objective > standing + ROUNDING * abs(objective)
 
 
-def _judged(rounds: Sequence[Round], seconds: float, broken: str = "") -> Local:
-    # The best of all rounds' ends, for the last one need not be; of equal ones the last. One that does not
-    # identify what is asked for is a design, if of no use: the search says so in the end. `broken` is why the
-    # round after them was not finite, if one was not.
+def _chosen(rounds: Sequence[Round]) -> int:
+    # The best of all rounds' ends, for the last one need not be; of equal ones the last.
     chosen, standing = len(rounds) - 1, -np.inf
     for place in range(len(rounds) - 1, -1, -1):
         evaluation = rounds[place][1]
         if evaluation.feasible and surely_better(evaluation.objective, standing):
             chosen, standing = place, evaluation.objective
+    return chosen
+
+
+def _judged(rounds: Sequence[Round], chosen: int, seconds: float, broken: str = "") -> Local:
+    # A drive that does not identify what is asked for is a design, if of no use: the search says so in the
+    # end. `broken` is why the round after them was not finite, if one was not.
     outcome, evaluation = rounds[chosen]
     status = _STATUS.get(outcome.return_status, Status.FAILED)
-    found = evaluation.feasible and (bool(np.isfinite(standing)) or not evaluation.identifiable)
+    found = evaluation.feasible and (np.isfinite(evaluation.objective) or not evaluation.identifiable)
     if not found:
         status = status if status is Status.INFEASIBLE else Status.FAILED
     elif status in (Status.INFEASIBLE, Status.FAILED) or broken or chosen < len(rounds) - 1:

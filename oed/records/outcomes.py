@@ -79,7 +79,7 @@ def result_of(
     return Result.of(
         solution,
         evaluation,
-        **(UNSCORED if evaluation is None else _parts_of(evaluation)),
+        **(UNSCORED if evaluation is None else _parts_of(evaluation, solution.gains)),
         trajectory=None if trajectory is None else trajectory_file,
         # The exact splines, so that nothing is lost; the poses, so that a report need not integrate.
         drive=None
@@ -89,13 +89,15 @@ def result_of(
     )
 
 
-def _parts_of(evaluation: Evaluation) -> dict[str, Any]:
+def _parts_of(evaluation: Evaluation, gains: Mapping[str, float]) -> dict[str, Any]:
     return {
         "covariances": [
             Covariance.of(parameters=evaluation.parameters[block], covariance=covariance)
             for block, covariance in evaluation.covariances.items()
         ],
-        "margins": [Margin.of(margin, limit=margin.name) for margin in evaluation.margins],
+        "margins": [
+            Margin.of(margin, limit=margin.name, gain=gains.get(margin.name)) for margin in evaluation.margins
+        ],
     }
 
 

@@ -87,7 +87,8 @@ def ending(points: list[Any]) -> Any:
     def solved(self: LocalSearch, *_: Any, **__: Any) -> Outcome:
         point = left.pop(0) if len(left) > 1 else left[0]
         nothing = np.zeros(0)
-        return Outcome(point, nothing, "Solve_Succeeded", 1, 1, nothing, nothing)
+        gains = np.zeros(len(self.problem.limits))
+        return Outcome(point, nothing, "Solve_Succeeded", 1, 1, nothing, nothing, 1.0, gains)
 
     return solved
 

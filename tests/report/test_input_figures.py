@@ -89,7 +89,7 @@ def test_records_that_do_not_name_their_inputs() -> None:
 
 
 def test_limits_in_their_units() -> None:
-    rows = {str(row[0]): row[1:4] for row in section(sample_rooms.steered(), "Limits").tables[0].rows}
+    rows = {str(row[0]): row[1:4] for row in section(sample_rooms.steered(), "What limits it").tables[0].rows}
     assert rows["wheel acceleration"][2] == "rad/s²"
     assert rows["wheel jerk"][2] == "rad/s³"
     assert rows["lateral acceleration"][2] == "m/s²"
@@ -103,7 +103,7 @@ def test_limits_in_their_units() -> None:
 
 def test_many_limits_name_only_those_that_are_touched() -> None:
     record = sample_rooms.steered()
-    table = section(record, "Limits").tables[1]
+    table = section(record, "What limits it").tables[1]
     assert [column.title for column in table.columns] == [
         "result",
         "exceeded",
@@ -120,5 +120,5 @@ def test_many_limits_name_only_those_that_are_touched() -> None:
 
 
 def test_few_limits_are_told_one_by_one() -> None:
-    table = section(many(), "Limits").tables[1]
+    table = section(many(), "What limits it").tables[1]
     assert "wheel speed" in [column.title for column in table.columns]

@@ -182,7 +182,7 @@ def test_infinite_numbers_are_said() -> None:
 
 def test_limits_in_words() -> None:
     record = sample_records.full()
-    by_limit, side_by_side = section(record, "Limits").tables
+    by_limit, side_by_side = section(record, "What limits it").tables
     states = {str(row[0]): str(row[4]) for row in by_limit.rows}
     assert states["rest to rest"] == "met"
     assert states["wheel speed"] == "satisfied with room"

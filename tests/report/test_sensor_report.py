@@ -198,11 +198,6 @@ class TestSearches:
         part = section(record("sensors"), "Spread over the starts")
         assert column(part.tables[0], "searched for") == ["E", "D"]
         assert column(part.tables[0], "within 1 %") == [1, 1]
-        # log det falls by 0.3 of 25: 1 %, but 10 % in efficiency.
-        ax = drawn(part.figures[0].figure).axes[1]
-        assert ax.get_title() == "arc\nby D"
-        shortfalls = ax.lines[0].get_ydata()
-        assert shortfalls == pytest.approx([0, 100 * (math.exp(-0.3 / 3) - 1)])
 
     def test_stages_are_told_in_the_numbers_of_their_criterion(self):
         text = text_of(section(record("sensors"), "Spread over the starts"))

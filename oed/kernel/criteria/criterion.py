@@ -136,6 +136,17 @@ class Criterion(Component, ABC):
         """
         return value / best if best > 0 else None
 
+    def change(self, value: float, best: float, size: int) -> float:
+        """By which share a value is more than `best`: in efficiency, or else of the number itself.
+
+        Args:
+            value: the criterion of a design.
+            best: that of another.
+            size: number of parameters judged.
+        """
+        share = self.efficiency(value, best, size)
+        return share - 1.0 if share is not None else (value - best) / (abs(best) or 1.0)
+
 
 class RootCriterion(Criterion):
     """A criterion that asks what is identifiable, and so looks at square roots of information."""

@@ -26,6 +26,8 @@ mean over starts rises from 67 to 76 (of at most 85.8).
 
 NARROWED = 0.9
 """Share of the way between two bounds that tightening may take away at most."""
+SLIGHT = 1e-4
+"""Share of its size by which a limit is made wider to see what that moves."""
 
 
 class Frame:
@@ -75,6 +77,25 @@ class Frame:
             unbounded = np.full(len(least), np.inf)
             least, most = np.concatenate([-unbounded, least]), np.concatenate([most, unbounded])
         return (low, high), (least, most)
+
+    def gains(self, backoff: Array, multipliers: Array) -> Array:
+        """What the maximum gains, to first order, where each limit alone is wider: per share of its size.
+
+        Args:
+            backoff: share of its size by which each limit was tightened.
+            multipliers: Lagrange's, of the bounds of z and of the rows, above 0 where an upper one holds.
+        """
+        steps = SLIGHT * np.eye(len(self._sizes))
+        now = self._ends(backoff, multipliers)
+        wider = [self._ends(backoff - step, multipliers) - now for step in steps]
+        return np.array([multipliers @ one for one in wider]) / SLIGHT
+
+    def _ends(self, backoff: Array, multipliers: Array) -> Array:
+        # Of z and of every row the bound on the side that holds it; 0 where there is none.
+        (low, high), (row_low, row_high) = self.bounds(backoff)
+        lower, upper = np.concatenate([low, row_low]), np.concatenate([high, row_high])
+        ends = np.where(multipliers > 0, upper, lower)
+        return np.where(np.isfinite(ends), ends, 0.0)
 
     def _unknowns_within(self, lower: Array, upper: Array) -> Interval:
         # What tightened rows of single unknowns allow of these.

@@ -22,7 +22,16 @@ from oed.optimize.transcription.solver_calls import interrupts_kept, one_thread
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one call of Ipopt returned."""
+    """What one call of Ipopt returned.
+
+    Attributes:
+        unknowns, auxiliary: where it ended.
+        return_status: how, in Ipopt's words.
+        iterations, evaluations: that it took.
+        row_multipliers, bound_multipliers: Lagrange's.
+        maximised: what was maximised, there.
+        gains: by how much more that would be, to first order, were each limit wider: per share of its size.
+    """
 
     unknowns: Array
     auxiliary: Array
@@ -31,6 +40,8 @@ class Outcome:
     evaluations: int
     row_multipliers: Array
     bound_multipliers: Array
+    maximised: float
+    gains: Array
 
     @property
     def succeeded(self) -> bool:
@@ -156,6 +167,12 @@ class Program:
             "lbx": np.concatenate([low, -unbounded if auxiliary_lower is None else auxiliary_lower]),
             "ubx": np.concatenate([high, unbounded if auxiliary_upper is None else auxiliary_upper]),
         }
+        outcome = self._solved(given, after)
+        rows, bounds = outcome.row_multipliers, outcome.bound_multipliers
+        multipliers = np.concatenate([bounds[: len(low)], rows[self._equalities + self._floors :]])
+        return replace(outcome, gains=self._frame.gains(shares, multipliers))
+
+    def _solved(self, given: dict[str, Array], after: Outcome | None) -> Outcome:
         if after is None:
             return self._called(self._solver, given)
         multipliers = {"lam_g0": after.row_multipliers, "lam_x0": after.bound_multipliers}
@@ -180,4 +197,6 @@ class Program:
             int(stats["n_call_nlp_f"]),
             np.array(result["lam_g"]).ravel(),
             np.array(result["lam_x"]).ravel(),
+            -float(result["f"]),
+            np.zeros(0),
         )

@@ -105,7 +105,7 @@ class StoredDrive(Stored):
 
 
 class Margin(Stored):
-    """How much room a drive leaves to a limit."""
+    """How much room a drive leaves to a limit; the gain is that of a `Solution`, None where not known."""
 
     limit: str
     margin: Number
@@ -114,6 +114,7 @@ class Margin(Stored):
     active: bool
     satisfied: bool = Field(alias="kept")
     certain: bool | None = None
+    gain: Number | None = None
 
 
 class StartPoint(Stored):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,9 +13,16 @@ from oed.records.stored.simulation import Simulated, StoredFloor, StoredPlan
 from oed.report.figures import spec
 from oed.report.figures.spec import FIRST, INK, SECOND, THIRD, WIDTH, Look, mark, stroke
 
-DOTS = mark("o", 6, FIRST, 1.0, 3, FIRST)
-CROSSES = mark("x", 6, INK, 1.0, 3)
-ALIKE: Look = {"color": "#e6eef5", "zorder": 0}
+DESIGN = mark("o", 9, FIRST, 1.0, 4, FIRST)
+START = mark("o", 7, "white", 1.2, 3)
+BOUND = stroke(INK, 2.0, 2, (5, 2))
+TEXT: Look = {"va": "center", "ha": "right", "fontsize": "small", "fontweight": "bold", "color": INK}
+DOT = 0.125
+"""Distance of the dots of starts, side by side and one above the other [inch]."""
+MOST_LEVELS = 12
+"""Dots one above the other; further ones cover each other."""
+NARROWEST = 0.01
+"""Of an axis of searches, the share of its values that it spans at least: starts within that are alike."""
 CLOUD = "#7a95ad"
 ESTIMATES = mark(".", 3, CLOUD, 1.0, 2, CLOUD)
 ELLIPSES = (stroke(FIRST, 1.6, 3), stroke(SECOND, 1.6, 3, (4, 1.6)))
@@ -26,29 +33,71 @@ APART = 3.0
 """Ratio of the widths of two estimates beyond which they are drawn on scales of their own."""
 
 
-def starts(spreads: Sequence[tuple[str, Sequence[float], int]]) -> spec.Plot:
-    """One panel per search: its starts' shortfalls [%], best first, and starts without a design."""
-    columns = 1 if len(spreads) == 1 else 2
-    panels = [_starts(title, shortfalls, failed) for title, shortfalls, failed in spreads]
-    keys = [spec.Key("start", DOTS), spec.Key("within 1 % of the best", ALIKE, patch=True)]
-    if any(failed for _, _, failed in spreads):
-        keys.append(spec.Key("no feasible design", CROSSES))
-    height = 2.7 * -(-len(spreads) // columns)
-    return spec.Plot(panels, columns, height=height, labels="outer ticks", legend=spec.Legend(keys, 3))
+@dataclass(frozen=True)
+class Lane:
+    """A search, on the axis of all.
+
+    Attributes:
+        name: of its design.
+        best: what that is worth.
+        text: the same, in words.
+        starts: what its starts ended with.
+    """
+
+    name: str
+    best: float
+    text: str
+    starts: tuple[float, ...]
 
 
-def _starts(title: str, shortfalls: Sequence[float], failed: int) -> spec.Panel:
-    found, lowest = len(shortfalls), min(*shortfalls, -1.0)
-    parts: list[spec.Part] = [
-        spec.Call("axhspan", (-1.0, 0.0), ALIKE),
-        spec.Line(np.arange(1, found + 1), shortfalls, DOTS),
+def strip(lanes: Sequence[Lane], axis: spec.Axis, bound: float | None, title: str) -> spec.Plot:
+    """One axis for all: a lane per search with its design and, above that, every start; the bound as a line.
+
+    Args:
+        lanes: the first on top.
+        axis: what designs are worth.
+        bound: what no drive can be worth more than; None where that is not known.
+        title: of the panel.
+    """
+    known = [value for lane in lanes for value in (lane.best, *lane.starts)]
+    least, most = min(known), max([*known, *([] if bound is None else [bound])])
+    span = max(most - least, NARROWEST * abs(most))
+    stacks = [_stacked(lane.starts, span * DOT / WIDTH) for lane in lanes]
+    rows = [1.6 + max(levels, default=0) for levels in stacks]
+    places = [sum(rows[at + 1 :]) for at in range(len(lanes))]
+    parts = [part for each in zip(lanes, stacks, places, strict=True) for part in _lane(*each)]
+    keys = [spec.Key("design", DESIGN)] + ([spec.Key("end of a start", START)] if any(stacks) else [])
+    if bound is not None:
+        parts.append(spec.Call("axvline", (bound,), BOUND))
+        keys.append(spec.Key("proved bound", BOUND))
+    ends = (most - 1.12 * span, most + 0.03 * span)
+    names = [(place, lane.name) for place, lane in zip(places, lanes, strict=True)]
+    y = spec.Axis(ends=(-0.9, sum(rows) - 0.4), ticks=names, grid=False)
+    panel = spec.Panel(parts, replace(axis, ends=ends), y, title)
+    return spec.Plot([panel], height=1.25 + DOT * sum(rows), legend=spec.Legend(keys))
+
+
+def _lane(lane: Lane, levels: Sequence[int], place: float) -> list[spec.Part]:
+    heights = place + np.array(levels, dtype=float)
+    return [
+        spec.Call("axhline", (place,), stroke("#dddddd", 0.9, 1)),
+        spec.Line(sorted(lane.starts), heights, START),
+        spec.Line([lane.best], [place], DESIGN),
+        spec.Note(lane.text, (lane.best, place), (-9, 0), TEXT),
     ]
-    if failed:
-        parts.append(spec.Line(found + 1 + np.arange(failed), np.full(failed, lowest), CROSSES))
-    x = spec.Axis("starts, best first", ends=(0.3, found + failed + 0.7), most=12, whole=True)
-    return spec.Panel(
-        parts, x, spec.Axis("below the best start", "%", (1.12 * lowest, -0.08 * lowest)), title
-    )
+
+
+def _stacked(values: Sequence[float], width: float) -> list[int]:
+    # For each value, in rising order, the lowest level from 1 at which its dot covers no other.
+    levels: list[int] = []
+    ends: list[float] = []
+    for value in sorted(values):
+        level = next((at for at, end in enumerate(ends) if value - end >= width), len(ends))
+        if level == MOST_LEVELS:
+            level = ends.index(min(ends))
+        ends[level : level + 1] = [value]
+        levels.append(level + 1)
+    return levels
 
 
 @dataclass(frozen=True)

@@ -40,8 +40,7 @@ class Aim:
 
     def change(self, value: float, best: float) -> float:
         """How much more `value` is than `best` [%]: in efficiency, or else of the number itself."""
-        share = self.efficiency(value, best)
-        return 100.0 * (share - 1.0 if share is not None else (value - best) / (abs(best) or 1.0))
+        return 100.0 * self.criterion.change(value, best, self.size)
 
     @property
     def number(self) -> str:

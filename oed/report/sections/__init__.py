@@ -13,8 +13,9 @@ from oed.report.sections.limits import limits
 from oed.report.sections.physics import physics
 from oed.report.sections.precision import precision
 from oed.report.sections.robustness import robustness
-from oed.report.sections.searches import certificate, convergence, starts
+from oed.report.sections.searches import convergence, starts
 from oed.report.sections.summary import question
+from oed.report.sections.sureness import sureness
 from oed.report.sections.validation import validation
 
 Make = Callable[[Record], Section | None]
@@ -32,7 +33,7 @@ def _folded(make: Make) -> Make:
 SECTIONS: tuple[Make, ...] = (
     first,
     comparison,
-    certificate,
+    sureness,
     validation,
     robustness,
     limits,

@@ -1,27 +1,41 @@
-"""How far every drive stays inside every limit."""
+"""What limits the best drive: what looser limits would gain, and how far every drive stays inside them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from oed.foundation.text import Unit, fixed, in_degrees, quantity, unit_text, words
+from oed.foundation.text import (
+    Unit,
+    fixed,
+    given_text,
+    in_degrees,
+    quantity,
+    significant,
+    unit_text,
+    words,
+)
 from oed.records.record import Record
 from oed.records.stored.result import Margin, Result
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import called, with_drive
-from oed.report.parts.section import Cell, Column, Section, Table
-from oed.robots.limits import LIMITS
+from oed.report.parts.section import Cell, Column, Section, Table, percent
+from oed.robots.limits import LIMITS, Limit
 
 SAY = Prose("limits")
 CONDITIONS = ("duration", "start", "rest_to_rest")
 """What holds exactly or not at all: there is no room to speak of."""
 MOST_COLUMNS = 7
 """Limits beyond which a table of all drives names only those that a drive touches."""
+LITTLE = 0.01
+"""Share of its size by which a limit is said to be looser, at most: its gain is a rate."""
+NOTHING = 1e-5
+"""Share by which a drive is better that counts as none."""
 
 
 def limits(record: Record) -> Section | None:
-    """The best drive limit by limit, then all drives side by side."""
+    """What looser limits would gain, the best drive limit by limit, then all drives side by side."""
     results = [one for one in with_drive(record) if one.margins]
     if not results:
         return None
@@ -31,13 +45,16 @@ def limits(record: Record) -> Section | None:
     silent = any(margin.certain is None for margin in margins)
     points = list(dict.fromkeys(margin.limit for margin in margins if not margin.certain))
     every = _side_by_side(results) if len(results) > 1 else None
-    table = _by_limit(winner, called(record, winner))
-    return replace(Section.of("Limits", SAY("margins", silent, points), table, every), brief=(1, 1))
+    rooms = sorted(map(Room, winner.margins), key=lambda one: -(one.gain or 0.0))
+    known = [one for one in rooms if one.gain is not None]
+    table = _by_limit(rooms, called(record, winner), bool(known))
+    said = (SAY("gains", known), SAY("margins", silent, points), SAY("rates", bool(known)))
+    return replace(Section.of("What limits it", *said, table, every), brief=(1, 1))
 
 
 @dataclass(frozen=True)
 class Room:
-    """How much room a drive leaves to a limit, in words."""
+    """How much room a drive leaves to a limit, and what a looser one would gain, in words."""
 
     margin: Margin
 
@@ -46,6 +63,31 @@ class Room:
         """As shown, and its factor from SI."""
         degrees = getattr(LIMITS.get(self.margin.limit), "in_degrees", False)
         return in_degrees(self.margin.unit) if degrees else (self.margin.unit, 1.0)
+
+    @property
+    def step(self) -> float:
+        """By how much a looser limit is wider, in the unit shown: a round number, a little of its size."""
+        most = LITTLE * self.margin.size * self.unit[1]
+        power = 10.0 ** math.floor(math.log10(most))
+        return next(one * power for one in (5, 2, 1) if one * power <= (1 + 1e-9) * most)
+
+    @property
+    def loosened(self) -> str:
+        """The limit that much wider."""
+        shown, factor = self.unit
+        # Lengths are in mm where they are small.
+        size = self.step / factor
+        amount = given_text(size, "m") if shown == "m" else f"{self.step:g} {unit_text(shown)}"
+        said = getattr(LIMITS.get(self.margin.limit), "loosened", Limit.loosened)
+        return str(said).format(amount=amount, name=words(self.margin.limit))
+
+    @property
+    def gain(self) -> float | None:
+        """By which share the best drive would be better then; None where that is not known."""
+        if self.margin.gain is None:
+            return None
+        share = self.margin.gain * self.step / self.unit[1]
+        return share if share > NOTHING else 0.0
 
     @property
     def met(self) -> bool:
@@ -71,15 +113,19 @@ class Room:
         return f"{self.unit[1] * self.margin.size:g}" if sized else None
 
 
-def _by_limit(result: Result, title: str) -> Table:
+def _by_limit(rooms: Sequence[Room], title: str, known: bool) -> Table:
     columns = (
         Column("limit", cell=lambda one: words(one.margin.limit)),
+        Column("a little looser", cell=lambda one: None if one.gain is None else one.loosened)
+        if known
+        else None,
+        Column("best drive better by", "%", significant(2), lambda one: percent(one.gain)) if known else None,
         Column("margin", cell=lambda one: one.amount),
         Column("size of the limit", cell=lambda one: one.size),
         Column("unit", cell=lambda one: unit_text(one.unit[0])),
         Column("state", cell=lambda one: SAY("state", one)),
     )
-    return Table.of(map(Room, result.margins), columns, f"Limits: {title}")
+    return Table.of(rooms, columns, f"Limits: {title}")
 
 
 def _side_by_side(results: list[Result]) -> Table:

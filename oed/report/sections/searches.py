@@ -1,16 +1,15 @@
-"""How the searches went: how far from the best possible, whether starts agree, and how fast they were."""
+"""How the searches went: whether starts agree, and how fast they were."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from statistics import median
 
 from oed.foundation.text import fixed, listing, significant, whole
 from oed.records.record import Record
 from oed.records.stored.result import Progress, Result
-from oed.records.stored.study_record import StoredCertificate
-from oed.report.figures import chart, spread
+from oed.report.figures import chart
 from oed.report.parts.judging import Aim, aim_of, by_aim, study_aim
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import called, solver_of
@@ -26,33 +25,6 @@ TARGETS = (0.9, 0.99, 0.999)
 """Shares of the best objective whose times are listed."""
 FLOOR = 1e-4
 """Shortfall [%] below which a search counts as level with the best."""
-
-
-def certificate(record: Record) -> Section | None:
-    """The upper bound that is proved, the gap, and what it rests on; None without a certificate."""
-    found = record.certificate
-    if found is None:
-        return None
-    said = SAY.paragraphs("certificate", found, _holder(record, found.best))
-    loose = SAY("loose") if found.loose else ""
-    bounds = _bounds(found) if len(found.bounds) > 1 else None
-    return replace(Section.of("How far from the best possible", *said, bounds, notices=[loose]), brief=(1, 0))
-
-
-def _holder(record: Record, best: float | None) -> str:
-    # The drive that the gap is of, where it is not the one that is chosen; "" else.
-    holders = (one for one in record.results if one.feasible and one.objective == best)
-    holder, winner = next(holders, None), record.best
-    return "" if holder is None or winner is None or holder.name == winner.name else called(record, holder)
-
-
-def _bounds(found: StoredCertificate) -> Table:
-    columns = (
-        Column("upper bound", "", SIX, lambda one: one.upper_bound),
-        Column("proved by", cell=lambda one: one.method),
-        Column("assumes", cell=lambda one: "; ".join(one.assumptions)),
-    )
-    return Table.of(found.bounds, columns, "All bounds found; the smallest counts")
 
 
 @dataclass(frozen=True)
@@ -102,7 +74,7 @@ class _Search:
 
 
 def starts(record: Record) -> Section | None:
-    """Spread of the starts, per search, as dots and as a table; the stages in words."""
+    """Spread of the starts, per search, and the stages in words."""
     searches = [_Search(aim_of(record, one), one) for one in record.results if one.starts]
     if not searches:
         return None
@@ -112,22 +84,8 @@ def starts(record: Record) -> Section | None:
         "Spread over the starts",
         *(SAY("agreement", one, apart) for one in searches),
         *(SAY("stages", one, solver_of(record, one.result), apart) for one in searches if one.result.stages),
-        _spread(searches, apart),
         _starts(searches, apart),
     )
-
-
-def _spread(searches: Sequence[_Search], apart: bool) -> Picture | None:
-    shown = [one for one in searches if len(one.found) > 1]
-    if not shown:
-        return None
-    spreads = [
-        (f"{one.result.name}\nby {one.aim.label}" if apart else one.result.name, one.shortfalls, one.failed)
-        for one in shown
-    ]
-    shares = any(one.aim.share and not one.aim.criterion.proportional for one in searches)
-    alt = SAY("spread", [one.result.name for one in shown])
-    return Picture("starts", alt, SAY("spread_caption", shares), spread.starts(spreads))
 
 
 def _starts(searches: Sequence[_Search], apart: bool) -> Table:

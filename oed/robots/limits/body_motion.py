@@ -131,7 +131,7 @@ class TurningRadius(MotionLimit):
     place -R / 3 at `CREEP`, and only below a twentieth of that (9e-5 rad/s) within what is tolerated.
     """
 
-    name, unit = "turning_radius", "m"
+    name, unit, loosened = "turning_radius", "m", "a turning radius {amount} smaller"
     bounds: Annotated[Length, Field(gt=0)]
 
     def rows_at(self, motion: Expression, system: System) -> Rows:

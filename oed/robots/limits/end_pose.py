@@ -29,6 +29,7 @@ class EndPosition(Limit):
     """
 
     name: ClassVar[str] = "end_position"
+    loosened: ClassVar[str] = "{amount} more tolerance of where it ends"
     looks_at: ClassVar[Literal["run"]] = "run"
     at: Place | Literal["start"]
     tolerance: Annotated[Length, Field(gt=0)] = 0.01
@@ -64,6 +65,7 @@ class EndHeading(Limit):
     """Every run ends facing `at` [rad], or as it began, within `tolerance` [rad]; full turns do not count."""
 
     name: ClassVar[str] = "end_heading"
+    loosened: ClassVar[str] = "{amount} more tolerance of the heading at the end"
     in_degrees: ClassVar[bool] = True
     looks_at: ClassVar[Literal["run"]] = "run"
     at: Angle | Literal["start"]

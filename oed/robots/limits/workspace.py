@@ -113,6 +113,7 @@ class Workspace(Area):
     """An area in which the robot has to stay."""
 
     name: ClassVar[str] = "workspace"
+    loosened: ClassVar[str] = "{amount} more room on every side"
     kind: str
 
     @property
@@ -363,6 +364,7 @@ class Obstacles(Area):
     """What the robot must keep its own radius away from; in YAML, a list of them."""
 
     name: ClassVar[str] = "obstacles"
+    loosened: ClassVar[str] = "{amount} less around every obstacle"
     shapes: Annotated[tuple[Annotated[Obstacle, OneOf(OBSTACLES)], ...], Field(min_length=1)]
 
     @model_validator(mode="before")

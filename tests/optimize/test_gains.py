@@ -1,0 +1,159 @@
+"""What looser limits would gain, as searches say it: as much as designing again gains."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from builders import ACCELERATION, SPEED, problem_of
+from places import PROBLEMS
+
+from oed.foundation.arrays import Array
+from oed.kernel.criteria import A, Criterion, D, E
+from oed.kernel.evaluation import evaluate
+from oed.kernel.limit import Limit
+from oed.kernel.problem import Problem
+from oed.optimize import Genetic, Ipopt, solve
+from oed.optimize.local import LocalSearch, Settings
+from oed.robots.limits import (
+    CircularObstacle,
+    EndHeading,
+    EndPosition,
+    Obstacles,
+    PathLength,
+    Rectangle,
+    WheelAcceleration,
+    WheelSpeed,
+)
+from oed.robots.limits.workspace import workspace_of
+from oed.robots.sensors import Poses
+from oed.uncertainty.robust import Robust
+from oed.workflow.studies import load_study
+
+ONE = Ipopt(starts=2, perturbations=0, second_stage="none")
+SETTINGS = Settings(200, 1e-9, None, "none")
+POSES = Poses(noise={"position": 0.01, "heading": 0.02})
+ROOM = Rectangle(x=(-0.8, 0.8), y=(-0.8, 0.8))
+STEP = 1e-3
+"""Share of their sizes by which limits are made wider."""
+LARGER: dict[str, tuple[Limit, Limit, float]] = {
+    "wheel_speed": (SPEED, WheelSpeed(bounds=10 * (1 + STEP)), 10 * STEP),
+    "wheel_acceleration": (
+        WheelAcceleration(bounds=6),
+        WheelAcceleration(bounds=6 * (1 + STEP)),
+        6 * STEP,
+    ),
+    "workspace": (ROOM, Rectangle(x=(-0.8 - STEP, 0.8 + STEP), y=(-0.8 - STEP, 0.8 + STEP)), STEP),
+    "path_length": (PathLength(bounds=1.5), PathLength(bounds=1.5 * (1 + STEP)), 1.5 * STEP),
+    "end_position": (
+        EndPosition(at="start", tolerance=0.1),
+        EndPosition(at="start", tolerance=0.1 + STEP),
+        STEP,
+    ),
+    # Rows measure the sine of half of an angle: half as much as the angle, where that is 120 deg.
+    "end_heading": (
+        EndHeading(at="start", tolerance=np.pi / 1.5),
+        EndHeading(at="start", tolerance=np.pi / 1.5 + STEP),
+        STEP,
+    ),
+    "obstacles": (
+        Obstacles(shapes=(CircularObstacle(x=0.0, y=0.5, radius=0.35),)),
+        Obstacles(shapes=(CircularObstacle(x=0.0, y=0.5, radius=0.35 - STEP),)),
+        STEP,
+    ),
+}
+"""Limits by name, each with the same one a little wider, and by how much in its SI unit."""
+
+
+def limited(limit: Limit, **parts: Any) -> Problem:
+    usual = [one for one in (SPEED, ACCELERATION, ROOM) if one.name != limit.name]
+    return problem_of(limits=(*usual, limit), **{"measurement": POSES, "criterion": E(), **parts})
+
+
+def begun(problem: Problem) -> tuple[LocalSearch, Array]:
+    """A search, and where its best start ended."""
+    found = solve(problem, ONE, seed=1, workers=1)
+    search = LocalSearch(problem, SETTINGS)
+    return search, search.design.unknowns_of(found.trajectory)
+
+
+def require_gained(problem: Problem, wider: Problem, name: str, step: float, rel: float = 0.02) -> float:
+    """That a search says what the best drive near its end gains in a wider problem; returns that share."""
+    search, unknowns = begun(problem)
+    found = search.solved(search.program, unknowns, search.grid.correction(unknowns))
+    gains = search.gains(found)
+    assert set(gains) == {one.name for one in problem.limits}
+    drive = search.grid.trajectory(found.unknowns)
+    other = LocalSearch(wider, SETTINGS)
+    begin = other.design.unknowns_of(drive)
+    larger = other.solved(other.program, begin, other.grid.correction(begin), after=found)
+    before, after = (
+        evaluate(problem, one).objective for one in (drive, other.grid.trajectory(larger.unknowns))
+    )
+    size = sum(len(one.judged) for one in problem.any_estimations)
+    more = problem.objective.change(after, before, size)
+    assert more == pytest.approx(step * gains[name], rel=rel)
+    return more
+
+
+@pytest.mark.parametrize("name", LARGER)
+def test_a_gain_is_what_designing_again_gains(name: str):
+    limit, larger, step = LARGER[name]
+    assert require_gained(limited(limit), limited(larger), name, step) > 1e-6
+
+
+@pytest.mark.parametrize("criterion", [D(), A()], ids=["D", "A"])
+def test_gains_are_in_efficiency_whatever_the_criterion(criterion: Criterion):
+    wider, step = LARGER["workspace"][1:]
+    problems = [limited(one, criterion=criterion) for one in (ROOM, wider)]
+    assert require_gained(*problems, "workspace", step) > 1e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["chance", "scenarios"])
+def test_gains_of_robust_drives_are_those_under_tightened_limits(kind: str):
+    wider, step = LARGER["workspace"][1:]
+    robust = {"robust": Robust(kind=kind), "within": {"track": 0.05}}
+    problems = [limited(one, **robust) for one in (ROOM, wider)]
+    assert require_gained(*problems, "workspace", step) > 1e-4
+
+
+def test_gains_of_a_search_on_fewer_samples_are_those_of_all():
+    problem = limited(ROOM, samples=120)
+    search, unknowns = begun(problem)
+    fewer = LocalSearch(problem, replace(SETTINGS, search_samples=40))
+    assert fewer.grid.coarse
+    both = [one.solved(one.program, unknowns, one.grid.correction(unknowns)) for one in (search, fewer)]
+    whole, own = (one.gains(end)["workspace"] for one, end in zip((search, fewer), both, strict=True))
+    assert own == pytest.approx(whole, rel=0.05)
+
+
+def test_a_search_says_what_its_first_stage_gained():
+    problem = limited(ROOM)
+    plain, decided = (
+        solve(problem, ONE.model_copy(update={"second_stage": stage}), seed=1, workers=1)
+        for stage in ("none", "logdet")
+    )
+    assert decided.gains == plain.gains
+    assert "second_stage" in decided.stages
+
+
+def test_searches_that_cannot_know_say_nothing():
+    problem = limited(ROOM)
+    assert solve(problem, Genetic(generations=3, population=8), workers=1).gains == {}
+    assert solve(problem, ONE.model_copy(update={"criterion": D()}), seed=1, workers=1).gains == {}
+    # Cut short, a search has multipliers of no optimum.
+    assert solve(problem, ONE.model_copy(update={"max_iterations": 3}), seed=1, workers=1).gains == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["laser_tracker", "robust_laser_tracker", "tricycle"])
+def test_gains_of_shipped_studies_hold_at_the_steps_that_reports_state(name: str):
+    problem = load_study(PROBLEMS / f"{name}.yaml").problem
+    room = workspace_of(problem.limits)
+    (left, right), (low, high) = room.x, room.y
+    wider = room.model_copy(update={"x": (left - 0.01, right + 0.01), "y": (low - 0.01, high + 0.01)})
+    limits = tuple(wider if one is room else one for one in problem.limits)
+    assert require_gained(problem, replace(problem, limits=limits), "workspace", 0.01, rel=0.05) > 1e-3
