@@ -126,8 +126,9 @@ class Joints:
     """Joint readings of a bag.
 
     Attributes:
-        positions: (n, joints) [rad] on their clock; None where not all messages have them.
-        speeds: (n, joints) [rad/s], likewise.
+        names: of the joints.
+        positions: of each, (n, 1) [rad], where any is a number.
+        speeds: of each, (n, 1) [rad/s], likewise.
     """
 
     names: tuple[str, ...]
@@ -154,11 +155,14 @@ def read_joints(bag: Bag, topic: str, clock: Clock) -> Joints:
             for name, value in zip(message.name, values, strict=False):
                 found.setdefault(name, []).append((time, float(value), number))
     positions, speeds = (
-        {name: _series(bag, topic, found) for name, found in rows[quantity].items()}
-        for quantity in ("position", "velocity")
+        {name: _series(bag, topic, found) for name, found in of_joints.items()} for of_joints in rows.values()
     )
-    names = tuple(dict.fromkeys([*positions, *speeds]))
-    return Joints(names, positions, speeds)
+    return Joints(tuple(dict.fromkeys([*positions, *speeds])), _known(positions), _known(speeds))
+
+
+def _known(readings: dict[str, Series]) -> dict[str, Series]:
+    # Drivers fill in nan for what a joint has not.
+    return {name: series for name, series in readings.items() if np.isfinite(series.values).any()}
 
 
 def _series(bag: Bag, topic: str, rows: Sequence[Sequence[float]]) -> Series:
@@ -167,17 +171,17 @@ def _series(bag: Bag, topic: str, rows: Sequence[Sequence[float]]) -> Series:
     series = Series(bag.file, topic, table[:, 0], table[:, 1:-1], lines, counted="message")
     if not series.times.any():
         raise bag.flaw(topic, "the stamps of the messages are all zero; say `clock: received`")
-    flaws = [
-        series.flaw(row, topic, "expected finite numbers")
-        for row in np.flatnonzero(~np.isfinite(series.values).all(axis=1)).tolist()
-    ]
-    if flaws:
-        raise LogError(flaws)
-    return series.without_repeats()
+    return series
 
 
 def read_poses(
-    bag: Bag, topic: str, clock: Clock, frame: str | None = None, child: str | None = None
+    bag: Bag,
+    topic: str,
+    clock: Clock,
+    frame: str | None = None,
+    child: str | None = None,
+    *,
+    skip: bool = False,
 ) -> Series:
     """Poses x, y [m], heading [rad] of a topic.
 
@@ -187,9 +191,10 @@ def read_poses(
         clock: that of the messages' headers, or of their recording.
         frame: which transforms: from this frame ...
         child: ... to this one.
+        skip: whether messages without finite numbers are left out instead of refused.
 
     Raises:
-        LogError: no messages, quaternions that are none, transforms of several frames.
+        LogError: no messages, numbers and quaternions that are none, transforms of several frames.
     """
     rows, pairs = [], set[tuple[str, str]]()
     of_transforms = bag.types[topic] in (TRANSFORM, TRANSFORMS)
@@ -206,8 +211,7 @@ def read_poses(
         raise bag.flaw("poses", f"{topic} has several transforms; give `frame` and `child`: {known}")
     if not rows:
         raise bag.flaw("poses", f"no poses in {topic}" + (f"; it has {known}" if pairs else ""))
-    series = _series(bag, topic, rows)
-    return _planar(series)
+    return _planar(_series(bag, topic, rows).finite(skip).without_repeats())
 
 
 def _pose(message: Any) -> tuple[float, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -99,7 +100,8 @@ class BagForm(LogForm):
 
     def _poses(self, bag: Bag) -> Series:
         topic = bag.topic(self.poses.topic, POSES, "poses")
-        return read_poses(bag, topic, self.clock, self.poses.frame, self.poses.child)
+        frames = self.poses.frame, self.poses.child
+        return read_poses(bag, topic, self.clock, *frames, skip=self.skip_invalid_rows)
 
     def _inputs(self, bag: Bag, model: System) -> list[tuple[Series, Turned]]:
         topic = bag.topic(self.joint_states, (JOINTS,), "joint_states")
@@ -119,6 +121,7 @@ class BagForm(LogForm):
         if series is None or (given.form == "angle" and not by_angle):
             wanted = "speeds" if entry.drives and given.form != "angle" else "positions"
             raise bag.flaw(entry.name, f"the joint {name} has no {wanted} in the bag")
+        series = series.finite(self.skip_invalid_rows).without_repeats()
         turned = _turned(series, given, entry, by_angle)
         flaws = [*series.clock_flaws(), *turned.flaws]
         if flaws:
@@ -134,12 +137,17 @@ class BagForm(LogForm):
             raise LogError.about(file, text, "inputs")
         first = inputs[0][0]
         lines = first.lines[np.clip(np.searchsorted(first.times, times), 0, len(first) - 1)]
+        skipped = {line for series, _ in inputs for line in series.skipped}
+        arrived = {line for series, _ in inputs for line in series.lines.tolist()} | skipped
         wraps = sum(turned.wraps for _, turned in inputs)
+        integrals = replace(
+            first, times=times, values=values, lines=lines, skipped=tuple(skipped), arrived=len(arrived)
+        )
         text = f"joint angles began anew {wraps} times; unwrapped"
         return RecordedDrive(
             name=file.stem,
             names=model.input_names,
-            inputs=Series(str(file), first.clock, times, values, lines, "message"),
+            inputs=integrals,
             poses=poses,
             quantities=QUANTITIES,
             driving=np.array([entry.drives for entry in model.inputs]),

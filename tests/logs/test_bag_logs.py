@@ -212,6 +212,37 @@ class TestRoundTrip:
         (flaw,) = flaws_of(path, kind="rosbag", poses={"frame": "world"})
         assert flaw.message == f"no poses in /tf; it has {told}"
 
+    def test_messages_without_numbers_are_skipped_on_request(self, tmp_path: Path, wheels: list[Message]):
+        odometry = poses(ODOMETRY)
+        wheels[7][2].position[0] = wheels[7][2].position[1] = wheels[9][2].position[1] = np.nan
+        odometry[20][2].pose.pose.position.x = np.inf
+        odometry[30][2].pose.pose.orientation.w = np.nan
+        path = write_bag(tmp_path / "drive", [*wheels, *odometry])
+        assert len(flaws_of(path, kind="rosbag")) == 4
+        log = read(path, skip_invalid_rows=True)
+        np.testing.assert_allclose(log.poses, np.delete(TABLE, [20, 30], axis=0)[:, 3:], atol=1e-9)
+        np.testing.assert_allclose(log.integrals[7], ANGLES[8], atol=1e-9)
+        said = [one.message for one in log.findings if one.name == "skipped_rows"]
+        assert [text.partition(", as")[0] for text in said] == [
+            "the inputs of 2 of 60 messages of drive are skipped",
+            "the poses of 2 of 60 messages of drive are skipped",
+        ]
+        assert [text.rpartition(" ")[2] for text in said] == ["8)", "21)"]
+
+    def test_what_a_joint_has_not_is_no_reading(self, tmp_path: Path):
+        """Drivers fill in nan for speeds that nobody measures, and for joints that are no wheels."""
+        gripper = np.full(len(TABLE), np.nan)
+        messages = joints(
+            TABLE[:, 0],
+            np.column_stack([ANGLES, gripper]),
+            np.full((len(TABLE), 3), np.nan),
+            names=(*JOINTS, "gripper"),
+        )
+        path = write_bag(tmp_path / "drive", [*messages, *poses(ODOMETRY)])
+        require_alike(read(path))
+        (flaw, _) = flaws_of(path, kind="rosbag", inputs={name: {"form": "speed"} for name in INPUTS})
+        assert flaw.message == f"the joint {JOINTS[0]} has no speeds in the bag"
+
     def test_a_gap(self, tmp_path: Path, wheels: list[Message]):
         gapped = [*wheels[:20], *wheels[40:], *poses(ODOMETRY)]
         log = read(write_bag(tmp_path / "drive", gapped))
@@ -318,7 +349,7 @@ class TestFlaws:
     def test_numbers_that_are_none(self, tmp_path: Path, wheels: list[Message]):
         wheels[7][2].position[0] = np.nan
         path = write_bag(tmp_path / "drive", [*wheels, *poses(ODOMETRY)])
-        assert self.flaw(path) == ("/joint_states", "message 8: expected finite numbers")
+        assert self.flaw(path) == ("/joint_states", "message 8: expected a finite number, got 'nan'")
 
     def test_an_input_the_robot_does_not_have(self, tmp_path: Path):
         form = BagForm(inputs={"wheel": {"joint": "a"}})

@@ -196,4 +196,4 @@ def test_rows_without_numbers_are_refused_with_a_hint_or_skipped_and_counted(tmp
     assert "`skip_invalid_rows: true`" in caught.value.flaws[-1].message
     found = estimate(saved_study(tmp_path, f"{STUDY}log: {{skip_invalid_rows: true}}\n"), [file])
     said = [one.message for group in findings(found).values() for _, one in group]
-    assert any(text.startswith("the poses of 1 of 100 rows are skipped") for text in said)
+    assert any(text.startswith("the poses of 1 of 100 rows of drive.csv are skipped") for text in said)

@@ -38,7 +38,6 @@ class ColumnBlock:
         clock: the time's column.
         places: of the columns in the table.
         runs: value of the run column in each row; None without one.
-        skipped: rows whose numbers are left out, for some are none, (n,).
     """
 
     table: Table | None
@@ -46,20 +45,6 @@ class ColumnBlock:
     clock: int = 0
     places: tuple[int, ...] = ()
     runs: list[str] | None = None
-    skipped: Bools | None = None
-
-    def without_invalid(self, invalid: Bools, own_clock: bool) -> ColumnBlock:
-        """With nothing at all in rows that have some numbers, but not all.
-
-        Args:
-            invalid: rows with cells that are neither empty nor numbers, (n,).
-            own_clock: whether its times are those of nothing else.
-        """
-        missing = np.isnan(self.series.values)
-        skipped = invalid | (missing.any(axis=1) & ~missing.all(axis=1))
-        values = np.where(skipped[:, None], np.nan, self.series.values)
-        times = np.where(skipped, np.nan, self.series.times) if own_clock else self.series.times
-        return replace(self, series=replace(self.series, times=times, values=values), skipped=skipped)
 
     def require_filled(self, series: Series, rows: Rows) -> None:
         """Refuse empty cells in these rows, whose numbers are `series`.
@@ -112,12 +97,12 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
     """
     beside = form.poses.beside(Path(table.file))
     columns = dict(zip(model.input_names, input_columns(form.inputs, model), strict=True))
-    own_clock = _skipping(form.skip_invalid_rows, False)
+    own_clock = _skipping(form.skip_invalid_rows, beside is None and form.poses.time is not None)
     inputs, (quantities, poses), kept = together(
         [
             lambda: _read_block(table, form.time, columns, form.runs, own_clock),
             lambda: _read_poses(table, beside, form, model),
-            lambda: _kept(table, form.keep),
+            lambda: _kept(table, form.keep, form.skip_invalid_rows),
         ]
     )
     return Sheet(
@@ -146,20 +131,22 @@ def _read_block(
         raise LogError([*error.flaws, *_clock_flaws(table, time, runs)]) from None
     series = _series(table, time, clock, [numbers for _, numbers in found])
     places = tuple(place for place, _ in found)
-    block = ColumnBlock(table, series, clock[0], places, labels)
-    if own_clock is None:
-        return block
-    return block.without_invalid(_invalid(table, (clock[0], *places)), own_clock)
+    if own_clock is not None:
+        series = series.emptied(_invalid(table, (clock[0], *places), series, own_clock), own_clock=own_clock)
+    return ColumnBlock(table, series, clock[0], places, labels)
 
 
 def _skipping(skip: bool, own_clock: bool) -> bool | None:
     return own_clock if skip else None
 
 
-def _invalid(table: Table, places: Sequence[int]) -> Bools:
-    # Rows with a cell in one of these columns that is neither empty nor a number.
+def _invalid(table: Table, places: Sequence[int], series: Series, own_clock: bool) -> Bools:
+    # Rows with a cell in one of these columns that is neither empty nor a number, or with some numbers only.
     flaws = [flaw for place in places for flaw in table.numbers(place)[1]]
-    return np.isin(table.lines, [flaw.line for flaw in flaws])
+    missing = np.isnan(np.column_stack([series.times, series.values]))
+    looked_at = missing if own_clock else missing[:, 1:]
+    some = looked_at.any(axis=1) & ~looked_at.all(axis=1)
+    return np.isin(table.lines, [flaw.line for flaw in flaws]) | some | (missing[:, 0] & (not own_clock))
 
 
 def _clock_flaws(table: Table, time: TimeColumn, runs: Column | None) -> list[FileFlaw]:
@@ -202,7 +189,7 @@ def _read_poses(
 ) -> tuple[tuple[str, ...], ColumnBlock]:
     poses, runs = form.poses, form.runs
     if beside is not None and poses.is_tum:
-        return tuple(poses.columns), _read_tum(beside, poses)
+        return tuple(poses.columns), _read_tum(beside, poses, form.skip_invalid_rows)
     if beside is not None:
         table = read_table(beside)
         # A file of poses need not know of runs, even where the log does.
@@ -215,9 +202,9 @@ def _read_poses(
     return tuple(columns), replace(block, series=block.series.with_values(block.series.values * factors))
 
 
-def _read_tum(file: Path, poses: PoseColumns) -> ColumnBlock:
+def _read_tum(file: Path, poses: PoseColumns, skip: bool) -> ColumnBlock:
     factor = 1.0 if poses.time is None else poses.time.factor
-    return ColumnBlock(None, read_tum(file, tuple(poses.columns), factor))
+    return ColumnBlock(None, read_tum(file, tuple(poses.columns), factor, skip=skip))
 
 
 def _pose_columns(table: Table, poses: PoseColumns, model: System) -> dict[str, PoseColumn]:
@@ -227,7 +214,7 @@ def _pose_columns(table: Table, poses: PoseColumns, model: System) -> dict[str, 
     return {name: known[name] for name in model.states if name in known}
 
 
-def _kept(table: Table, keep: Mapping[str, Wanted]) -> Bools:
+def _kept(table: Table, keep: Mapping[str, Wanted], skip: bool) -> Bools:
     kept = np.ones(len(table.rows), dtype=bool)
     for name, wanted in keep.items():
         place = table.place(name, "keep")
@@ -235,7 +222,7 @@ def _kept(table: Table, keep: Mapping[str, Wanted]) -> Bools:
             kept &= np.array([cell == wanted for cell in table.texts(place)])
             continue
         low, high = wanted if isinstance(wanted, tuple) else (wanted, wanted)
-        values = _numbers(table, place)
+        values = _numbers(table, place, skip)
         kept &= (values >= low) & (values <= high)
     if not kept.any():
         wanted_rows = ", ".join(f"{name} = {wanted}" for name, wanted in keep.items())
