@@ -129,7 +129,7 @@ def skipped_rows(series: Series, what: str) -> Finding | None:
         f"the {what} of {count} of {series.arrived} {noun} of {Path(series.file).name} are skipped, as the "
         f"study asks: they have no finite number there (the first in {series.counted} {first})"
     )
-    return Finding("skipped_rows", text)
+    return Finding(f"skipped_{what}", text)
 
 
 def little_overlap(inputs: Series, poses: Series) -> Finding | None:

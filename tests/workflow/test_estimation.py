@@ -13,6 +13,7 @@ from studies import saved_study
 from oed.foundation.errors import LogError
 from oed.records.record import EstimateRecord, load_estimate
 from oed.report.estimate.logs import findings
+from oed.report.estimate.parameters import estimate_lines
 from oed.study.study import Study
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.saving import NotSaved
@@ -197,3 +198,6 @@ def test_rows_without_numbers_are_refused_with_a_hint_or_skipped_and_counted(tmp
     found = estimate(saved_study(tmp_path, f"{STUDY}log: {{skip_invalid_rows: true}}\n"), [file])
     said = [one.message for group in findings(found).values() for _, one in group]
     assert any(text.startswith("the poses of 1 of 100 rows of drive.csv are skipped") for text in said)
+    assert any(
+        "the poses of 1 of 100 rows of drive.csv are skipped" in line for line in estimate_lines(found)
+    )
