@@ -27,6 +27,13 @@ _VARYING = re.compile(r"'[^']*'|[-+]?\d[\d.e+-]*")
 
 
 @dataclass(frozen=True)
+class NotInLog(FileFlaw):
+    """What a study names and a log has not; `named` is the path of the study's key that names it."""
+
+    named: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Series:
     """Rows of a file on one clock.
 

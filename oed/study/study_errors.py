@@ -59,7 +59,9 @@ def _place(detail: ErrorDetails, source: Source, message: str = "") -> FileFlaw:
     if detail["type"] == "union_tag_invalid" and KIND in detail["input"]:
         # The mistyped value's own line.
         path = (*path, KIND)
-    return source.flaw(path[:-1] if missing else path, message, missing=str(path[-1]) if missing else "")
+    if missing:
+        return source.flaw(path[:-1], message, missing=str(path[-1]))
+    return source.flaw(path, message, of_key=detail["type"] == "extra_forbidden")
 
 
 def _telling(texts: Sequence[str]) -> Sequence[str]:

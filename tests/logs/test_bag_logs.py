@@ -210,6 +210,13 @@ class TestRoundTrip:
         told = "map -> odom, odom -> base_link"
         assert flaw.message == f"/tf has several transforms; give `frame` and `child`: {told}"
         (flaw,) = flaws_of(path, kind="rosbag", poses={"frame": "world"})
+        assert flaw.message == f"no poses in /tf of the frame world; it has {told}"
+        (flaw,) = flaws_of(path, kind="rosbag", poses={"child": "/base_link"})
+        assert (
+            flaw.message == f"no poses in /tf of the child /base_link; did you mean base_link? it has {told}"
+        )
+        assert flaw.named == ("log", "poses", "child")
+        (flaw,) = flaws_of(path, kind="rosbag", poses={"frame": "map", "child": "base_link"})
         assert flaw.message == f"no poses in /tf; it has {told}"
 
     def test_messages_without_numbers_are_skipped_on_request(self, tmp_path: Path, wheels: list[Message]):
@@ -308,6 +315,11 @@ class TestFlaws:
             messages[0] == "/pose is of type nav_msgs/msg/Odometry; of type JointState it has /joint_states"
         )
         assert messages[1].startswith("the bag has no topic /mocap; of type Odometry or")
+        (flaw,) = flaws_of(path, kind="rosbag", poses="/robot/pose")
+        assert flaw.message.startswith(
+            "the bag has no topic /robot/pose; did you mean /pose? of type Odometry"
+        )
+        assert flaw.named == ("log", "poses", "topic")
 
     def test_joints_that_are_not_clear(self, tmp_path: Path):
         messages = joints(TABLE[:, 0], ANGLES, names=("a", "right_b"))
@@ -315,6 +327,8 @@ class TestFlaws:
         expected = (INPUTS[1], "it is not clear which joint this is; the bag has a, right_b")
         assert self.flaw(path) == expected
         assert self.flaw(path, inputs={INPUTS[1]: "c"})[1] == "no joint c; the bag has a, right_b"
+        said = self.flaw(path, inputs={INPUTS[1]: "right"})[1]
+        assert said == "no joint right; did you mean right_b? the bag has a, right_b"
 
     @pytest.mark.parametrize(("form", "what"), [("angle", "positions"), ("speed", "speeds")])
     def test_joints_without_what_is_wanted(self, tmp_path: Path, form: str, what: str):

@@ -162,13 +162,16 @@ def input_flaws(columns: Mapping[str, Any], model: System) -> list[Flaw]:
     flaws = []
     for name, column in columns.items():
         reason = (
-            column.reason_against(entries[name])
-            if name in entries
-            else f"the robot has no input {name}; it has {', '.join(entries)}{did_you_mean(name, entries)}"
+            column.reason_against(entries[name]) if name in entries else unknown_input(name, list(entries))
         )
         if reason:
             flaws.append(Flaw(("log", "inputs", name), reason))
     return flaws
+
+
+def unknown_input(name: str, known: Sequence[str]) -> str:
+    """That the robot has no such input, and which one may be meant of those that it has."""
+    return f"the robot has no input {name}; it has {', '.join(known)}{did_you_mean(name, known)}"
 
 
 def input_columns(columns: Mapping[str, InputColumn], model: System) -> Sequence[InputColumn]:

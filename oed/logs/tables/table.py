@@ -17,7 +17,8 @@ from oed.foundation.errors import FileFlaw, LogError
 from oed.foundation.files import text_of
 from oed.foundation.quantities import plain_number
 from oed.foundation.shown import written
-from oed.logs.series import Rows, shortened
+from oed.foundation.text import did_you_mean
+from oed.logs.series import NotInLog, Rows, shortened
 
 BLANKS = " "
 """Stands for any number of blanks between cells."""
@@ -43,11 +44,6 @@ _FIGURES = re.compile(r"[-+\d.,: ]*")
 
 Cells = Callable[[str], list[str]]
 """The cells of a row's text."""
-
-
-@dataclass(frozen=True)
-class UnknownColumn(FileFlaw):
-    """A column that the table has not: the study may have to say which one is meant."""
 
 
 @dataclass(frozen=True)
@@ -87,22 +83,23 @@ class Table:
         # Another text's first line is nobody's business.
         return len(self.header) > 1 and all(map(_NAME.fullmatch, self.header))
 
-    @property
-    def _known(self) -> str:
+    def _known_beside(self, column: str) -> str:
         if not self._is_header:
-            return "its first line does not look like one: is it the right file?"
-        rest = len(self.header) - NAMES
-        return f"it has {', '.join(self.header[:NAMES])}" + (f" and {rest} more" if rest > 0 else "")
+            return "; its first line does not look like one: is it the right file?"
+        rest, hint = len(self.header) - NAMES, did_you_mean(column, self.header)
+        known = f"it has {', '.join(self.header[:NAMES])}" + (f" and {rest} more" if rest > 0 else "")
+        return f"{hint or ';'} {known}"
 
-    def place(self, column: int | str, key: str) -> int:
-        """Index of a column given by its name or index.
+    def place(self, column: int | str, *key: str) -> int:
+        """Index of a column given by its name or index, at the path `key` of the study's key `log`.
 
         Raises:
-            LogError: there is no such column (an `UnknownColumn`); says which there are.
+            LogError: there is no such column (`NotInLog`); says which there are.
         """
         reason = self._reason_against(column)
         if reason:
-            raise LogError([UnknownColumn(self.file, self._first_line, 0, key, reason)])
+            shown = key[-2] if key[-1] == "column" else key[-1]
+            raise LogError([NotInLog(self.file, self._first_line, 0, shown, reason, ("log", *key))])
         if isinstance(column, str) and column in self.header:
             return self.header.index(column)
         return int(column)
@@ -112,7 +109,7 @@ class Table:
             count = self.header.count(column)
             if count > 1:
                 return f"the header has {column!r} {count} times; give the column's index, from 0"
-            return "" if count else f"the header lacks {column!r}; {self._known}"
+            return "" if count else f"the header lacks {column!r}{self._known_beside(column)}"
         if isinstance(column, str) and not column.isdecimal():
             return f"the file has no header, so {column!r} is not known; give the column's index, from 0"
         last = self.width - 1
