@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
 
-from oed.foundation.errors import Failure, FileError, UserMistake
+from oed.foundation.errors import Failure, FileError, FileFlaw, UserMistake
 from oed.foundation.shown import shown, written
 from oed.foundation.text import did_you_mean
 
@@ -113,8 +113,10 @@ def text_of(
         reason = absent or no_such_file(Path(file))
     except IsADirectoryError:
         reason = "expected a file, got a folder"
-    except UnicodeDecodeError:
-        reason = "cannot be read: not UTF-8 text"
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        text = "cannot be read: not UTF-8 text; if it is text, save it as UTF-8"
+        raise refusal([FileFlaw(str(file), line, 0, "", text)]) from None
     except OSError as error:
         reason = f"cannot be read: {error.strerror}"
     raise refusal.about(file, reason)

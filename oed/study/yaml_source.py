@@ -291,8 +291,8 @@ def parse_yaml(text: str, name: str) -> YamlSource:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (0, 0)
-        said = "" if isinstance(error, _Refused) else "not valid YAML: "
-        raise StudyError([FileFlaw(name, line, column, "", f"{said}{error.problem}")]) from None
+        said = error.problem if isinstance(error, _Refused) else f"not valid YAML: {_yaml_flaw(error)}"
+        raise StudyError([FileFlaw(name, line, column, "", str(said))]) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         reason = f"not valid YAML: the character {text[error.position]!a} cannot stand in it"
@@ -300,6 +300,18 @@ def parse_yaml(text: str, name: str) -> YamlSource:
     if flaws:
         raise StudyError(flaws)
     return YamlSource(name, text, data, root)
+
+
+def _yaml_flaw(error: yaml.MarkedYAMLError) -> str:
+    # PyYAML's words, with where what is wrong begins, and what to do.
+    problem, begun, met = str(error.problem), error.context_mark, error.problem_mark
+    if "\\t" in problem:
+        return f"{problem}; indent with blanks, not with tabs"
+    if problem.startswith("but "):
+        return f"{error.context}, {problem}"
+    if begun is None or met is None or begun.line == met.line:
+        return problem
+    return f"{problem} ({error.context} that begins in line {begun.line + 1})"
 
 
 def _parsed(text: str, name: str) -> tuple[yaml.Node | None, list[FileFlaw], Any]:

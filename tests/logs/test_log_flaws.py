@@ -44,7 +44,10 @@ class TestFiles:
 
     def test_not_text(self, file: Path):
         file.write_bytes(b"\xff\xfe\x00\x81" * 10)
-        assert flaw_of(file).message == "cannot be read: not UTF-8 text"
+        said = "cannot be read: not UTF-8 text; if it is text, save it as UTF-8"
+        assert flaw_of(file).message == said
+        file.write_bytes(b"t,x\n0,0\n# Gr\xf6\xdfe\n")
+        assert (flaw_of(file).line, flaw_of(file).message) == (3, said)
 
     def test_not_a_table(self, file: Path):
         file.write_text('t,x\n"' + "a" * 200_000 + '",1\n')

@@ -155,11 +155,15 @@ def _skipping(skip: bool, own_clock: bool) -> bool | None:
 
 def _invalid(table: Table, places: Sequence[int], series: Series, own_clock: bool) -> Bools:
     # Rows with a cell in one of these columns that is neither empty nor a number, or with some numbers only.
-    flaws = [flaw for place in places for flaw in table.numbers(place)[1]]
+    wrong = np.zeros(len(series), dtype=bool)
+    for place in places:
+        none = np.flatnonzero(np.isnan(table.numbers(place)[0]))
+        cells = table.texts(place) if len(none) else []
+        wrong[[row for row in none.tolist() if cells[row]]] = True
     missing = np.isnan(np.column_stack([series.times, series.values]))
     looked_at = missing if own_clock else missing[:, 1:]
     some = looked_at.any(axis=1) & ~looked_at.all(axis=1)
-    return np.isin(table.lines, [flaw.line for flaw in flaws]) | some | (missing[:, 0] & (not own_clock))
+    return wrong | some | (missing[:, 0] & (not own_clock))
 
 
 def _clock_flaws(table: Table, time: TimeColumn, runs: Column | None) -> list[FileFlaw]:

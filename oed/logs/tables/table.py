@@ -39,6 +39,8 @@ _LOOKED_AT = 20
 """Rows by which the delimiter is found."""
 _NAME = re.compile(r"[\w ./()\[\]{}<>^°%#*+-]{0,60}")
 """What columns are called; other text has more signs and no end."""
+_COMMA = re.compile(r"[-+]?\d*,\d*(e[-+]?\d+)?", re.IGNORECASE)
+"""A number with a comma for its point."""
 _FIGURES = re.compile(r"[-+\d.,: ]*")
 """What numbers and times may be written with."""
 
@@ -137,6 +139,10 @@ class Table:
                 "expected finite numbers, and the column has none: is it the right one, and the right file?"
             )
             return values, [FileFlaw(self.file, int(self.lines[0]), place + 1, self.label(place), text)]
+        if len(wrong) > 1 and all(_COMMA.fullmatch(cells[row]) for row in wrong):
+            first, got = int(self.lines[wrong[0]]), written(cells[wrong[0]])
+            text = f"decimals need a point, got {len(wrong)} with a comma, such as {got}"
+            return values, [FileFlaw(self.file, first, place + 1, self.label(place), text)]
         return values, [self.cell_flaw(row, place, cells[row]) for row in wrong]
 
     def _all_numbers(self, place: int) -> Array | None:
@@ -198,7 +204,7 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
     if first == len(rows):
         raise LogError.about(file, "the file has no rows after its header")
     rows, lines = rows[first:], lines[first:]
-    _require_room(file, max(len(names), len(cells(rows[0]))), rows, lines, cells)
+    _require_room(file, _width(names, cells(rows[0])), rows, lines, cells)
     cut_off = _is_cut_off(rows, cells)
     last = len(rows) - cut_off
     return Table(str(file), names, lines[:last], rows[:last], cells, None if quoted else delimiter, cut_off)
@@ -244,6 +250,11 @@ def _require_closed_quotes(file: Path, rows: Sequence[str], lines: Rows, cells: 
         raise LogError(shortened(flaws))
 
 
+def _width(names: Sequence[str], row: Sequence[str]) -> int:
+    # A header may lack the name of one column, but not of as many as commas for points make.
+    return len(names) if names and len(row) == 2 * len(names) else max(len(names), len(row))
+
+
 def _require_room(file: Path, width: int, rows: Sequence[str], lines: Rows, cells: Cells) -> None:
     # A cell too many moves those after it into columns of others; empty ones at the end do no harm. A single
     # column is no table's.
@@ -251,7 +262,8 @@ def _require_room(file: Path, width: int, rows: Sequence[str], lines: Rows, cell
     for row, line in zip(rows, lines.tolist(), strict=True) if width > 1 else ():
         found = cells(row)
         if len(found) > width and any(map(str.strip, found[width:])):
-            text = f"expected {width} cells, as in the first line, got {len(found)}"
+            hint = " (decimals need a point)" if len(found) == 2 * width else ""
+            text = f"expected {width} cells, as in the first line, got {len(found)}{hint}"
             flaws.append(FileFlaw(str(file), line, width + 1, "", text))
     if flaws:
         raise LogError(shortened(flaws))
