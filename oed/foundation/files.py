@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import errno
+import fnmatch
 import os
 import re
 import stat
 import tempfile
 import unicodedata
 from collections.abc import Mapping
+from itertools import islice
 from pathlib import Path
 
-from oed.foundation.errors import Failure, FileError, UserMistake
+from oed.foundation.errors import Failure, FileError, FileFlaw, UserMistake
 from oed.foundation.shown import shown, written
+from oed.foundation.text import did_you_mean
 
 ENDINGS = 55
 """Bytes that are left for what is added to a folder's name: `.interrupted-2`, `_0.db3`."""
@@ -20,6 +23,10 @@ LEADS_OUT = "a link that leads out of the folder"
 """What is wrong with a link."""
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """What is wrong with a place that was a good one when the work began."""
+MOST_NAMES = 1000
+"""Names of a folder that are compared with one that it has not."""
+ENDING_ALIKE = 0.75
+"""Closeness of two names that is more than that of their endings."""
 MOST_FILE_BYTES = 256 * 2**20
 """Bytes of a file that is read; the largest records have a hundredth of it."""
 PIECE = 2**16
@@ -86,7 +93,7 @@ def text_of(
     refusal: type[FileError],
     encoding: str = "utf-8",
     most: int = MOST_FILE_BYTES,
-    absent: str = "no such file",
+    absent: str = "",
 ) -> str:
     """The text that a file holds, or an error in words.
 
@@ -95,7 +102,7 @@ def text_of(
         refusal: the error to raise.
         encoding: of its text.
         most: bytes that it may have.
-        absent: what to say where there is none.
+        absent: what to say where there is none; by default which file may have been meant.
 
     Raises:
         FileError: of that class: no such file, a folder, too large, no text.
@@ -103,14 +110,28 @@ def text_of(
     try:
         return read_text(file, encoding, most)
     except FileNotFoundError:
-        reason = absent
+        reason = absent or no_such_file(Path(file))
     except IsADirectoryError:
         reason = "expected a file, got a folder"
-    except UnicodeDecodeError:
-        reason = "cannot be read: not UTF-8 text"
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        text = "cannot be read: not UTF-8 text; if it is text, save it as UTF-8"
+        raise refusal([FileFlaw(str(file), line, 0, "", text)]) from None
     except OSError as error:
         reason = f"cannot be read: {error.strerror}"
     raise refusal.about(file, reason)
+
+
+def no_such_file(file: Path) -> str:
+    """That there is none, and which one of its folder may have been meant; or that there is no folder."""
+    try:
+        names = sorted(one.name for one in islice(os.scandir(file.parent), MOST_NAMES))
+    except (OSError, ValueError):
+        return f"no such file, nor a folder {shown(str(file.parent))}"
+    found = fnmatch.filter(names, file.name) if set(file.name) & set("*?[") else []
+    if found:
+        return f"no such file, but {len(found)} that match, as {shown(found[0])}: give it without quotes"
+    return f"no such file{did_you_mean(file.name, names, ENDING_ALIKE)}"
 
 
 def special(path: Path) -> str:

@@ -73,6 +73,8 @@ _UNIT = re.compile(rf"{_GROUP}(?:{_TIMES}{_GROUP}){{0,7}}")
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
+_COMMA = re.compile(r",\d")
+
 _MEANINGS = {
     "m": "a length",
     "rad": "an angle",
@@ -175,7 +177,8 @@ def _common_unit(text: str) -> tuple[float, tuple[int, int, int]] | None:
 
 
 def _factor(text: str, unit_text: str, unit: str, expected: str) -> float:
-    unknown = f"{expected}, got {text!r}, whose unit {unit_text!r} is not known"
+    hint = "; decimals need a point" if _COMMA.match(unit_text) else ""
+    unknown = f"{expected}, got {text!r}, whose unit {unit_text!r} is not known{hint}"
     if _UNIT.fullmatch(unit_text) is None:
         raise ValueError(unknown)
     # Imported late, for it takes longer than all the rest of reading a study.

@@ -29,6 +29,8 @@ OWN_UNITS: dict[str, Unit] = {
 }
 """SI unit -> unit in which parameters and their errors are shown, so that lengths compare."""
 MOST_DECIMALS = 9
+MOST_MEANT = 3
+"""Of more names that may have been meant none is proposed."""
 MISSING = "–"
 """What stands where there is no number."""
 
@@ -187,14 +189,28 @@ def listing(items: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))
 
 
-def did_you_mean(given: str, known: Iterable[str]) -> str:
-    """`; did you mean track?` where what was given is close to one that is known, else ""."""
+def did_you_mean(given: str, known: Iterable[str], closeness: float = 0.6) -> str:
+    """`; did you mean track?` where a few that are known have the words of what was given, or one is spelt
+    alike; else "".
+
+    Args:
+        given: what is not known.
+        known: names.
+        closeness: of the spelling, from 0 to 1.
+    """
     # Only mistakes need it.
     import difflib
 
-    names = {name.lower(): name for name in known}
-    close = difflib.get_close_matches(given.lower(), names, n=1)
-    return f"; did you mean {names[close[0]]}?" if close else ""
+    names, asked = {name.lower(): name for name in known}, _words_in(given)
+    pairs = [(name, _words_in(name)) for name in names]
+    alike = [name for name, own in pairs if asked and own and (asked <= own or own <= asked)]
+    if not 0 < len(alike) <= MOST_MEANT:
+        alike = difflib.get_close_matches(given.lower(), names, n=1, cutoff=closeness)
+    return f"; did you mean {' or '.join(names[name] for name in alike)}?" if alike else ""
+
+
+def _words_in(name: str) -> set[str]:
+    return set(re.findall(r"[^\W_]+", name.lower()))
 
 
 def count(number: int, noun: str) -> str:

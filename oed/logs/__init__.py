@@ -13,8 +13,8 @@ from oed.foundation.component import OneOf
 from oed.logs.bag_form import BagForm
 from oed.logs.form import LogForm, read_logs
 from oed.logs.log import Finding, Log
+from oed.logs.series import NotInLog
 from oed.logs.tables.csv_form import CsvForm
-from oed.logs.tables.table import UnknownColumn
 
 LOG_FORMS: tuple[type[LogForm], ...] = (CsvForm, BagForm)
 
@@ -34,6 +34,6 @@ __all__ = [
     "Finding",
     "Log",
     "LogForm",
-    "UnknownColumn",
+    "NotInLog",
     "read_logs",
 ]

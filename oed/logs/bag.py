@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +12,10 @@ import numpy as np
 
 from oed.foundation.errors import LogError
 from oed.foundation.extras import extra
-from oed.foundation.files import special
+from oed.foundation.files import no_such_file, special
+from oed.foundation.text import did_you_mean
 from oed.logs.form import is_bag
-from oed.logs.series import Series
+from oed.logs.series import NotInLog, Series
 from oed.logs.tables.tum import OFF_UNIT, heading_of
 
 Clock = Literal["header", "received"]
@@ -48,9 +49,15 @@ class Bag:
     reader: Any
     types: dict[str, str]
 
-    def flaw(self, key: str, message: str) -> LogError:
-        """An error about the bag as a whole."""
-        return LogError.about(self.file, message, key)
+    def flaw(self, key: str, message: str, *named: str) -> LogError:
+        """An error about the bag as a whole.
+
+        Args:
+            key: that it is about.
+            message: what is wrong.
+            named: path of the key in the study's key `log` that names what the bag has not.
+        """
+        return LogError([NotInLog(self.file, 0, 0, key, message, ("log", *named) if named else ())])
 
     def topic(self, given: str | None, types: Sequence[str], key: str) -> str:
         """The topic given, or the only one of one of the types.
@@ -67,9 +74,10 @@ class Bag:
         words = " or ".join(name.rpartition("/")[2] for name in types)
         there = f"of type {words} it has {', '.join(fitting) or 'none'}"
         if given is not None and given not in self.types:
-            raise self.flaw(key, f"the bag has no topic {given}; {there}")
+            hint = did_you_mean(given, fitting) or ";"
+            raise self.flaw(key, f"the bag has no topic {given}{hint} {there}", key, "topic")
         if given is not None and given not in fitting:
-            raise self.flaw(key, f"{given} is of type {self.types[given]}; {there}")
+            raise self.flaw(key, f"{given} is of type {self.types[given]}; {there}", key, "topic")
         if given is None and len(fitting) != 1:
             raise self.flaw(key, f"expected one topic to choose from; {there}")
         return given or fitting[0]
@@ -98,7 +106,7 @@ def open_bag(file: Path) -> Iterator[Bag]:
         UserMistake: the library that reads bags is not installed.
     """
     if not file.exists():
-        raise LogError.about(file, "no such file")
+        raise LogError.about(file, no_such_file(file))
     if not is_bag(file):
         text = "is no ROS bag: expected a folder with metadata.yaml, or a file .mcap, .db3 or .bag"
         raise LogError.about(file, text)
@@ -126,8 +134,9 @@ class Joints:
     """Joint readings of a bag.
 
     Attributes:
-        positions: (n, joints) [rad] on their clock; None where not all messages have them.
-        speeds: (n, joints) [rad/s], likewise.
+        names: of the joints.
+        positions: of each, (n, 1) [rad], where any is a number.
+        speeds: of each, (n, 1) [rad/s], likewise.
     """
 
     names: tuple[str, ...]
@@ -154,11 +163,14 @@ def read_joints(bag: Bag, topic: str, clock: Clock) -> Joints:
             for name, value in zip(message.name, values, strict=False):
                 found.setdefault(name, []).append((time, float(value), number))
     positions, speeds = (
-        {name: _series(bag, topic, found) for name, found in rows[quantity].items()}
-        for quantity in ("position", "velocity")
+        {name: _series(bag, topic, found) for name, found in of_joints.items()} for of_joints in rows.values()
     )
-    names = tuple(dict.fromkeys([*positions, *speeds]))
-    return Joints(names, positions, speeds)
+    return Joints(tuple(dict.fromkeys([*positions, *speeds])), _known(positions), _known(speeds))
+
+
+def _known(readings: dict[str, Series]) -> dict[str, Series]:
+    # Drivers fill in nan for what a joint has not.
+    return {name: series for name, series in readings.items() if np.isfinite(series.values).any()}
 
 
 def _series(bag: Bag, topic: str, rows: Sequence[Sequence[float]]) -> Series:
@@ -167,17 +179,17 @@ def _series(bag: Bag, topic: str, rows: Sequence[Sequence[float]]) -> Series:
     series = Series(bag.file, topic, table[:, 0], table[:, 1:-1], lines, counted="message")
     if not series.times.any():
         raise bag.flaw(topic, "the stamps of the messages are all zero; say `clock: received`")
-    flaws = [
-        series.flaw(row, topic, "expected finite numbers")
-        for row in np.flatnonzero(~np.isfinite(series.values).all(axis=1)).tolist()
-    ]
-    if flaws:
-        raise LogError(flaws)
-    return series.without_repeats()
+    return series
 
 
 def read_poses(
-    bag: Bag, topic: str, clock: Clock, frame: str | None = None, child: str | None = None
+    bag: Bag,
+    topic: str,
+    clock: Clock,
+    frame: str | None = None,
+    child: str | None = None,
+    *,
+    skip: bool = False,
 ) -> Series:
     """Poses x, y [m], heading [rad] of a topic.
 
@@ -187,9 +199,10 @@ def read_poses(
         clock: that of the messages' headers, or of their recording.
         frame: which transforms: from this frame ...
         child: ... to this one.
+        skip: whether messages without finite numbers are left out instead of refused.
 
     Raises:
-        LogError: no messages, quaternions that are none, transforms of several frames.
+        LogError: no messages, numbers and quaternions that are none, transforms of several frames.
     """
     rows, pairs = [], set[tuple[str, str]]()
     of_transforms = bag.types[topic] in (TRANSFORM, TRANSFORMS)
@@ -201,13 +214,27 @@ def read_poses(
                 continue
         rows.append((time, *_pose(message), number))
     chosen = {pair for pair in pairs if frame in (None, pair[0]) and child in (None, pair[1])}
-    known = ", ".join(f"{parent} -> {own}" for parent, own in sorted(pairs))
     if len(chosen) > 1:
-        raise bag.flaw("poses", f"{topic} has several transforms; give `frame` and `child`: {known}")
+        text = f"{topic} has several transforms; give `frame` and `child`: {_pairs(pairs)}"
+        raise bag.flaw("poses", text, "poses")
     if not rows:
-        raise bag.flaw("poses", f"no poses in {topic}" + (f"; it has {known}" if pairs else ""))
-    series = _series(bag, topic, rows)
-    return _planar(series)
+        raise _no_pose(bag, topic, pairs, frame, child)
+    return _planar(_series(bag, topic, rows).finite(skip).without_repeats())
+
+
+def _no_pose(
+    bag: Bag, topic: str, pairs: Iterable[tuple[str, str]], frame: str | None, child: str | None
+) -> LogError:
+    text, known = f"no poses in {topic}", _pairs(pairs)
+    for key, given, there in zip(("frame", "child"), (frame, child), zip(*pairs, strict=True), strict=False):
+        if given is not None and given not in there:
+            hint = did_you_mean(given, there) or ";"
+            return bag.flaw("poses", f"{text} of the {key} {given}{hint} it has {known}", "poses", key)
+    return bag.flaw("poses", f"{text}; it has {known}" if known else text)
+
+
+def _pairs(pairs: Iterable[tuple[str, str]]) -> str:
+    return ", ".join(f"{parent} -> {own}" for parent, own in sorted(pairs))
 
 
 def _pose(message: Any) -> tuple[float, ...]:

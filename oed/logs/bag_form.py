@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,6 +13,7 @@ from pydantic import Field
 
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw, LogError
+from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import Input, System
 from oed.logs.bag import JOINTS, POSES, Bag, Clock, Joints, open_bag, read_joints, read_poses
 from oed.logs.drive import RecordedDrive, to_logs
@@ -20,6 +22,7 @@ from oed.logs.integrals import Held, Turned, counted, held_integral, on_one_cloc
 from oed.logs.log import Finding, Log
 from oed.logs.series import Series, together
 from oed.logs.tables.columns import Short
+from oed.logs.tables.input_columns import unknown_input
 
 QUANTITIES = ("x", "y", "heading")
 """What the poses of all those types have."""
@@ -78,9 +81,8 @@ class BagForm(LogForm):
 
     def flaws(self, model: System) -> list[Flaw]:
         """Inputs the robot does not have."""
-        known = ", ".join(model.input_names)
         return [
-            Flaw(("log", "inputs", name), f"the robot has no input {name}; it has {known}")
+            Flaw(("log", "inputs", name), unknown_input(name, model.input_names))
             for name in self.inputs
             if name not in model.input_names
         ]
@@ -99,7 +101,8 @@ class BagForm(LogForm):
 
     def _poses(self, bag: Bag) -> Series:
         topic = bag.topic(self.poses.topic, POSES, "poses")
-        return read_poses(bag, topic, self.clock, self.poses.frame, self.poses.child)
+        frames = self.poses.frame, self.poses.child
+        return read_poses(bag, topic, self.clock, *frames, skip=self.skip_invalid_rows)
 
     def _inputs(self, bag: Bag, model: System) -> list[tuple[Series, Turned]]:
         topic = bag.topic(self.joint_states, (JOINTS,), "joint_states")
@@ -112,13 +115,17 @@ class BagForm(LogForm):
         given = self.inputs.get(entry.name) or JointInput()
         name = given.joint or _named_like(entry.name, joints.names)
         if name not in joints.names:
+            hint = (name and did_you_mean(name, joints.names)) or ";"
             missing = f"no joint {name}" if name else "it is not clear which joint this is"
-            raise bag.flaw(entry.name, f"{missing}; the bag has {', '.join(joints.names)}")
+            text = f"{missing}{hint} the bag has {', '.join(joints.names)}"
+            raise bag.flaw(entry.name, text, "inputs", entry.name, "joint")
         by_angle = given.form != "speed" if name in joints.positions else False
         series = (joints.positions if by_angle or not entry.drives else joints.speeds).get(name)
         if series is None or (given.form == "angle" and not by_angle):
             wanted = "speeds" if entry.drives and given.form != "angle" else "positions"
-            raise bag.flaw(entry.name, f"the joint {name} has no {wanted} in the bag")
+            text = f"the joint {name} has no {wanted} in the bag"
+            raise bag.flaw(entry.name, text, "inputs", entry.name, "form")
+        series = series.finite(self.skip_invalid_rows).without_repeats()
         turned = _turned(series, given, entry, by_angle)
         flaws = [*series.clock_flaws(), *turned.flaws]
         if flaws:
@@ -134,12 +141,17 @@ class BagForm(LogForm):
             raise LogError.about(file, text, "inputs")
         first = inputs[0][0]
         lines = first.lines[np.clip(np.searchsorted(first.times, times), 0, len(first) - 1)]
+        skipped = {line for series, _ in inputs for line in series.skipped}
+        arrived = {line for series, _ in inputs for line in series.lines.tolist()} | skipped
         wraps = sum(turned.wraps for _, turned in inputs)
+        integrals = replace(
+            first, times=times, values=values, lines=lines, skipped=tuple(skipped), arrived=len(arrived)
+        )
         text = f"joint angles began anew {wraps} times; unwrapped"
         return RecordedDrive(
             name=file.stem,
             names=model.input_names,
-            inputs=Series(str(file), first.clock, times, values, lines, "message"),
+            inputs=integrals,
             poses=poses,
             quantities=QUANTITIES,
             driving=np.array([entry.drives for entry in model.inputs]),

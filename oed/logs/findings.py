@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from oed.foundation.arrays import Array
@@ -115,6 +117,19 @@ def held(kept: Series, stale: int, rows: int) -> Finding:
         f"as a slower sensor's do; left out, a new one comes every {period:.3g} s"
     )
     return Finding("held_poses", text)
+
+
+def skipped_rows(series: Series, what: str) -> Finding | None:
+    """Rows left out because they have no finite number; `what` of them, for the message."""
+    count, first = len(series.skipped), min(series.skipped, default=0)
+    if not count:
+        return None
+    noun = "rows" if series.counted == "line" else f"{series.counted}s"
+    text = (
+        f"the {what} of {count} of {series.arrived} {noun} of {Path(series.file).name} are skipped, as the "
+        f"study asks: they have no finite number there (the first in {series.counted} {first})"
+    )
+    return Finding(f"skipped_{what}", text)
 
 
 def little_overlap(inputs: Series, poses: Series) -> Finding | None:

@@ -35,11 +35,14 @@ class LogForm(Component, ABC):
     Attributes:
         gap: longer steps in time are gaps [s]; five median steps by default.
         skip_stationary: whether to cut off standing before and after the drive, but for a second.
+        skip_invalid_rows: whether inputs and poses of rows (in a bag: messages) that have no finite number
+            there are left out, and counted, instead of refused.
     """
 
     kind: str
     gap: Annotated[Duration, Field(gt=0)] | None = None
     skip_stationary: bool = False
+    skip_invalid_rows: bool = False
 
     @abstractmethod
     def read(self, file: Path, model: System) -> list[Log]:

@@ -27,6 +27,13 @@ _VARYING = re.compile(r"'[^']*'|[-+]?\d[\d.e+-]*")
 
 
 @dataclass(frozen=True)
+class NotInLog(FileFlaw):
+    """What a study names and a log has not; `named` is the path of the study's key that names it."""
+
+    named: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Series:
     """Rows of a file on one clock.
 
@@ -37,6 +44,8 @@ class Series:
         values: (n, columns).
         lines: where each row stands, from 1.
         counted: what `lines` counts, "line" in a text file, "message" in a bag.
+        skipped: where rows stood that are left out, for some of their numbers are none.
+        arrived: how many rows there were with those; 0 where none is left out.
     """
 
     file: str
@@ -45,6 +54,8 @@ class Series:
     values: Array
     lines: Rows
     counted: str = "line"
+    skipped: tuple[int, ...] = ()
+    arrived: int = 0
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -57,6 +68,34 @@ class Series:
     def with_values(self, values: Array) -> Series:
         """Other values (n, columns) at the same times."""
         return replace(self, values=values)
+
+    def emptied(self, invalid: Bools, *, own_clock: bool = True) -> Series:
+        """With nothing in some rows, which count as skipped.
+
+        Args:
+            invalid: which, (n,).
+            own_clock: whether the times are those of nothing else, and go with the values.
+        """
+        if not invalid.any():
+            return self
+        values = np.where(invalid[:, None], np.nan, self.values)
+        times = np.where(invalid, np.nan, self.times) if own_clock else self.times
+        skipped = tuple(self.lines[invalid].tolist())
+        return replace(self, times=times, values=values, skipped=skipped, arrived=len(self))
+
+    def finite(self, skip: bool) -> Series:
+        """The rows whose values are all finite.
+
+        Raises:
+            LogError: there are others, and they are not to be skipped, or there is no other.
+        """
+        valid = np.isfinite(self.values)
+        invalid = np.asarray(~valid.all(axis=1))
+        if invalid.any() and (not skip or invalid.all()):
+            wrong = {row: self.values[row][~valid[row]][0] for row in np.flatnonzero(invalid).tolist()}
+            text = "expected a finite number, got '{}'"
+            raise LogError([self.flaw(row, self.clock, text.format(wrong[row])) for row in wrong])
+        return self.emptied(invalid).rows(~invalid)
 
     def at(self, row: int) -> str:
         """A row's time and place, for messages."""

@@ -232,7 +232,8 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
         StudyError: every mistake in the source, each with its line and key.
     """
     if not isinstance(source.data, dict):
-        raise StudyError([source.flaw((), "expected a study (keys and values), got something else")])
+        got = "nothing; `oed init` makes a first one" if source.data is None else "something else"
+        raise StudyError([source.flaw((), f"expected a study (keys and values), got {got}")])
     try:
         file = StudyFile.model_validate(_with_folder(with_preset(source.data), Path(source.file).parent))
     except ProblemError as error:

@@ -56,10 +56,13 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
 
 def _place(detail: ErrorDetails, source: Source, message: str = "") -> FileFlaw:
     path, missing = detail["loc"], detail["type"] == "missing"
-    if detail["type"] == "union_tag_invalid" and KIND in detail["input"]:
-        # The mistyped value's own line.
-        path = (*path, KIND)
-    return source.flaw(path[:-1] if missing else path, message, missing=str(path[-1]) if missing else "")
+    if detail["type"] == "union_tag_invalid":
+        # The mistyped value's own line: that of `kind`, or of `form`.
+        tag, given = detail["ctx"]["tag"], detail["input"]
+        path = (*path, *[key for key in (KIND, "form") if given.get(key) == tag][:1])
+    if missing:
+        return source.flaw(path[:-1], message, missing=str(path[-1]))
+    return source.flaw(path, message, of_key=detail["type"] == "extra_forbidden")
 
 
 def _telling(texts: Sequence[str]) -> Sequence[str]:

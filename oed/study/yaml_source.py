@@ -28,6 +28,8 @@ _FORBIDDEN = re.compile(r"[^\t\n\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufffd\U
 """What no text of a study has: control characters, which a terminal obeys, and halves of characters."""
 _NO_DECIMALS = re.compile(r"[-+]?0[0-9]|.*[_:]|[-+]?0[bx]")
 """How numbers begin, as YAML has them, that are not what they look like: 010 is 8, 1:30 is 90."""
+_PROPERTIES = re.compile(r"(?:[&!]\S*\s+|#.*\s+)+")
+"""What may stand before a value: its anchor, its tag, and remarks after those."""
 _KINDS = {"int": "a whole number", "float": "a number", "bool": "true or false", "timestamp": "a date"}
 _SHOWN = 60
 """Letters of a wrong value that are shown."""
@@ -48,22 +50,30 @@ class Source(ABC):
     data: Any
 
     @abstractmethod
-    def place(self, path: Sequence[str | int]) -> tuple[KeyPath, int, int]:
+    def place(self, path: Sequence[str | int], *, of_key: bool = False) -> tuple[KeyPath, int, int]:
         """(key path, line, column) of a path: of the key itself, or of the nearest parent.
 
         Parts of `path` that are no keys of the data (a union's labels) are passed over. Lines and columns
         count from 1; 0 where there are none.
+
+        Args:
+            path: of the key.
+            of_key: whether the key itself is meant, even where its value, a text or number, begins in a line
+                after it.
         """
 
-    def flaw(self, path: Sequence[str | int], message: str, missing: str = "") -> FileFlaw:
+    def flaw(
+        self, path: Sequence[str | int], message: str, missing: str = "", *, of_key: bool = False
+    ) -> FileFlaw:
         """A flaw at `path`; `missing` is the name of a key that should stand there.
 
         Args:
             path: of the key.
             message: what is wrong.
             missing: name of a key that should stand there.
+            of_key: whether it is the key that is wrong, not its value.
         """
-        found, line, column = self.place(path)
+        found, line, column = self.place(path, of_key=of_key)
         parts = [*found, missing] if missing else list(found)
         return FileFlaw(self.file, line, column, ".".join(map(str, parts)), message)
 
@@ -72,7 +82,7 @@ class Source(ABC):
 class PlainSource(Source):
     """Data that is part of something else: its keys have no lines of their own."""
 
-    def place(self, path: Sequence[str | int]) -> tuple[KeyPath, int, int]:
+    def place(self, path: Sequence[str | int], *, of_key: bool = False) -> tuple[KeyPath, int, int]:
         """The keys that there are."""
         value, found = self.data, list[str | int]()
         for part in path:
@@ -126,7 +136,7 @@ class YamlSource(Source):
 
     root: yaml.Node | None
 
-    def place(self, path: Sequence[str | int]) -> tuple[KeyPath, int, int]:
+    def place(self, path: Sequence[str | int], *, of_key: bool = False) -> tuple[KeyPath, int, int]:
         """The key's own place; that of the last one where a key is given twice, as YAML has it."""
         node, found = self.root, []
         mark = node.start_mark if node is not None else None
@@ -135,7 +145,19 @@ class YamlSource(Source):
             if step is not None:
                 mark, node = step
                 found.append(part)
-        return tuple(found), *((mark.line + 1, mark.column + 1) if mark is not None else (1, 1))
+        line, column = (mark.line, mark.column) if mark is not None else (0, 0)
+        if isinstance(node, yaml.ScalarNode) and not of_key:
+            # A value that an alias stands for begins before its key.
+            line, column = max((line, column), self._own_place(node), key=lambda place: place[0])
+        return tuple(found), line + 1, column + 1
+
+    def _own_place(self, node: yaml.ScalarNode) -> tuple[int, int]:
+        # Behind anchors, tags and remarks.
+        begin = node.start_mark.index
+        before = _PROPERTIES.match(self.text, begin)
+        lines = self.text[begin : before.end() if before else begin].split("\n")
+        column = node.start_mark.column if len(lines) == 1 else 0
+        return node.start_mark.line + len(lines) - 1, column + len(lines[-1])
 
 
 def _child(node: yaml.Node | None, part: str | int) -> tuple[yaml.Mark, yaml.Node] | None:
@@ -269,8 +291,8 @@ def parse_yaml(text: str, name: str) -> YamlSource:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (0, 0)
-        said = "" if isinstance(error, _Refused) else "not valid YAML: "
-        raise StudyError([FileFlaw(name, line, column, "", f"{said}{error.problem}")]) from None
+        said = error.problem if isinstance(error, _Refused) else f"not valid YAML: {_yaml_flaw(error)}"
+        raise StudyError([FileFlaw(name, line, column, "", str(said))]) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         reason = f"not valid YAML: the character {text[error.position]!a} cannot stand in it"
@@ -278,6 +300,18 @@ def parse_yaml(text: str, name: str) -> YamlSource:
     if flaws:
         raise StudyError(flaws)
     return YamlSource(name, text, data, root)
+
+
+def _yaml_flaw(error: yaml.MarkedYAMLError) -> str:
+    # PyYAML's words, with where what is wrong begins, and what to do.
+    problem, begun, met = str(error.problem), error.context_mark, error.problem_mark
+    if "\\t" in problem:
+        return f"{problem}; indent with blanks, not with tabs"
+    if problem.startswith("but "):
+        return f"{error.context}, {problem}"
+    if begun is None or met is None or begun.line == met.line:
+        return problem
+    return f"{problem} ({error.context} that begins in line {begun.line + 1})"
 
 
 def _parsed(text: str, name: str) -> tuple[yaml.Node | None, list[FileFlaw], Any]:

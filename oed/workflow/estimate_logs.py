@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from oed.estimation import calibrate
@@ -11,7 +12,7 @@ from oed.foundation.arguments import require_kind
 from oed.foundation.errors import FileFlaw, LogError, ProblemError
 from oed.foundation.extras import package_version
 from oed.foundation.work.folders import require_usable
-from oed.logs import Log, UnknownColumn, read_logs
+from oed.logs import Log, NotInLog, read_logs
 from oed.optimize import Progress, Silent
 from oed.records.calibration_outcome import estimate_of
 from oed.records.outcomes import provenance
@@ -114,7 +115,21 @@ def _read(study: Study, files: Sequence[str | Path]) -> list[Log]:
             hint = "`skip_invalid_rows: true` leaves out what of a row is no finite number, and counts it"
             raise LogError([*error.flaws, FileFlaw(study.source, 0, 0, "log", hint)]) from None
         # What is wrong with the log itself, the key would not mend.
-        if study.file.log is not None or not any(isinstance(one, UnknownColumn) for one in error.flaws):
-            raise
+        named = [one for one in error.flaws if isinstance(one, NotInLog) and one.named]
+        if study.file.log is not None or not named:
+            raise LogError([_with_place(one, study) for one in error.flaws]) from None
         hint = "the study has no key `log`, which says what stands in which column of a log"
         raise LogError([*error.flaws, FileFlaw(study.source, 0, 0, "log", hint)]) from None
+
+
+def _with_place(flaw: FileFlaw, study: Study) -> FileFlaw:
+    # What the log has not, and where the study names it, or would.
+    if not isinstance(flaw, NotInLog) or not flaw.named:
+        return flaw
+    found, line, _ = study.origin.place(flaw.named)
+    file = f"{study.source}:{line}" if line else study.source
+    # The last part is that of a short form written out.
+    given = len(found) >= len(flaw.named) - 1
+    key = ".".join(map(str, found if given else flaw.named))
+    text = f"{flaw.message} ({'named' if given else 'name it'} in {file}: {key})"
+    return replace(flaw, message=text)

@@ -210,7 +210,45 @@ class TestRoundTrip:
         told = "map -> odom, odom -> base_link"
         assert flaw.message == f"/tf has several transforms; give `frame` and `child`: {told}"
         (flaw,) = flaws_of(path, kind="rosbag", poses={"frame": "world"})
+        assert flaw.message == f"no poses in /tf of the frame world; it has {told}"
+        (flaw,) = flaws_of(path, kind="rosbag", poses={"child": "/base_link"})
+        assert (
+            flaw.message == f"no poses in /tf of the child /base_link; did you mean base_link? it has {told}"
+        )
+        assert flaw.named == ("log", "poses", "child")
+        (flaw,) = flaws_of(path, kind="rosbag", poses={"frame": "map", "child": "base_link"})
         assert flaw.message == f"no poses in /tf; it has {told}"
+
+    def test_messages_without_numbers_are_skipped_on_request(self, tmp_path: Path, wheels: list[Message]):
+        odometry = poses(ODOMETRY)
+        wheels[7][2].position[0] = wheels[7][2].position[1] = wheels[9][2].position[1] = np.nan
+        odometry[20][2].pose.pose.position.x = np.inf
+        odometry[30][2].pose.pose.orientation.w = np.nan
+        path = write_bag(tmp_path / "drive", [*wheels, *odometry])
+        assert len(flaws_of(path, kind="rosbag")) == 4
+        log = read(path, skip_invalid_rows=True)
+        np.testing.assert_allclose(log.poses, np.delete(TABLE, [20, 30], axis=0)[:, 3:], atol=1e-9)
+        np.testing.assert_allclose(log.integrals[7], ANGLES[8], atol=1e-9)
+        said = [one.message for one in log.findings if one.name.startswith("skipped_")]
+        assert [text.partition(", as")[0] for text in said] == [
+            "the inputs of 2 of 60 messages of drive are skipped",
+            "the poses of 2 of 60 messages of drive are skipped",
+        ]
+        assert [text.rpartition(" ")[2] for text in said] == ["8)", "21)"]
+
+    def test_what_a_joint_has_not_is_no_reading(self, tmp_path: Path):
+        """Drivers fill in nan for speeds that nobody measures, and for joints that are no wheels."""
+        gripper = np.full(len(TABLE), np.nan)
+        messages = joints(
+            TABLE[:, 0],
+            np.column_stack([ANGLES, gripper]),
+            np.full((len(TABLE), 3), np.nan),
+            names=(*JOINTS, "gripper"),
+        )
+        path = write_bag(tmp_path / "drive", [*messages, *poses(ODOMETRY)])
+        require_alike(read(path))
+        (flaw, _) = flaws_of(path, kind="rosbag", inputs={name: {"form": "speed"} for name in INPUTS})
+        assert flaw.message == f"the joint {JOINTS[0]} has no speeds in the bag"
 
     def test_a_gap(self, tmp_path: Path, wheels: list[Message]):
         gapped = [*wheels[:20], *wheels[40:], *poses(ODOMETRY)]
@@ -277,6 +315,11 @@ class TestFlaws:
             messages[0] == "/pose is of type nav_msgs/msg/Odometry; of type JointState it has /joint_states"
         )
         assert messages[1].startswith("the bag has no topic /mocap; of type Odometry or")
+        (flaw,) = flaws_of(path, kind="rosbag", poses="/robot/pose")
+        assert flaw.message.startswith(
+            "the bag has no topic /robot/pose; did you mean /pose? of type Odometry"
+        )
+        assert flaw.named == ("log", "poses", "topic")
 
     def test_joints_that_are_not_clear(self, tmp_path: Path):
         messages = joints(TABLE[:, 0], ANGLES, names=("a", "right_b"))
@@ -284,6 +327,8 @@ class TestFlaws:
         expected = (INPUTS[1], "it is not clear which joint this is; the bag has a, right_b")
         assert self.flaw(path) == expected
         assert self.flaw(path, inputs={INPUTS[1]: "c"})[1] == "no joint c; the bag has a, right_b"
+        said = self.flaw(path, inputs={INPUTS[1]: "right"})[1]
+        assert said == "no joint right; did you mean right_b? the bag has a, right_b"
 
     @pytest.mark.parametrize(("form", "what"), [("angle", "positions"), ("speed", "speeds")])
     def test_joints_without_what_is_wanted(self, tmp_path: Path, form: str, what: str):
@@ -318,7 +363,7 @@ class TestFlaws:
     def test_numbers_that_are_none(self, tmp_path: Path, wheels: list[Message]):
         wheels[7][2].position[0] = np.nan
         path = write_bag(tmp_path / "drive", [*wheels, *poses(ODOMETRY)])
-        assert self.flaw(path) == ("/joint_states", "message 8: expected finite numbers")
+        assert self.flaw(path) == ("/joint_states", "message 8: expected a finite number, got 'nan'")
 
     def test_an_input_the_robot_does_not_have(self, tmp_path: Path):
         form = BagForm(inputs={"wheel": {"joint": "a"}})

@@ -44,7 +44,10 @@ class TestFiles:
 
     def test_not_text(self, file: Path):
         file.write_bytes(b"\xff\xfe\x00\x81" * 10)
-        assert flaw_of(file).message == "cannot be read: not UTF-8 text"
+        said = "cannot be read: not UTF-8 text; if it is text, save it as UTF-8"
+        assert flaw_of(file).message == said
+        file.write_bytes(b"t,x\n0,0\n# Gr\xf6\xdfe\n")
+        assert (flaw_of(file).line, flaw_of(file).message) == (3, said)
 
     def test_not_a_table(self, file: Path):
         file.write_text('t,x\n"' + "a" * 200_000 + '",1\n')
@@ -126,9 +129,23 @@ class TestColumns:
         known = "; it has time, right, wheel_speed_left, x, y, theta"
         assert [(flaw.line, flaw.key, flaw.message) for flaw in flaws_of(file)] == [
             (1, "time", f"the header lacks 't'{known}"),
-            (1, "wheel_speed_right", f"the header lacks 'wheel_speed_right'{known}"),
+            (1, "wheel_speed_right", f"the header lacks 'wheel_speed_right'; did you mean right?{known[1:]}"),
             (1, "heading", f"the header lacks 'heading'{known}"),
         ]
+
+    @pytest.mark.parametrize(
+        ("column", "hint"),
+        [("X_mm", "x_mm"), ("y", "pose.y"), ("x", "x_mm"), ("yw", "yaw"), ("wheel", "wheel_r or wheel_l")],
+    )
+    def test_the_nearest_names_are_proposed(self, file: Path, rows: list[list[str]], column: str, hint: str):
+        write(file, rows, ("t", "wheel_r", "wheel_l", "x_mm", "pose.y", "yaw"))
+        inputs = {"wheel_speed_right": "wheel_r", "wheel_speed_left": "wheel_l"}
+        poses = {"x": column, "y": "pose.y", "heading": "yaw"}
+        flaw = flaw_of(file, inputs=inputs, poses=poses)
+        assert flaw.message == (
+            f"the header lacks {column!r}; did you mean {hint}? it has t, wheel_r, wheel_l, x_mm, pose.y, yaw"
+        )
+        assert flaw.named == ("log", "poses", "x", "column")
 
     def test_names_without_a_header(self, file: Path, rows: list[list[str]]):
         flaws = flaws_of(write(file, rows, None))
@@ -147,7 +164,7 @@ class TestColumns:
 
     def test_of_runs_and_of_what_to_keep(self, file: Path, rows: list[list[str]]):
         flaws = flaws_of(write(file, rows), runs="window", keep={"steady": 1})
-        assert sorted(flaw.key for flaw in flaws) == ["keep", "runs"]
+        assert sorted(flaw.key for flaw in flaws) == ["runs", "steady"]
 
     def test_nothing_to_keep(self, file: Path, rows: list[list[str]]):
         flaw = flaw_of(write(file, rows), keep={"x": [100, 200]})
@@ -333,7 +350,8 @@ class TestTum:
 
     def test_missing(self, tmp_path: Path):
         (flaw,) = flaws_of(self.write(tmp_path, ""), poses={"file": "b.tum"})
-        assert (flaw.file, flaw.message) == (str(tmp_path / "b.tum"), "no such file")
+        said = (str(tmp_path / "b.tum"), "no such file; did you mean a.tum?")
+        assert (flaw.file, flaw.message) == said
 
     def test_a_state_it_cannot_have(self, tmp_path: Path):
         file = self.write(tmp_path, "1.5 0 0 0 0 0 0 1")

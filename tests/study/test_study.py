@@ -587,3 +587,19 @@ def test_counts_that_no_machine_can_hold_are_refused(keys: str, key: str):
 def test_readers_of_files_say_where_they_are_now(name: str):
     with pytest.raises(ImportError, match=rf"oed\.study\.{name} is now oed\.{name}"):
         exec(f"from oed.study import {name}")
+
+
+@pytest.mark.parametrize(
+    ("track", "line"),
+    [
+        ("track: 18 kg", 6),
+        ("track:\n    18 kg", 7),
+        ("track: &size  # between the wheels\n    '18 kg'", 7),
+        ("track: 'eighteen\n    centimetres'", 6),
+        ("trakc:\n    18 cm", 6),
+    ],
+)
+def test_a_wrong_value_is_named_by_its_own_line_a_wrong_key_by_its(track: str, line: int):
+    assert ("robot", line) in [
+        (one.key.partition(".")[0], one.line) for one in flaws_of(replaced("track: 18 cm", track))
+    ]

@@ -13,6 +13,7 @@ from studies import saved_study
 from oed.foundation.errors import LogError
 from oed.records.record import EstimateRecord, load_estimate
 from oed.report.estimate.logs import findings
+from oed.report.estimate.parameters import estimate_lines
 from oed.study.study import Study
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.saving import NotSaved
@@ -184,6 +185,41 @@ def test_a_foreign_table_asks_for_the_key_that_explains_it(tmp_path: Path):
         estimate(saved_study(tmp_path, STUDY), [tmp_path / "run.csv"])
 
 
+@pytest.mark.parametrize(
+    ("log", "said"),
+    [
+        (
+            "log:\n  inputs:\n    wheel_speed_right:\n      column: wheel_right\n",
+            "wheel_speed_right: the header lacks 'wheel_right'; did you mean wheel_speed_right? it has t, "
+            "wheel_speed_right, wheel_speed_left, x, y, heading "
+            "(named in {study}:12: log.inputs.wheel_speed_right.column)",
+        ),
+        ("log:\n  poses: {y: y,\n    x: east}\n", "(named in {study}:11: log.poses.x)"),
+        (
+            "log:\n  time: {column: 9}\n",
+            "time: there is no column 9; the last one is 5, from 0 (named in {study}:10: log.time.column)",
+        ),
+        (
+            "log:\n  poses:\n    file: drive.tum\n",
+            "file: no such file; did you mean drive.txt? (named in {study}:11: log.poses.file)",
+        ),
+        ("log:\n  keep: {steady: 1}\n", "(named in {study}:10: log.keep.steady)"),
+        ("log:\n  poses: {x: x, heading:\n    yaw}\n", "(named in {study}:11: log.poses.heading)"),
+        ("log: {skip_stationary: true}\n", "(name it in {study}:9: log.poses.y.column)"),
+    ],
+)
+def test_what_a_log_has_not_is_named_with_the_line_of_the_study(tmp_path: Path, log: str, said: str):
+    file = write_drive(tmp_path / "drive.csv", 0)
+    (tmp_path / "drive.txt").write_text("")
+    if "skip_stationary" in log:
+        file.write_text(file.read_text().replace(",y,", ",north,"))
+    study = saved_study(tmp_path, f"{STUDY}{log}")
+    with pytest.raises(LogError) as caught:
+        estimate(study, [file])
+    (flaw,) = caught.value.flaws
+    assert str(flaw).endswith(said.format(study=study.source))
+
+
 @pytest.mark.slow
 def test_rows_without_numbers_are_refused_with_a_hint_or_skipped_and_counted(tmp_path: Path):
     file = write_drive(tmp_path / "drive.csv", 0)
@@ -196,4 +232,7 @@ def test_rows_without_numbers_are_refused_with_a_hint_or_skipped_and_counted(tmp
     assert "`skip_invalid_rows: true`" in caught.value.flaws[-1].message
     found = estimate(saved_study(tmp_path, f"{STUDY}log: {{skip_invalid_rows: true}}\n"), [file])
     said = [one.message for group in findings(found).values() for _, one in group]
-    assert any(text.startswith("the poses of 1 of 100 rows are skipped") for text in said)
+    assert any(text.startswith("the poses of 1 of 100 rows of drive.csv are skipped") for text in said)
+    assert any(
+        "the poses of 1 of 100 rows of drive.csv are skipped" in line for line in estimate_lines(found)
+    )

@@ -90,7 +90,8 @@ def unit_reason(unit: str | None, si: str) -> str:
     try:
         unit_factor(unit, si)
     except ValueError as error:
-        return str(error)
+        # As the study has it, without the number that it was tried with.
+        return str(error).replace(f"'1 {unit}'", f"{unit!r}")
     return ""
 
 

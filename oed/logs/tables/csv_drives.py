@@ -34,14 +34,6 @@ def drives_in(sheet: Sheet, model: System, gap: float | None = None) -> list[Rec
     found = list(_runs(sheet.inputs.runs, len(sheet.inputs.series)))
     runs = [_Run(sheet, model, label, rows, len(found)) for label, rows in found]
     drives: list[RecordedDrive] = [*itertools.chain(*together(partial(run.drives, gap) for run in runs))]
-    for block, what in ((sheet.inputs, "inputs"), (sheet.poses, "poses")):
-        if block.skipped is not None and block.skipped.any():
-            count, first = int(block.skipped.sum()), int(block.series.lines[np.argmax(block.skipped)])
-            text = (
-                f"the {what} of {count} of {len(block.skipped)} rows are skipped, as the study asks: they "
-                f"have no finite number there (the first in line {first})"
-            )
-            drives[0] = drives[0].with_found(Finding("skipped_rows", text))
     if sheet.cut_off:
         text = "the file breaks off within its last line, which is left out"
         drives[-1] = drives[-1].with_found(Finding("cut_off", text))
@@ -92,7 +84,7 @@ class _Run:
     def _inputs(self) -> Series:
         # Rows of another clock have no time of the inputs; rows that have only a pose have no inputs.
         block, rows = self.sheet.inputs, self.rows
-        if (self.sheet.own_clock and self.sheet.same_rows) or block.skipped is not None:
+        if (self.sheet.own_clock and self.sheet.same_rows) or block.series.skipped:
             rows = _with_anything(block.series, rows)
         first, last = _ends_needed(self.sheet, self.model)
         rows = _with_inputs(block.series.values[rows], rows, bool(first.any()), bool(last.any()))
@@ -150,6 +142,8 @@ class _Run:
         if len(kept) == len(self.rows) or len(whole.inputs) < FEWEST:
             return [whole]
         times = self.sheet.inputs.series.times[kept]
+        timed = ~np.isnan(times)
+        kept, times = kept[timed], times[timed]
         ends = (np.diff(times) > gap_limit(whole.inputs.times, gap)) & (np.diff(kept) > 1)
         spans = [(own[0], own[-1]) for own in np.split(times, np.flatnonzero(ends) + 1)]
         many = len(spans) > 1

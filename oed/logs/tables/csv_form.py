@@ -35,8 +35,6 @@ class CsvForm(LogForm):
         poses: columns of the reference poses.
         runs: the column that says which run a row belongs to; "run" by default, where there is one.
         keep: only the poses of rows in which these columns have the value, or lie within [low, high].
-        skip_invalid_rows: whether inputs and poses of rows that have no finite number there are left out, and
-            counted, instead of refused.
     """
 
     kind: Literal["csv"] = "csv"
@@ -47,7 +45,6 @@ class CsvForm(LogForm):
     poses: PoseColumns = PoseColumns()
     runs: Annotated[Column, Short("column")] | None = None
     keep: Annotated[dict[str, Wanted], BeforeValidator(_names)] = {}  # noqa: RUF012
-    skip_invalid_rows: bool = False
 
     def flaws(self, model: System) -> list[Flaw]:
         """Inputs and states the robot does not have, units and forms that do not fit."""

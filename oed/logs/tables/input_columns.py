@@ -37,8 +37,8 @@ class InputColumn(Column, ABC):
         """
 
     @abstractmethod
-    def reason_against(self, entry: Input) -> str:
-        """Why it cannot be this input of the robot; "" where it can."""
+    def reason_against(self, entry: Input) -> tuple[str, str]:
+        """The key for which it cannot be this input of the robot, and why; "" where it can."""
 
     def ends_needed(self, entry: Input) -> tuple[bool, bool]:
         """Whether the first and the last row of a drive have a say in its integral."""
@@ -65,12 +65,12 @@ class SpeedInput(InputColumn):
         values = factor * series.values[:, place]
         return Turned(held_integral(series.times, values, self._held(entry)))
 
-    def reason_against(self, entry: Input) -> str:
+    def reason_against(self, entry: Input) -> tuple[str, str]:
         """The wrong form or unit."""
         fitting = "speed" if entry.drives else "value"
         if self.form not in (None, fitting):
-            return f"{entry.name} is in {entry.unit}; its form is {fitting}, got {self.form!r}"
-        return unit_reason(self.unit, entry.unit)
+            return "form", f"{entry.name} is in {entry.unit}; its form is {fitting}, got {self.form!r}"
+        return "unit", unit_reason(self.unit, entry.unit)
 
     def ends_needed(self, entry: Input) -> tuple[bool, bool]:
         """A value that holds to the next row is not used in the last one, a mean not in the first."""
@@ -98,9 +98,10 @@ class AngleInput(InputColumn):
         factor = self.sign * unit_factor(self.unit, _unit_of_integral(entry))
         return Turned(factor * found.integral, True, found.wraps, found.flaws)
 
-    def reason_against(self, entry: Input) -> str:
+    def reason_against(self, entry: Input) -> tuple[str, str]:
         """Not of a wheel, or the wrong unit."""
-        return _not_driving(entry, "angle") or unit_reason(self.unit, _unit_of_integral(entry))
+        reason = _not_driving(entry, "angle")
+        return ("form", reason) if reason else ("unit", unit_reason(self.unit, _unit_of_integral(entry)))
 
 
 class TicksInput(InputColumn):
@@ -128,11 +129,11 @@ class TicksInput(InputColumn):
         angle = self.sign * 2 * np.pi / (self.ticks_per_turn * self.gear)
         return Turned(angle * found.integral, self.cumulative, found.wraps, found.flaws)
 
-    def reason_against(self, entry: Input) -> str:
+    def reason_against(self, entry: Input) -> tuple[str, str]:
         """Not of a wheel, or a range of something that does not add up."""
         if self.wrap is not None and not self.cumulative:
-            return "`wrap` is the range of a cumulative counter; add `cumulative: true`"
-        return _not_driving(entry, "ticks") or (
+            return "wrap", "`wrap` is the range of a cumulative counter; add `cumulative: true`"
+        return "form", _not_driving(entry, "ticks") or (
             "" if entry.unit == "rad/s" else f"{entry.name} is in {entry.unit}; ticks count turns"
         )
 
@@ -161,14 +162,19 @@ def input_flaws(columns: Mapping[str, Any], model: System) -> list[Flaw]:
     entries = {entry.name: entry for entry in model.inputs}
     flaws = []
     for name, column in columns.items():
-        reason = (
+        key, reason = (
             column.reason_against(entries[name])
             if name in entries
-            else f"the robot has no input {name}; it has {', '.join(entries)}{did_you_mean(name, entries)}"
+            else ("", unknown_input(name, list(entries)))
         )
         if reason:
-            flaws.append(Flaw(("log", "inputs", name), reason))
+            flaws.append(Flaw(("log", "inputs", name, *filter(None, [key])), reason))
     return flaws
+
+
+def unknown_input(name: str, known: Sequence[str]) -> str:
+    """That the robot has no such input, and which one may be meant of those that it has."""
+    return f"the robot has no input {name}; it has {', '.join(known)}{did_you_mean(name, known)}"
 
 
 def input_columns(columns: Mapping[str, InputColumn], model: System) -> Sequence[InputColumn]:

@@ -13,8 +13,9 @@ import numpy as np
 
 from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.files import no_such_file
 from oed.kernel.dynamics.system import System
-from oed.logs.series import Rows, Series, together
+from oed.logs.series import NotInLog, Rows, Series, together
 from oed.logs.tables.columns import Column, PoseColumn, PoseColumns, TimeColumn, unit_factor
 from oed.logs.tables.input_columns import InputColumn, input_columns
 from oed.logs.tables.table import Table, read_table
@@ -23,6 +24,9 @@ from oed.logs.tables.tum import read_tum
 if TYPE_CHECKING:
     from oed.logs.tables.csv_form import CsvForm
 
+Key = tuple[str, ...]
+"""Path of a column's key in the study's key `log`."""
+Clock = tuple[Key, TimeColumn]
 Wanted = float | str | tuple[float, float]
 RUN = "run"
 """The column that says which run a row belongs to, in the package's own files."""
@@ -38,7 +42,6 @@ class ColumnBlock:
         clock: the time's column.
         places: of the columns in the table.
         runs: value of the run column in each row; None without one.
-        skipped: rows whose numbers are left out, for some are none, (n,).
     """
 
     table: Table | None
@@ -46,20 +49,6 @@ class ColumnBlock:
     clock: int = 0
     places: tuple[int, ...] = ()
     runs: list[str] | None = None
-    skipped: Bools | None = None
-
-    def without_invalid(self, invalid: Bools, own_clock: bool) -> ColumnBlock:
-        """With nothing at all in rows that have some numbers, but not all.
-
-        Args:
-            invalid: rows with cells that are neither empty nor numbers, (n,).
-            own_clock: whether its times are those of nothing else.
-        """
-        missing = np.isnan(self.series.values)
-        skipped = invalid | (missing.any(axis=1) & ~missing.all(axis=1))
-        values = np.where(skipped[:, None], np.nan, self.series.values)
-        times = np.where(skipped, np.nan, self.series.times) if own_clock else self.series.times
-        return replace(self, series=replace(self.series, times=times, values=values), skipped=skipped)
 
     def require_filled(self, series: Series, rows: Rows) -> None:
         """Refuse empty cells in these rows, whose numbers are `series`.
@@ -112,12 +101,12 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
     """
     beside = form.poses.beside(Path(table.file))
     columns = dict(zip(model.input_names, input_columns(form.inputs, model), strict=True))
-    own_clock = _skipping(form.skip_invalid_rows, False)
+    own_clock = _skipping(form.skip_invalid_rows, beside is None and form.poses.time is not None)
     inputs, (quantities, poses), kept = together(
         [
-            lambda: _read_block(table, form.time, columns, form.runs, own_clock),
+            lambda: _read_block(table, _clock(form), _under("inputs", columns), form.runs, own_clock),
             lambda: _read_poses(table, beside, form, model),
-            lambda: _kept(table, form.keep),
+            lambda: _kept(table, form.keep, form.skip_invalid_rows),
         ]
     )
     return Sheet(
@@ -133,33 +122,48 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
 
 
 def _read_block(
-    table: Table, time: TimeColumn, columns: Mapping[str, Column], runs: Column | None, own_clock: bool | None
+    table: Table, clock_of: Clock, columns: Mapping[Key, Column], runs: Column | None, own_clock: bool | None
 ) -> ColumnBlock:
     # Rows with cells that are no numbers are refused, or skipped where it is said whose clock it is.
-    skip = own_clock is not None
-    read = [partial(_read, table, column, name, skip) for name, column in columns.items()]
+    skip, (key, time) = own_clock is not None, clock_of
+    read = [partial(_read, table, column, of_column, skip) for of_column, column in columns.items()]
     try:
         clock, *found, labels = together(
-            [partial(_read, table, time, "time", skip), *read, partial(_run_labels, table, runs)]
+            [partial(_read, table, time, key, skip), *read, partial(_run_labels, table, runs)]
         )
     except LogError as error:
         raise LogError([*error.flaws, *_clock_flaws(table, time, runs)]) from None
     series = _series(table, time, clock, [numbers for _, numbers in found])
     places = tuple(place for place, _ in found)
-    block = ColumnBlock(table, series, clock[0], places, labels)
-    if own_clock is None:
-        return block
-    return block.without_invalid(_invalid(table, (clock[0], *places)), own_clock)
+    if own_clock is not None:
+        series = series.emptied(_invalid(table, (clock[0], *places), series, own_clock), own_clock=own_clock)
+    return ColumnBlock(table, series, clock[0], places, labels)
+
+
+def _clock(form: CsvForm, *, of_poses: bool = False) -> Clock:
+    own = form.poses.time if of_poses else None
+    return (("time",), form.time) if own is None else (("poses", "time"), own)
+
+
+def _under(key: str, columns: Mapping[str, Column]) -> dict[Key, Column]:
+    return {(key, name): column for name, column in columns.items()}
 
 
 def _skipping(skip: bool, own_clock: bool) -> bool | None:
     return own_clock if skip else None
 
 
-def _invalid(table: Table, places: Sequence[int]) -> Bools:
-    # Rows with a cell in one of these columns that is neither empty nor a number.
-    flaws = [flaw for place in places for flaw in table.numbers(place)[1]]
-    return np.isin(table.lines, [flaw.line for flaw in flaws])
+def _invalid(table: Table, places: Sequence[int], series: Series, own_clock: bool) -> Bools:
+    # Rows with a cell in one of these columns that is neither empty nor a number, or with some numbers only.
+    wrong = np.zeros(len(series), dtype=bool)
+    for place in places:
+        none = np.flatnonzero(np.isnan(table.numbers(place)[0]))
+        cells = table.texts(place) if len(none) else []
+        wrong[[row for row in none.tolist() if cells[row]]] = True
+    missing = np.isnan(np.column_stack([series.times, series.values]))
+    looked_at = missing if own_clock else missing[:, 1:]
+    some = looked_at.any(axis=1) & ~looked_at.all(axis=1)
+    return wrong | some | (missing[:, 0] & (not own_clock))
 
 
 def _clock_flaws(table: Table, time: TimeColumn, runs: Column | None) -> list[FileFlaw]:
@@ -168,7 +172,7 @@ def _clock_flaws(table: Table, time: TimeColumn, runs: Column | None) -> list[Fi
         if _run_labels(table, runs) is not None:
             return []
     with suppress(LogError):
-        clock = _read(table, time, "time")
+        clock = _read(table, time, ("time",))
         rows = distinct_rows(table, clock[1], np.arange(len(table.rows)))
         return _series(table, time, clock, ()).rows(rows).clock_flaws()
     return []
@@ -179,8 +183,8 @@ def _series(table: Table, time: TimeColumn, clock: tuple[int, Array], columns: S
     return Series(table.file, table.label(clock[0]), time.factor * clock[1], values, table.lines)
 
 
-def _read(table: Table, column: Column, key: str, skip: bool = False) -> tuple[int, Array]:
-    place = table.place(column.column, key)
+def _read(table: Table, column: Column, key: Key, skip: bool = False) -> tuple[int, Array]:
+    place = table.place(column.column, *key, "column")
     return place, _numbers(table, place, skip)
 
 
@@ -194,30 +198,34 @@ def _numbers(table: Table, place: int, skip: bool = False) -> Array:
 def _run_labels(table: Table, runs: Column | None) -> list[str] | None:
     if runs is None:
         return table.texts(table.header.index(RUN)) if RUN in table.header else None
-    return table.texts(table.place(runs.column, "runs"))
+    return table.texts(table.place(runs.column, "runs", "column"))
 
 
 def _read_poses(
     table: Table, beside: Path | None, form: CsvForm, model: System
 ) -> tuple[tuple[str, ...], ColumnBlock]:
     poses, runs = form.poses, form.runs
+    if beside is not None and not beside.exists():
+        named = ("log", "poses", "file")
+        raise LogError([NotInLog(str(beside), 0, 0, "file", no_such_file(beside), named)])
     if beside is not None and poses.is_tum:
-        return tuple(poses.columns), _read_tum(beside, poses)
+        return tuple(poses.columns), _read_tum(beside, poses, form.skip_invalid_rows)
     if beside is not None:
         table = read_table(beside)
         # A file of poses need not know of runs, even where the log does.
         runs = runs if runs is not None and runs.column in table.header else None
     columns = _pose_columns(table, poses, model)
     own_clock = _skipping(form.skip_invalid_rows, beside is not None or poses.time is not None)
-    block = _read_block(table, poses.time or form.time, columns, runs, own_clock)
+    clock = _clock(form, of_poses=True)
+    block = _read_block(table, clock, _under("poses", columns), runs, own_clock)
     units = dict(zip(model.states, model.state_units, strict=True))
     factors = [unit_factor(column.unit, units[name]) for name, column in columns.items()]
     return tuple(columns), replace(block, series=block.series.with_values(block.series.values * factors))
 
 
-def _read_tum(file: Path, poses: PoseColumns) -> ColumnBlock:
+def _read_tum(file: Path, poses: PoseColumns, skip: bool) -> ColumnBlock:
     factor = 1.0 if poses.time is None else poses.time.factor
-    return ColumnBlock(None, read_tum(file, tuple(poses.columns), factor))
+    return ColumnBlock(None, read_tum(file, tuple(poses.columns), factor, skip=skip))
 
 
 def _pose_columns(table: Table, poses: PoseColumns, model: System) -> dict[str, PoseColumn]:
@@ -227,15 +235,15 @@ def _pose_columns(table: Table, poses: PoseColumns, model: System) -> dict[str, 
     return {name: known[name] for name in model.states if name in known}
 
 
-def _kept(table: Table, keep: Mapping[str, Wanted]) -> Bools:
+def _kept(table: Table, keep: Mapping[str, Wanted], skip: bool) -> Bools:
     kept = np.ones(len(table.rows), dtype=bool)
     for name, wanted in keep.items():
-        place = table.place(name, "keep")
+        place = table.place(name, "keep", name)
         if isinstance(wanted, str):
             kept &= np.array([cell == wanted for cell in table.texts(place)])
             continue
         low, high = wanted if isinstance(wanted, tuple) else (wanted, wanted)
-        values = _numbers(table, place)
+        values = _numbers(table, place, skip)
         kept &= (values >= low) & (values <= high)
     if not kept.any():
         wanted_rows = ", ".join(f"{name} = {wanted}" for name, wanted in keep.items())

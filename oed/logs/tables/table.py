@@ -17,7 +17,8 @@ from oed.foundation.errors import FileFlaw, LogError
 from oed.foundation.files import text_of
 from oed.foundation.quantities import plain_number
 from oed.foundation.shown import written
-from oed.logs.series import Rows, shortened
+from oed.foundation.text import did_you_mean
+from oed.logs.series import NotInLog, Rows, shortened
 
 BLANKS = " "
 """Stands for any number of blanks between cells."""
@@ -38,16 +39,13 @@ _LOOKED_AT = 20
 """Rows by which the delimiter is found."""
 _NAME = re.compile(r"[\w ./()\[\]{}<>^°%#*+-]{0,60}")
 """What columns are called; other text has more signs and no end."""
+_COMMA = re.compile(r"[-+]?\d*,\d*(e[-+]?\d+)?", re.IGNORECASE)
+"""A number with a comma for its point."""
 _FIGURES = re.compile(r"[-+\d.,: ]*")
 """What numbers and times may be written with."""
 
 Cells = Callable[[str], list[str]]
 """The cells of a row's text."""
-
-
-@dataclass(frozen=True)
-class UnknownColumn(FileFlaw):
-    """A column that the table has not: the study may have to say which one is meant."""
 
 
 @dataclass(frozen=True)
@@ -87,22 +85,23 @@ class Table:
         # Another text's first line is nobody's business.
         return len(self.header) > 1 and all(map(_NAME.fullmatch, self.header))
 
-    @property
-    def _known(self) -> str:
+    def _known_beside(self, column: str) -> str:
         if not self._is_header:
-            return "its first line does not look like one: is it the right file?"
-        rest = len(self.header) - NAMES
-        return f"it has {', '.join(self.header[:NAMES])}" + (f" and {rest} more" if rest > 0 else "")
+            return "; its first line does not look like one: is it the right file?"
+        rest, hint = len(self.header) - NAMES, did_you_mean(column, self.header)
+        known = f"it has {', '.join(self.header[:NAMES])}" + (f" and {rest} more" if rest > 0 else "")
+        return f"{hint or ';'} {known}"
 
-    def place(self, column: int | str, key: str) -> int:
-        """Index of a column given by its name or index.
+    def place(self, column: int | str, *key: str) -> int:
+        """Index of a column given by its name or index, at the path `key` of the study's key `log`.
 
         Raises:
-            LogError: there is no such column (an `UnknownColumn`); says which there are.
+            LogError: there is no such column (`NotInLog`); says which there are.
         """
         reason = self._reason_against(column)
         if reason:
-            raise LogError([UnknownColumn(self.file, self._first_line, 0, key, reason)])
+            shown = key[-2] if key[-1] == "column" else key[-1]
+            raise LogError([NotInLog(self.file, self._first_line, 0, shown, reason, ("log", *key))])
         if isinstance(column, str) and column in self.header:
             return self.header.index(column)
         return int(column)
@@ -112,7 +111,7 @@ class Table:
             count = self.header.count(column)
             if count > 1:
                 return f"the header has {column!r} {count} times; give the column's index, from 0"
-            return "" if count else f"the header lacks {column!r}; {self._known}"
+            return "" if count else f"the header lacks {column!r}{self._known_beside(column)}"
         if isinstance(column, str) and not column.isdecimal():
             return f"the file has no header, so {column!r} is not known; give the column's index, from 0"
         last = self.width - 1
@@ -140,6 +139,10 @@ class Table:
                 "expected finite numbers, and the column has none: is it the right one, and the right file?"
             )
             return values, [FileFlaw(self.file, int(self.lines[0]), place + 1, self.label(place), text)]
+        if len(wrong) > 1 and all(_COMMA.fullmatch(cells[row]) for row in wrong):
+            first, got = int(self.lines[wrong[0]]), written(cells[wrong[0]])
+            text = f"decimals need a point, got {len(wrong)} with a comma, such as {got}"
+            return values, [FileFlaw(self.file, first, place + 1, self.label(place), text)]
         return values, [self.cell_flaw(row, place, cells[row]) for row in wrong]
 
     def _all_numbers(self, place: int) -> Array | None:
@@ -201,7 +204,7 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
     if first == len(rows):
         raise LogError.about(file, "the file has no rows after its header")
     rows, lines = rows[first:], lines[first:]
-    _require_room(file, max(len(names), len(cells(rows[0]))), rows, lines, cells)
+    _require_room(file, _width(names, cells(rows[0])), rows, lines, cells)
     cut_off = _is_cut_off(rows, cells)
     last = len(rows) - cut_off
     return Table(str(file), names, lines[:last], rows[:last], cells, None if quoted else delimiter, cut_off)
@@ -247,6 +250,11 @@ def _require_closed_quotes(file: Path, rows: Sequence[str], lines: Rows, cells: 
         raise LogError(shortened(flaws))
 
 
+def _width(names: Sequence[str], row: Sequence[str]) -> int:
+    # A header may lack the name of one column, but not of as many as commas for points make.
+    return len(names) if names and len(row) == 2 * len(names) else max(len(names), len(row))
+
+
 def _require_room(file: Path, width: int, rows: Sequence[str], lines: Rows, cells: Cells) -> None:
     # A cell too many moves those after it into columns of others; empty ones at the end do no harm. A single
     # column is no table's.
@@ -254,7 +262,8 @@ def _require_room(file: Path, width: int, rows: Sequence[str], lines: Rows, cell
     for row, line in zip(rows, lines.tolist(), strict=True) if width > 1 else ():
         found = cells(row)
         if len(found) > width and any(map(str.strip, found[width:])):
-            text = f"expected {width} cells, as in the first line, got {len(found)}"
+            hint = " (decimals need a point)" if len(found) == 2 * width else ""
+            text = f"expected {width} cells, as in the first line, got {len(found)}{hint}"
             flaws.append(FileFlaw(str(file), line, width + 1, "", text))
     if flaws:
         raise LogError(shortened(flaws))

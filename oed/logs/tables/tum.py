@@ -17,13 +17,14 @@ OFF_UNIT = 0.05
 """Difference of a quaternion's length from 1 beyond which it is none: far above rounding in files."""
 
 
-def read_tum(file: Path, quantities: tuple[str, ...], factor: float = 1.0) -> Series:
+def read_tum(file: Path, quantities: tuple[str, ...], factor: float = 1.0, *, skip: bool = False) -> Series:
     """Poses in the plane from a TUM file.
 
     Args:
         file: rows `timestamp tx ty tz qx qy qz qw`, blanks between, # for comments.
         quantities: which of x, y, heading to keep.
         factor: seconds in a unit of the timestamps.
+        skip: whether rows without finite numbers are emptied instead of refused.
 
     Raises:
         LogError: every mistake in the file, each with its line.
@@ -40,6 +41,9 @@ def read_tum(file: Path, quantities: tuple[str, ...], factor: float = 1.0) -> Se
     values = np.column_stack([column for column, _ in read])
     if not flaws:
         flaws = [table.cell_flaw(row, place) for row, place in np.argwhere(np.isnan(values)).tolist()]
+    invalid = np.asarray(np.isnan(values).any(axis=1))
+    if skip and not invalid.all():
+        flaws = []
     for row in np.flatnonzero(np.abs(np.linalg.norm(values[:, 4:], axis=1) - 1) > OFF_UNIT):
         text = "expected a unit quaternion in qx qy qz qw"
         flaws.append(FileFlaw(str(file), int(table.lines[row]), 5, "qx", text))
@@ -47,7 +51,7 @@ def read_tum(file: Path, quantities: tuple[str, ...], factor: float = 1.0) -> Se
         raise LogError(shortened(flaws))
     known = {"x": values[:, 1], "y": values[:, 2], "heading": heading_of(values[:, 4:])}
     poses = np.column_stack([known[name] for name in quantities])
-    return Series(str(file), NAMES[0], factor * values[:, 0], poses, table.lines)
+    return Series(str(file), NAMES[0], factor * values[:, 0], poses, table.lines).emptied(invalid)
 
 
 def heading_of(quaternions: Array) -> Array:

@@ -41,6 +41,8 @@ GAINS = (
 """What one sentence says of dead reckoning, and the numbers' names and units."""
 WORSE = 1.05
 """Ratio of errors after and before from which on the estimate has made dead reckoning worse."""
+SKIPPED = ("skipped_inputs", "skipped_poses")
+"""Findings that a terminal names though they cast no doubt: what of a log was left out."""
 WORTH_A_LINE = 0.02
 """Offset of two clocks that is worth a line in a terminal [s]."""
 
@@ -124,6 +126,7 @@ def estimate_lines(record: EstimateRecord) -> list[str]:
         *gains(record),
         *model_lines(record),
         *(f"warning: {text}" for text in warnings(record)),
+        *(f"note: {_doubt(group)}" for (one, _), group in findings(record).items() if one in SKIPPED),
         *(f"note: {sentence(text)}" for text in record.notes),
     ]
 
