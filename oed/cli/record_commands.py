@@ -76,6 +76,7 @@ def _compared(options: argparse.Namespace) -> Path:
         list(zip(labels, records, strict=True)),
         options.out or Path("reports") / "comparison",
         options.figures,
+        dict(zip(labels, folders, strict=True)),
     )
 
 

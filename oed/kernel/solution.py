@@ -122,7 +122,7 @@ class Violation:
     @property
     def sentence(self) -> str:
         """The probability in words."""
-        share = f"{self.probability:.2%} of {self.draws} simulated robots violate the limits."
+        share = f"{100 * self.probability:.2f} % of {self.draws} simulated robots violate the limits."
         points = ", ".join(self.checked_at_points)
         return f"{share} Checked at points only: {points}; between them more may." if points else share
 

@@ -97,7 +97,7 @@ class _Assured:
         except KeyboardInterrupt:
             detail = solution.detail if solution.violation else f"{solution.detail} {UNTRIED}".strip()
             return replace(solution, status=Status.INTERRUPTED, detail=detail)
-        progress.advance(f"{found.probability:.2%} violate the limits")
+        progress.advance(f"{100 * found.probability:.2f} % violate the limits")
         return replace(solution, violation=found)
 
     def _enough(self, solution: Solution) -> bool:
@@ -110,8 +110,9 @@ class _Assured:
         detail = solution.detail
         if last is not None:
             verified = (
-                f"On the last drive {last.probability:.2%} of {last.draws} robots violated the limits (up to "
-                f"{last.interval[1]:.2%} with 95 % confidence), where {1 - self.robust.confidence:.2%} may."
+                f"On the last drive {100 * last.probability:.2f} % of {last.draws} robots violated the "
+                f"limits (up to {100 * last.interval[1]:.2f} % with 95 % confidence), where "
+                f"{100 * (1 - self.robust.confidence):.2f} % may."
             )
             detail = f"{verified} {detail}"
         detail = f"{detail.strip()} {NARROWER}".strip()

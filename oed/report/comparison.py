@@ -1,74 +1,101 @@
-"""Several saved records on one page: what each study asked for, and what its best drive gives."""
+"""Several saved records on one page: which is the most precise, how the studies differ, what each drives."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from oed.foundation.text import fixed, significant, words
 from oed.records.record import Record
 from oed.records.stored.result import Result
-from oed.report.figures import paths
-from oed.report.figures.driven import path_of, room_of
-from oed.report.page import render
+from oed.report.contenders import Contender, best_paths, dots, error_columns, finding, parameters_of
+from oed.report.page import NAME, address_of, render
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import or_infinite, regression_of
-from oed.report.parts.section import Cell, Column, Picture, Section, Table
+from oed.report.parts.section import Cell, Column, Section, Table
 
 SAY = Prose("comparison")
-Named = tuple[str, Record]
-NAME = Column("record", cell=lambda item: item[0])
+RUN = Column("run", cell=lambda one: one.link)
 
 ASKED = {"robot", "trajectory", "measurement", "estimate", "prior", "limits", "criterion"}
 """Keys of a study that say what is designed for, rather than how it was searched."""
 
 
-def write_comparison(records: Sequence[Named], folder: str | Path, figures: Sequence[str] = ()) -> Path:
+def write_comparison(
+    records: Sequence[tuple[str, Record]],
+    folder: str | Path,
+    figures: Sequence[str] = (),
+    sources: Mapping[str, str | Path] | None = None,
+) -> Path:
     """Write report.html, report.md and figures/*.svg that compare named records; returns report.html.
 
     Args:
         records: that are compared, by name.
         folder: where to write.
         figures: formats in which figures are written beside the SVG of each: "pdf", "png".
+        sources: folders of the records, by their names: the reports that are there are linked.
 
     Raises:
         UserMistake: the folder cannot be written to.
     """
-    sections = (_summary(records), _differences(records), _paths(records), _precision(records))
-    return render("Comparison", sections, Path(folder), figures=figures)
+    where = {
+        name: address_of(Path(source) / f"{NAME}.html", folder) for name, source in (sources or {}).items()
+    }
+    some = [Contender(name, record, where.get(name, "")) for name, record in records]
+    sections = (_summary(some), _differences(some), best_paths(some), _searches(some))
+    title = SAY("title", sorted({one.record.study.name for one in some}), len(some))
+    return render(title, sections, Path(folder), figures=figures)
 
 
-def _summary(records: Sequence[Named]) -> Section:
+def _summary(some: Sequence[Contender]) -> Section:
+    title, said = finding(some)
+    duration = Column("duration", "s", significant(3), _duration)
+    columns = (
+        RUN,
+        _where_different("study", lambda one: one.record.study.name, some),
+        _where_different("robot", lambda one: words(one.record.study.robot.kind), some),
+        duration,
+        *error_columns(parameters_of(some), lambda one: one),
+    )
+    table = Table.of(some, columns, SAY("errors"), sortable=True)
+    missing = (f"{one.name}: no feasible drive." for one in some if one.record.best is None)
+    return Section.of(title, said, dots(some), table, notices=missing)
+
+
+def _where_different(
+    title: str, cell: Callable[[Contender], str], some: Sequence[Contender]
+) -> Column | None:
+    return Column(title, cell=cell) if len(set(map(cell, some))) > 1 else None
+
+
+def _duration(one: Contender) -> float:
+    asked = one.record.study.trajectory
+    return asked.runs * asked.duration
+
+
+def _searches(some: Sequence[Contender]) -> Section:
     def condition(best: Result) -> float | None:
         return or_infinite(best, best.condition_number)
 
-    def duration(item: Named) -> float:
-        asked = item[1].study.trajectory
-        return asked.runs * asked.duration
-
     columns = (
-        NAME,
-        Column("study", cell=lambda item: item[1].study.name),
-        Column("robot", cell=lambda item: item[1].study.robot.kind),
-        Column("criterion", cell=lambda item: SAY("criterion", item[1].study.criterion)),
+        RUN,
+        Column("criterion", cell=lambda one: SAY("criterion", one.record.study.criterion)),
         Column("best result", cell=_of_best(lambda best: best.name)),
         Column("objective", "", significant(4), _of_best(lambda best: best.objective)),
         Column("s_min(W)", "rad", significant(4), _of_best(lambda best: best.smallest_singular_value, True)),
         Column("cond(W)", "", significant(4), _of_best(condition, True)),
-        Column("duration", "s", significant(3), duration),
         Column("path length", "m", fixed(2), _of_best(lambda best: best.path_length)),
     )
-    missing = (f"{name}: no feasible drive." for name, record in records if record.best is None)
-    said = SAY("best", len(records))
-    return Section.of("Best drives", said, Table.of(records, columns), notices=missing)
+    found = Section.of("What the searches found", SAY("objectives"), Table.of(some, columns))
+    return replace(found, folded=True)
 
 
-def _of_best(cell: Callable[[Result], Cell], regressor: bool = False) -> Callable[[Named], Cell]:
+def _of_best(cell: Callable[[Result], Cell], regressor: bool = False) -> Callable[[Contender], Cell]:
     # Of the best result; what is of the regressor W is not of sensors, which have none.
-    def found(item: Named) -> Cell:
-        _, record = item
+    def found(one: Contender) -> Cell:
+        record = one.record
         if record.best is None or (regressor and regression_of(record) is None):
             return None
         return cell(record.best)
@@ -76,15 +103,15 @@ def _of_best(cell: Callable[[Result], Cell], regressor: bool = False) -> Callabl
     return found
 
 
-def _differences(records: Sequence[Named]) -> Section:
+def _differences(some: Sequence[Contender]) -> Section:
     # Only the keys in which the studies differ: what else they say is the same for all.
-    asked = [record.study.model_dump(mode="json", exclude_none=True, include=ASKED) for _, record in records]
+    asked = [one.record.study.model_dump(mode="json", exclude_none=True, include=ASKED) for one in some]
     flat = [_flattened(study) for study in asked]
     keys = sorted({key for study in flat for key in study})
     differing = [key for key in keys if len({study.get(key) for study in flat}) > 1]
     columns = (
         Column("key"),
-        *(Column(name, cell=study.get) for (name, _), study in zip(records, flat, strict=True)),
+        *(Column(one.name, cell=study.get) for one, study in zip(some, flat, strict=True)),
     )
     table = Table.of(differing, columns, "Keys of the studies, in SI units")
     return Section.of("What differs", table if differing else SAY("alike"))
@@ -109,46 +136,3 @@ def _text(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _paths(records: Sequence[Named]) -> Section | None:
-    pictures: list[Picture] = []
-    for name, record in records:
-        if record.best is not None:
-            figure = paths.paths([path_of(record, record.best)], room_of(record))
-            alt = f"Path of the best drive of {name}"
-            pictures.append(Picture(f"path_{len(pictures) + 1}", alt, name, figure))
-    return Section.of("Best paths, each in its own workspace", *pictures) if pictures else None
-
-
-def _precision(records: Sequence[Named]) -> Section | None:
-    names = dict.fromkeys(one.name for _, record in records for one in record.parameters)
-    known = [(name, sizes) for name, record in records if (sizes := relative_deviations(record))]
-    table = Table.of(known, (NAME, *deviation_columns(names, lambda item: item[1])))
-    return Section.of("Predicted precision", SAY("precision"), table) if known else None
-
-
-def deviation_columns(
-    names: Iterable[str], sizes: Callable[[Any], Mapping[str, float | None]]
-) -> Iterator[Column]:
-    """A column for each parameter, of what an item has for relative deviations [%]."""
-    return (_deviation(name, sizes) for name in names)
-
-
-def _deviation(name: str, sizes: Callable[[Any], Mapping[str, float | None]]) -> Column:
-    return Column(words(name), "%", significant(3), lambda item: sizes(item).get(name))
-
-
-def relative_deviations(record: Record) -> dict[str, float | None]:
-    """Predicted standard deviations of the best drive, shares of the nominal values [%]; {} without any."""
-    best = record.best
-    known = {} if best is None else best.standard_deviations
-    nominal = {one.name: one.nominal for one in record.parameters}
-    return {name: _share(deviation, nominal[name]) for name, deviation in known.items()}
-
-
-def _share(deviation: float | None, nominal: float) -> float | None:
-    # A parameter that is not identifiable has an infinite deviation, one that is nominally 0 no share.
-    if deviation is None:
-        return math.inf
-    return 100.0 * deviation / abs(nominal) if nominal else None

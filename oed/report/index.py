@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import quote
 
 from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.files import inside
@@ -26,10 +24,10 @@ from oed.records.record import (
     load_sweep,
 )
 from oed.records.stored.study_record import Provenance
-from oed.report.comparison import relative_deviations
-from oed.report.page import FILTERS
+from oed.report.contenders import relative_deviations
+from oed.report.page import FILTERS, address_of
 from oed.report.parts.prose import environment
-from oed.report.parts.section import percent
+from oed.report.parts.section import percent, sort_key
 
 NAME = "index"
 """Of the index's files, without suffix."""
@@ -227,23 +225,16 @@ def _page(place: Path, name: str) -> Path | None:
 
 
 def _cells(run: Run, target: Path) -> Iterator[Cell]:
-    address = "" if run.page is None else quote(Path(os.path.relpath(run.page, target)).as_posix())
+    address = "" if run.page is None else address_of(run.page, target)
     yield Cell("Study", (run.study,), run.study.casefold())
     yield Cell("Run", (run.folder,), run.folder.casefold(), address=address)
     yield Cell("What", (run.kind,), run.kind)
     yield Cell("Robot", (words(run.robot) or MISSING,), run.robot)
     lines = tuple(f"{words(name)} {_share(size)}" for name, size in run.precision.items())
-    yield Cell("Standard errors", lines or (MISSING,), _number(run.worst))
-    yield Cell("Gap to the bound", (_share(run.gap),), _number(run.gap), numeric=True)
+    yield Cell("Standard errors", lines or (MISSING,), sort_key(run.worst))
+    yield Cell("Gap to the bound", (_share(run.gap),), sort_key(run.gap), numeric=True)
     yield Cell("Finished", (run.date[:16].replace("T", " ") or MISSING,), run.date)
 
 
 def _share(size: float | None) -> str:
     return MISSING if size is None else f"{significant(2)(size)} %"
-
-
-def _number(size: float | None) -> str:
-    # As a script reads it; what is not known sorts last.
-    if size is None or math.isnan(size):
-        return ""
-    return "Infinity" if math.isinf(size) else repr(float(size))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
+from urllib.parse import quote
 
 from markupsafe import Markup
 
@@ -88,6 +90,11 @@ def render(
         draft.write({**files, f"{name}.md": markdown, f"{name}.html": html})
         draft.publish(pages(target, name))
     return target / f"{name}.html"
+
+
+def address_of(page: str | Path, target: str | Path) -> str:
+    """The address of a page as pages in the folder `target` link to it; "" where there is none."""
+    return quote(Path(os.path.relpath(page, target)).as_posix()) if Path(page).is_file() else ""
 
 
 def sections_of(record: Record) -> list[Section]:

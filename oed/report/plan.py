@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from oed.foundation.text import error_text, fixed, own_unit, shown_unit, size_text, words
@@ -30,7 +31,8 @@ def write_plan(found: StoredPlan, folder: str | Path) -> Path:
         UserMistake: the folder cannot be written to.
     """
     target = Path(folder)
-    sections = (_summary(found), *(_table(found, axis) for axis in found.axes))
+    tables = (_table(found, axis) for axis in found.axes)
+    sections = (_summary(found), Section.of("The drives that were designed", *tables))
     return render(f"{found.name}: how long, or how many drives", sections, target)
 
 
@@ -38,9 +40,13 @@ def _summary(found: StoredPlan) -> Section:
     drawn = [one for axis in found.axes if (one := _chart(found, axis)) is not None]
     figure = None
     if drawn:
-        figure = Picture("precision", SAY("alt"), SAY("caption", len(found.aims)), charts.panels(drawn))
+        across = [ACROSS[axis.name] for axis in found.axes]
+        caption = SAY("caption", [one.name for one in found.aims], across)
+        figure = Picture("precision", SAY("alt"), caption, charts.panels(drawn))
     wanted = [(words(one.name), size_text(one.wanted, one.unit, 2)) for one in found.aims]
-    return Section.of(found.answer, SAY("wanted", wanted), figure, SAY("adding"))
+    title, _, more = found.answer.partition(". ")
+    section = Section.of(title.rstrip("."), more, SAY("wanted", wanted), figure, SAY("adding"))
+    return replace(section, brief=(len(section.paragraphs) - 1, 0))
 
 
 def _chart(found: StoredPlan, axis: PlannedAxis) -> Chart | None:
@@ -58,9 +64,8 @@ def _chart(found: StoredPlan, axis: PlannedAxis) -> Chart | None:
         (words(aim.name), tuple(_drawn(points[place], aim, single) for place in places)) for aim in found.aims
     ]
     level = found.aims[0].wanted * own_unit(found.aims[0].unit)[1] if single else 1.0
-    lines.append(("wanted", (level,) * len(places)))
     unit = f" [{axis.unit}]" if axis.unit else f", {TIMES}"
-    return Chart(f"{ACROSS[axis.name]}{unit}", places, tuple(lines), name)
+    return Chart(f"{ACROSS[axis.name]}{unit}", places, tuple(lines), name, level=level)
 
 
 def _drawn(one: PlannedPoint, aim: PlannedAim, single: bool) -> float | None:
@@ -68,7 +73,7 @@ def _drawn(one: PlannedPoint, aim: PlannedAim, single: bool) -> float | None:
     return None if error is None else error * own_unit(aim.unit)[1] if single else error / aim.wanted
 
 
-def _table(found: StoredPlan, axis: PlannedAxis) -> Section:
+def _table(found: StoredPlan, axis: PlannedAxis) -> Table:
     title = ACROSS[axis.name]
     columns = (
         Column(title, axis.unit or TIMES, lambda value: f"{value:.3g}", lambda one: one.value),
@@ -76,7 +81,7 @@ def _table(found: StoredPlan, axis: PlannedAxis) -> Section:
         Column("drives needed", "", fixed(0), lambda one: one.drives),
         Column("status", cell=lambda one: words(one.status)),
     )
-    return Section.of(f"{title[0].upper()}{title[1:]}", Table.of(axis.points, columns))
+    return Table.of(axis.points, columns, f"{title[0].upper()}{title[1:]}")
 
 
 def _error_column(aim: PlannedAim) -> Column:

@@ -1,32 +1,28 @@
-"""The page of a sweep: its points side by side, and how what they reach depends on what was varied."""
+"""The page of a sweep: which of its points is better, and how precision depends on what was varied."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
-from urllib.parse import quote
 
 from oed.foundation.files import inside
-from oed.foundation.text import listing, significant, unit_text, words
-from oed.records.record import Record, load_record
+from oed.foundation.text import listing, own_unit, significant, unit_text, words
+from oed.records.record import load_record
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
-from oed.report.comparison import deviation_columns, relative_deviations
+from oed.report import contenders
+from oed.report.contenders import Contender, best_paths, dots, error_columns, finding, parameters_of
 from oed.report.figures import chart as charts
-from oed.report.figures import paths as path_figures
 from oed.report.figures.chart import Chart
-from oed.report.figures.driven import path_of, room_of
-from oed.report.page import NAME, render
+from oed.report.page import NAME, address_of, render
 from oed.report.parts.prose import Prose
-from oed.report.parts.section import Column, Picture, Section, Table, percent
+from oed.report.parts.section import Cell, Column, Link, Picture, Section, Table, percent
 
 SAY = Prose("sweep")
 SERIES = 6
-"""Lines, or bars side by side, beyond which a figure could not be read."""
-PAGE = f"{NAME}.html"
-PATHS = 12
-"""Paths that are drawn."""
+"""Lines beyond which a figure could not be read."""
+Designs = Mapping[str, Contender]
+"""By the points' folders."""
 
 
 def write_sweep(
@@ -44,49 +40,77 @@ def write_sweep(
         UserMistake: the folder cannot be written to.
     """
     base, target = Path(source), Path(source if folder is None else folder)
-    records = {
-        one.folder: load_record(inside(base, one.folder)) for one in found.points if one.record is not None
+    designs = {
+        one.folder: Contender(
+            ", ".join(_setting(axis, one) for axis in found.keys),
+            load_record(inside(base, one.folder)),
+            address_of(base / one.folder / f"{NAME}.html", target),
+        )
+        for one in found.points
+        if one.record is not None
     }
-    links = _links(found, base) if base == target else None
-    sections = (_summary(found), _precision(found, records), _paths(found, records), links)
+    sections = (_summary(found, designs), best_paths(list(designs.values())), _searches(found))
     keys = listing([words(axis.name) for axis in found.keys])
     return render(f"{found.name} over {keys}", sections, target, figures=figures)
 
 
-def _summary(found: StoredSweep) -> Section:
+def _summary(found: StoredSweep, designs: Designs) -> Section:
+    some = list(designs.values())
+    leader = designs.get(found.best or "") if found.comparable else None
+    title, said = finding(some, leader)
     columns = (
-        *map(_key_column, found.keys),
+        *(_key_column(axis, designs if number == 0 else {}) for number, axis in enumerate(found.keys)),
+        *error_columns(parameters_of(some), lambda one: designs[one.folder]),
+    )
+    shown = (one for one in found.points if one.folder in designs)
+    table = Table.of(shown, columns, SAY("errors"), sortable=True)
+    return Section.of(
+        title,
+        said,
+        _lines(found, designs) or dots(some, leader),
+        table if some else None,
+        notices=(f"{one.label}: {one.message}" for one in found.points if one.objective is None),
+    )
+
+
+def _key_column(axis: SweptKey, designs: Designs) -> Column:
+    # A word, or a number; the first leads to the reports.
+    unit = unit_text(axis.unit) if axis.numeric else ""
+
+    def cell(one: SweptPoint) -> Cell:
+        page = designs[one.folder].page if one.folder in designs else ""
+        number = one.numbers[axis.key] if axis.numeric else None
+        text = one.values[axis.key] if number is None else f"{number:g}"
+        return Link(text, page, number) if page else text if number is None else number
+
+    return Column(words(axis.name), unit, (lambda value: f"{value:g}") if axis.numeric else None, cell)
+
+
+def _searches(found: StoredSweep) -> Section:
+    columns = (
+        *(_key_column(axis, {}) for axis in found.keys),
         Column("best result", cell=lambda one: one.design),
         Column("objective", "", significant(4), lambda one: one.objective),
         Column("lambda_min", "", significant(4), lambda one: one.lambda_min),
         Column("bound", "", significant(4), lambda one: one.upper_bound),
         Column("gap", "%", significant(2), lambda one: percent(one.gap)),
         Column("status", cell=lambda one: words(one.status)),
-        Column("time", "s", significant(3), lambda one: one.seconds),
+        Column("search time", "s", significant(3), lambda one: one.seconds),
         Column("best", cell=lambda one: "best" if one.folder == found.best else "")
         if found.comparable
         else None,
     )
-    return Section.of(
-        "Points",
+    section = Section.of(
+        "What the searches found",
         SAY("points", len(found.points), found.comparable),
         Table.of(found.points, columns),
         _objective(found) if found.comparable else None,
-        notices=(f"{one.label}: {one.message}" for one in found.points if one.objective is None),
     )
-
-
-def _key_column(axis: SweptKey) -> Column:
-    if not axis.numeric:
-        return Column(words(axis.name), cell=lambda one: one.values[axis.key])
-    unit = unit_text(axis.unit)
-    return Column(words(axis.name), unit, lambda value: f"{value:g}", lambda one: one.numbers[axis.key])
+    return replace(section, folded=True)
 
 
 def charted(found: StoredSweep, quantity: str, values: Mapping[str, float | None]) -> Chart | None:
-    """Values by the points' folders over the key that changes most; None where they cannot be drawn.
-
-    That is the numeric key of most values, or that of most words where none is numeric.
+    """Values by the points' folders over the numeric key of most values; None where they cannot be drawn.
 
     Args:
         found: the sweep.
@@ -94,19 +118,20 @@ def charted(found: StoredSweep, quantity: str, values: Mapping[str, float | None
         values: by the points' folders.
     """
     keys = found.varied
-    if not keys or all(value is None for value in values.values()):
+    numeric = [axis for axis in keys if axis.numeric]
+    if not numeric or all(value is None for value in values.values()):
         return None
-    across = max(keys, key=lambda axis: (axis.numeric, len(axis.values)))
+    across = max(numeric, key=lambda axis: len(axis.values))
     lines: dict[str, dict[str, float | None]] = {}
     for one in found.points:
         name = ", ".join(_setting(axis, one) for axis in keys if axis is not across)
         lines.setdefault(name, {})[one.values[across.key]] = values.get(one.folder)
     numbers = {one.values[across.key]: one.numbers[across.key] or 0.0 for one in found.points}
-    order = sorted(across.values, key=lambda text: numbers[text]) if across.numeric else across.values
+    order = sorted(across.values, key=lambda text: numbers[text])
     unit = f" [{unit_text(across.unit)}]" if across.unit else ""
     return Chart(
         f"{words(across.name)}{unit}",
-        tuple(numbers[text] for text in order) if across.numeric else tuple(order),
+        tuple(numbers[text] for text in order),
         tuple((name, tuple(line[text] for text in order)) for name, line in lines.items()),
         quantity,
     )
@@ -125,48 +150,16 @@ def _objective(found: StoredSweep) -> Picture | None:
     return Picture("objective", f"Objective over {chart.across}", SAY("objective"), figure)
 
 
-def _precision(found: StoredSweep, records: Mapping[str, Record]) -> Section | None:
-    deviations = {folder: relative_deviations(record) for folder, record in records.items()}
-    names = list(dict.fromkeys(name for one in deviations.values() for name in one))
-    if not names:
-        return None
-    columns = (*map(_key_column, found.keys), *deviation_columns(names, lambda one: deviations[one.folder]))
-    table = Table.of((one for one in found.points if deviations.get(one.folder)), columns)
-    return Section.of("Predicted precision", SAY("deviations"), table, _deviations(found, names, deviations))
-
-
-def _deviations(
-    found: StoredSweep, names: Sequence[str], deviations: Mapping[str, Mapping[str, float | None]]
-) -> Picture | None:
+def _lines(found: StoredSweep, designs: Designs) -> Picture | None:
+    # Of each parameter over what was varied; None where that is words, or of too many lines.
     drawn = []
-    for name in names:
-        values = {folder: one.get(name) for folder, one in deviations.items()}
-        chart = charted(found, "std. deviation [%]", values)
+    for one in parameters_of(designs.values())[: contenders.MOST_SCALES]:
+        unit, factor = own_unit(one.unit)
+        sizes = {folder: design.error(one) for folder, design in designs.items()}
+        values = {folder: None if size is None else factor * size for folder, size in sizes.items()}
+        chart = charted(found, f"standard error [{unit_text(unit)}]" if unit else "standard error", values)
         if chart is not None and len(chart.series) <= SERIES:
-            drawn.append(replace(chart, title=words(name)))
+            drawn.append(replace(chart, title=words(one.name)))
     if not drawn:
         return None
-    alt = f"Standard deviations over {drawn[0].across}"
-    return Picture("precision", alt, SAY("each"), charts.panels(drawn))
-
-
-def _paths(found: StoredSweep, records: Mapping[str, Record]) -> Section | None:
-    best = [(one, records[one.folder]) for one in found.points if one.design is not None]
-    # Those in one room share a figure and its scale.
-    rooms: dict[str, tuple[Any, list[Any]]] = {}
-    for one, record in best[:PATHS]:
-        room, result = room_of(record), record.best
-        if result is not None:
-            title = "\n".join(_setting(axis, one) for axis in found.keys)
-            rooms.setdefault(repr(room), (room, []))[1].append(replace(path_of(record, result), title=title))
-    pictures = [
-        Picture(f"paths_{number}", SAY("room", len(paths)), SAY("best"), path_figures.paths(paths, room))
-        for number, (room, paths) in enumerate(rooms.values(), start=1)
-    ]
-    return Section.of("Best paths", SAY("drawn", PATHS, len(best)), *pictures) if best else None
-
-
-def _links(found: StoredSweep, base: Path) -> Section | None:
-    written = [one for one in found.points if (base / one.folder / PAGE).is_file()]
-    links = tuple((one.label, f"{quote(one.folder)}/{PAGE}") for one in written)
-    return Section("Reports of the points", links=links) if links else None
+    return Picture("precision", f"Standard errors over {drawn[0].across}", SAY("lines"), charts.panels(drawn))

@@ -177,8 +177,8 @@ def _decided(
     now, then = max(one.relative(one.now) for one in aimed), max(one.relative(one.next) for one in aimed)
     gain = 1 - then / now
     stop = gain < least_gain
-    reason = f"another drive takes {gain:.1%} off the worst standard error"
-    reason += f", less than {least_gain:.1%}: stop" if stop else ": drive it"
+    reason = f"another drive takes {100 * gain:.1f} % off the worst standard error"
+    reason += f", less than {100 * least_gain:.1f} %: stop" if stop else ": drive it"
     return NextDrive(found, study, record, precision, float(gain), bool(stop), reason)
 
 

@@ -190,7 +190,7 @@ class TestNamed:
             assert found == ""
 
     def test_is_refused_with_the_files_name(self):
-        with pytest.raises(LogError, match=rf"drive\.csv: {SWAPPED}.* instead of \d+%"):
+        with pytest.raises(LogError, match=rf"drive\.csv: {SWAPPED}.* instead of \d+ %"):
             calibrate(logged_problem(), [exchanged(LOG)])
 
 

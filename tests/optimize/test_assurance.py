@@ -178,8 +178,8 @@ class TestGivenUp:
         assert len(Larger.asked) == ROUNDS
         assert solution.status is Status.FAILED
         assert (solution.trajectory, solution.evaluation) == (None, None)
-        assert "On the last drive 100.00% of 300 robots violated the limits" in solution.message
-        assert "where 3.00% may" in solution.message
+        assert "On the last drive 100.00 % of 300 robots violated the limits" in solution.message
+        assert "where 3.00 % may" in solution.message
         assert NARROWER in solution.message
 
     def test_where_nothing_is_found_it_is_said_what_to_do(self):

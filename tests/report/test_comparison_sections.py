@@ -16,6 +16,7 @@ from oed.foundation.text import error_text, significant
 from oed.records.record import Record, load_record
 from oed.records.stored.result import Progress, Result
 from oed.report import write_comparison, write_report
+from oed.report.contenders import Contender, dots, finding, relative_deviations
 from oed.report.figures.spread import RADIUS_95, ellipse
 from oed.report.page import sections_of
 from oed.report.parts.judging import repetitions_of
@@ -163,12 +164,67 @@ class TestSeveralRecords:
         assert page.exists()
         assert "limits.wheel\\_speed.bounds | -10, 10 | 0, 5 |" in text
         assert "trajectory.duration" not in text
-        assert {path.name for path in (tmp_path / "figures").iterdir()} == {"path_1.svg", "path_2.svg"}
+        # One room: their paths share a figure and its scale.
+        assert {path.name for path in (tmp_path / "figures").iterdir()} == {"paths_1.svg", "precision.svg"}
 
     def test_records_without_a_design_are_named(self, flagship: Record, tmp_path: Path):
         nothing = {**flagship.data, "results": [], "best": None, "validation": None}
         write_comparison([("first", flagship), ("empty", record_from(nothing))], tmp_path)
         assert "empty: no feasible drive" in (tmp_path / "report.md").read_text(encoding="utf-8")
+
+
+def scaled_errors(record: Record, factor: float) -> Record:
+    """The same with standard errors of the best so many times as large."""
+    data = record.data
+    for one in data["results"]:
+        sizes = one["standard_deviations"]
+        one["standard_deviations"] = {name: size and factor * size for name, size in sizes.items()}
+    return record_from(data)
+
+
+class TestFinding:
+    def test_the_smallest_of_the_largest_errors_is_the_most_precise(self, flagship: Record):
+        some = [Contender(f"times {factor:g}", scaled_errors(flagship, factor)) for factor in (3.0, 1.0, 2.0)]
+        title, said = finding(some)
+        assert title == "Most precise: times 1"
+        largest = max(relative_deviations(flagship).values())
+        texts = [f"{significant(2)(factor * largest)} %" for factor in (1, 2, 3)]
+        assert [said.index(text) for text in texts] == sorted(said.index(text) for text in texts)
+        assert said.index("times 2") < said.index("times 3")
+        # Dots: that one on top.
+        panel = dots(some).figure.panels[0]
+        assert [name for _, name in panel.y.ticks] == ["times 1", "times 2", "times 3"]
+
+    def test_no_winner_where_there_is_no_difference_worth_one(self, flagship: Record):
+        some = [Contender(str(factor), scaled_errors(flagship, factor)) for factor in (1.0, 1.02)]
+        assert finding(some)[0] == "All 2 are about as precise"
+
+    def test_no_winner_where_parameters_differ(self, flagship: Record):
+        data = flagship.data
+        for one in data["results"]:
+            one["standard_deviations"].pop("c22", None)
+        some = [Contender("first", flagship), Contender("second", record_from(data))]
+        title, said = finding(some)
+        assert title == "2 designs side by side"
+        assert "not estimate the same parameters" in said
+
+    def test_what_is_not_identifiable_is_never_ahead(self, flagship: Record):
+        data = flagship.data
+        for one in data["results"]:
+            one["standard_deviations"]["c22"] = None
+        some = [Contender("open", record_from(data)), Contender("known", scaled_errors(flagship, 50.0))]
+        title, said = finding(some)
+        assert title == "Most precise: known"
+        assert "not identifiable" in said
+
+    def test_names_lead_to_the_reports_that_there_are(self, flagship: Record, tmp_path: Path):
+        (tmp_path / "a run").mkdir()
+        (tmp_path / "a run" / "report.html").touch()
+        sources = {"first": tmp_path / "a run", "second": tmp_path / "none"}
+        records = [(name, flagship) for name in sources]
+        page = write_comparison(records, tmp_path / "out", sources=sources)
+        found = set(re.findall(r'<a href="([^#][^"]*)">([^<]*)', page.read_text()))
+        assert found == {("../a%20run/report.html", "first")}
 
 
 @pytest.mark.slow

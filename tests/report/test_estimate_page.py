@@ -238,7 +238,7 @@ def test_models_of_a_robust_loss_are_compared_by_prediction_alone():
 
 def test_a_single_log_without_positions_leaves_sections_out():
     titles = [one.title for one in estimate_sections(read(bare()))]
-    assert titles == ["Summary", "Can it be trusted", "What the error bars rest on", "Logs", "Provenance"]
+    assert titles == ["Summary", "Before and after", "What the error bars rest on", "Logs", "Provenance"]
 
 
 def alone() -> Data:
@@ -257,6 +257,30 @@ def test_the_page_begins_with_the_path_before_and_after():
         # The reference is in front of both.
         reference, *others = (part.look["zorder"] for part in panel.parts)
         assert reference > max(others[:2])
+
+
+def test_the_headline_is_what_odometry_gains_where_the_estimate_knows_least():
+    def headline(data: Data) -> str:
+        return section(data, "Summary").paragraphs[0]
+
+    before, after = (estimate()["held_out"][when][0]["rmse_position"] for when in ("before", "after"))
+    sizes = f"{size_text(before, 'm')} before, {size_text(after, 'm')} after"
+    assert headline(estimate()) == f"Odometry's position error: {sizes}, on the test log"
+    assert headline(alone()).endswith("10.0 mm after, on the log that was fitted")
+    # Without positions the parameter that changed most, in words.
+    unmeasured = {**alone(), "paths": []}
+    one = max(unmeasured["parameters"], key=lambda one: abs(one["value"] / one["nominal"] - 1))
+    change = 100 * (one["value"] / one["nominal"] - 1)
+    assert f"{abs(change):.2g} % {'larger' if change > 0 else 'smaller'} than nominal" in headline(unmeasured)
+
+
+def test_the_first_screen_says_the_same_as_the_table_of_intervals():
+    made = section(estimate(), "Summary")
+    (brief,), (whole,) = made.tables, made.folds[0].tables
+    for short, row in zip(brief.cells, whole.cells, strict=True):
+        assert short[0] == row[0]
+        assert short[2].startswith(f"{row[3]} ± {row[4]}")
+        assert short[3] == row[6]
 
 
 def test_errors_over_time_are_those_of_the_paths():
@@ -293,7 +317,7 @@ def test_pose_errors_go_by_evos_names_for_one_log_too():
 
 def test_trust_is_one_sentence_with_its_reason():
     def said(data: Data) -> str:
-        return section(data, "Can it be trusted").paragraphs[0]
+        return section(data, "Summary").paragraphs[1]
 
     doubtless = {**estimate(), "logs": alone()["logs"], "diagnostics": alone()["diagnostics"]}
     assert said(doubtless).startswith("The estimates can be trusted: every test of the fit is passed")
@@ -301,7 +325,7 @@ def test_trust_is_one_sentence_with_its_reason():
     failed = {**doubtless, "diagnostics": estimate()["diagnostics"]}
     assert said(failed) == "Take the estimates with care: 1 of 2 tests of the fit is not passed."
     assert said(alone()).endswith("no other log has tested them. A second drive would.")
-    assert "`oed next DIR LOG`" in section(alone(), "Can it be trusted").paragraphs[-1]
+    assert "`oed next DIR LOG`" in section(alone(), "Summary").paragraphs[-1]
 
 
 def test_residuals_are_drawn_in_units_that_suit_them():

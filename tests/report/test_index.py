@@ -14,10 +14,14 @@ from sample_records import scored, swept
 from studies import SMALL
 from test_browser import BROWSER, opened
 
+import oed.report.page
 from oed.cli import main
 from oed.foundation.errors import UserMistake
+from oed.foundation.text import fixed
 from oed.records.stored.parts import plain
 from oed.report.index import runs_in, write_index
+from oed.report.page import MOST_ROWS, render
+from oed.report.parts.section import Column, Link, Section, Table
 from oed.workflow.studies import parse_study
 
 GAP = {"upper_bound": 2.0, "gap": 0.25, "method": "m", "assumptions": []}
@@ -148,3 +152,43 @@ def test_a_click_on_a_heading_sorts(page: Path, tmp_path: Path):
     places = [body.index(f">{name}<") for name in ("old", "deep/down/new run", "grid", "robot")]
     assert places == sorted(places)
     assert re.search(r'aria-sort="ascending"[^>]*><button type="button">Gap', elements)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed; the page is not opened")
+def test_sortable_tables_of_pages_sort_by_numbers_and_keep_further_rows_folded(tmp_path: Path):
+    sizes = [3.0, None, 20.0, 100.0, 0.5, 7.0, 8.0, 9.0, 1000.0]
+    columns = (
+        Column("run", cell=lambda one: Link(f"run {one}", "run.html")),
+        Column("± track", "mm", fixed(1)),
+    )
+    page = render("Runs", [Section.of("Runs", Table.of(sizes, columns, sortable=True))], tmp_path)
+    clicked = tmp_path / "clicked.html"
+    click = "document.querySelectorAll('th button')[1].click();"
+    clicked.write_text(page.read_text().replace("</body>", f"<script>{click}</script></body>"))
+    elements, console = opened(clicked, "", tmp_path / "profile")
+    assert console == []
+    bodies = [re.findall(r'data-key="([^"]*)">[^<]*</td>', one) for one in elements.split("<tbody")[1:]]
+    shown = [repr(one) for one in sorted(one for one in sizes if one is not None)]
+    assert bodies == [shown[:MOST_ROWS], [*shown[MOST_ROWS:], ""]]
+
+
+def test_colours_of_pages_are_defined_once():
+    templates = Path(oed.report.page.__file__).parent / "templates"
+    assert not re.search(r"#[0-9a-f]{3,8}\b|--\w+:", (templates / "index.css").read_text())
+    defined = re.findall(r"--(\w+):", (templates / "report.css").read_text())
+    # In light and in dark, but what both have in common.
+    assert max(map(defined.count, defined)) == 2
+
+
+def test_what_is_for_a_phone_alone_is_not_for_paper():
+    templates = Path(oed.report.page.__file__).parent / "templates"
+    narrow = [
+        line
+        for css in templates.glob("*.css")
+        for line in css.read_text().splitlines()
+        if "max-width: " in line
+    ]
+    media = [line for line in narrow if line.startswith("@media")]
+    assert media
+    assert all(line.startswith("@media screen and ") for line in media)

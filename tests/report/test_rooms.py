@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 from xml.etree import ElementTree
@@ -171,6 +172,21 @@ def test_legends_fit_their_figures() -> None:
         assert box.x1 <= page.x1
 
 
+@pytest.mark.parametrize("count", [1, 4, 6])
+@pytest.mark.parametrize("lines", [1, 2, 3])
+def test_titles_of_several_lines_are_whole(count: int, lines: int) -> None:
+    record = sample_rooms.crab()
+    title = "\n".join(f"key {number}" for number in range(lines))
+    path = replace(path_of(record, with_drive(record)[0]), title=title)
+    figure = draw.laid_out(draw.drawn(paths([path] * count, room_of(record))))
+    figure.canvas.draw()
+    for ax in figure.axes[:count]:
+        box = ax.title.get_window_extent()
+        assert box.y1 <= figure.bbox.y1
+        above = [other.get_window_extent() for other in figure.axes[:count] if other is not ax]
+        assert not any(box.overlaps(one) for one in above)
+
+
 def test_player_knows_the_room_and_the_body() -> None:
     record = sample_rooms.crab()
     animation = section(record, "Summary").animation
@@ -229,7 +245,7 @@ def test_width_of_robots_with_and_without_a_track() -> None:
 @pytest.mark.slow
 def test_comparison_draws_each_room(tmp_path: Path) -> None:
     write_comparison([("crab", sample_rooms.crab()), ("omni", sample_rooms.omni())], tmp_path)
-    crab, omni = ((tmp_path / "figures" / f"path_{index}.svg").read_text() for index in (1, 2))
+    crab, omni = ((tmp_path / "figures" / f"paths_{index}.svg").read_text() for index in (1, 2))
     assert "obstacle" in crab
     assert "<pattern" in crab
     assert "obstacle" not in omni

@@ -60,17 +60,14 @@ class TestChart:
         assert len(chart.series) == 8
         assert chart.series[0][0] == "criterion E, wheel speed 20 x"
 
-    def test_words_keep_their_order(self):
-        chart = charted(table(KIND), "objective", {"p_D": 1.0, "p_A": 3.0})
-        assert chart.places == ("E", "D", "A", "G")
-        assert chart.series == (("", (None, 1.0, 3.0, None)),)
-
     def test_nothing_to_draw(self):
         assert charted(table(SPEED), "objective", {}) is None
+        # Words lie along no axis.
+        assert charted(table(KIND), "objective", {"p_D": 1.0, "p_A": 3.0}) is None
         assert charted(table(("seed", "", {"1": 1.0})), "objective", {"p_1": 2.0}) is None
 
 
-def axes_of(places: tuple, *lines: tuple[float | None, ...]) -> Any:
+def axes_of(places: tuple[float, ...], *lines: tuple[float | None, ...]) -> Any:
     series = tuple((f"line {index}", line) for index, line in enumerate(lines))
     return drawn(charts.panels([Chart("speed [m/s]", places, series, "objective")])).axes[0]
 
@@ -94,10 +91,6 @@ class TestScales:
     def test_values(self, values: tuple[float | None, ...], scale: str):
         assert axes_of((1.0, 2.0), values).get_yscale() == scale
 
-    def test_bars_for_words_are_told_apart_by_hatching(self):
-        ax = axes_of(("E", "D"), (1.0, 2.0), (3.0, None))
-        assert [container.patches[0].get_hatch() for container in ax.containers] == ["", "///"]
-
     def test_a_map_names_every_cell(self):
         lines = tuple((f"duration {row} s", (1.0 * row, None)) for row in range(1, 9))
         figure = drawn(charts.heat_map(Chart("speed [m/s]", (1.0, 2.0), lines, "objective")))
@@ -107,3 +100,29 @@ class TestScales:
         ]
         assert ax.get_xlabel() == "speed [m/s]"
         assert ax.get_yticklabels()[0].get_text() == "duration 1 s"
+
+
+class TestNames:
+    def test_several_lines_are_named_where_they_end_and_no_name_covers_another(self):
+        lines = [(3.0, 1.0), (3.1, 1.02), (2.9, 1.01), (9.0, None)]
+        series = tuple((f"noise {index} mm", line) for index, line in enumerate(lines))
+        figure = drawn(charts.panels([Chart("speed [m/s]", (1.0, 2.0), series, "error [mm]")] * 3))
+        figure.canvas.draw()
+        for ax in figure.axes:
+            boxes = [one.get_window_extent() for one in ax.texts]
+            assert {one.get_text() for one in ax.texts} == {name for name, _ in series}
+            assert not any(a.overlaps(b) for at, a in enumerate(boxes) for b in boxes[:at])
+            assert all(figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1 for box in boxes)
+        assert not figure.legends
+
+    def test_one_line_needs_no_name_and_what_is_wanted_is_a_level(self):
+        chart = Chart("speed [m/s]", (1.0, 2.0), (("track", (3.0, 1.0)),), "error [mm]", level=4.0)
+        (ax,) = drawn(charts.panels([chart])).axes
+        assert [one.get_text() for one in ax.texts] == ["wanted"]
+        assert ax.get_ylim()[0] == 0 < 4.0 < ax.get_ylim()[1]
+
+    def test_panels_of_other_units_have_labels_of_their_own(self):
+        made = [
+            Chart("speed [m/s]", (1.0, 2.0), (("", (3.0, 1.0)),), f"error [{unit}]") for unit in ("mm", "1")
+        ]
+        assert [ax.get_ylabel() for ax in drawn(charts.panels(made)).axes] == ["error [mm]", "error [1]"]

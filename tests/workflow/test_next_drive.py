@@ -136,7 +136,7 @@ class TestLoop:
         log = drive(study, designed, None, tmp_path / "drive.csv", np.random.default_rng(7))
         found = next_drive(designed, [log], least_gain=0.9, workers=1)
         assert found.stop
-        assert "less than 90.0%" in found.reason
+        assert "less than 90.0 %" in found.reason
 
 
 class TestMistakes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -57,7 +58,10 @@ def test_the_command_goes_on_where_it_was_and_writes_a_page(
     assert data.pop("directory") == str(done.folder)
     assert data == done.data == json.loads((done.folder / "plan.json").read_text())
     page = (done.folder / "report.html").read_text()
-    assert done.found.answer in page
+    # The first sentence is a heading.
+    title, _, more = done.found.answer.partition(". ")
+    assert re.search(rf"<h2>{re.escape(title.rstrip('.'))}</h2>", page.replace("\u00a0", " "))
+    assert more in page.replace("\u00a0", " ")
     assert "duration of the drive" in page
     assert write_plan(done.found, done.folder).read_text() == page
 

@@ -126,7 +126,7 @@ def _outliers(fit: Fit, group: str, places: list[int]) -> Diagnostic:
     count, expected = int((np.abs(z) > FAR).sum()), z.size * 2 * scipy.stats.norm.sf(FAR)
     passed = bool(count <= max(5 * expected, 3))
     share = count / z.size
-    text = f"{share:.2%} of the {group} residuals lie beyond {FAR:g} standard deviations"
+    text = f"{100 * share:.2f} % of the {group} residuals lie beyond {FAR:g} standard deviations"
     text += "" if passed else ": outliers; a robust loss (loss: huber) bounds what they do"
     return Diagnostic("outliers", group, share, None, passed, text)
 

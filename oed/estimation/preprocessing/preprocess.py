@@ -171,7 +171,7 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
         if wrong:
             flaws.append(FileFlaw(file, 0, 0, key, wrong))
         elif left is not None:
-            doubts[file] = f"the wheels leave {left:.0%} of the measured motion unexplained"
+            doubts[file] = f"the wheels leave {100 * left:.0f} % of the measured motion unexplained"
     if flaws:
         raise LogError(flaws)
     found = tuple(

@@ -80,7 +80,8 @@ def _most_likely(moves: Moves, possibilities: Iterable[Possibility], as_given: f
     tried = [(_worst(moves, *what), text) for text, what in possibilities]
     left, text = min(tried, key=lambda pair: pair[0], default=(math.inf, ""))
     if left < min(BETTER * as_given, BAD):
-        return f"{text}: that leaves {left:.0%} of the motion unexplained instead of {as_given:.0%}"
+        instead = f"{100 * left:.0f} % of the motion unexplained instead of {100 * as_given:.0f} %"
+        return f"{text}: that leaves {instead}"
     return None
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -177,10 +177,12 @@ def errors_over_time(record: EstimateRecord) -> Section | None:
     table = _evo(record)
     if picture is None and table is None:
         return None
-    return Section.of("Error over time", SAY("definitions") if table else "", picture, table)
+    made = Section.of("Error over time", SAY("definitions") if table else "", picture, table)
+    return replace(made, brief=(0, 1))
 
 
-def _evo(record: EstimateRecord) -> Table | None:
+def reckoned(record: EstimateRecord) -> tuple[str, list[Run]]:
+    """The logs that say most of dead reckoning, in words and one by one: those the estimate does not know."""
     fitted = [
         Run(one.log, one.before, one.after)
         for one in record.paths
@@ -188,16 +190,20 @@ def _evo(record: EstimateRecord) -> Table | None:
     ]
     test, folds = tested(record.test_set), folds_of(record)
     runs = test or folds or fitted
+    return SAY("of", ["held out" if test else "left out" if folds else "fitted"], len(runs)), runs
+
+
+def _evo(record: EstimateRecord) -> Table | None:
+    which, runs = reckoned(record)
     known = [(name, pair, unit) for name, key, unit in EVO if (pair := means(runs, key)) is not None]
     if not known:
         return None
-    role = "held out" if test else "left out" if folds else "fitted"
     columns = (
         Column("root mean square error", cell=lambda item: item[0]),
         Column("nominal", "", significant(3), lambda item: size_text(item[1][0], item[2])),
         Column("estimated", "", significant(3), lambda item: size_text(item[1][1], item[2])),
     )
-    return Table.of(known, columns, SAY("whose", [role], len(runs)))
+    return Table.of(known, columns, SAY("whose", which, len(runs)))
 
 
 def _roles(drawn: Sequence[ReckonedPath]) -> list[str]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from oed.foundation.text import (
     MISSING,
     decimals_of,
+    error_text,
     in_signs,
     nominal_text,
     own_unit,
@@ -16,10 +17,19 @@ from oed.foundation.text import (
     size_text,
     to_error,
     unit_for,
+    unit_text,
     words,
 )
 from oed.records.stored.estimate import Estimated, EstimateRecord, Finding, FoundNoise, Unknown
-from oed.report.estimate.dead_reckoning import Run, folds_of, means, one_by_one, path_picture, tested
+from oed.report.estimate.dead_reckoning import (
+    Run,
+    folds_of,
+    means,
+    one_by_one,
+    path_picture,
+    reckoned,
+    tested,
+)
 from oed.report.estimate.fit import error_line
 from oed.report.estimate.logs import MOST_ROWS, clock_label, clocks, findings, offset_clocks
 from oed.report.estimate.models import model_lines
@@ -48,22 +58,65 @@ WORTH_A_LINE = 0.02
 
 
 def summary(record: EstimateRecord) -> Section:
-    """Warnings, the path before and after, and the estimates with their errors."""
+    """The first screen: paths before and after beside the estimates, whether to trust them, what next."""
     noted = (*warnings(record), *map(sentence, record.notes))
-    return Section.of("Summary", path_picture(record), estimates(record), notices=noted)
-
-
-def trust(record: EstimateRecord) -> Section:
-    """Whether the estimates can be trusted, and why not where not; what they rest on; the next drive."""
-    origin = SAY("origin", record, lasting(sum(log.seconds or 0.0 for log in record.logs)))
-    outside = [one.name for one in record.parameters if one.nominal_outside]
     failed = sum(not one.passed for one in record.diagnostics)
     unseen = bool(tested(record.test_set) or folds_of(record))
     judged = SAY("trust", len(warnings(record)), failed, len(record.diagnostics), unseen)
-    nominal = SAY("nominal", outside, len(record.parameters))
-    return Section.of(
-        "Can it be trusted", judged, " ".join(gains(record)), nominal, origin, SAY("next", *_worst(record))
+    made = Section.of(
+        "Summary",
+        _finding(record),
+        judged,
+        SAY("next", *_worst(record)),
+        path_picture(record),
+        _brief(record),
+        notices=noted,
     )
+    return replace(made, first=True, folds=(Section("Intervals", tables=(estimates(record),)),))
+
+
+def _finding(record: EstimateRecord) -> str:
+    # What the estimates do for odometry, else how far what changed most is from its nominal value.
+    which, runs = reckoned(record)
+    errors = means(runs, "rmse_position")
+    if errors is not None:
+        return SAY("odometry", [size_text(error, "m") for error in errors], which)
+    changes = {
+        one.name: 100 * (one.value - one.nominal) / abs(one.nominal)
+        for one in record.parameters
+        if one.value is not None and one.nominal
+    }
+    name = max(changes, key=lambda name: abs(changes[name]), default="")
+    return SAY("changed", words(name), changes.get(name, 0.0))
+
+
+def _brief(record: EstimateRecord) -> Table:
+    def estimate(one: Estimated) -> str:
+        unit, factor = own_unit(one.unit)
+        value, error = (
+            to_error(one.value, one.standard_error, factor),
+            error_text(one.standard_error, factor),
+        )
+        return f"{value} ± {error} {unit_text(unit)}".strip()
+
+    def nominal(one: Estimated) -> str:
+        return f"{_nominal(one)} {unit_text(own_unit(one.unit)[0])}".strip()
+
+    columns = (
+        Column("parameter", cell=lambda one: words(one.name)),
+        Column("nominal", "", significant(5), nominal),
+        Column("estimate ± standard error", "", significant(5), estimate),
+        Column("change", "%", significant(3), _change),
+    )
+    return Table.of(record.parameters, columns)
+
+
+def trust(record: EstimateRecord) -> Section:
+    """What the estimates do for dead reckoning, how they lie to the nominal values, and what they rest on."""
+    origin = SAY("origin", record, lasting(sum(log.seconds or 0.0 for log in record.logs)))
+    outside = [one.name for one in record.parameters if one.nominal_outside]
+    nominal = SAY("nominal", outside, len(record.parameters))
+    return Section.of("Before and after", " ".join(gains(record)), nominal, origin)
 
 
 def _worst(record: EstimateRecord) -> tuple[str, str]:

@@ -10,7 +10,7 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.foundation.text import unit_text
 from oed.report.figures import spec
-from oed.report.figures.spec import FAINT, FIRST, INK, Ends, Look, Values, line_look, mark, stroke
+from oed.report.figures.spec import FAINT, INK, Ends, Look, Values, line_look, mark, stroke
 from oed.report.parts.inputs import Group, Series
 
 BEYOND = 0.3
@@ -120,9 +120,22 @@ def _search(points: Sequence[tuple[float, float]], look: Look) -> list[spec.Part
 DECADE = 20.0
 """Ratio of the largest to the smallest value from which an axis is logarithmic."""
 MARKERS = ("o", "s", "^", "D", "v", "P")
-HATCHES = ("", "///", "...", "xxx", "---", "+++")
-FILLS = (FIRST, "#e9c08a", "#8fb97a", "#dcb6cf", "#5b87b5", "#d9d9d9")
-"""Of bars side by side, told apart by brightness and hatching."""
+MARGIN = 0.07
+"""Beside the points of a panel, as a share of its extent."""
+POINTS = 52.0
+"""Of a panel's own height, for each inch of its figure's row."""
+APART = 11.0
+"""Between names of lines [points]."""
+NAMED: Look = {"va": "center", "fontsize": "small", "fontweight": "bold", "zorder": 5}
+"""Of a line's name at its end."""
+WANTED: Look = {
+    "xycoords": ("axes fraction", "data"),
+    "va": "top",
+    "fontsize": "small",
+    "color": INK,
+    "zorder": 5,
+}
+"""Of the word at a level."""
 
 
 @dataclass(frozen=True)
@@ -131,23 +144,20 @@ class Chart:
 
     Attributes:
         across: name of the key along the axis, with its unit.
-        places: its values, numbers or words.
+        places: its values.
         series: for each combination of the other keys its name and the value of each place; None where there
             is none.
         quantity: what the values are, with their unit.
         title: of the panel.
+        level: that is wanted; None for none.
     """
 
     across: str
-    places: tuple[float, ...] | tuple[str, ...]
+    places: tuple[float, ...]
     series: tuple[tuple[str, tuple[float | None, ...]], ...]
     quantity: str
     title: str = ""
-
-    @property
-    def worded(self) -> bool:
-        """Whether the places are words."""
-        return any(isinstance(place, str) for place in self.places)
+    level: float | None = None
 
     @property
     def values(self) -> Array:
@@ -157,41 +167,62 @@ class Chart:
 
 
 def panels(charts: Sequence[Chart]) -> spec.Plot:
-    """One panel for each chart, lines over numbers, bars over words; all with the same series."""
-    columns, first = (1 if len(charts) == 1 else 2), charts[0]
-    height = (3.0 if columns == 1 else 2.4) * -(-len(charts) // columns)
-    look = _fill if first.worded else _line
-    named = first.series if len(first.series) > 1 else ()
-    keys = [spec.Key(name, look(index), patch=first.worded) for index, (name, _) in enumerate(named)]
-    legend = spec.Legend(keys, 3, options={"handlelength": 3.2})
-    made = [_panel(one) for one in charts]
-    alike = len({one.across for one in charts}) == 1
-    return spec.Plot(made, columns, height=height, labels="outer ticks" if alike else "each", legend=legend)
+    """One panel for each chart: lines, named where they end if there are several, and what is wanted."""
+    columns = 2 if len(charts) == 4 else min(len(charts), 3)
+    height = (3.4 if columns == 1 else 2.9) * -(-len(charts) // columns)
+    alike = len({(one.across, one.quantity) for one in charts}) == 1
+    made = [_panel(one, height) for one in charts]
+    return spec.Plot(made, columns, height=height, labels="outer ticks" if alike else "each")
 
 
-def _panel(chart: Chart) -> spec.Panel:
-    values, y = chart.values, spec.Axis(chart.quantity)
-    if _spans_decades(values):
-        y = spec.Axis(chart.quantity, logarithmic=True)
-    elif np.nanmin(values, initial=0.0) >= 0:
-        y = spec.Axis(chart.quantity, ends=(0.0, 1.08 * float(np.nanmax(values, initial=0.0)) or 1.0))
-    if chart.worded:
-        words = [(index, str(place)) for index, place in enumerate(chart.places)]
-        return spec.Panel(_bars(values), spec.Axis(chart.across, ticks=words, grid=False), y, chart.title)
+def _panel(chart: Chart, height: float) -> spec.Panel:
+    values, level = chart.values, [] if chart.level is None else [chart.level]
+    every = np.array([*values[np.isfinite(values)], *level])
+    y = spec.Axis(chart.quantity, logarithmic=_spans_decades(every), ends=_span(every, 0.0))
     places = np.array(chart.places, dtype=float)
-    parts = [spec.Line(places, row, {**_line(index), "zorder": 3}) for index, row in enumerate(values)]
-    ticks = tuple((float(place), f"{place:g}") for place in places)
-    x = spec.Axis(chart.across, logarithmic=_spans_decades(places), ticks=ticks)
-    return spec.Panel(parts, x, y, chart.title, margin=0.06)
-
-
-def _bars(values: Array) -> list[spec.Part]:
-    width = 0.8 / len(values)
-    middle = np.arange(values.shape[1]) - 0.5 * (len(values) - 1) * width
-    return [
-        spec.Call("bar", (middle + index * width, row, 0.92 * width), {**_fill(index), "zorder": 3})
-        for index, row in enumerate(values)
+    x = spec.Axis(
+        chart.across,
+        ends=_span(places),
+        logarithmic=_spans_decades(places),
+        ticks=tuple((float(place), f"{place:.3g}") for place in places),
+    )
+    parts: list[spec.Part] = [
+        spec.Line(places, row, {**_line(index), "zorder": 3}) for index, row in enumerate(values)
     ]
+    if chart.level is not None:
+        parts.append(spec.Call("axhline", (chart.level,), stroke(INK, 1.1, 2, (4, 2))))
+        parts.append(spec.Note("wanted", (0.0, chart.level), (3, -3), WANTED))
+    return spec.Panel([*parts, *_names(chart, y, height)], x, y, chart.title)
+
+
+def _span(values: Array, least: float | None = None) -> Ends:
+    # A margin on either side; from `least` on unless something is below it.
+    if not len(values):
+        return 0.0, 1.0
+    low, high = float(values.min()), float(values.max())
+    if _spans_decades(values):
+        return low / (high / low) ** MARGIN, high * (high / low) ** MARGIN
+    room = MARGIN * (high - (low if least is None else min(low, least)) or 1.0)
+    return low - room if least is None or low < least else least, high + room
+
+
+def _names(chart: Chart, y: spec.Axis, height: float) -> list[spec.Part]:
+    # Beside the last point of each of several lines, moved apart where they would lie over each other.
+    known = [(index, np.flatnonzero(np.isfinite(row))) for index, row in enumerate(chart.values)]
+    ends = [(index, at[-1], chart.values[index, at[-1]]) for index, at in known if len(at)]
+    if len(chart.series) < 2:
+        return []
+    assert y.ends is not None
+    scale = np.log if y.logarithmic else np.asarray
+    low, high = scale(np.array(y.ends))
+    points, free = POINTS * height, -np.inf
+    found: list[spec.Part] = []
+    for index, at, value in sorted(ends, key=lambda end: end[2]):
+        place = float((scale(np.array(value)) - low) / (high - low) * points)
+        free = max(place, free + APART)
+        look = {**NAMED, "color": line_look(index)["color"]}
+        found.append(spec.Note(chart.series[index][0], (chart.places[at], value), (9, free - place), look))
+    return found
 
 
 def _spans_decades(values: Values) -> bool:
@@ -202,10 +233,6 @@ def _spans_decades(values: Values) -> bool:
 def _line(index: int) -> Look:
     # Smaller and smaller, so that lines that coincide are all seen.
     return {**line_look(index), "marker": MARKERS[index % len(MARKERS)], "markersize": 9.5 - 1.3 * index}
-
-
-def _fill(index: int) -> Look:
-    return {"facecolor": FILLS[index], "hatch": HATCHES[index], "edgecolor": INK, "linewidth": 0.7}
 
 
 def heat_map(chart: Chart) -> spec.Plot:

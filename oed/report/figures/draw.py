@@ -61,15 +61,17 @@ def svg_text(figure: spec.Plot) -> str:
         warnings.filterwarnings("ignore", message="Glyph ", category=UserWarning)
         buffer = io.StringIO()
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-        _laid_out(drawn(figure)).savefig(buffer, format="svg", metadata=nothing)
+        laid_out(drawn(figure)).savefig(buffer, format="svg", metadata=nothing)
     return page_text(_compact(buffer.getvalue()))
 
 
-def _laid_out(figure: Figure) -> Figure:
-    # With its layout done, as for an SVG file: savefig would draw all of it once more only to lay it out.
+def laid_out(figure: Figure) -> Figure:
+    """The figure with its layout done, as for SVG: savefig would draw all once more only to lay it out."""
     FigureCanvasSVG(figure)
     figure.dpi = FigureCanvasSVG.fixed_dpi
-    figure.get_layout_engine().execute(figure)
+    # Titles of several lines make their panels smaller, which the first pass has not seen.
+    for _ in range(2 if any("\n" in ax.get_title() for ax in figure.axes) else 1):
+        figure.get_layout_engine().execute(figure)
     figure.set_layout_engine("none")
     return figure
 
@@ -100,7 +102,7 @@ def picture_bytes(figure: spec.Plot, form: str) -> bytes:
         warnings.filterwarnings("ignore", message="Glyph ", category=UserWarning)
         buffer = io.BytesIO()
         nothing = {"CreationDate": None} if form == "pdf" else {}
-        drawn(figure).savefig(buffer, format=form, metadata=nothing, dpi=PNG_DPI)
+        laid_out(drawn(figure)).savefig(buffer, format=form, metadata=nothing, dpi=PNG_DPI)
     return buffer.getvalue()
 
 

@@ -98,8 +98,9 @@ def paths(drives: Sequence[Path], room: Room) -> spec.Plot:
         for one in drives
     ]
     keys = [*_path_keys(drives), *_room_keys(drives, room)]
-    # Lines of the top panels' titles for which there is no room; those below grow into the gaps.
-    lines = max(0, *(one.title.count("\n") - 1 for one in drives[:columns]))
+    # Further lines of titles, row by row, and of the legend.
+    titles = [one.title.count("\n") for one in drives]
+    lines = sum(max(titles[first : first + columns]) for first in range(0, len(drives), columns))
     lines += -(-len(keys) // legend_columns([key.label for key in keys], width, HANDLE)) - 1
     return spec.Plot(
         panels,

@@ -9,7 +9,7 @@ import numpy as np
 from oed.foundation.text import unit_for
 from oed.records.stored.estimate import ReckonedPath
 from oed.report.figures import spec
-from oed.report.figures.spec import INK, SECOND, WIDTH, Look, mark, stroke
+from oed.report.figures.spec import INK, SECOND, Look, mark, stroke
 
 BEFORE, AFTER = stroke(SECOND, 1.5, 3, (4, 1.8)), stroke("#74aede", 2.8, 2)
 """Dead reckoning with nominal and with estimated parameters."""
@@ -22,6 +22,8 @@ LETTERS = 26
 """Of a panel's title."""
 TITLES = (10.0, 9.5, 8.5)
 """Sizes of titles by the number of columns."""
+BESIDE = 6.6
+"""Width of the paths, which stand beside the estimates [inch]."""
 MOST_LOGS = 3
 """Logs whose errors are drawn side by side."""
 
@@ -29,13 +31,14 @@ MOST_LOGS = 3
 def paths(drawn: Sequence[ReckonedPath]) -> spec.Plot:
     """One panel per log: its measured path, and dead reckoning before and after."""
     columns = 1 if len(drawn) == 1 else 2 if len(drawn) in (2, 4) else 3
-    panel = WIDTH / columns * (0.36 if columns == 1 else 1.0)
-    shape = float(np.clip(np.median([_shape(one) for one in drawn]), 0.4, 1.2))
+    panel = BESIDE / columns
+    shape = float(np.clip(np.median([_shape(one) for one in drawn]), 0.4, 0.75 if columns == 1 else 1.2))
     rows = -(-len(drawn) // columns)
     keys = [*KEYS, spec.Key("start", START)]
     return spec.Plot(
         [_panel(one, TITLES[columns - 1]) for one in drawn],
         columns,
+        BESIDE,
         height=rows * (max(panel * shape, 1.3) + 0.45) + 0.5,
         labels="outer ticks",
         legend=_legend(keys),

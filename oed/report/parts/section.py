@@ -23,7 +23,38 @@ from oed.foundation.text import (
 )
 from oed.report.figures.spec import Plot
 
-Cell = float | str | bool | None
+
+@dataclass(frozen=True)
+class Link:
+    """A text that leads to a page beside the report.
+
+    Attributes:
+        text: it.
+        address: of the page.
+        number: that the text says; None for a word.
+    """
+
+    text: str
+    address: str
+    number: float | None = None
+
+
+Cell = float | str | bool | Link | None
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A cell as it is printed.
+
+    Attributes:
+        text: it.
+        key: what it is sorted by; "" comes last.
+        address: of the page that it leads to; "" for none.
+    """
+
+    text: str
+    key: str
+    address: str = ""
 
 
 @dataclass(frozen=True)
@@ -58,6 +89,8 @@ class Column:
             return MISSING
         if isinstance(cell, bool):
             return "yes" if cell else "no"
+        if isinstance(cell, Link):
+            return cell.text
         if isinstance(cell, str):
             return cell
         return (self.form or significant(4))(cell)
@@ -65,23 +98,33 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of raw cells under columns, with a caption."""
+    """Rows of raw cells under columns, with a caption; `sortable` by a click on a column's heading."""
 
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
     caption: str = ""
+    sortable: bool = False
 
     @classmethod
-    def of(cls, items: Iterable[object], columns: Iterable[Column | None], caption: str = "") -> Table:
+    def of(
+        cls,
+        items: Iterable[object],
+        columns: Iterable[Column | None],
+        caption: str = "",
+        *,
+        sortable: bool = False,
+    ) -> Table:
         """A row for each item; a column that is None is left out.
 
         Args:
             items: one for each row.
             columns: that are shown; None is left out.
             caption: of the table.
+            sortable: whether a click on a column's heading sorts it.
         """
         shown = tuple(one for one in columns if one is not None)
-        return cls(shown, tuple(tuple(one.cell(item) for one in shown) for item in items), caption)
+        rows = tuple(tuple(one.cell(item) for one in shown) for item in items)
+        return cls(shown, rows, caption, sortable)
 
     @property
     def cells(self) -> list[list[str]]:
@@ -89,6 +132,30 @@ class Table:
         return [
             [column.text(cell) for column, cell in zip(self.columns, row, strict=True)] for row in self.rows
         ]
+
+    @property
+    def entries(self) -> list[list[Entry]]:
+        """The rows as they are printed, with what they are sorted by and lead to."""
+        return [
+            [
+                Entry(text, sort_key(cell), cell.address if isinstance(cell, Link) else "")
+                for text, cell in zip(texts, row, strict=True)
+            ]
+            for texts, row in zip(self.cells, self.rows, strict=True)
+        ]
+
+
+def sort_key(cell: Cell) -> str:
+    """What a cell is sorted by, as a script reads it; what is not known has ""."""
+    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
+        return ""
+    if isinstance(cell, float) and math.isinf(cell):
+        return "Infinity" if cell > 0 else "-Infinity"
+    if isinstance(cell, (bool, int, float)):
+        return repr(float(cell))
+    if isinstance(cell, Link):
+        return sort_key(cell.text if cell.number is None else cell.number)
+    return cell.casefold()
 
 
 @dataclass(frozen=True)

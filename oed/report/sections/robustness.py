@@ -33,12 +33,12 @@ def robustness(record: Record) -> Section | None:
 
 
 def _sentences(record: Record, found: StoredRobustness) -> Iterator[str]:
-    yield SAY("uncertain", found, [_range(one) for one in found.uncertain])
     # Where every robot ends cannot be asked for: nothing corrects it on its way.
     ends = [name for name in (EndPosition.name, EndHeading.name) if getattr(record.study.limits, name, None)]
-    yield SAY("ends", ends)
     searched = [(_called(record, one), one) for one in found.results if one.back_off is not None]
     yield SAY("verdict", found.kind, searched)
+    yield SAY("uncertain", found, [_range(one) for one in found.uncertain])
+    yield SAY("ends", ends)
     plain = next((one for one in found.results if one.name == NOMINAL), None)
     best = record.best
     if plain is None or plain.objective is None or best is None or best.objective is None:
@@ -93,7 +93,7 @@ def _bundle(record: Record, tried: Tried, bundle: Paths) -> paths.Bundle:
         for side in (False, True)
     )
     # None of so many is no proof that there is none.
-    share = quantity(100 * tried.probability, "%", 2)
+    share = quantity(100 * tried.probability, "%")
     if not tried.probability:
         share = f"less than {quantity(100 * tried.interval[1], '%', 1)}"
     nominal = tuple(poses[:, :2] for poses in result.drive.by_run)

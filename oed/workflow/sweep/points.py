@@ -84,8 +84,10 @@ def short_names(keys: Sequence[str]) -> list[str]:
 
 
 def _last(key: str) -> str:
-    # `criterion` says more than `kind`, and `points.2` more than `2`.
+    # `criterion` says more than `kind`, `points.2` more than `2`, and `position_noise` more than `position`.
     parts = key.removesuffix(".kind").split(".")
+    if parts[-2:-1] == ["noise"]:
+        return f"{parts[-1]}_noise"
     return key if parts[-1].isdecimal() else parts[-1]
 
 

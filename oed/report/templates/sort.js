@@ -1,17 +1,19 @@
 "use strict";
-for (const table of document.querySelectorAll("table.index")) {
-  const body = table.tBodies[0];
+for (const table of document.querySelectorAll("table.sortable")) {
+  // Bodies keep their sizes: further rows stay folded away.
+  const bodies = [...table.tBodies].map((body) => [body, body.rows.length]);
+  const rows = () => bodies.flatMap(([body]) => [...body.rows]);
   const heads = [...table.tHead.rows[0].cells];
-  const numeric = (column) => [...body.rows].every((row) => !isNaN(Number(row.cells[column].dataset.key)));
   const order = (column, sign) => {
-    const number = numeric(column);
     const key = (row) => row.cells[column].dataset.key;
+    const number = rows().every((row) => !isNaN(Number(key(row))));
     const compare = (a, b) => {
       // What is not known comes last, whichever way.
       if (key(a) === "" || key(b) === "") return (key(a) === "") - (key(b) === "");
       return sign * (number ? Number(key(a)) - Number(key(b)) : key(a).localeCompare(key(b)));
     };
-    body.append(...[...body.rows].sort(compare));
+    const sorted = rows().sort(compare);
+    for (const [body, size] of bodies) body.append(...sorted.splice(0, size));
   };
   heads.forEach((head, column) => {
     const button = document.createElement("button");
