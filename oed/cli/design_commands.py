@@ -183,7 +183,7 @@ def _plan_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="'T1,T2,... [UNIT]'",
         type=durations,
         default=(),
-        help="of one drive, to be tried, e.g. '10,20,40 s' (default: half, once and twice the study's)",
+        help="of one drive, to be tried beside the study's, e.g. '10,40 s' (default: half and twice that)",
     )
     parser.add_argument("--out", metavar="DIR", help="where to write (default: reports/<file stem>-plan/)")
 

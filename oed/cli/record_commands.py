@@ -49,14 +49,24 @@ def _page_of(options: argparse.Namespace) -> Path | None:
     # The pages of all that is saved in a folder, or in the file that is named; None where it holds no run.
     from oed.foundation.work.folders import in_order
     from oed.records.record import ESTIMATE_FILE as ESTIMATE
-    from oed.records.record import FILE, SWEEP_FILE, load_estimate, load_record, load_sweep
-    from oed.report import write_estimate, write_report, write_sweep
+    from oed.records.record import (
+        FILE,
+        PLAN_FILE,
+        SWEEP_FILE,
+        load_estimate,
+        load_plan,
+        load_record,
+        load_sweep,
+    )
+    from oed.report import write_estimate, write_plan, write_report, write_sweep
 
     folder, out, figures = options.folders[0], options.out, options.figures
     first, page = in_order(folder), None
     estimated, swept = (first / ESTIMATE).is_file(), (first / SWEEP_FILE).is_file()
     if estimated:
         page = write_estimate(load_estimate(first), out or first, figures)
+    if (first / PLAN_FILE).is_file():
+        return write_plan(load_plan(first), out or first, figures)
     if swept:
         return write_sweep(load_sweep(first), first, out or first, figures)
     if (first / FILE).is_file() or not first.is_dir():

@@ -57,9 +57,7 @@ def solve(
         return replace(solution, problem=problem)
     # Found by another measure of quality, but scored by the problem's.
     evaluation = None if solution.trajectory is None else evaluate(problem, solution.trajectory)
-    return replace(
-        solution, evaluation=evaluation, criterion=own.criterion.kind, gains={}, problem=problem
-    )
+    return replace(solution, evaluation=evaluation, criterion=own.criterion.kind, gains={}, problem=problem)
 
 
 def _solver(given: Solver | str | None) -> Solver:

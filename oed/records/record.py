@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
 from oed.foundation.errors import UserMistake
-from oed.foundation.files import write_text
+from oed.foundation.files import inside, write_text
 from oed.foundation.work.folders import in_order, interrupted_runs
 from oed.records.stored.consistency import require_one_study
 from oed.records.stored.door import checked, read_echo, read_file
 from oed.records.stored.estimate import EstimateRecord as EstimateRecord
+from oed.records.stored.plan import PlannedPoint, StoredPlan
 from oed.records.stored.study_record import Record as Record
 from oed.records.stored.sweep import StoredSweep
 
-FILE, ESTIMATE_FILE, SWEEP_FILE = "record.json", "estimate.json", "sweep.json"
+FILE, ESTIMATE_FILE = "record.json", "estimate.json"
+SWEEP_FILE, PLAN_FILE = "sweep.json", "plan.json"
 REPORT, ESTIMATE = "report", "estimate"
 """Names, without suffix, of the pages on a design and on an estimate; the latter's figures begin with it."""
 FIGURE_FORMATS = ("pdf", "png")
 """In which figures may be had beside the SVG of each."""
-RESULTS = (FILE, ESTIMATE_FILE, SWEEP_FILE)
-"""Names of the files that hold what a run, an estimate and a sweep found."""
+RESULTS = (FILE, ESTIMATE_FILE, SWEEP_FILE, PLAN_FILE)
+"""Names of the files that hold what a run, an estimate, a sweep and a plan found."""
 
 
 def save_record(record: Record, folder: str | Path) -> Path:
@@ -100,6 +103,25 @@ def load_sweep(folder: str | Path) -> StoredSweep:
     """
     path = saved_file(folder, SWEEP_FILE)
     return checked(StoredSweep, read_file(path, "a sweep", "oed sweep", "points"), path)
+
+
+def load_plan(folder: str | Path) -> StoredPlan:
+    """The plan in `folder`.
+
+    Raises:
+        RecordError: none there, or not one of this format.
+    """
+    path = saved_file(folder, PLAN_FILE)
+    return checked(StoredPlan, read_file(path, "a plan", "oed plan", "aims"), path)
+
+
+def point_folder(folder: str | Path, point: PlannedPoint) -> Path:
+    """Where the drive of a plan's point is: a folder in one of the folders of the plan's own.
+
+    Raises:
+        UserMistake: that is elsewhere.
+    """
+    return reduce(inside, point.folder.split("/"), Path(folder))
 
 
 def saved_file(folder: str | Path, name: str) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from oed.foundation.errors import RecordError, UserMistake
@@ -16,14 +16,20 @@ from oed.records.record import (
     ESTIMATE,
     ESTIMATE_FILE,
     FILE,
+    PLAN_FILE,
     REPORT,
+    RESULTS,
     SWEEP_FILE,
     beside,
     load_estimate,
+    load_plan,
     load_record,
     load_sweep,
+    point_folder,
 )
+from oed.records.stored.plan import PlannedPoint
 from oed.records.stored.study_record import Provenance
+from oed.records.stored.sweep import SweptPoint
 from oed.report.contenders import relative_deviations
 from oed.report.page import FILTERS, address_of
 from oed.report.parts.prose import environment
@@ -48,10 +54,11 @@ class Run:
 
     Attributes:
         folder: of the run, relative to the folder that the index is of.
-        kind: design, estimate or sweep; and whether it was cut short.
+        kind: design, estimate, sweep or plan; and whether it was cut short.
         study: its name.
         robot: its kind; "" where it is not known.
-        precision: standard errors of the parameters, shares of their values [%]; of a sweep its best's.
+        precision: standard errors of the parameters, shares of their values [%]; of a sweep its best's, of
+            a plan those of the study's own drive.
         gap: of the best design to the bound [%]; None where there is none.
         date: when it was finished, ISO 8601; "" where it is not known.
         page: of the run; None where none is written.
@@ -123,8 +130,9 @@ def write_index(folder: str | Path, out: str | Path | None = None) -> Path:
 
 def _nothing(source: Path, unreadable: Sequence[tuple[str, str]]) -> str:
     if not unreadable:
+        expected = f"{', '.join(RESULTS[:-1])} or {RESULTS[-1]}"
         return (
-            f"{source}: no run in it or in its folders: expected {FILE}, {ESTIMATE_FILE} or {SWEEP_FILE}; "
+            f"{source}: no run in it or in its folders: expected {expected}; "
             f"`oed run STUDY --out {source}` writes one{beside(source)}"
         )
     why = "\n".join(f"{name}: {reason}" for name, reason in unreadable[:NAMED])
@@ -134,7 +142,7 @@ def _nothing(source: Path, unreadable: Sequence[tuple[str, str]]) -> str:
 def runs_in(folder: Path) -> tuple[list[Run], list[tuple[str, str]]]:
     """The runs in a folder and in folders in it, and those that cannot be read, by name, each with why.
 
-    The points of a sweep are not runs of their own; hidden folders and links are left alone.
+    The points of sweeps and plans are not runs of their own; hidden folders and links are left alone.
     """
     runs: list[Run] = []
     unreadable: list[tuple[str, str]] = []
@@ -154,16 +162,21 @@ def _found(folder: Path) -> Iterator[tuple[Path, Reader]]:
     for at, folders, files in os.walk(folder):
         place = Path(at)
         deep = len(place.relative_to(folder).parts)
-        points = _points(place) if SWEEP_FILE in files else set()
+        points = _points(place, files)
         folders[:] = sorted(
             one for one in folders if deep < DEEPEST and not one.startswith(".") and one not in points
         )
         yield from ((place, read) for name, read in READERS.items() if name in files)
 
 
-def _points(place: Path) -> set[str]:
+def _points(place: Path, files: Sequence[str]) -> set[str]:
     try:
-        return {one.folder.split("/")[0] for one in load_sweep(place).points}
+        points: list[SweptPoint | PlannedPoint] = []
+        if SWEEP_FILE in files:
+            points += load_sweep(place).points
+        if PLAN_FILE in files:
+            points += (one for axis in load_plan(place).axes for one in axis.points)
+        return {one.folder.split("/")[0] for one in points}
     except RecordError:
         # Its records are then runs like any others.
         return set()
@@ -207,7 +220,21 @@ def _sweep(place: Path, name: str) -> Run:
     return Run(name, kind, found.name, best.robot, best.precision, percent(point.gap), best.date, page)
 
 
-READERS: Mapping[str, Reader] = {FILE: _design, ESTIMATE_FILE: _estimate, SWEEP_FILE: _sweep}
+def _plan(place: Path, name: str) -> Run:
+    found = load_plan(place)
+    run = Run(name, _kind("plan", cut=found.interrupted), found.name, "", {}, page=_page(place, REPORT))
+    if found.own is None:
+        return run
+    own = _design(point_folder(place, found.own), name)
+    return replace(run, robot=own.robot, precision=own.precision, date=own.date)
+
+
+READERS: Mapping[str, Reader] = {
+    FILE: _design,
+    ESTIMATE_FILE: _estimate,
+    SWEEP_FILE: _sweep,
+    PLAN_FILE: _plan,
+}
 """By the names of the files that they read."""
 
 

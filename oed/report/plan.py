@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,8 +25,13 @@ TIMES = "times the study's"
 """Unit of what is a share of the study's own."""
 
 
-def write_plan(found: StoredPlan, folder: str | Path) -> Path:
+def write_plan(found: StoredPlan, folder: str | Path, figures: Sequence[str] = ()) -> Path:
     """Write report.html, report.md and figures/*.svg of a plan into `folder`; returns report.html.
+
+    Args:
+        found: the plan.
+        folder: where to write.
+        figures: formats in which figures are written beside the SVG of each: "pdf", "png".
 
     Raises:
         UserMistake: the folder cannot be written to.
@@ -33,7 +39,7 @@ def write_plan(found: StoredPlan, folder: str | Path) -> Path:
     target = Path(folder)
     tables = (_table(found, axis) for axis in found.axes)
     sections = (_summary(found), Section.of("The drives that were designed", *tables))
-    return render(f"{found.name}: how long, or how many drives", sections, target)
+    return render(f"{found.name}: how long, or how many drives", sections, target, figures=figures)
 
 
 def _summary(found: StoredPlan) -> Section:
@@ -52,9 +58,8 @@ def _summary(found: StoredPlan) -> Section:
 def _chart(found: StoredPlan, axis: PlannedAxis) -> Chart | None:
     # With the study's own drive among them, which was designed with the durations.
     points = {one.value: one for one in axis.points if one.errors}
-    own = next((one for one in found.axes[0].points if one.value == found.duration), None)
-    if own is not None and own.errors and axis is not found.axes[0]:
-        points[axis.base] = own
+    if found.own is not None:
+        points[axis.base] = found.own
     places = tuple(sorted(points))
     if len(places) < 2:
         return None

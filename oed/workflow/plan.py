@@ -6,47 +6,49 @@ import copy
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from oed.foundation.errors import StudyError, UserMistake
+from oed.foundation.errors import RecordError, StudyError, UserMistake
 from oed.foundation.extras import package_version
 from oed.foundation.files import inside, write_text
+from oed.foundation.presenting import Brief
 from oed.foundation.text import count, quantity, significant
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.optimize import Progress, Workers
+from oed.records.record import PLAN_FILE as FILE
+from oed.records.record import load_plan, load_record, point_folder
 from oed.records.stored.door import FORMAT
 from oed.records.stored.plan import PlannedAim, PlannedAxis, PlannedPoint, StoredPlan
-from oed.records.stored.sweep import StoredSweep, SweptPoint
+from oed.records.stored.sweep import StoredSweep
 from oed.robots.limits.workspace import workspace_of
 from oed.study.study import Study
 from oed.workflow.aims import aims_of, stretch
+from oed.workflow.repeated import drives_needed, information_of, standard_errors
 from oed.workflow.studies import load_study
-from oed.workflow.sweep import Axis, grid, sweep
+from oed.workflow.sweep import Axis, Point, grid, sweep
 
-FILE = "plan.json"
-"""Name of the file that holds the plan."""
-DURATIONS = (0.5, 1.0, 2.0)
-"""Durations that are tried, as shares of the study's."""
+DURATIONS = (0.5, 2.0)
+"""Durations that are tried beside the study's, as shares of it."""
 ROOMS = (2 / 3, 1.5)
 """Sizes of rooms that are tried beside the study's, as shares of it."""
 NOISES = (0.5, 2.0)
-"""Sizes of the noise that are tried beside the study's, as shares of it."""
+"""Sizes of the noise with which the study's own drive is measured, as shares of its own."""
 BARE = {"baselines": [], "bound": False, "validation": None, "physics": None, "calibration": None}
 """Keys of a study whose search alone is wanted."""
 FREE = 3
 """Spline coefficients beyond the degree that a drive at rest at both ends needs at least."""
-ROUNDING = 1e-9
-"""Share by which the number of drives may be rounded down."""
 
 
-@dataclass(frozen=True)
-class Planned:
-    """A plan, and the folder where it is saved."""
+@dataclass(frozen=True, repr=False)
+class Planned(Brief):
+    """A plan, and the folder where it is saved; None where it would take the place of a finished one."""
 
     found: StoredPlan
-    folder: Path
+    folder: Path | None = None
 
     @property
     def data(self) -> dict[str, Any]:
@@ -66,15 +68,16 @@ def plan(
 ) -> Planned:
     """How long, or how many drives, for wanted standard errors.
 
-    Drives are designed for several durations, for smaller and larger rooms, and for less and more noise, each
-    alone. Drives of their own add up what they tell: n of them have errors smaller by sqrt(n). What `out` has
-    of an earlier plan of the same study is kept.
+    Drives are designed for several durations, and for smaller and larger rooms, each alone; the study's own
+    is measured with less and more noise. Information of several drives adds up, what is known beforehand
+    counts once. What `out` has of an earlier plan of the same study is kept; a plan that is cut short does
+    not take the place of a finished one.
 
     Args:
         file: the study.
         targets: standard errors wanted, by parameter, with a unit ("0.2 mm") or relative ("0.1 %").
         out: folder for plan.json, and for the sweeps.
-        durations: of one drive, to be tried [s]; half, once and twice the study's by default.
+        durations: of one drive, to be tried beside the study's [s]; half and twice that by default.
         seed: instead of the study's.
         workers: processes, or a cluster; does not change the result.
         progress: informed how far it is.
@@ -83,21 +86,31 @@ def plan(
         UserMistake: nothing wanted, or of what the study does not estimate, a study without noise.
         NotSaved: `out` could not be written to in the end.
     """
-    study = load_study(file)
+    study, folder = load_study(file), Path(out)
     aims = _aims(study, targets)
     axes, interrupted = list[PlannedAxis](), False
     for axis, base in _axes(study, durations):
         name = axis.key.rpartition(".")[2]
-        done = sweep(
-            file, [axis], inside(Path(out), name), seed=seed, workers=workers, progress=progress
-        ).found
-        axes.append(PlannedAxis(name=name, unit=axis.unit, base=base, points=_points(done, aims, name)))
-        interrupted = done.interrupted
+        place = inside(folder, name)
+        done = sweep(file, [axis], place, seed=seed, workers=workers, progress=progress)
+        points = _points(done.found, grid(study.source, [axis]), aims, done.folder or place)
+        axes.append(PlannedAxis(name=name, unit=axis.unit, base=base, points=points))
+        interrupted = done.found.interrupted
         if interrupted:
             break
     found = _planned(study, aims, axes, interrupted)
-    write_text(Path(out) / FILE, json.dumps(found.plain(), indent=1, allow_nan=False) + "\n")
-    return Planned(found, Path(out))
+    if found.own is not None and not interrupted:
+        found = found.model_copy(update={"axes": [*axes, _noise(study, aims, found.own, folder)]})
+    if interrupted and _is_finished(folder):
+        return Planned(found)
+    write_text(folder / FILE, json.dumps(found.plain(), indent=1, allow_nan=False) + "\n")
+    return Planned(found, folder)
+
+
+def _is_finished(folder: Path) -> bool:
+    with suppress(RecordError):
+        return not load_plan(folder).interrupted
+    return False
 
 
 def _aims(study: Study, targets: Mapping[str, str]) -> list[PlannedAim]:
@@ -127,7 +140,8 @@ def _axes(study: Study, durations: Sequence[float]) -> Iterator[tuple[Axis, floa
     # What to vary, and the study's own value of it. What makes no study, as a room too small for the robot,
     # is left out.
     own = study.file.trajectory.duration
-    times = sorted(set(durations) or {share * own for share in DURATIONS})
+    # The longest first: it takes longest, and what is left is shared out meanwhile.
+    times = sorted({own, *(durations or [share * own for share in DURATIONS])}, reverse=True)
     texts, studies = tuple(f"{time:g} s" for time in times), tuple(_lasting(study, time) for time in times)
     yield Axis("trajectory.duration", texts, tuple(times), "s", studies), own
     room = workspace_of(study.problem.limits)
@@ -136,8 +150,6 @@ def _axes(study: Study, durations: Sequence[float]) -> Iterator[tuple[Axis, floa
         side = max(x_max - x_min, y_max - y_min)
         rooms = [(share * side, _in_room(study, share)) for share in ROOMS]
         yield from ((axis, side) for axis in _readable(study, "limits.room", "m", rooms))
-    noises = [(share, _noisy(study, share)) for share in NOISES]
-    yield from ((axis, 1.0) for axis in _readable(study, "measurement.noise", "", noises))
 
 
 def _readable(
@@ -160,7 +172,10 @@ def _readable(
 
 
 def _bare(study: Study) -> dict[str, Any]:
-    return {**study.echo(), **copy.deepcopy(BARE)}
+    data = {**study.echo(), **copy.deepcopy(BARE)}
+    if data.get("robust"):
+        data["robust"]["compare"] = False
+    return data
 
 
 def _lasting(study: Study, duration: float) -> dict[str, Any]:
@@ -210,24 +225,57 @@ def _scaled(value: Any, share: float, square: Sequence[str] = ()) -> Any:
     return share * value if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-def _points(done: StoredSweep, aims: Sequence[PlannedAim], name: str) -> list[PlannedPoint]:
+def _points(
+    done: StoredSweep, studies: Sequence[Point], aims: Sequence[PlannedAim], folder: Path
+) -> list[PlannedPoint]:
     (axis,) = done.keys
-    return [_point(one, axis.key, aims, name) for one in done.points]
+    found = []
+    for one, point in zip(done.points, studies, strict=True):
+        drive = _drive(inside(folder, one.folder)) if one.design is not None else None
+        origin, value = (f"{folder.name}/{one.folder}", one.status), one.numbers[axis.key] or 0.0
+        found.append(_point(value, one.values[axis.key], origin, point.study, drive, aims))
+    return sorted(found, key=lambda one: one.value)
 
 
-def _point(one: SweptPoint, key: str, aims: Sequence[PlannedAim], name: str) -> PlannedPoint:
-    errors = {aim.name: one.standard_deviations.get(aim.name) for aim in aims}
-    known = {parameter: size for parameter, size in errors.items() if size is not None}
+def _drive(folder: Path) -> Trajectory | None:
+    best = load_record(folder).best
+    return None if best is None or best.drive is None else best.drive.trajectory
+
+
+def _noise(study: Study, aims: Sequence[PlannedAim], own: PlannedPoint, folder: Path) -> PlannedAxis:
+    # The study's own drive, measured less and more noisily: no other is better by more than a prior makes it.
+    drive, points = _drive(point_folder(folder, own)), []
+    for share in NOISES:
+        axis = Axis("measurement.noise", (f"{share:g}",), (share,), "", (_noisy(study, share),))
+        (point,) = grid(study.source, [axis])
+        points.append(_point(share, f"{share:g}", (own.folder, own.status), point.study, drive, aims))
+    return PlannedAxis(name="noise", unit="", base=1.0, points=points)
+
+
+def _point(
+    value: float,
+    text: str,
+    origin: tuple[str, str],
+    study: Study,
+    drive: Trajectory | None,
+    aims: Sequence[PlannedAim],
+) -> PlannedPoint:
+    # What a drive, of which `origin` says where it is and how its search ended, says in a study.
+    wanted, known, drives = {aim.name: aim.wanted for aim in aims}, dict[str, float](), None
+    if drive is not None:
+        information = information_of(study.problem, drive)
+        errors = standard_errors(study.problem, information, 1)
+        known = {name: errors[name] for name in wanted if math.isfinite(errors[name])}
+        drives = drives_needed(study.problem, information, wanted) if len(known) == len(aims) else None
     whole = len(known) == len(aims)
-    worst = max(known[aim.name] / aim.wanted for aim in aims) if whole else None
     return PlannedPoint(
-        value=one.numbers[key] or 0.0,
-        text=one.values[key],
-        folder=f"{name}/{one.folder}",
-        status=one.status,
+        value=value,
+        text=text,
+        folder=origin[0],
+        status=origin[1],
         errors=known,
-        worst=worst,
-        drives=None if worst is None else max(1, math.ceil(worst**2 - ROUNDING)),
+        worst=max(known[name] / size for name, size in wanted.items()) if whole else None,
+        drives=drives,
     )
 
 
@@ -294,7 +342,9 @@ def _answer(
     # One drive of 34 s, or 3 of 20 s.
     if not found:
         return "Interrupted before a drive was found."
-    own, drives = base[0], base[2] or 1
+    own, drives = base[0], base[2]
+    if drives is None:
+        return f"No number of drives of {_seconds(own)} is enough: they leave open what is wanted."
     if one is None:
         return (
             f"{count(drives, 'drive')} of {_seconds(own)}. One alone would have to be longer than "

@@ -6,15 +6,22 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
+from listeners import Listener, interrupt
 from studies import SMALL, small, write_study
 
 from oed.cli import main
 from oed.cli.terminal.arguments import aim, durations
 from oed.foundation.errors import UserMistake
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.records.record import load_plan, load_record
 from oed.report import write_plan
+from oed.workflow import plan as planning
 from oed.workflow.aims import aims_of
 from oed.workflow.plan import Planned, _answer, _in_room, _noisy, _reaching, plan
+from oed.workflow.repeated import drives_needed, information_of, standard_errors
 from oed.workflow.studies import load_study, parse_study
 
 TINY = "{kind: genetic, population: 20, generations: 3}"
@@ -66,6 +73,107 @@ def test_the_command_goes_on_where_it_was_and_writes_a_page(
     assert write_plan(done.found, done.folder).read_text() == page
 
 
+@pytest.mark.slow
+def test_its_page_is_drawn_again_and_an_index_lists_it(
+    planned: tuple[Path, Planned], capsys: pytest.CaptureFixture[str]
+):
+    done = planned[1]
+    assert load_plan(done.folder) == done.found
+    page = write_plan(done.found, done.folder).read_text()
+    (done.folder / "report.html").unlink()
+    assert main(["report", str(done.folder), "--figures", "png"]) == 0
+    assert (done.folder / "report.html").read_text() == page
+    assert (done.folder / "figures" / "precision.png").exists()
+    assert main(["report", str(done.folder.parent)]) == 0
+    index = (done.folder.parent / "index.md").read_text()
+    # Its sweeps are no runs of their own.
+    (row,) = (line for line in index.splitlines() if "differential drive" in line)
+    assert "| plan |" in row
+    capsys.readouterr()
+
+
+def a_prior(text: str, size: float) -> str:
+    weighted = text.replace("scaling: none", "scaling: relative")
+    return f"{weighted}prior: {{standard_deviations: {{c21: {size} m, c22: {size} m}}}}\n"
+
+
+class TestSeveralDrives:
+    def problem(self, size: float):
+        problem = parse_study(a_prior(small(), size)).problem
+        inputs = np.sin(np.arange(40)[:, None] / 9 + np.arange(2))
+        return problem, Trajectory.from_samples(inputs, 10.0, problem.start_states(np.zeros(3)))
+
+    def test_what_is_known_beforehand_counts_once(self):
+        problem, drive = self.problem(1e-3)
+        information = information_of(problem, drive)
+        evaluation = evaluate(problem, drive)
+        assert standard_errors(problem, information, 1) == pytest.approx(evaluation.standard_deviations)
+        known = 1e-3**-2
+        for name, whole in evaluation.full_information.items():
+            alone = whole - known * np.eye(len(whole))
+            expected = np.sqrt(np.diag(np.linalg.inv(2 * alone + known * np.eye(len(whole)))))
+            found = standard_errors(problem, information, 2)
+            assert [found[one] for one in evaluation.parameters[name]] == pytest.approx(expected)
+
+    @pytest.mark.parametrize("share", [0.9, 0.5, 0.1])
+    def test_no_fewer_would_do(self, share: float):
+        problem, drive = self.problem(1e-3)
+        information = information_of(problem, drive)
+        wanted = {"c21": share * standard_errors(problem, information, 1)["c21"]}
+        needed = drives_needed(problem, information, wanted)
+        assert needed is not None
+        errors = [standard_errors(problem, information, count)["c21"] for count in (needed, needed - 1)]
+        assert errors[0] <= wanted["c21"] < errors[1]
+        # A prior that counted in every drive would make it look as if fewer did.
+        assert needed > share**-2
+
+    def test_what_only_a_prior_says_no_drive_makes_better(self):
+        problem, drive = self.problem(1e-3)
+        still = Trajectory.from_samples(0 * drive.inputs, 10.0, drive.start)
+        assert drives_needed(problem, information_of(problem, still), {"c21": 0.9e-3}) is None
+        assert drives_needed(problem, information_of(problem, still), {"c21": 1e-3}) == 1
+
+
+@pytest.mark.slow
+def test_a_prior_counts_once_in_a_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(planning, "ROOMS", ())
+    file = write_study(tmp_path, a_prior(small(solvers=TINY), 1e-4))
+    found = plan(file, {"c21": "0.03 mm"}, tmp_path / "out", durations=(10.0,), workers=1).found
+    (own,) = found.axes[0].points
+    problem, drive = load_study(file).problem, load_record(tmp_path / "out" / own.folder).best.drive
+    assert found.drives == own.drives
+    assert found.drives > own.worst**2 + 1
+    assert found.drives == drives_needed(problem, information_of(problem, drive.trajectory), {"c21": 3e-5})
+
+
+@pytest.mark.slow
+def test_a_robust_study_is_searched_once_a_point(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(planning, "ROOMS", ())
+    robust = "uncertainty: {wheel_radius_right: 1 %}\nrobust: {draws: 1000}\n"
+    quick = "{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}"
+    file = write_study(tmp_path, small(solvers=quick) + robust)
+    found = plan(file, {"c21": "0.1 mm"}, tmp_path / "out", durations=(10.0,), workers=1).found
+    (own,) = found.axes[0].points
+    (result,) = load_record(tmp_path / "out" / own.folder).results
+    assert result.name == "ipopt"
+    assert [point.folder for point in found.axes[1].points] == [own.folder] * 2
+
+
+@pytest.mark.slow
+def test_an_interrupted_plan_leaves_a_finished_one(planned: tuple[Path, Planned], tmp_path: Path):
+    file, done = planned
+    before = (done.folder / "plan.json").read_text()
+    more = {"durations": (2.5, 10.0, 5.0), "workers": 1, "progress": Listener(1, interrupt)}
+    cut = plan(file, {"c21": "0.1 mm"}, done.folder, **more)
+    assert cut.found.interrupted
+    assert cut.folder is None
+    assert (done.folder / "plan.json").read_text() == before
+    fresh = plan(file, {"c21": "0.1 mm"}, tmp_path / "out", **more | {"progress": Listener(1, interrupt)})
+    assert fresh.folder is not None
+    assert load_plan(fresh.folder).interrupted
+    assert fresh.found.axes[0].points
+
+
 @pytest.mark.parametrize(
     ("points", "expected"),
     [
@@ -87,6 +195,7 @@ def test_where_one_drive_is_enough(points: list[tuple[float, float]], expected: 
         ([(10.0, 1.6, 3), (20.0, 0.9, 1)], 17.0, 1, "One drive of 20 s is enough, and about 17 s would do."),
         ([(20.0, 2.6, 7)], None, 0, "7 drives of 20 s. One alone would have to be longer than 20 s: "),
         ([(20.0, 0.6, 1)], 20.0, 0, "One drive of 20 s is enough."),
+        ([(20.0, 1.6, None)], None, 0, "No number of drives of 20 s is enough: "),
     ],
 )
 def test_the_answer_in_a_sentence(found: list, one: float | None, base: int, answer: str):

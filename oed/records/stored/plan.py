@@ -61,3 +61,9 @@ class StoredPlan(Stored):
     drives: Count | None
     answer: str
     interrupted: bool
+
+    @property
+    def own(self) -> PlannedPoint | None:
+        """The study's own drive; None where there is none."""
+        points = (one for one in self.axes[0].points if one.value == self.axes[0].base) if self.axes else ()
+        return next((one for one in points if one.errors), None)
