@@ -50,6 +50,7 @@ def solutions() -> list[Solution]:
         seed=3,
         stages={"starts": 12.5, "second_stage": -math.inf},
         history=(HistoryPoint(2000, 0.5, 12.0), HistoryPoint(2100, 1.5, 12.5)),
+        gains={"workspace": 1.5, "wheel_speed": 0.0},
     )
     nothing = Solution("genetic", "genetic", None, None, Status.INFEASIBLE, detail="wheel_speed is too low.")
     return [
@@ -178,6 +179,11 @@ class TestContract:
         assert found["feasible"] is True
         assert found["violations"] == {}
         assert {margin["limit"] for margin in found["margins"]} >= {"wheel_speed", "workspace", "duration"}
+
+    def test_what_looser_limits_gain_is_said_of_searches_that_know_it(self, made: Record):
+        gains = {margin["limit"]: margin["gain"] for margin in entry(made, "ipopt")["margins"]}
+        assert (gains["workspace"], gains["wheel_speed"], gains["duration"]) == (1.5, 0.0, None)
+        assert {margin["gain"] for margin in entry(made, "fast")["margins"]} == {None}
 
     def test_violations_are_named(self, made: Record):
         fast = entry(made, "fast")

@@ -41,6 +41,20 @@ def test_the_limits_that_matter_are_said_with_a_small_step_the_most_important_fi
     assert column(table, "a little looser")[3] is None
 
 
+def test_limits_that_hardly_matter_are_in_the_table_only():
+    record = with_gains(sample_records.full(), wheel_speed=0.002, workspace=1.54)
+    assert said(record).endswith("would make the best drive 1.5 % better. Other limits matter less.")
+    shown = column(section(record, "What limits it").tables[0], "best drive better by")
+    assert shown[:2] == [pytest.approx(1.54), pytest.approx(0.02)]
+
+
+def test_a_limit_without_a_size_has_no_step():
+    data = with_gains(sample_records.full(), workspace=1.54).data
+    for margin in data["results"][0]["margins"]:
+        margin["size"] = 0.0
+    assert said(record_from(data)).startswith("What looser limits would gain is not known")
+
+
 def test_limits_that_do_not_matter():
     assert said(with_gains(sample_records.full(), wheel_speed=1e-9)).startswith(
         "No limit holds this drive back"

@@ -84,7 +84,7 @@ class Room:
     @property
     def gain(self) -> float | None:
         """By which share the best drive would be better then; None where that is not known."""
-        if self.margin.gain is None:
+        if self.margin.gain is None or not self.margin.size:
             return None
         share = self.margin.gain * self.step / self.unit[1]
         return share if share > NOTHING else 0.0
