@@ -1,4 +1,4 @@
-"""How long a newcomer waits for the first report on a robot: `oed init` and `oed run` of every robot there is."""
+"""How long a newcomer waits for the first report on a robot: `oed init` and `oed run`, for every robot."""
 
 from __future__ import annotations
 
