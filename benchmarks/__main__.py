@@ -22,6 +22,7 @@ BENCHMARKS: tuple[str, ...] = (
     "long_log",
     "start_up",
     "whole_run",
+    "starters",
 )
 """Modules of this folder, in the order of the table."""
 

@@ -56,11 +56,8 @@ def _summary(found: StoredPlan) -> Section:
 
 
 def _chart(found: StoredPlan, axis: PlannedAxis) -> Chart | None:
-    # With the study's own drive among them, which was designed with the durations.
-    points = {one.value: one for one in axis.points if one.errors}
-    if found.own is not None:
-        points[axis.base] = found.own
-    places = tuple(sorted(points))
+    points = {float(f"{one.value:.3g}"): one for one in _with_own(found, axis) if one.errors}
+    places = tuple(points)
     if len(places) < 2:
         return None
     single = len(found.aims) == 1
@@ -71,6 +68,15 @@ def _chart(found: StoredPlan, axis: PlannedAxis) -> Chart | None:
     level = found.aims[0].wanted * own_unit(found.aims[0].unit)[1] if single else 1.0
     unit = f" [{axis.unit}]" if axis.unit else f", {TIMES}"
     return Chart(f"{ACROSS[axis.name]}{unit}", places, tuple(lines), name, level=level)
+
+
+def _with_own(found: StoredPlan, axis: PlannedAxis) -> list[PlannedPoint]:
+    # The study's own drive among them, which was designed with the durations.
+    if found.own is None:
+        return axis.points
+    others = [one for one in axis.points if one.value != axis.base]
+    own = found.own.model_copy(update={"value": axis.base})
+    return sorted([*others, own], key=lambda one: one.value)
 
 
 def _drawn(one: PlannedPoint, aim: PlannedAim, single: bool) -> float | None:
@@ -86,7 +92,7 @@ def _table(found: StoredPlan, axis: PlannedAxis) -> Table:
         Column("drives needed", "", fixed(0), lambda one: one.drives),
         Column("status", cell=lambda one: words(one.status)),
     )
-    return Table.of(axis.points, columns, f"{title[0].upper()}{title[1:]}")
+    return Table.of(_with_own(found, axis), columns, f"{title[0].upper()}{title[1:]}")
 
 
 def _error_column(aim: PlannedAim) -> Column:

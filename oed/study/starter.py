@@ -31,6 +31,8 @@ TYPICAL = {
     "trailer_length": "60 cm",
 }
 """Sizes of a typical robot, for those that are not given."""
+DRAWS = 2000
+"""Robots that a first drive of a robot that skids is tried with: enough to show 99 %, in seconds."""
 LONGER = "3 to 8"
 """How many times as long a run with a robust drive takes."""
 ROOM = "3 m x 3 m"
@@ -38,7 +40,7 @@ ROOM = "3 m x 3 m"
 DURATION = "20 s"
 """Duration of a first drive."""
 PILOT = "8 s"
-"""Duration of a drive before anything is known of a robot that skids: short, so that it stays in the room."""
+"""Duration of a drive before anything is known of a robot that skids: short, to stay in the room."""
 EFFECTIVE, LEAST, MOST = 1.8, 1.4, 2.4
 """How many times wider than its wheels' own the track of a robot that skids acts: usual, least and most."""
 UNSURE = "5 %"
@@ -189,6 +191,7 @@ def _text(
         sizes={**known, **{key: value for key, value in choice.sizes.items() if value or key not in known}},
         effective=EFFECTIVE,
         longer=LONGER,
+        draws=DRAWS,
         duration=choice.duration or usual_duration(choice.robot),
         radius=radius,
         x=(x_min, x_max),

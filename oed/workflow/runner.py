@@ -180,7 +180,7 @@ def search(
                     return list(done.values()), True
                 if found is not None:
                     found(list(done.values()))
-            return [*done.values(), *nominal_search(work)], False
+            return [*done.values(), *nominal_search(replace(work, progress=listener))], False
     except KeyboardInterrupt:
         return list(done.values()), True
 

@@ -255,3 +255,13 @@ def test_a_pair_of_wheels_has_one_name(tmp_path: Path):
 @pytest.mark.parametrize(("text", "times"), [("5,10 s", (5, 10)), ("5 s, 1 min", (5, 60)), ("7", (7,))])
 def test_durations(text: str, times: tuple[float, ...]):
     assert durations(text) == times
+
+
+@pytest.mark.slow
+def test_every_table_has_the_studys_own_drive(planned: tuple[Path, Planned]):
+    page = write_plan(planned[1].found, planned[1].folder).with_suffix(".md").read_text()
+    rows = [line for line in page.splitlines() if line.startswith("|")]
+    own = [row.split("|")[1:] for row in rows if row.split("|")[1].strip() in ("10", "2", "1")]
+    # 10 s, 2 m, the study's noise, and twice it, of other errors.
+    assert len(own) == 4
+    assert sum(row[1:] == own[0][1:] for row in own) == 3

@@ -16,6 +16,7 @@ from studies import saved_study, small
 from oed.foundation.errors import StudyError
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
+from oed.optimize import Silent
 from oed.records.record import Record, load_record
 from oed.study.study import Study
 from oed.uncertainty.departures import violation_probability
@@ -51,6 +52,25 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Record, Path]:
 def entry(record: Record, name: str) -> dict[str, Any]:
     (found,) = [one for one in record.data["robustness"]["results"] if one["name"] == name]
     return found
+
+
+class Hearing(Silent):
+    """Hears sentences."""
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def say(self, sentence: str) -> None:
+        self.said.append(sentence)
+
+
+@pytest.mark.slow
+def test_of_the_first_feasible_drive_is_told_once(ran):
+    # The search without back-off, for comparison, finds feasible drives too.
+    study, _, _ = ran
+    listener = Hearing()
+    run(study, workers=1, progress=listener, search_only=True)
+    assert len(listener.said) == 1
 
 
 @pytest.mark.slow
