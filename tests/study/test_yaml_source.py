@@ -194,6 +194,9 @@ def test_an_empty_text_has_a_place():
         ("a: 1\n---\na: 2\n", 2, "not valid YAML"),
         ("a: !!python/object:os.system {}\n", 1, "not valid YAML"),
         ("a: *nobody\n", 1, "not valid YAML"),
+        ("a: 1\nb:\n\tc: 2\n", 3, "indent with blanks, not with tabs"),
+        ("a: 1\n---\na: 2\n", 2, "expected a single document in the stream, but found another"),
+        ("a: 1\nb: {c: 1,\n  d: 2\ne: 3\n", 4, "(while parsing a flow mapping that begins in line 2)"),
         ("a: 1\nb: 2\na: 3\n", 3, "given twice (first in line 1)"),
     ],
 )
