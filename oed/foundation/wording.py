@@ -44,6 +44,8 @@ def in_words(detail: ErrorDetails) -> str:
         return "the key kind is missing, which says what this is"
     if kind == "too_short":
         return f"expected at least {context['min_length']} of them, {got}"
+    if kind == "too_long":
+        return f"expected at most {context['max_length']} of them, {got}"
     plain = {
         "model_type": "keys and values",
         "model_attributes_type": "keys and values",

@@ -170,6 +170,10 @@ class TestNamed:
             (1e3, 1e3, 1.0, "times those of the wheels, as if the times were in ms"),
             (1.0, 1.0, 1e3, "positions were in mm; give x and y unit: mm"),
             (1.0, 1.0, 1e2, "positions were in cm"),
+            (1.0, 1.0, 1e-2, "positions were in m, not in cm; give x and y unit: m"),
+            (1.0, 1.0, 1e-3, "positions were in m, not in mm; give x and y unit: m"),
+            (math.pi / 30, 1.0, 1.0, "the wheels' speeds were in rad/s, not in rpm; give them unit: rad/s"),
+            (math.pi / 180, 1.0, 1.0, "the wheels' speeds were in rad/s, not in deg/s"),
         ],
     )
     def test_units(self, quantities, turning: float, lasting: float, length: float, text: str):

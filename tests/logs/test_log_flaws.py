@@ -188,7 +188,12 @@ class TestColumns:
 
     def test_nothing_to_keep(self, file: Path, rows: list[list[str]]):
         flaw = flaw_of(write(file, rows), keep={"x": [100, 200]})
-        assert flaw.message == "no row has x = (100.0, 200.0)"
+        assert flaw.message == "no row has x from 100 to 200"
+
+    def test_runs_that_are_none(self, file: Path, rows: list[list[str]]):
+        flaw = flaw_of(write(file, rows), runs="x")
+        assert flaw.message == "none of its 200 runs has 3 rows; does another column tell them apart?"
+        assert flaw.named == ("log", "runs", "column")
 
     def test_another_text_is_not_told(self, file: Path):
         file.write_text("root:x:0:0:root:/root:/bin/sh\nuucp:x:10:10:uucp:/var/uucp:/bin/no\nlast one\n")

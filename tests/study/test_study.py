@@ -634,6 +634,11 @@ def test_a_wrong_value_says_where_and_what_to_do(old: str, new: str, line: int, 
     assert flaw.message.endswith(message)
 
 
+def test_a_range_has_two_ends():
+    (flaw,) = flaws_of(replaced("seed: 3", "log: {keep: {x: [5, 1, 3]}}"))
+    assert flaw.message.endswith("or expected at most 2 of them, got [5, 1, 3]")
+
+
 def test_an_empty_file_is_no_study():
     (flaw,) = flaws_of("# to be written\n")
     assert flaw.message == "expected a study (keys and values), got nothing; `oed init` makes a first one"

@@ -219,6 +219,12 @@ def test_times_that_do_not_rise_come_with_the_keys_that_may_mend_them(tmp_path: 
             "file: no such file; did you mean drive.txt? (named in {study}:11: log.poses.file)",
         ),
         ("log:\n  keep: {steady: 1}\n", "(named in {study}:10: log.keep.steady)"),
+        ("log:\n  keep: {x: [7, 9]}\n", "keep: no row has x from 7 to 9 (named in {study}:10: log.keep)"),
+        ("log:\n  runs:\n    x\n", "does another column tell them apart? (named in {study}:11: log.runs)"),
+        (
+            "log: {poses: {file: '{stme}.csv'}}\n",
+            "no such file; `{{stem}}` stands for the log's own (named in {study}:9: log.poses.file)",
+        ),
         ("log:\n  poses: {x: x, heading:\n    yaw}\n", "(named in {study}:11: log.poses.heading)"),
         ("log: {skip_stationary: true}\n", "(name it in {study}:9: log.poses.y.column)"),
     ],

@@ -30,16 +30,23 @@ SPEEDS = {
     "the wheels' speeds were in rpm; give them unit: rpm": math.pi / 30,
     "the wheels' speeds were in deg/s; give them unit: deg/s": math.pi / 180,
     "the wheels' speeds were in turns a second; give them unit: turn/s": 2 * math.pi,
+    "the wheels' speeds were in rad/s, not in rpm; give them unit: rad/s": 30 / math.pi,
+    "the wheels' speeds were in rad/s, not in deg/s; give them unit: rad/s": 180 / math.pi,
 }
-"""Units of wheel speeds that are read as rad/s, and their factors."""
+"""Units of wheel speeds that are read as rad/s, or the other way round, and their factors."""
 TIMES = {
     "the times were in ms; give time unit: ms": 1e-3,
     "the times were in us; give time unit: us": 1e-6,
     "the times were in ns; give time unit: ns": 1e-9,
 }
 """Units of times that are read as seconds, and their factors."""
-LENGTHS = {"mm": 1e-3, "cm": 1e-2}
-"""Units of positions that are read as metres, and their factors."""
+LENGTHS = {
+    "positions were in mm; give x and y unit: mm": 1e-3,
+    "positions were in cm; give x and y unit: cm": 1e-2,
+    "positions were in m, not in cm; give x and y unit: m": 1e2,
+    "positions were in m, not in mm; give x and y unit: m": 1e3,
+}
+"""Units of positions that are read as metres, or the other way round, and their factors."""
 MIRRORED: tuple[Axes, ...] = ((1j, 1), (-1, 1j), (1, -1j))
 """Axes of positions that are exchanged, or of which one points the other way."""
 Possibility = tuple[str, tuple[Array, float, float, Axes]]
@@ -176,8 +183,7 @@ def _units(moves: Moves) -> Iterator[Possibility]:
     turning = [entry.unit == "rad/s" for entry in moves.robot.inputs if entry.drives]
     for what, factor in (SPEEDS if all(turning) else {}).items() | TIMES.items():
         yield what, (np.where(driving, factor, 1.0) * moves.inputs, 1.0, 1.0, AS_READ)
-    for unit, factor in LENGTHS.items() if "x" in moves.layout.quantities else ():
-        text = f"positions were in {unit}; give x and y unit: {unit}"
+    for text, factor in LENGTHS.items() if "x" in moves.layout.quantities else ():
         yield text, (moves.inputs, 1.0, 1.0, (factor, factor * 1j))
 
 
