@@ -28,6 +28,8 @@ def in_words(detail: ErrorDetails) -> str:
         return "missing"
     if kind == "extra_forbidden":
         return "unknown key"
+    if kind == "invalid_key":
+        return f"expected a name as a key, {got}"
     if kind == "value_error":
         return str(context["error"])
     if kind in bounds:

@@ -634,6 +634,18 @@ def test_a_wrong_value_says_where_and_what_to_do(old: str, new: str, line: int, 
     assert flaw.message.endswith(message)
 
 
+def test_a_baseline_is_called_by_its_name():
+    (flaw,) = flaws_of(replaced("  - circle\n", "  - {kind: circle}\n"))
+    assert flaw.key == "baselines.0"
+    assert flaw.message.startswith("expected 'straight', 'circle', ")
+    assert flaw.message.endswith("got {'kind': 'circle'}")
+
+
+def test_a_prior_of_a_mistyped_parameter_says_what_was_meant():
+    (flaw,) = flaws_of(f"{small()}prior: {{standard_deviations: {{trak: 1 mm}}}}\n")
+    assert flaw.message.endswith("did you mean track?")
+
+
 def test_a_range_has_two_ends():
     (flaw,) = flaws_of(replaced("seed: 3", "log: {keep: {x: [5, 1, 3]}}"))
     assert flaw.message.endswith("or expected at most 2 of them, got [5, 1, 3]")
