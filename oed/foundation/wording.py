@@ -28,6 +28,8 @@ def in_words(detail: ErrorDetails) -> str:
         return "missing"
     if kind == "extra_forbidden":
         return "unknown key"
+    if kind == "invalid_key":
+        return f"expected a name as a key, {got}"
     if kind == "value_error":
         return str(context["error"])
     if kind in bounds:
@@ -44,6 +46,8 @@ def in_words(detail: ErrorDetails) -> str:
         return "the key kind is missing, which says what this is"
     if kind == "too_short":
         return f"expected at least {context['min_length']} of them, {got}"
+    if kind == "too_long":
+        return f"expected at most {context['max_length']} of them, {got}"
     plain = {
         "model_type": "keys and values",
         "model_attributes_type": "keys and values",

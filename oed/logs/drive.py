@@ -13,10 +13,13 @@ from oed.foundation.errors import FileFlaw, LogError
 from oed.logs import findings
 from oed.logs.form import LogForm, Repeats
 from oed.logs.log import Finding, Log
-from oed.logs.series import Series, together
+from oed.logs.series import NotInLog, Series, together
 
 FEWEST = 3
 """Rows that a drive needs at least, of inputs and of poses."""
+
+MOST_SHORT = 3
+"""Runs that are too short and named one by one."""
 
 MARGIN = 1.0
 """What stays of a standing start and end where they are cut off, for the clocks' offset to be found [s]."""
@@ -198,6 +201,9 @@ def to_logs(drives: list[RecordedDrive], form: LogForm, held: Repeats) -> list[L
     """
     fits = [min(len(drive.inputs), len(drive.poses)) >= FEWEST for drive in drives]
     fit = [drive for drive, long_enough in zip(drives, fits, strict=True) if long_enough]
+    if not fit and len(drives) > MOST_SHORT:
+        text = f"none of its {len(drives)} runs has {FEWEST} rows; does another column tell them apart?"
+        raise LogError([NotInLog(drives[0].inputs.file, 0, 0, "runs", text, ("log", "runs", "column"))])
     read: list[Log] = together(partial(_to_log, drive, form, held) for drive in fit or drives)
     # Said once of a file, of which its drives are parts.
     for series, what in ((drives[0].inputs, "inputs"), (drives[0].poses, "poses")):

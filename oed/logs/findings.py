@@ -28,6 +28,8 @@ JUMP, SMALLEST_JUMP = 20.0, 0.05
 TURN_JUMP, SMALLEST_TURN = 5.0, np.radians(20)
 """Times the fast turning of the drive, and rad, beyond which a step of the heading is."""
 
+IN_DEGREES = "heading_in_degrees"
+"""Name of what is found of a heading that is rather in degrees."""
 DEGREES_PER_TURN = 360.0
 """By which a heading in degrees jumps."""
 FAST_TURNING = 10.0
@@ -162,7 +164,7 @@ def heading_in_degrees(times: Array, heading: Array) -> Finding | None:
         f"the heading spans {span:.3g} rad and turns by up to {pace:.3g} rad/s: "
         "if it is in degrees, say `unit: deg`"
     )
-    return Finding("heading_in_degrees", text, doubtful=True)
+    return Finding(IN_DEGREES, text, doubtful=True)
 
 
 def pose_jump(poses: Series, positions: Array) -> Finding | None:

@@ -29,9 +29,10 @@ class PathFile(Component):
 
 def _baseline_form(value: Any) -> str:
     # By what is given, so that mistakes are those of the form that was meant.
-    if isinstance(value, Baseline) or (isinstance(value, dict) and {"kind", "object"} & value.keys()):
+    given = value if isinstance(value, dict) else {}
+    if isinstance(value, Baseline) or given.get("kind") == "python" or "object" in given:
         return "of one's own"
-    return "a path" if isinstance(value, PathFile | dict) else "by name"
+    return "a path" if isinstance(value, PathFile | dict) and "kind" not in given else "by name"
 
 
 AnyBaseline = Annotated[

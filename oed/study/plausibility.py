@@ -17,7 +17,9 @@ LONGEST = 1e7
 """Duration [s] beyond which no drive is meant: four months."""
 YEAR = 365.25 * 24 * 3600
 FARTHEST = 1e6
-"""Size [m] of a room or a robot beyond which none is meant: a thousand kilometres."""
+"""Size [m] of a room beyond which none is meant: a thousand kilometres."""
+WIDEST = 1e3
+"""Size [m] of a robot beyond which none is meant."""
 MUCH_LARGER = 4.0
 """How many times as long as the room's longer side a size of the robot is that is taken for a mistake."""
 METRES = 1.0
@@ -44,7 +46,7 @@ def size_flaws(robot: Model, space: Space, limits: Sequence[Limit]) -> Iterator[
     if FARTHEST < side < float("inf"):
         text = f"the room is {side / 1e3:g} km across, too far for a robot: is its unit right?"
         yield Flaw(("limits", "workspace"), text)
-    largest, what = min((MUCH_LARGER * side, "its room"), (FARTHEST, "any robot"))
+    largest, what = min((MUCH_LARGER * side, "its room"), (WIDEST, "any robot"))
     for name, size in _lengths(robot):
         if abs(size) > max(largest, METRES) and _as_written(size):
             where = f" of {side:g} m" if what == "its room" else ""

@@ -31,6 +31,15 @@ _NO_DECIMALS = re.compile(r"[-+]?0[0-9]|.*[_:]|[-+]?0[bx]")
 _PROPERTIES = re.compile(r"(?:[&!]\S*\s+|#.*\s+)+")
 """What may stand before a value: its anchor, its tag, and remarks after those."""
 _KINDS = {"int": "a whole number", "float": "a number", "bool": "true or false", "timestamp": "a date"}
+NO_KEY = "could not find expected ':'"
+"""What PyYAML says of the line after one that has no key, or no blank after its colon."""
+ADVICE = {
+    "'\\t'": "indent with blanks, not with tabs",
+    "cannot start any token": "put text in quotes",
+    "expected alphabetic or numeric character": "put text in quotes",
+    "mapping values are not allowed here": "put text with a colon in quotes, and close what brackets open",
+}
+"""What to do about some of what PyYAML says."""
 _SHOWN = 60
 """Letters of a wrong value that are shown."""
 
@@ -289,10 +298,12 @@ def parse_yaml(text: str, name: str) -> YamlSource:
     try:
         root, flaws, data = _parsed(text, name)
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
+        said, mark = str(error.problem), error.problem_mark
+        if not isinstance(error, _Refused):
+            said, mark = _yaml_flaw(error)
+            said = f"not valid YAML: {said}"
         line, column = (mark.line + 1, mark.column + 1) if mark else (0, 0)
-        said = error.problem if isinstance(error, _Refused) else f"not valid YAML: {_yaml_flaw(error)}"
-        raise StudyError([FileFlaw(name, line, column, "", str(said))]) from None
+        raise StudyError([FileFlaw(name, line, column, "", said)]) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         reason = f"not valid YAML: the character {text[error.position]!a} cannot stand in it"
@@ -302,16 +313,19 @@ def parse_yaml(text: str, name: str) -> YamlSource:
     return YamlSource(name, text, data, root)
 
 
-def _yaml_flaw(error: yaml.MarkedYAMLError) -> str:
-    # PyYAML's words, with where what is wrong begins, and what to do.
+def _yaml_flaw(error: yaml.MarkedYAMLError) -> tuple[str, yaml.Mark | None]:
+    # PyYAML's words, with what to do, and where: what is wrong, or where that begins.
     problem, begun, met = str(error.problem), error.context_mark, error.problem_mark
-    if "\\t" in problem:
-        return f"{problem}; indent with blanks, not with tabs"
+    if problem == NO_KEY:
+        return "expected `key: value`, a colon and a blank after each key", begun
+    advice = next((what for said, what in ADVICE.items() if said in problem), "")
+    if advice:
+        return f"{problem}; {advice}", met
     if problem.startswith("but "):
-        return f"{error.context}, {problem}"
+        return f"{error.context}, {problem}", met
     if begun is None or met is None or begun.line == met.line:
-        return problem
-    return f"{problem} ({error.context} that begins in line {begun.line + 1})"
+        return problem, met
+    return f"{problem} ({error.context} that begins in line {begun.line + 1})", met
 
 
 def _parsed(text: str, name: str) -> tuple[yaml.Node | None, list[FileFlaw], Any]:
@@ -324,6 +338,14 @@ def _parsed(text: str, name: str) -> tuple[yaml.Node | None, list[FileFlaw], Any
     except (OverflowError, ValueError):
         # Of the scanner, which says no more.
         raise _Refused("an escape or a version number out of range", loader.get_mark()) from None
+
+
+def _key_reason(key: yaml.Node, seen: Mapping[str, int]) -> str:
+    if not isinstance(key, yaml.ScalarNode):
+        return "expected a name as a key, got a list or keys and values"
+    if _kind(key) in ("bool", "null"):
+        return f"expected a name as a key, got {_shown(key.value)}, which is none in YAML; put it in quotes"
+    return f"given twice (first in line {seen[key.value]})" if key.value in seen else ""
 
 
 def _key_flaws(node: yaml.Node | None, name: str, path: KeyPath) -> Iterator[FileFlaw]:
@@ -341,11 +363,7 @@ def _key_flaws(node: yaml.Node | None, name: str, path: KeyPath) -> Iterator[Fil
         for key, value in node.value:
             plain = isinstance(key, yaml.ScalarNode)
             here = (*path, str(key.value)) if plain else path
-            text, line = "", key.start_mark.line + 1
-            if not plain:
-                text = "expected a name as a key, got a list or keys and values"
-            elif key.value in seen:
-                text = f"given twice (first in line {seen[key.value]})"
+            text, line = _key_reason(key, seen), key.start_mark.line + 1
             if text:
                 yield FileFlaw(name, line, key.start_mark.column + 1, ".".join(map(str, here)), text)
             if plain:

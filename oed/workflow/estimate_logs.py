@@ -20,8 +20,16 @@ from oed.records.record import EstimateRecord
 from oed.study.study import Study
 from oed.workflow.saving import save_estimate
 
-NOT_FINITE = re.compile(r"expected a finite number, got '[-+]?(nan|inf)", re.IGNORECASE)
-"""What is said of a cell that stands for a missing number."""
+HINTS = {
+    r"expected a finite number, got '[-+]?(nan|inf)": (
+        "`skip_invalid_rows: true` leaves out what of a row is no finite number, and counts it"
+    ),
+    r"time (goes back|stands still)": (
+        "times have to rise within a run: sort the rows, or say with `runs` which column tells runs apart, "
+        "with `time` which one has the times"
+    ),
+}
+"""What is said of a log, and which keys of the study may mend it."""
 
 
 class _Stages:
@@ -111,9 +119,10 @@ def _read(study: Study, files: Sequence[str | Path]) -> list[Log]:
     try:
         return read_logs(files, study.log, study.problem.model)
     except LogError as error:
-        if any(NOT_FINITE.search(one.message) for one in error.flaws):
-            hint = "`skip_invalid_rows: true` leaves out what of a row is no finite number, and counts it"
-            raise LogError([*error.flaws, FileFlaw(study.source, 0, 0, "log", hint)]) from None
+        said = "\n".join(one.message for one in error.flaws)
+        for pattern, hint in HINTS.items():
+            if re.search(pattern, said, re.IGNORECASE):
+                raise LogError([*error.flaws, FileFlaw(study.source, 0, 0, "log", hint)]) from None
         # What is wrong with the log itself, the key would not mend.
         named = [one for one in error.flaws if isinstance(one, NotInLog) and one.named]
         if study.file.log is not None or not named:

@@ -25,7 +25,8 @@ from oed.estimation import calibrate
 from oed.estimation.preprocessing.moves import Moves, clock_offsets, unexplained
 from oed.estimation.preprocessing.wiring_checks import poorly_explained, unit_fault, wiring_fault
 from oed.foundation.errors import LogError
-from oed.logs.log import Log
+from oed.logs.findings import IN_DEGREES
+from oed.logs.log import Finding, Log
 from oed.robots.models import Mecanum, SkidSteer
 
 NOISE = (0.003, 0.005)
@@ -169,6 +170,10 @@ class TestNamed:
             (1e3, 1e3, 1.0, "times those of the wheels, as if the times were in ms"),
             (1.0, 1.0, 1e3, "positions were in mm; give x and y unit: mm"),
             (1.0, 1.0, 1e2, "positions were in cm"),
+            (1.0, 1.0, 1e-2, "positions were in m, not in cm; give x and y unit: m"),
+            (1.0, 1.0, 1e-3, "positions were in m, not in mm; give x and y unit: m"),
+            (math.pi / 30, 1.0, 1.0, "the wheels' speeds were in rad/s, not in rpm; give them unit: rad/s"),
+            (math.pi / 180, 1.0, 1.0, "the wheels' speeds were in rad/s, not in deg/s"),
         ],
     )
     def test_units(self, quantities, turning: float, lasting: float, length: float, text: str):
@@ -189,8 +194,42 @@ class TestNamed:
         else:
             assert found == ""
 
+    @pytest.mark.parametrize("axes", [[[0, 1], [1, 0]], [[-1, 0], [0, 1]], [[1, 0], [0, -1]]], ids=str)
+    @pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (0.15, -0.1, 0.4)])
+    def test_mirrored_positions(self, axes, place):
+        log = log_of(DRIVE, noise=NOISE, place=place)
+        mirrored = np.column_stack([log.poses[:, :2] @ np.array(axes), log.poses[:, 2]])
+        found = suspected(replace(log, poses=mirrored)) or ""
+        assert found.startswith("positions are mirrored: are x and y exchanged, or has one of them the wrong")
+
+    @pytest.mark.parametrize(
+        ("wrong", "text"),
+        [
+            (lambda log: negated(log, 0, 1), "all inputs have the wrong sign"),
+            (lambda log: heading_times(log, -1.0), "the heading has the wrong sign"),
+            (exchanged, SWAPPED),
+        ],
+    )
+    @pytest.mark.parametrize("seed", range(3))
+    def test_though_clocks_are_taken_to_be_apart(self, wrong, text: str, seed: int):
+        times = np.arange(200) / 10
+        speeds = [
+            3 + 4 * np.sin(0.7 * times + seed) + 2 * np.cos(1.7 * times),
+            3 - 4 * np.cos(0.5 * times + seed) + 2 * np.sin(1.3 * times),
+        ]
+        log = wrong(log_of(course(ROBOT, inputs=np.column_stack(speeds), seconds=20.0), noise=NOISE))
+        with pytest.raises(LogError, match=text):
+            calibrate(logged_problem(), [log])
+
+    def test_headings_in_degrees_that_were_unwrapped_as_radians(self):
+        found = replace(LOG, findings=(Finding(IN_DEGREES, "say `unit: deg`"),))
+        random = np.random.default_rng(0).normal(size=len(LOG.poses)).cumsum()
+        poses = np.column_stack([LOG.poses[:, :2], random])
+        with pytest.raises(LogError, match=r"next to nothing of .* units right\?; say `unit: deg`"):
+            calibrate(logged_problem(), [replace(found, poses=poses)])
+
     def test_is_refused_with_the_files_name(self):
-        with pytest.raises(LogError, match=rf"drive\.csv: {SWAPPED}.* instead of \d+ %"):
+        with pytest.raises(LogError, match=rf"drive\.csv: {SWAPPED}.* instead of all of it"):
             calibrate(logged_problem(), [exchanged(LOG)])
 
 

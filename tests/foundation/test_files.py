@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from oed.foundation.errors import Failure, UserMistake
-from oed.foundation.files import read_bytes, read_text, require_writable, write_text
+from oed.foundation.errors import Failure, FileError, UserMistake
+from oed.foundation.files import read_bytes, read_text, require_writable, text_of, write_text
 from oed.foundation.work.folders import updated
 from oed.report.film.writing import write_frames
 
@@ -228,3 +228,26 @@ def special_file(path: Path, kind: str) -> Iterator[Path]:
         if kind == "socket":
             opened.bind(str(path))
         yield path
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("drive_1.csv", "no such file; did you mean drive_2.csv?"),
+        ("drive_2", "no such file; did you mean drive_2.csv?"),
+        ("Drive_2.CSV", "no such file; did you mean drive_2.csv?"),
+        ("elsewhere.csv", "no such file"),
+        ("*.csv", "no such file, but 1 that match, as drive_2.csv: give it without quotes"),
+        ("*.bag", "no such file"),
+    ],
+)
+def test_a_file_that_is_not_there_is_said_with_the_nearest(tmp_path: Path, name: str, said: str):
+    (tmp_path / "drive_2.csv").write_text("")
+    with pytest.raises(FileError) as caught:
+        text_of(tmp_path / name, FileError)
+    assert str(caught.value) == f"{tmp_path / name}: {said}"
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path):
+    with pytest.raises(FileError, match=r"no such file, nor a folder .*logs$"):
+        text_of(tmp_path / "logs" / "a.csv", FileError)

@@ -123,6 +123,26 @@ class TestFiles:
         assert flaws[-1].message == "expected a finite number, got 'nan' (and 30 more like it)"
 
 
+class TestDecimals:
+    @pytest.fixture
+    def commas(self, rows: list[list[str]]) -> list[list[str]]:
+        return [[cell.replace(".", ",") for cell in row] for row in rows]
+
+    def test_with_commas_are_said_once_a_column(self, file: Path, commas: list[list[str]]):
+        flaws = flaws_of(write(file, commas, mark=";"))
+        assert [flaw.key for flaw in flaws] == list(HEADER)
+        assert flaws[0].message == "decimals need a point, got 200 with a comma, such as '0,0'"
+
+    def test_with_commas_between_commas_are_cells_too_many(self, file: Path, commas: list[list[str]]):
+        flaw = flaws_of(write(file, commas))[0]
+        assert flaw.line == 2
+        assert flaw.message == "expected 6 cells, as in the first line, got 12 (decimals need a point)"
+
+    def test_a_header_may_lack_the_name_of_the_index(self, file: Path, rows: list[list[str]]):
+        write(file, [[*row, "0"] for row in rows])
+        np.testing.assert_allclose(read_one(file).poses, TABLE[:, 3:])
+
+
 class TestColumns:
     def test_missing_in_the_header(self, file: Path, rows: list[list[str]]):
         write(file, rows, ("time", "right", "wheel_speed_left", "x", "y", "theta"))
@@ -168,7 +188,12 @@ class TestColumns:
 
     def test_nothing_to_keep(self, file: Path, rows: list[list[str]]):
         flaw = flaw_of(write(file, rows), keep={"x": [100, 200]})
-        assert flaw.message == "no row has x = (100.0, 200.0)"
+        assert flaw.message == "no row has x from 100 to 200"
+
+    def test_runs_that_are_none(self, file: Path, rows: list[list[str]]):
+        flaw = flaw_of(write(file, rows), runs="x")
+        assert flaw.message == "none of its 200 runs has 3 rows; does another column tell them apart?"
+        assert flaw.named == ("log", "runs", "column")
 
     def test_another_text_is_not_told(self, file: Path):
         file.write_text("root:x:0:0:root:/root:/bin/sh\nuucp:x:10:10:uucp:/var/uucp:/bin/no\nlast one\n")

@@ -603,3 +603,54 @@ def test_a_wrong_value_is_named_by_its_own_line_a_wrong_key_by_its(track: str, l
     assert ("robot", line) in [
         (one.key.partition(".")[0], one.line) for one in flaws_of(replaced("track: 18 cm", track))
     ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "key", "message"),
+    [
+        ("18 cm", "0,18 m", 6, "robot.track", "whose unit ',18 m' is not known; decimals need a point"),
+        ("18 cm", "", 6, "robot.track", "expected a length [m], got nothing"),
+        (
+            "seed: 3",
+            "log:\n  inputs:\n    wheel_speed_right:\n      column: 1\n      form: tick",
+            0,
+            "log.inputs.wheel_speed_right.form",
+            "got 'tick'; did you mean ticks?",
+        ),
+        (
+            "seed: 3",
+            "log:\n  inputs:\n    wheel_speed_right:\n      column: 1\n      unit: m",
+            0,
+            "log.inputs.wheel_speed_right.unit",
+            "expected an angular speed [rad/s], got 'm', whose unit is of another kind",
+        ),
+    ],
+)
+def test_a_wrong_value_says_where_and_what_to_do(old: str, new: str, line: int, key: str, message: str):
+    text = replaced(old, new)
+    (flaw,) = flaws_of(text)
+    # Else the last line is the wrong one.
+    assert (flaw.line, flaw.key) == (line or len(text.rstrip().splitlines()), key)
+    assert flaw.message.endswith(message)
+
+
+def test_a_baseline_is_called_by_its_name():
+    (flaw,) = flaws_of(replaced("  - circle\n", "  - {kind: circle}\n"))
+    assert flaw.key == "baselines.0"
+    assert flaw.message.startswith("expected 'straight', 'circle', ")
+    assert flaw.message.endswith("got {'kind': 'circle'}")
+
+
+def test_a_prior_of_a_mistyped_parameter_says_what_was_meant():
+    (flaw,) = flaws_of(f"{small()}prior: {{standard_deviations: {{trak: 1 mm}}}}\n")
+    assert flaw.message.endswith("did you mean track?")
+
+
+def test_a_range_has_two_ends():
+    (flaw,) = flaws_of(replaced("seed: 3", "log: {keep: {x: [5, 1, 3]}}"))
+    assert flaw.message.endswith("or expected at most 2 of them, got [5, 1, 3]")
+
+
+def test_an_empty_file_is_no_study():
+    (flaw,) = flaws_of("# to be written\n")
+    assert flaw.message == "expected a study (keys and values), got nothing; `oed init` makes a first one"

@@ -185,6 +185,21 @@ def test_a_foreign_table_asks_for_the_key_that_explains_it(tmp_path: Path):
         estimate(saved_study(tmp_path, STUDY), [tmp_path / "run.csv"])
 
 
+@pytest.mark.parametrize("rows", [slice(None, None, -1), [0, 1, 2, 2, 3, 4]])
+def test_times_that_do_not_rise_come_with_the_keys_that_may_mend_them(tmp_path: Path, rows):
+    file = write_drive(tmp_path / "drive.csv", 0)
+    header, *lines = file.read_text().splitlines()
+    # Other readings at the same time: a row that is merely given twice is left out.
+    marked = [f"{line.rpartition(',')[0]},{number}" for number, line in enumerate(np.array(lines)[rows])]
+    file.write_text("\n".join([header, *marked]) + "\n")
+    with pytest.raises(LogError) as caught:
+        estimate(saved_study(tmp_path, STUDY), [file])
+    *flaws, hint = caught.value.flaws
+    assert {flaw.key for flaw in flaws} == {"t"}
+    assert hint.key == "log"
+    assert "sort the rows, or say with `runs`" in hint.message
+
+
 @pytest.mark.parametrize(
     ("log", "said"),
     [
@@ -204,6 +219,12 @@ def test_a_foreign_table_asks_for_the_key_that_explains_it(tmp_path: Path):
             "file: no such file; did you mean drive.txt? (named in {study}:11: log.poses.file)",
         ),
         ("log:\n  keep: {steady: 1}\n", "(named in {study}:10: log.keep.steady)"),
+        ("log:\n  keep: {x: [7, 9]}\n", "keep: no row has x from 7 to 9 (named in {study}:10: log.keep)"),
+        ("log:\n  runs:\n    x\n", "does another column tell them apart? (named in {study}:11: log.runs)"),
+        (
+            "log: {poses: {file: '{stme}.csv'}}\n",
+            "no such file; `{{stem}}` stands for the log's own (named in {study}:9: log.poses.file)",
+        ),
         ("log:\n  poses: {x: x, heading:\n    yaw}\n", "(named in {study}:11: log.poses.heading)"),
         ("log: {skip_stationary: true}\n", "(name it in {study}:9: log.poses.y.column)"),
     ],

@@ -59,18 +59,19 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
 
 def whole(text: str) -> int:
     """A number from 0."""
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"expected 0 or more, got {value}")
-    return value
+    return _at_least(0, text)
 
 
 def positive(text: str) -> int:
     """A number from 1."""
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"expected 1 or more, got {value}")
-    return value
+    return _at_least(1, text)
+
+
+def _at_least(least: int, text: str) -> int:
+    # What is no number gets the same answer.
+    if not re.fullmatch(r"\s*[-+]?[0-9]{1,18}\s*", text) or int(text) < least:
+        raise argparse.ArgumentTypeError(f"expected {least} or more, got {text}")
+    return int(text)
 
 
 def seconds(text: str) -> float:

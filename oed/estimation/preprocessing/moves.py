@@ -23,6 +23,9 @@ from oed.robots.models.model import Model
 
 Moved = Array | npt.NDArray[np.complex128]
 
+Axes = tuple[complex, complex]
+"""What x and y count for in the complex plane of positions."""
+AS_READ: Axes = (1, 1j)
 MOVE = 0.5
 """Length of a move [s]: longer than the jitter of clocks, shorter than turns."""
 FEWEST = 10
@@ -81,21 +84,20 @@ class Moves:
         ends = readings(Driven(starts, chosen, layout.steps, nominal, place))[:, -1]
         return dict(zip(("forward", "left", "turn"), ends.T, strict=True))
 
-    def measured(self, sign: float = 1.0, unit: float = 1.0, length: float = 1.0) -> dict[str, Array]:
+    def measured(self, sign: float = 1.0, unit: float = 1.0, axes: Axes = AS_READ) -> dict[str, Array]:
         """Each move by the poses.
 
         Args:
             sign: of headings that may have been read with another one.
             unit: of headings that may have been read in another one.
-            length: unit of positions that may have been read in another one.
+            axes: of positions that may have been read in another unit, or along other axes.
         """
         x, y, turn = (self.changes(name) for name in ("x", "y", "heading"))
-        x, y = (None if one is None else length * one for one in (x, y))
         heading, found = self.headings(), {}
         if turn is not None:
             found["turn"] = sign * unit * turn
         if x is not None and y is not None:
-            move = x + 1j * y
+            move = axes[0] * x + axes[1] * y
             if heading is None:
                 found["distance"] = np.abs(move)
             else:

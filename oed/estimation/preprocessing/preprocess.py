@@ -27,6 +27,7 @@ from oed.estimation.preprocessing.wiring_checks import (
 )
 from oed.foundation.arrays import Array
 from oed.foundation.errors import FileFlaw, LogError
+from oed.logs.findings import IN_DEGREES
 from oed.logs.log import Log
 from oed.robots.models.model import Model
 
@@ -167,7 +168,8 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
     for index, file in enumerate(moves.layout.clocks):
         own = moves.within(moves.layout.clock == index)
         left = poorly_explained(own)
-        key, wrong = _what_is_wrong(own, left)
+        odd = (one for log in logs if log.file == file for one in log.findings if one.name == IN_DEGREES)
+        key, wrong = _what_is_wrong(own, left, next((f"; {one.message}" for one in odd), ""))
         if wrong:
             flaws.append(FileFlaw(file, 0, 0, key, wrong))
         elif left is not None:
@@ -181,23 +183,26 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
     return PreparedLogs(found, moves.offsets, moves.mounting())
 
 
-def _what_is_wrong(moves: Moves, left: float | None) -> tuple[str, str]:
+def _what_is_wrong(moves: Moves, left: float | None, odd: str) -> tuple[str, str]:
     # The quantity and what is plainly wrong with it, "" where that is all or nothing; `left` is the share of
-    # the motion that the wheels leave unexplained, where that is too large.
+    # the motion that the wheels leave unexplained, where that is too large; `odd` what was found in the log.
     unit = unit_fault(moves)
     if unit is not None:
         return "", unit
     if stands_still(moves):
-        return "", STILL
+        return "", f"{STILL}{odd}"
     still = frozen(moves)
     if still is not None:
         return still, FROZEN
     wrong = wiring_fault(moves)
+    if wrong is None and left is not None:
+        # By crossed wires, clocks that agree may be taken to be apart.
+        wrong = wiring_fault(replace(moves, offsets=np.zeros_like(moves.offsets)))
     if wrong is None and left is not None and _hopeless(moves, left):
         wrong = (
             f"the wheels explain next to nothing of the measured motion (measured distances are "
             f"{moves.lengthening():.2g} times theirs): is this the robot's log, are columns, ticks "
-            "per turn and units right?"
+            f"per turn and units right?{odd}"
         )
     return "", wrong or ""
 

@@ -8,7 +8,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from oed.estimation.preprocessing.moves import FEWEST, Moves, unexplained
+from oed.estimation.preprocessing.moves import AS_READ, FEWEST, Axes, Moves, unexplained
 from oed.foundation.arrays import Array
 
 BAD = 0.3
@@ -30,19 +30,28 @@ SPEEDS = {
     "the wheels' speeds were in rpm; give them unit: rpm": math.pi / 30,
     "the wheels' speeds were in deg/s; give them unit: deg/s": math.pi / 180,
     "the wheels' speeds were in turns a second; give them unit: turn/s": 2 * math.pi,
+    "the wheels' speeds were in rad/s, not in rpm; give them unit: rad/s": 30 / math.pi,
+    "the wheels' speeds were in rad/s, not in deg/s; give them unit: rad/s": 180 / math.pi,
 }
-"""Units of wheel speeds that are read as rad/s, and their factors."""
+"""Units of wheel speeds that are read as rad/s, or the other way round, and their factors."""
 TIMES = {
     "the times were in ms; give time unit: ms": 1e-3,
     "the times were in us; give time unit: us": 1e-6,
     "the times were in ns; give time unit: ns": 1e-9,
 }
 """Units of times that are read as seconds, and their factors."""
-LENGTHS = {"mm": 1e-3, "cm": 1e-2}
-"""Units of positions that are read as metres, and their factors."""
-Possibility = tuple[str, tuple[Array, float, float, float]]
+LENGTHS = {
+    "positions were in mm; give x and y unit: mm": 1e-3,
+    "positions were in cm; give x and y unit: cm": 1e-2,
+    "positions were in m, not in cm; give x and y unit: m": 1e2,
+    "positions were in m, not in mm; give x and y unit: m": 1e3,
+}
+"""Units of positions that are read as metres, or the other way round, and their factors."""
+MIRRORED: tuple[Axes, ...] = ((1j, 1), (-1, 1j), (1, -1j))
+"""Axes of positions that are exchanged, or of which one points the other way."""
+Possibility = tuple[str, tuple[Array, float, float, Axes]]
 """What may be wrong, in words, and how the log is then to be read: inputs, the sign and unit of headings, the
-unit of positions."""
+unit and axes of positions."""
 
 ACROSS = 0.2
 """Share of its motion that a robot has to drive across a line for neither coordinate to stand still."""
@@ -80,8 +89,8 @@ def _most_likely(moves: Moves, possibilities: Iterable[Possibility], as_given: f
     tried = [(_worst(moves, *what), text) for text, what in possibilities]
     left, text = min(tried, key=lambda pair: pair[0], default=(math.inf, ""))
     if left < min(BETTER * as_given, BAD):
-        instead = f"{100 * left:.0f} % of the motion unexplained instead of {100 * as_given:.0f} %"
-        return f"{text}: that leaves {instead}"
+        before = f"{100 * as_given:.0f} %" if as_given < 1 else "all of it"
+        return f"{text}: that leaves {100 * left:.0f} % of the motion unexplained instead of {before}"
     return None
 
 
@@ -161,11 +170,11 @@ def _worst(
     inputs: Array,
     sign: float = 1.0,
     unit: float = 1.0,
-    length: float = 1.0,
+    axes: Axes = AS_READ,
     *,
     any_side: bool = False,
 ) -> float:
-    measured, predicted = moves.measured(sign, unit, length), moves.predicted(inputs)
+    measured, predicted = moves.measured(sign, unit, axes), moves.predicted(inputs)
     return max(unexplained(measured, predicted, any_side=any_side).values(), default=0.0)
 
 
@@ -173,10 +182,9 @@ def _units(moves: Moves) -> Iterator[Possibility]:
     driving = np.array([entry.drives for entry in moves.robot.inputs])
     turning = [entry.unit == "rad/s" for entry in moves.robot.inputs if entry.drives]
     for what, factor in (SPEEDS if all(turning) else {}).items() | TIMES.items():
-        yield what, (np.where(driving, factor, 1.0) * moves.inputs, 1.0, 1.0, 1.0)
-    for unit, factor in LENGTHS.items() if "x" in moves.layout.quantities else ():
-        text = f"positions were in {unit}; give x and y unit: {unit}"
-        yield text, (moves.inputs, 1.0, 1.0, factor)
+        yield what, (np.where(driving, factor, 1.0) * moves.inputs, 1.0, 1.0, AS_READ)
+    for text, factor in LENGTHS.items() if "x" in moves.layout.quantities else ():
+        yield text, (moves.inputs, 1.0, 1.0, (factor, factor * 1j))
 
 
 def _possibilities(moves: Moves) -> Iterator[Possibility]:
@@ -187,18 +195,21 @@ def _possibilities(moves: Moves) -> Iterator[Possibility]:
         order = np.arange(inputs.shape[-1])
         order[[first, second]] = second, first
         names = f"{robot.input_names[first]} and {robot.input_names[second]}"
-        yield f"{names} are exchanged; exchange their columns", (inputs[..., order], 1.0, 1.0, 1.0)
+        yield f"{names} are exchanged; exchange their columns", (inputs[..., order], 1.0, 1.0, AS_READ)
     for places in _sign_groups(len(robot.inputs)):
         names = " and ".join(robot.input_names[place] for place in places)
         signs = np.where(np.isin(np.arange(inputs.shape[-1]), places), -1.0, 1.0)
         has, it = ("has", "it") if len(places) == 1 else ("have", "them")
-        yield f"{names} {has} the wrong sign; give {it} sign: -1", (inputs * signs, 1.0, 1.0, 1.0)
+        yield f"{names} {has} the wrong sign; give {it} sign: -1", (inputs * signs, 1.0, 1.0, AS_READ)
     if len(robot.inputs) > 1:
-        yield "all inputs have the wrong sign; give them sign: -1", (-inputs, 1.0, 1.0, 1.0)
+        yield "all inputs have the wrong sign; give them sign: -1", (-inputs, 1.0, 1.0, AS_READ)
     if "heading" in moves.layout.quantities:
-        yield "the heading has the wrong sign (it turns to the left)", (inputs, -1.0, 1.0, 1.0)
-        yield "the heading is in degrees; give it unit: deg", (inputs, 1.0, math.pi / 180, 1.0)
-        yield "the heading is in radians, not in degrees", (inputs, 1.0, 180 / math.pi, 1.0)
+        yield "the heading has the wrong sign (it turns to the left)", (inputs, -1.0, 1.0, AS_READ)
+        yield "the heading is in degrees; give it unit: deg", (inputs, 1.0, math.pi / 180, AS_READ)
+        yield "the heading is in radians, not in degrees", (inputs, 1.0, 180 / math.pi, AS_READ)
+        text = "positions are mirrored: are x and y exchanged, or has one of them the wrong sign?"
+        for axes in MIRRORED if "x" in moves.layout.quantities else ():
+            yield text, (inputs, 1.0, 1.0, axes)
 
 
 def _sign_groups(count: int) -> Iterator[tuple[int, ...]]:

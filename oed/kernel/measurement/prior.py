@@ -11,6 +11,7 @@ from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import parse_quantity, require_covariance
+from oed.foundation.text import did_you_mean
 
 
 class Prior(Component):
@@ -58,7 +59,8 @@ class Prior(Component):
         for name in self.names:
             key = ("prior", "standard_deviations", name) if given else ("prior", "parameters")
             if name not in known:
-                text = f"{name} is not estimated here; the parameters are {', '.join(known)}"
+                hint = did_you_mean(name, known)
+                text = f"{name} is not estimated here; the parameters are {', '.join(known)}{hint}"
                 flaws.append(Flaw(key, text))
             elif given:
                 index = list(known).index(name)

@@ -207,7 +207,8 @@ def _read_poses(
     poses, runs = form.poses, form.runs
     if beside is not None and not beside.exists():
         named = ("log", "poses", "file")
-        raise LogError([NotInLog(str(beside), 0, 0, "file", no_such_file(beside), named)])
+        hint = "; `{stem}` stands for the log's own" if "{" in beside.name else ""
+        raise LogError([NotInLog(str(beside), 0, 0, "file", f"{no_such_file(beside)}{hint}", named)])
     if beside is not None and poses.is_tum:
         return tuple(poses.columns), _read_tum(beside, poses, form.skip_invalid_rows)
     if beside is not None:
@@ -246,9 +247,14 @@ def _kept(table: Table, keep: Mapping[str, Wanted], skip: bool) -> Bools:
         values = _numbers(table, place, skip)
         kept &= (values >= low) & (values <= high)
     if not kept.any():
-        wanted_rows = ", ".join(f"{name} = {wanted}" for name, wanted in keep.items())
-        raise LogError.about(table.file, f"no row has {wanted_rows}", "keep")
+        said = (f"{name} {_in_words(one)}" for name, one in keep.items())
+        text = f"no row has {' and '.join(said)}"
+        raise LogError([NotInLog(table.file, 0, 0, "keep", text, ("log", "keep"))])
     return kept
+
+
+def _in_words(wanted: Wanted) -> str:
+    return f"from {wanted[0]:g} to {wanted[1]:g}" if isinstance(wanted, tuple) else f"= {wanted}"
 
 
 def distinct_rows(table: Table, times: Array, rows: Rows) -> Rows:
