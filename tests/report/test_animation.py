@@ -81,6 +81,11 @@ class TestCast:
 
 class TestStage:
     @pytest.mark.slow
+    def test_a_drive_is_called_what_the_page_calls_it(self):
+        (panel,) = stage_of(oed.load_record(REPORTS / "choi_skid_steer"))._panels
+        assert panel._ax.get_title(loc="left") == "Designed drive"
+
+    @pytest.mark.slow
     @pytest.mark.parametrize("make", [steered, towing, omni], ids=["steered", "towing", "omni"])
     def test_the_robot_is_where_the_record_says(self, make):
         record = make()
