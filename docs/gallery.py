@@ -157,7 +157,9 @@ def _page(one: Shown) -> str:
 def _table(one: Shown) -> list[str]:
     usual = f"best baseline ({one.baseline})" if one.baseline else "best baseline"
     head = ("parameter", "value", "standard error, designed", usual)
-    lines = [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *one.rows)]
+    # A number and its unit stay on one line.
+    rows = [[name, *(cell.replace(" ", "\u00a0") for cell in cells)] for name, *cells in one.rows]
+    lines = [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
     return ["\n".join(lines)] if one.rows else []
 
 

@@ -56,12 +56,12 @@ class Cast:
     runs: tuple[Motion, ...]
 
     @classmethod
-    def of(cls, result: Result) -> Cast:
-        """A result that has a drive."""
+    def of(cls, result: Result, title: str = "") -> Cast:
+        """A result that has a drive, by its own name or a title."""
         drive = result.drive
         assert drive is not None
         duration = drive.knots[-1] / drive.runs
-        return cls(heading(result), tuple(motion(poses, duration) for poses in drive.by_run))
+        return cls(heading(result, title), tuple(motion(poses, duration) for poses in drive.by_run))
 
     def length(self, speed: float) -> float:
         """How long the film of it plays, without the rest at its end [s]."""

@@ -24,6 +24,7 @@ from oed.report.figures.paths import END, START, axes, scaled, surroundings
 from oed.report.figures.spec import FAINT, FIRST, INK, SECOND, mark, stroke
 from oed.report.film.cast import Cast
 from oed.report.film.writing import Frame
+from oed.report.parts.reading import called
 from oed.robots.models import Model
 
 DPI = 100
@@ -92,7 +93,11 @@ class Stage:
 
     def __init__(self, record: Record, results: Sequence[Result], speed: float) -> None:
         """Draw all that stands still."""
-        self._speed, casts, room = speed, [Cast.of(one) for one in results], room_of(record)
+        self._speed, casts, room = (
+            speed,
+            [Cast.of(one, called(record, one)) for one in results],
+            room_of(record),
+        )
         view = view_of(record, results)
         scene = _Scene(room, view, record.study.robot, robot_width(record))
         columns = _columns(view, len(casts))
