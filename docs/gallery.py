@@ -174,7 +174,7 @@ def _plain(text: str) -> str:
 def _index(shown: Iterable[Shown]) -> str:
     every = list(shown)
     toc = "\n".join(["```{toctree}", ":hidden:", "", *(one.stem for one in every), "```"])
-    grid = ["::::{grid} 1 2 2 3\n:gutter: 3", *map(_card, every), "::::"]
+    grid = ["::::{grid} 1 1 2 2\n:gutter: 3", *map(_card, every), "::::"]
     return "\n\n".join(["# Gallery of studies", SAID, *grid, toc]) + "\n"
 
 
