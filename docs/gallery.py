@@ -157,7 +157,9 @@ def _page(one: Shown) -> str:
 def _table(one: Shown) -> list[str]:
     usual = f"best baseline ({one.baseline})" if one.baseline else "best baseline"
     head = ("parameter", "value", "standard error, designed", usual)
-    lines = [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *one.rows)]
+    # A number and its unit stay on one line.
+    rows = [[name, *(cell.replace(" ", "\u00a0") for cell in cells)] for name, *cells in one.rows]
+    lines = [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
     return ["\n".join(lines)] if one.rows else []
 
 
@@ -172,7 +174,7 @@ def _plain(text: str) -> str:
 def _index(shown: Iterable[Shown]) -> str:
     every = list(shown)
     toc = "\n".join(["```{toctree}", ":hidden:", "", *(one.stem for one in every), "```"])
-    grid = ["::::{grid} 1 2 2 3\n:gutter: 3", *map(_card, every), "::::"]
+    grid = ["::::{grid} 1 1 2 2\n:gutter: 3", *map(_card, every), "::::"]
     return "\n\n".join(["# Gallery of studies", SAID, *grid, toc]) + "\n"
 
 

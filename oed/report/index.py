@@ -42,6 +42,8 @@ MADE = '<meta name="generator" content="oed report">'
 HTML, MARKDOWN = "index.html.jinja", "index.md.jinja"
 DEEPEST = 6
 """Folders within folders that are looked into."""
+LEAST = 0.001
+"""Smallest share that is written as a number [%]."""
 NAMED = 3
 """Runs that cannot be read and are named where none can be."""
 
@@ -264,4 +266,7 @@ def _cells(run: Run, target: Path) -> Iterator[Cell]:
 
 
 def _share(size: float | None) -> str:
-    return MISSING if size is None else f"{significant(2)(size)} %"
+    if size is None:
+        return MISSING
+    # Below what anybody would act on, just that.
+    return f"< {LEAST:g} %" if 0 < size < LEAST else f"{significant(2)(size)} %"

@@ -21,6 +21,7 @@ from oed.report.figures.driven import view_of
 from oed.report.film.cast import PAUSE, Cast, motion
 from oed.report.film.stage import FACE, TRACE, Stage
 from oed.report.film.writing import FORMATS, Frame
+from oed.report.parts.reading import called
 from oed.report.parts.section import Section
 
 QUICK = {"speed": 8.0, "fps": 5.0}
@@ -235,6 +236,15 @@ class TestReport:
         assert "data:image/gif;base64,R0lGOD" in html
         assert len(html) > film.file.stat().st_size
         assert "`oed animate .`" not in markdown
+
+    def test_a_design_is_called_one_whatever_found_it(self, tmp_path: Path):
+        data = towing().data
+        for one in data["results"]:
+            one["origin"] = "search"
+        record = record_from({**data, "best": "ipopt"})
+        oed.animate(record, tmp_path / "drive.gif", results=["arc", "ipopt"], **QUICK)
+        assert "![Film of Design 2 and Designed drive in the room]" in self.pages(record, tmp_path)[1]
+        assert Cast.of(record.best, called(record, record.best)).title.startswith("Designed drive")
 
     def test_one_of_other_drives_is_not_shown(self, tmp_path: Path):
         oed.animate(towing(), tmp_path / "drive.gif", **QUICK)

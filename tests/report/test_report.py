@@ -246,6 +246,7 @@ def test_unwritable_folder_is_the_users_mistake(tmp_path: Path) -> None:
 
 def test_text_filters() -> None:
     assert html_text("a < `b_c`") == "a &lt; <code>b_c</code>"
+    assert html_text("2 m x 3 m") == "2\u00a0m\u00a0x\u00a03\u00a0m"
     assert html_text("1 cm of 12 starts, 5 %") == "1\u00a0cm of 12 starts, 5\u00a0%"
     assert markdown_text("x_y `a_b` *") == r"x\_y `a_b` \*"
 

@@ -24,7 +24,7 @@ from oed.report.film.writing import (
     write_frames,
 )
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import with_drive
+from oed.report.parts.reading import called, with_drive
 from oed.report.parts.section import Film, Section
 
 SAY = Prose("drives")
@@ -179,7 +179,8 @@ def with_film(section: Section, record: Record, folder: Path) -> Section:
     names = [] if found is None else list(map(str, found["results"]))
     if found is not None and found["drives"] != _digest(record, names):
         return replace(section, notices=(*section.notices, SAY("old_film", NAME)))
-    return replace(section, film=Film(file, SAY("film", names), SAY("film_note", NAME, names)))
+    shown = [called(record, one) for one in map(record.result, names) if one is not None]
+    return replace(section, film=Film(file, SAY("film", shown), SAY("film_note", NAME, shown)))
 
 
 def _comment(file: Path) -> str | None:
