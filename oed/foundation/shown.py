@@ -41,7 +41,7 @@ def page_text(text: str) -> str:
 def written(value: object, most: int = 60) -> str:
     """A value as messages show it, cut after `most` characters."""
     try:
-        text = "nothing" if value is None else repr(value)
+        text = repr(value)
     except ValueError:
         # Python writes no whole numbers of thousands of digits.
         text = "a number of thousands of digits"

@@ -78,7 +78,8 @@ def sentence(detail: ErrorDetails, root: type[Component] = Component) -> str:
     """What is wrong with one value; `root` knows the keys that there are."""
     if detail["type"] == "extra_forbidden":
         return _unknown_key(str(detail["loc"][-1]), _known_keys(root, detail["loc"][:-1]))
-    return in_words(detail)
+    text = in_words(detail)
+    return text.replace("got None", "got nothing") if detail["input"] is None else text
 
 
 def _unknown_key(key: str, known: Sequence[str]) -> str:

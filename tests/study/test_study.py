@@ -642,8 +642,9 @@ def test_a_baseline_is_called_by_its_name():
 
 
 def test_a_prior_of_a_mistyped_parameter_says_what_was_meant():
-    (flaw,) = flaws_of(f"{small()}prior: {{standard_deviations: {{trak: 1 mm}}}}\n")
-    assert flaw.message.endswith("did you mean track?")
+    text = small().replace("scaling: none", "scaling: relative")
+    (flaw,) = flaws_of(f"{text}prior: {{standard_deviations: {{c211: 1 %}}}}\n")
+    assert flaw.message.endswith("the parameters are c21, c22; did you mean c21?")
 
 
 def test_a_range_has_two_ends():
