@@ -27,6 +27,8 @@ UNIDENTIFIED = "not identifiable"
 """What stands for an infinite standard error."""
 MOST_ROWS = 30
 """Rows of a card's table that are shown."""
+CELL = "style='text-align:left;padding-right:1.5em'"
+"""How a notebook sets a cell; colours are the page's, light or dark."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +63,8 @@ class Card:
     @property
     def html(self) -> str:
         """Small tables for notebooks; everything escaped."""
-        facts = "".join(
-            f"<tr><th style='text-align:left'>{_html(n)}</th>{_cell(v)}</tr>" for n, v in self.facts
-        )
-        heads = "".join(f"<th style='text-align:left'>{_html(one)}</th>" for one in self.heads)
+        facts = "".join(f"<tr><th {CELL}>{_html(n)}</th>{_cell(v)}</tr>" for n, v in self.facts)
+        heads = "".join(f"<th {CELL}>{_html(one)}</th>" for one in self.heads)
         rows = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in self._shown_rows)
         rest = "".join(f"<p>{_html(line)}</p>" for line in self._rest)
         parts = [f"<strong>{_html(self.title)}</strong>"]
@@ -89,7 +89,7 @@ def _html(text: str) -> str:
 
 
 def _cell(text: str) -> str:
-    return f"<td style='text-align:left'>{_html(text)}</td>"
+    return f"<td {CELL}>{_html(text)}</td>"
 
 
 def _aligned(rows: Sequence[Row]) -> list[str]:
