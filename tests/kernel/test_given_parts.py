@@ -99,7 +99,10 @@ def test_all_wrong_parts_are_named_at_once():
             lambda problem, drive: oed.evaluate(problem, drive.inputs),
             "make one of a table with",
         ),
-        (lambda problem, drive: oed.evaluate(problem, None), "trajectory: expected a Trajectory, got None"),
+        (
+            lambda problem, drive: oed.evaluate(problem, None),
+            "trajectory: expected a Trajectory, got nothing; a solution without a design has none",
+        ),
         (lambda problem, drive: oed.evaluate(drive, drive), "problem: expected a Problem, got a Trajectory"),
         (lambda problem, drive: oed.solve(problem, "ipop"), "solver: expected one of ipopt, .*, got 'ipop'"),
         (lambda problem, drive: oed.solve(problem, drive), "solver: expected a Solver, got a Trajectory"),
