@@ -101,7 +101,7 @@ def test_all_wrong_parts_are_named_at_once():
         ),
         (
             lambda problem, drive: oed.evaluate(problem, None),
-            "trajectory: expected a Trajectory, got nothing; a solution without a design has none",
+            "trajectory: expected a Trajectory, got None; a solution without a design has none",
         ),
         (lambda problem, drive: oed.evaluate(drive, drive), "problem: expected a Problem, got a Trajectory"),
         (lambda problem, drive: oed.solve(problem, "ipop"), "solver: expected one of ipopt, .*, got 'ipop'"),
