@@ -100,9 +100,12 @@ def finding(some: Sequence[Contender], leader: Contender | None = None) -> tuple
     rest = [one for one in order if one is not first]
     if not rest or math.isinf(first.worst[0]):
         return SAY("single", first.name), SAY("own", _worst(first))
-    if rest[-1].worst[0] <= (1 + EQUAL) * first.worst[0] and first is order[0]:
-        return SAY("equal", len(known)), SAY("all", _worst(first), EQUAL)
-    said = SAY("ahead", _worst(first), _worst(rest[0]), _worst(rest[-1]) if len(rest) > 1 else None)
+    if order[-1].worst[0] <= (1 + EQUAL) * order[0].worst[0]:
+        return SAY("equal", len(known)), SAY("all", _worst(order[0]), EQUAL)
+    if first is not order[0]:
+        return SAY("best", first.name), SAY("by_criterion", _worst(first), _worst(order[0]))
+    next_best, last = _worst(rest[0]), _worst(rest[-1])
+    said = SAY("ahead", _worst(first), next_best, last if last[1:] != next_best[1:] else None)
     return SAY("single", first.name), said
 
 

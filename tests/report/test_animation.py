@@ -240,7 +240,7 @@ class TestReport:
     def test_a_design_is_called_one_whatever_found_it(self, tmp_path: Path):
         data = towing().data
         for one in data["results"]:
-            one["origin"] = "search"
+            one["kind"] = "ipopt"
         record = record_from({**data, "best": "ipopt"})
         oed.animate(record, tmp_path / "drive.gif", results=["arc", "ipopt"], **QUICK)
         assert "![Film of Design 2 and Designed drive in the room]" in self.pages(record, tmp_path)[1]

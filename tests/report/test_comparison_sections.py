@@ -199,6 +199,13 @@ class TestFinding:
         some = [Contender(str(factor), scaled_errors(flagship, factor)) for factor in (1.0, 1.02)]
         assert finding(some)[0] == "All 2 are about as precise"
 
+    def test_the_best_by_the_criterion_is_not_called_the_most_precise_where_it_is_not(self, flagship: Record):
+        some = [Contender(f"times {factor:g}", scaled_errors(flagship, factor)) for factor in (1.0, 2.0)]
+        title, said = finding(some, some[1])
+        assert title == "Best by the study's criterion: times 2"
+        assert "That of times 1 is smaller" in said
+        assert finding(some, some[0]) == finding(some)
+
     def test_no_winner_where_parameters_differ(self, flagship: Record):
         data = flagship.data
         for one in data["results"]:
