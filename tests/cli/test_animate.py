@@ -58,7 +58,7 @@ def test_the_report_shows_it(folder: Path, capsys: pytest.CaptureFixture[str]):
     printed = capsys.readouterr().out
     assert f"film: {folder / 'drive.gif'} (" in printed
     assert f"Page:  {folder / 'report.html'}" in printed
-    assert "![Film of ipopt and circle in the room](drive.gif)" in (folder / "report.md").read_text()
+    assert "![Film of Designed drive and Circle in the room](drive.gif)" in (folder / "report.md").read_text()
 
 
 @pytest.mark.slow

@@ -13,6 +13,8 @@ from pydantic import ValidationError
 
 import oed
 from oed.foundation.arguments import WrongKind, require_count
+from oed.foundation.errors import NotFinite
+from oed.kernel.solution import unscored
 from oed.robots import limits
 
 POSES = oed.Poses(noise={"position": 0.01, "heading": 0.01})
@@ -143,10 +145,17 @@ def test_one_replicate_is_refused():
 
 @pytest.mark.slow
 def test_a_solver_may_be_named(three_segments, monkeypatch):
-    monkeypatch.setattr("oed.optimize.assured", lambda options, problem, context: options)
+    asked = []
+
+    def search(options, problem, context):
+        asked.append(options)
+        return unscored(options.label, options.kind, NotFinite("nothing"))
+
+    monkeypatch.setattr("oed.optimize.assured", search)
     monkeypatch.setattr("oed.optimize.require_identifiable", lambda problem: None)
-    assert oed.solve(three_segments, "genetic") == oed.Genetic()
-    assert oed.solve(three_segments) == oed.solve(three_segments, "ipopt") == oed.Ipopt()
+    for named in ("genetic", None, "ipopt"):
+        oed.solve(three_segments, named)
+    assert asked == [oed.Genetic(), oed.Ipopt(), oed.Ipopt()]
 
 
 @pytest.mark.parametrize(

@@ -224,7 +224,7 @@ class TestUnreadable:
         (line,) = err.splitlines()
         assert line.startswith(
             "not saved, for it could not be read again: out/record.json: provenance.python: expected text, "
-            "got None; what was in out is as it was. The results are in "
+            "got nothing; what was in out is as it was. The results are in "
         )
         (place,) = re.findall(r"The results are in (\S+) instead", line)
         assert (Path(place) / "genetic.csv").is_file()
