@@ -135,7 +135,7 @@ class TestWords:
     def test_the_cost_is_said(self):
         text = text_of()
         assert "50.0 % of nominal" in text
-        assert "87.4 % of the robots" in text
+        assert "87.40 % of the robots" in text
 
     @pytest.mark.parametrize(
         "results",
