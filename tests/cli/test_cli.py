@@ -200,7 +200,7 @@ class TestSolve:
         assert code == 1
         (result,) = data["results"]
         assert (result["status"], result["feasible"], result["objective"]) == ("infeasible", False, None)
-        assert "wheel_speed" in result["message"]
+        assert "wheel speed" in result["message"]
         assert "workspace" in result["message"]
 
     def test_interrupted(self, capsys, folder: Path, monkeypatch: pytest.MonkeyPatch):
@@ -303,8 +303,14 @@ class TestRun:
         write_study(folder, INFEASIBLE, "infeasible.yaml")
         code, out, _ = call(capsys, "run", "infeasible.yaml", "--quiet", "--workers", "1")
         assert code == 1
-        assert "wheel_speed" in out
+        assert "wheel speed" in out
         assert "workspace" in out
+        lines = out.splitlines()
+        assert lines[1] == "No drive was found that satisfies every limit."
+        assert len(lines) <= 16
+        assert max(map(len, lines)) <= 80
+        assert "s_min" not in out
+        assert "_" not in out.partition("Page:")[0]
         assert load_record(folder / "reports" / "infeasible").best is None
 
 
