@@ -41,22 +41,25 @@ def _searched(
 
 
 def _found(options: argparse.Namespace, record: Record, outcome: CommandResult) -> None:
-    # The answer, and what went wrong; the numbers behind it for those who ask, and where there is no answer
-    # or a run was not finished or saved.
-    from oed.cli.terminal.console import print_answer, print_certificate, print_messages, print_results
+    # The answer, or why there is none, and what went wrong; the numbers behind it for those who ask, and
+    # where a run was not finished or saved.
+    from oed.cli.terminal import console
     from oed.report.answer import answer_of
+    from oed.report.refusal import refusal_of
 
     answer = answer_of(record)
     if answer is not None:
-        print_answer(answer)
-    if answer is None or options.verbose or outcome.trouble is not None or outcome.interrupted:
-        print_results(record.results, record.robustness)
-        if record.certificate is not None:
-            print_certificate(record.certificate)
+        console.print_answer(answer)
     else:
+        console.print_lines(refusal_of(record))
+    if options.verbose or outcome.trouble is not None or outcome.interrupted:
+        console.print_results(record.results, record.robustness)
+        if record.certificate is not None:
+            console.print_certificate(record.certificate)
+    elif answer is not None:
         # What was searched for comparison only, without back-off, is to be infeasible.
         asked = {one.label for one in record.study.solvers}
-        print_messages(one for one in record.results if one.name in asked and not one.feasible)
+        console.print_messages(one for one in record.results if one.name in asked and not one.feasible)
 
 
 def _add_search(parser: argparse.ArgumentParser, where: str) -> None:
@@ -102,7 +105,6 @@ def _run(options: argparse.Namespace) -> int:
 
     notes = [note for note in record.notes if note != CUT_SHORT]
     further = [f"Drive: oed export {out} --to rosbag2"] if record.best is not None else []
-    further += [] if options.verbose else ["More:  oed run --verbose"]
     outcome.show(
         options, {**record.plain(), **outcome.place}, lambda: _found(options, record, outcome), notes, further
     )

@@ -135,10 +135,11 @@ def _evaluate_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--designs", metavar="DIR", help="a record to compare with (default: reports/<file stem>/, if there)"
     )
+    parser.add_argument("--verbose", action="store_true", help="print objectives too")
 
 
 def _evaluate(options: argparse.Namespace) -> int:
-    from oed.cli.terminal.console import print_results, print_worth
+    from oed.cli.terminal.console import print_driven, print_results, print_worth
     from oed.workflow.driven import score_path
     from oed.workflow.studies import load_study
 
@@ -148,7 +149,9 @@ def _evaluate(options: argparse.Namespace) -> int:
     if options.json:
         print_json(found.data)
     else:
-        print_results([one.result for one in found.paths], found.robustness)
+        print_driven(found)
+        if options.verbose:
+            print_results([one.result for one in found.paths], found.robustness)
         print_worth(found)
     for name, one in found.findings:
         say(f"{name}: {one.message}")

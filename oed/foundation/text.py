@@ -147,6 +147,26 @@ def size_text(size: float, unit: str, digits: int = 3) -> str:
     return quantity(size * factor, shown, digits)
 
 
+def excess_text(amount: float, unit: str, *, degrees: bool = False) -> str:
+    """By how much a limit is exceeded: `45.2 mm`, `14.8 rad/s`.
+
+    Args:
+        amount: [SI].
+        unit: SI unit.
+        degrees: whether its angles are shown in degrees.
+    """
+    if degrees:
+        unit, factor = in_degrees(unit)
+        amount *= factor
+    return size_text(amount, unit) if unit == "m" else quantity(amount, unit)
+
+
+def chance_text(share: float) -> str:
+    """A probability: `0.04 %`, `93.89 %`; finer where that would be 0."""
+    size = 100.0 * share
+    return f"{(fixed(2) if size >= 0.005 or size == 0 else significant(1))(size)} %"
+
+
 def given_text(size: float, unit: str) -> str:
     """A quantity [SI] that somebody chose, without idle digits: `10 mm`, `2.5 deg`."""
     shown, factor = unit_for([size], unit)

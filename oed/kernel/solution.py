@@ -12,7 +12,7 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import NotFinite
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import PARAMETER_COLUMNS, Card, Presented, given
-from oed.foundation.text import count, quantity
+from oed.foundation.text import chance_text, count, quantity
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
@@ -122,7 +122,7 @@ class Violation:
     @property
     def sentence(self) -> str:
         """The probability in words."""
-        share = f"{100 * self.probability:.2f} % of {self.draws} simulated robots violate the limits."
+        share = f"{chance_text(self.probability)} of {self.draws} simulated robots violate the limits."
         points = ", ".join(self.checked_at_points)
         return f"{share} Checked at points only: {points}; between them more may." if points else share
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from oed.foundation.text import chance_text
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status, Violation
@@ -97,7 +98,7 @@ class _Assured:
         except KeyboardInterrupt:
             detail = solution.detail if solution.violation else f"{solution.detail} {UNTRIED}".strip()
             return replace(solution, status=Status.INTERRUPTED, detail=detail)
-        progress.advance(f"{100 * found.probability:.2f} % violate the limits")
+        progress.advance(f"{chance_text(found.probability)} violate the limits")
         return replace(solution, violation=found)
 
     def _enough(self, solution: Solution) -> bool:
@@ -110,9 +111,9 @@ class _Assured:
         detail = solution.detail
         if last is not None:
             verified = (
-                f"On the last drive {100 * last.probability:.2f} % of {last.draws} robots violated the "
-                f"limits (up to {100 * last.interval[1]:.2f} % with 95 % confidence), where "
-                f"{100 * (1 - self.robust.confidence):.2f} % may."
+                f"On the last drive {chance_text(last.probability)} of {last.draws} robots violated the "
+                f"limits (up to {chance_text(last.interval[1])} with 95 % confidence), where "
+                f"{chance_text(1 - self.robust.confidence)} may."
             )
             detail = f"{verified} {detail}"
         detail = f"{detail.strip()} {NARROWER}".strip()

@@ -8,6 +8,9 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
+from oed.foundation.text import excess_text, words
+from oed.kernel.limit import Limit
+from oed.optimize.terms.base import RowBounds
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.program import Program
 
@@ -36,16 +39,21 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
         return ""
     limits = design.problem.limits
     phrases = [
-        f"{limit.name} (by at most {amount * rows.size:.3g} {rows.unit})"
-        for limit, rows, amount in zip(limits, design.terms.rows, needed, strict=True)
-        if amount is not None
+        f"{words(limit.name)} (by at most {_amount(limit, rows, share)})"
+        for limit, rows, share in zip(limits, design.terms.rows, needed, strict=True)
+        if share is not None
     ]
     if not phrases:
-        names = ", ".join(limit.name for limit in limits)
+        names = ", ".join(words(limit.name) for limit in limits)
         return f"The limits {names} conflict; loosening a single one was not found to be enough."
     if len(phrases) == 1:
         return f"One limit is in the way and would have to be loosened: {phrases[0]}."
     return f"These limits conflict, and loosening any one of them is enough: {', '.join(phrases)}."
+
+
+def _amount(limit: Limit, rows: RowBounds, share: float) -> str:
+    # What the rows exceed by share of their size, as the limit itself is measured.
+    return excess_text(limit.amount(share * rows.size), rows.unit, degrees=limit.in_degrees)
 
 
 def _relaxed_alone(

@@ -20,9 +20,15 @@ def announce_drive(context: Context, problem: Problem, evaluation: Evaluation, s
     """
     if evaluation.identifiable:
         after = f"first feasible drive after {significant(2)(seconds)} s"
-        announce(
-            context.progress, f"{after}: {_worth(problem, evaluation)}; the search for a better one goes on"
-        )
+        announce(context.progress, f"{after}: {_worth(problem, evaluation)}; {_sought(problem)}")
+
+
+def _sought(problem: Problem) -> str:
+    # A later drive may be better by the criterion, and yet less precise about some parameter.
+    names = [words(name) for one in problem.any_estimations for name in one.judged]
+    what = problem.criterion.standard_error(names)
+    goes_on = "the search for a better one goes on"
+    return f"{goes_on}: to make {what} as small as possible" if what else goes_on
 
 
 def _worth(problem: Problem, evaluation: Evaluation) -> str:

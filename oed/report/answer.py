@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from oed.foundation.text import deviation_text, given_text, nominal_text, own_unit, unit_text, words
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.records.stored.study_record import StoredParameter
-from oed.report.parts.judging import judged, repetitions_of, study_aim
+from oed.report.parts.judging import judged, repeatable, repetitions_of, study_aim, tells
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import VARIANT, duration_text, in_place
 
@@ -19,6 +19,8 @@ EQUAL = 0.05
 """Share of a drive by which two count as equally good."""
 MANY = 100.0
 """Drives beyond which their number says nothing to a reader: standard errors are compared instead."""
+TWICE = 2.0
+"""Times from which what may be smaller is said to be so many times smaller, not by a share."""
 
 
 @dataclass(frozen=True)
@@ -62,10 +64,10 @@ def answer_of(record: Record) -> Answer | None:
         return None
     baseline = best_baseline(record)
     beside = baseline if baseline is not None and baseline.name != winner.name else None
-    rows = tuple(_row(one, winner, beside) for one in record.parameters) if winner.standard_deviations else ()
+    rows = rows_of(record.parameters, winner, beside)
     said = (_compared(record, winner, baseline), _proved(record, winner), _holds(record, winner))
     return Answer(
-        _title(record, winner),
+        title_of(record),
         rows,
         "" if beside is None else _pattern(beside),
         tuple(filter(None, said if rows else (SAY("noiseless"), *said))),
@@ -73,9 +75,22 @@ def answer_of(record: Record) -> Answer | None:
 
 
 def best_baseline(record: Record) -> Result | None:
-    """The baseline of the largest objective among those that satisfy every limit; None without any."""
+    """The best baseline among those that satisfy every limit; None without any.
+
+    That is the one that tells the most parameters, and of those that tell all, the one of the largest
+    objective; where none does, the most precise about what it tells.
+    """
     driven = [one for one in record.results if one.origin == "baseline" and one.feasible]
-    return max(driven, key=lambda one: (not one.useless, one.worth or -math.inf), default=None)
+    return max(driven, key=lambda one: _rank(record, one), default=None)
+
+
+def _rank(record: Record, one: Result) -> tuple[int, bool, float]:
+    known, asked = [each for each in judged(record) if tells(one, each)], judged(record)
+    # Without noise nothing is told of any parameter, and objectives are all there is.
+    if len(known) == len(asked) or not any(one.standard_deviations.values()):
+        return len(known), not one.useless, one.worth or -math.inf
+    errors = [(one.standard_deviations[each.name] or 1.0) / (abs(each.nominal) or 1.0) for each in known]
+    return len(known), False, -sum(map(math.log, errors))
 
 
 def _pattern(baseline: Result) -> str:
@@ -83,13 +98,28 @@ def _pattern(baseline: Result) -> str:
     return words(baseline.name.removesuffix(VARIANT))
 
 
-def _title(record: Record, winner: Result) -> str:
+def title_of(record: Record) -> str:
+    """What was asked for: a drive of how long, in which room."""
     room = getattr(record.study.limits, "workspace", None)
     size = None
     if room is not None:
         x_min, x_max, y_min, y_max = room.extent
         size = given_text(x_max - x_min, "m"), given_text(y_max - y_min, "m")
-    return SAY("title", record.study.name, duration_text(record), size, in_place(winner))
+    turning = record.best is not None and in_place(record.best)
+    return SAY("title", record.study.name, duration_text(record), size, turning)
+
+
+def rows_of(
+    parameters: Sequence[StoredParameter], drive: Result, beside: Result | None = None
+) -> tuple[Estimated, ...]:
+    """A row for each parameter with its standard errors; none where there is no noise.
+
+    Args:
+        parameters: that are estimated.
+        drive: that tells them.
+        beside: another drive, to compare with.
+    """
+    return tuple(_row(one, drive, beside) for one in parameters) if drive.standard_deviations else ()
 
 
 def _row(parameter: StoredParameter, winner: Result, baseline: Result | None) -> Estimated:
@@ -101,7 +131,9 @@ def _row(parameter: StoredParameter, winner: Result, baseline: Result | None) ->
 
 def _error(parameter: StoredParameter, result: Result) -> str:
     size = result.standard_deviations.get(parameter.name)
-    return SAY("open") if size is None else deviation_text(size, parameter.unit)
+    if size is None:
+        return SAY("open")
+    return deviation_text(size, parameter.unit) if tells(result, parameter) else SAY("beyond")
 
 
 def _compared(record: Record, winner: Result, baseline: Result | None) -> str:
@@ -111,31 +143,68 @@ def _compared(record: Record, winner: Result, baseline: Result | None) -> str:
     name = _pattern(baseline)
     if baseline.name == winner.name:
         return SAY("baseline", name)
-    if baseline.useless:
-        known = baseline.standard_deviations
-        return SAY("useless", name, [one.name for one in judged(record) if known.get(one.name) is None])
-    needed = repetitions_of(record, baseline)
-    if needed is None or MANY < needed < math.inf:
-        return SAY("smaller", name, sorted(_ratios(record, winner, baseline)))
-    return SAY("repetitions", name, needed, EQUAL)
+    own = [one for one in judged(record) if tells(winner, one)]
+    untold = [one.name for one in own if not tells(baseline, one)]
+    if untold or baseline.useless:
+        return SAY("useless", name, untold)
+    return _weighed(record, winner, baseline)
 
 
-def _ratios(record: Record, winner: Result, baseline: Result) -> Iterator[float]:
-    # How many times the designed drive's standard error the baseline's is.
-    for one in judged(record):
-        own, other = (result.standard_deviations.get(one.name) for result in (winner, baseline))
-        if own and other:
-            yield other / own
+def _weighed(record: Record, winner: Result, baseline: Result) -> str:
+    # In drives, which every error in sight bears out; else in how many times the errors are as large.
+    name, share = _pattern(baseline), study_aim(record).efficiency(baseline.worth or 0.0, winner.worth or 0.0)
+    if share is not None and share > 1 + EQUAL:
+        return SAY("better", name)
+    drives, needed = _drives(record, winner, baseline), repetitions_of(record, baseline)
+    if not drives:
+        return "" if needed is None else SAY("by_criterion", name, needed, EQUAL)
+    worse = [one for one, number in drives.items() if number < 1 - EQUAL]
+    alike = [one for one, number in drives.items() if 1 - EQUAL <= number <= 1 + EQUAL]
+    low, high = min(drives.values()), max(drives.values())
+    if high <= 1 + EQUAL:
+        return _together(record, winner, baseline, worse)
+    if not repeatable(record) or high > MANY:
+        return SAY("smaller", name, math.sqrt(low), math.sqrt(high), worse)
+    return SAY("repetitions", name, low, high, worse, alike)
+
+
+def _together(record: Record, winner: Result, baseline: Result, worse: list[str]) -> str:
+    # No parameter by itself is more precise: only what the criterion makes of all of them.
+    aim, worths = study_aim(record), (baseline.worth or 0.0, winner.worth or 0.0)
+    share, what = aim.efficiency(*worths), _standard_error(record)
+    if what and share:
+        return SAY("together", _pattern(baseline), what, share**-0.5, share < 1 - EQUAL, worse)
+    ahead = aim.change(*worths) < -100 * EQUAL
+    return SAY("together", _pattern(baseline), aim.named, None, ahead, worse)
+
+
+def _standard_error(record: Record) -> str:
+    # What the study's criterion is about; "" where that is no standard error.
+    return study_aim(record).criterion.standard_error([words(one.name) for one in judged(record)])
+
+
+def _drives(record: Record, winner: Result, baseline: Result) -> dict[str, float]:
+    # How many of the baseline's have the designed drive's standard error, parameter by parameter.
+    pairs = {
+        one.name: [result.standard_deviations.get(one.name) for result in (winner, baseline)]
+        for one in judged(record)
+    }
+    return {name: (other / own) ** 2 for name, (own, other) in pairs.items() if own and other}
 
 
 def _proved(record: Record, winner: Result) -> str:
-    certificate = record.certificate
-    if certificate is None:
+    found = record.certificate
+    if found is None:
         return ""
-    bound, aim = certificate.gap_to or certificate.upper_bound, study_aim(record)
+    bound, aim = found.gap_to or found.upper_bound, study_aim(record)
     share = None if winner.worth is None else aim.efficiency(winner.worth, bound)
-    gap = certificate.gap if not share else 1 / share - 1
-    return SAY("proved", None if gap is None else max(gap, 0.0))
+    what = _standard_error(record)
+    absent = [one for one in found.assumptions if one.endswith("left out")]
+    if what and share:
+        # Its square is what efficiencies compare.
+        return SAY("smallest", what, max(share**-0.5, 1.0), TWICE, absent)
+    gap = found.gap if not share else 1 / share - 1
+    return SAY("proved", aim.named, None if gap is None else max(gap, 0.0), absent)
 
 
 def _holds(record: Record, winner: Result) -> str:

@@ -18,12 +18,12 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import Solution, scored
 from oed.logs import Finding, Log, read_logs
 from oed.logs.form import is_bag
-from oed.records.outcomes import result_of
+from oed.records.outcomes import parameter_table, result_of
 from oed.records.path_file import read_trajectory
 from oed.records.record import FILE, Record, load_record
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness
-from oed.records.stored.study_record import StoredCertificate
+from oed.records.stored.study_record import StoredCertificate, StoredParameter
 from oed.study.study import Study
 from oed.workflow.robustness import robustness, tried
 from oed.workflow.studies import Work
@@ -68,6 +68,8 @@ class DrivenPaths:
         robustness: how many robots violate the limits on them, as a record has it; None where the study has
             no back-off.
         findings: by the name of the log, what was found in it.
+        parameters: that the study estimates.
+        design: the result of that best design, or None.
     """
 
     paths: tuple[DrivenPath, ...]
@@ -75,6 +77,8 @@ class DrivenPaths:
     bound: float | None
     robustness: StoredRobustness | None = None
     findings: tuple[tuple[str, Finding], ...] = ()
+    parameters: tuple[StoredParameter, ...] = ()
+    design: Result | None = None
 
     @property
     def first(self) -> DrivenPath:
@@ -121,13 +125,15 @@ def score_path(study: Study, file: str | Path, designs: str | Path | None = None
     """
     if is_log(study, file):
         return score_logs(study, [file], designs)
-    trajectory, record = read_trajectory(file, study.problem), _record_of(study, designs)
+    trajectory = read_trajectory(file, study.problem)
     # A path with other samples is measured otherwise, and compares with no design of the study.
     alike = trajectory.samples == study.problem.design.all_samples
-    best, proved = _known(record) if alike else (None, None)
+    record = _record_of(study, designs) if alike else None
+    best, proved = _known(record)
     (solution,) = tried(Work(study, study.seed), [scored(study.problem, trajectory, Path(file).stem)])
     worth = _worth(study, solution, trajectory.duration, best, proved, str(file))
-    return DrivenPaths((worth,), best, _exact(proved), robustness(study, [solution], study.seed))
+    robots = robustness(study, [solution], study.seed)
+    return DrivenPaths((worth,), best, _exact(proved), robots, **_beside(study, record))
 
 
 def is_log(study: Study, file: str | Path) -> bool:
@@ -170,7 +176,13 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
         for name, trajectory, seconds in parts
     )
     findings = tuple((log.name, one) for log in logs for one in log.findings)
-    return DrivenPaths(worth, known, _exact(proved), findings=findings)
+    return DrivenPaths(worth, known, _exact(proved), findings=findings, **_beside(study, record))
+
+
+def _beside(study: Study, record: Record | None) -> dict[str, Any]:
+    # What standard errors are of, and the design whose own they compare with.
+    parameters = tuple(parameter_table(study.problem))
+    return {"parameters": parameters, "design": None if record is None else record.best}
 
 
 def _exact(proved: Proved | None) -> float | None:

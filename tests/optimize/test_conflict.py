@@ -13,7 +13,7 @@ from oed.kernel.problem import Problem
 from oed.optimize.conflict import describe_conflict
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives
-from oed.robots.limits import Rectangle, WheelSpeed
+from oed.robots.limits import EndHeading, EndPosition, Rectangle, WheelSpeed, YawRateLimit
 from oed.robots.sensors import Displacements
 
 
@@ -42,30 +42,30 @@ def description() -> str:
 
 
 def amount(description: str, name: str) -> float:
-    found = re.search(rf"{name} \(by at most ([0-9.e+-]+) ", description)
+    found = re.search(rf"{name} \(by at most ([0-9.e+-]+) (\S+)\)", description)
     assert found, description
-    return float(found.group(1))
+    return float(found.group(1)) * (1e-3 if found.group(2) == "mm" else 1.0)
 
 
 @pytest.mark.slow
 def test_conflicting_limits_are_named_with_units(description: str):
     assert description.startswith("These limits conflict")
-    assert re.search(r"wheel_speed \(by at most \S+ rad/s\)", description)
-    assert re.search(r"workspace \(by at most \S+ m\)", description)
+    assert re.search(r"wheel speed \(by at most \S+ rad/s\)", description)
+    assert re.search(r"workspace \(by at most \S+ mm\)", description)
 
 
 @pytest.mark.slow
 def test_amounts_are_no_more_than_what_is_certainly_enough(description: str):
     # Wheels that may rest need no room at all, and no drive reaches farther than its own length.
-    assert 0 < amount(description, "wheel_speed") <= 3.0 + 1e-3
+    assert 0 < amount(description, "wheel speed") <= 3.0 + 1e-3
     assert 0 < amount(description, "workspace") <= 5 * 10 * 0.049
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["wheel_speed", "workspace"])
+@pytest.mark.parametrize("name", ["wheel speed", "workspace"])
 def test_loosening_one_limit_by_its_amount_is_enough(description: str, name: str):
     loosened = 1.02 * amount(description, name) + 1e-3
-    changes = {"wheel_speed": {"lowest": 3.0 - loosened}, "workspace": {"half_side": 0.1 + loosened}}
+    changes = {"wheel speed": {"lowest": 3.0 - loosened}, "workspace": {"half_side": 0.1 + loosened}}
     assert describe(make_cornered(**changes[name])) == ""
 
 
@@ -74,9 +74,29 @@ def test_a_limit_that_is_not_in_the_way_is_not_named():
     cornered = make_cornered()
     description = describe(replace(cornered, limits=(*cornered.limits, ACCELERATION)))
     assert "workspace" in description
-    assert "wheel_acceleration" not in description
+    assert "wheel acceleration" not in description
 
 
 @pytest.mark.slow
 def test_limits_that_agree_do_not_conflict():
     assert describe(problem_of(limits=(SPEED, ACCELERATION, BOX))) == ""
+
+
+@pytest.mark.slow
+def test_an_end_out_of_reach_is_missed_by_metres_not_by_the_square_that_a_solver_sees():
+    # 5 s at 10 rad/s of wheels of 49 mm reach 2.45 m at most: an end 4 m away is missed by 1.55 m and more.
+    far = problem_of(
+        duration=5, limits=(SPEED, EndPosition(at={"x": 4, "y": 0})), start={"x": 0, "y": 0, "heading": 0}
+    )
+    assert 1.5 < amount(describe(far), "end position") < 4.0
+
+
+@pytest.mark.slow
+def test_an_angle_is_in_degrees():
+    # Wheels that turn alike but for 0.1 rad/s turn a robot by a few degrees only.
+    straight = problem_of(
+        duration=5,
+        limits=(SPEED, YawRateLimit(bounds=0.01), EndHeading(at=1.5)),
+        start={"x": 0, "y": 0, "heading": 0},
+    )
+    assert re.search(r"end heading \(by at most \S+ deg\)", describe(straight))

@@ -231,7 +231,7 @@ def without_drive() -> Record:
     numbers = ("objective", "lambda_min", "lambda_max", "condition_number", "smallest_singular_value")
     entry.update(dict.fromkeys((*numbers, "norm_y", "path_length", "drive", "trajectory")))
     entry.update(feasible=False, margins=[], standard_deviations={}, singular_values=[], stages={})
-    entry.update(status="infeasible", message="One limit is in the way: wheel_speed (by 2.86 rad/s).")
+    entry.update(status="infeasible", message="One limit is in the way: wheel speed (by 2.86 rad/s).")
     for start in entry["starts"]:
         start["objective"] = None
     return record_from(data)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import numpy as np
 import pytest
 import sample_records
 from places import REPORTS
@@ -12,9 +13,12 @@ from recorded import record_from
 
 from oed.cli.terminal.console import print_answer
 from oed.foundation.text import words
+from oed.kernel.criteria import A, D, E
 from oed.records.record import Record, load_record
 from oed.report.answer import answer_of, best_baseline
 from oed.report.page import write_report
+from oed.report.parts.judging import judged
+from oed.report.refusal import refusal_of
 
 SAVED = {path.parent.name: path.parent for path in REPORTS.rglob("record.json")}
 SAMPLES = {
@@ -42,13 +46,34 @@ def baselines_of(record: Record) -> list[Any]:
     return [one for one in record.results if one.origin == "baseline" and one.feasible and not one.useless]
 
 
+def told_by(record: Record, one: Any) -> int:
+    """How many parameters a drive tells with an error below their size."""
+    sizes = [(one.standard_deviations.get(each.name), abs(each.nominal)) for each in judged(record)]
+    return sum(error is not None and (not size or error <= size) for error, size in sizes)
+
+
+def beside(errors: dict[str, float | None], share: float, **parts: Any) -> Record:
+    """The flagship with one baseline: its errors in the design's, its objective in the design's."""
+    record = changed()
+    weak, best = best_baseline(record), record.best
+    own = {
+        name: None if times is None else times * best.standard_deviations[name]
+        for name, times in errors.items()
+    }
+    weak = weak.model_copy(update={"objective": share * best.objective, "standard_deviations": own, **parts})
+    return record.model_copy(update={"results": [best, weak]})
+
+
 @EVERY
 def test_no_headline_names_a_baseline_worse_than_the_best_that_can_be_driven(make: Any):
     record = make()
     answer, best = answer_of(record), best_baseline(record)
     assert answer is not None
+    told = {one.name: told_by(record, one) for one in baselines_of(record)}
     for one in baselines_of(record):
-        assert best.worth >= one.worth
+        assert told[best.name] >= told[one.name]
+        if told[one.name] == len(judged(record)):
+            assert best.worth >= one.worth
     if answer.baseline:
         assert answer.baseline == words(best.name)
         said = " ".join(answer.sentences)
@@ -98,14 +123,86 @@ def test_a_baseline_that_leaves_something_open_is_no_number():
 
 
 def test_thousands_of_drives_are_no_comparison():
-    record = changed()
-    weak = best_baseline(record)
-    errors = {name: 50 * size for name, size in record.best.standard_deviations.items()}
-    weak = weak.model_copy(update={"objective": record.best.objective / 2500, "standard_deviations": errors})
-    answer = answer_of(record.model_copy(update={"results": [record.best, weak]}))
-    assert answer.sentences[0] == (
-        f"Standard errors are those of the best baseline, {words(weak.name)}, divided by 50."
+    # Of errors a hundredth of the parameters' size, so that fifty times as large ones still say something.
+    record = beside({"c21": 50, "c22": 50}, 1 / 2500)
+    for one in record.results:
+        smaller = {name: size / 100 for name, size in one.standard_deviations.items()}
+        one.standard_deviations.update(smaller)
+    assert answer_of(record).sentences[0] == (
+        "Standard errors are those of the best baseline, figure eight, divided by 50."
     )
+
+
+@pytest.mark.parametrize(
+    ("errors", "share", "said"),
+    [
+        ((2, 2), 0.25, "As good as 4.0 drives of the best baseline, figure eight."),
+        ((2, 3), 0.25, "As good as 4.0 to 9.0 drives of the best baseline, figure eight."),
+        (
+            (2, 0.8),
+            0.25,
+            "The best baseline, figure eight, takes 4.0 drives to be as precise in every parameter; "
+            "a single one of them is more precise about c22.",
+        ),
+        (
+            (2, 1),
+            0.25,
+            "The best baseline, figure eight, takes 4.0 drives to be as precise in every parameter; "
+            "a single one of them is as precise about c22.",
+        ),
+        (
+            (0.9, 0.8),
+            0.25,
+            "Better than the best baseline, figure eight, in one respect: the standard error of the least "
+            "certain combination of parameters is 2.0 times smaller. "
+            "Each parameter alone is no more precise.",
+        ),
+        ((1, 1), 1.0, "As good as the best baseline, figure eight."),
+        (
+            (0.9, 1),
+            1.0,
+            "The best baseline, figure eight, is as good by the standard error of the least certain "
+            "combination of parameters, and more precise about c21.",
+        ),
+    ],
+)
+def test_repetitions_are_those_that_every_error_in_sight_bears_out(
+    errors: tuple[float, float], share: float, said: str
+):
+    record = beside(dict(zip(("c21", "c22"), errors, strict=True)), share)
+    assert answer_of(record).sentences[0] == said
+
+
+def test_an_error_beyond_a_parameters_size_tells_nothing_of_it():
+    record = beside({"c21": 2, "c22": 6}, 1 / 36)
+    assert 6 * record.best.standard_deviations["c22"] > record.parameters[1].nominal
+    answer = answer_of(record)
+    assert [row.baseline for row in answer.rows] == ["9.4 mm", "cannot tell"]
+    assert answer.sentences[0] == (
+        "From no usual drive are all parameters identifiable: from the best, figure eight, c22 is not."
+    )
+
+
+def test_a_baseline_that_tells_every_parameter_comes_before_one_that_does_not():
+    record = beside({"c21": 2, "c22": 6}, 0.9)
+    square = next(one for one in changed().results if one.name == "square")
+    record = record.model_copy(update={"results": [*record.results, square]})
+    assert record.results[1].worth > square.worth
+    assert best_baseline(record).name == "square"
+
+
+def test_where_no_baseline_tells_all_the_most_precise_about_the_rest_is_named():
+    record = beside({"c21": 2, "c22": 6}, 0.1)
+    finer = record.results[1].model_copy(
+        update={
+            "name": "circle",
+            "objective": 0.0,
+            "identifiable": False,
+            "standard_deviations": {"c21": 1e-3, "c22": None},
+        }
+    )
+    record = record.model_copy(update={"results": [*record.results, finer]})
+    assert best_baseline(record).name == "circle"
 
 
 def test_baselines_that_cannot_be_driven_say_why():
@@ -139,8 +236,25 @@ def test_failed_simulations_are_said():
     assert check.question in said
 
 
-def test_nothing_that_can_be_driven_is_no_answer():
-    assert answer_of(sample_records.without_drive()) is None
+def test_nothing_that_can_be_driven_is_no_answer_but_reasons():
+    record = sample_records.without_drive()
+    assert answer_of(record) is None
+    said = refusal_of(record)
+    assert said[1] == "No drive was found that satisfies every limit."
+    assert said[2] == record.results[0].message
+    assert answer_of(sample_records.full()) is not None
+
+
+def test_the_usual_drive_that_comes_closest_is_named_with_what_it_exceeds():
+    record = changed()
+    results = [one for one in record.results if not one.feasible and one.origin == "baseline"]
+    results = [one.model_copy(update={"name": one.name.removesuffix("_same_length")}) for one in results]
+    fewest = min(len(one.violations) for one in results)
+    said = refusal_of(record.model_copy(update={"results": results, "named": None}))[-1]
+    (closest,) = [one for one in results if f"Of the usual drives {words(one.name)} comes closest" in said]
+    assert len(closest.violations) == fewest
+    assert all(words(limit) in said for limit in closest.violations)
+    assert "_" not in said
 
 
 def test_without_noise_the_key_to_add_is_named():
@@ -152,13 +266,50 @@ def test_without_noise_the_key_to_add_is_named():
 @pytest.mark.parametrize(
     ("gap", "said"),
     [
-        (0.0, "No drive can be better (proved)."),
-        (0.13, "No drive can be better by more than 13 % (proved)."),
-        (3.3, "No drive can be better by more than a factor of 4.3 (proved)."),
+        (0.0, " (proved)."),
+        (0.21, " by more than 9.1 % (proved)."),
+        (3.41, " by more than a factor of 2.1 (proved)."),
     ],
 )
-def test_what_is_proved(gap: float, said: str):
+def test_what_is_proved_is_said_of_the_standard_errors_in_sight(gap: float, said: str):
     record = changed()
     bound = record.best.objective * (1 + gap)
     certificate = record.certificate.model_copy(update={"gap": gap, "gap_to": bound, "upper_bound": bound})
-    assert said in answer_of(record.model_copy(update={"certificate": certificate})).sentences
+    what = "the standard error of the least certain combination of parameters"
+    answer = answer_of(record.model_copy(update={"certificate": certificate}))
+    assert f"No drive can make {what} smaller{said}" in answer.sentences
+
+
+def test_what_a_bound_leaves_out_is_said_beside_it():
+    record = changed()
+    bound = record.best.objective * 1.21
+    assumptions = ["exact arcs", "the room is left out"]
+    parts = {"gap": 0.21, "gap_to": bound, "upper_bound": bound, "assumptions": assumptions}
+    certificate = record.certificate.model_copy(update=parts)
+    said = answer_of(record.model_copy(update={"certificate": certificate})).sentences[1]
+    assert said.endswith("(proved; the room is left out, so less may be possible).")
+
+
+@pytest.mark.parametrize(
+    ("criterion", "size", "errors"),
+    [
+        (E(), 3, lambda matrix: np.linalg.eigvalsh(np.linalg.inv(matrix))[-1] ** 0.5),
+        (D(), 3, lambda matrix: np.exp(np.log(np.linalg.eigvalsh(np.linalg.inv(matrix))).mean() / 2)),
+        (A(), 3, lambda matrix: np.trace(np.linalg.inv(matrix)) ** 0.5),
+    ],
+    ids=["E", "D", "A"],
+)
+def test_criteria_are_about_the_standard_error_that_they_name(criterion: Any, size: int, errors: Any):
+    rng = np.random.default_rng(3)
+    one, other = (root @ root.T for root in rng.normal(size=(2, size, 2 * size)))
+    share = criterion.efficiency(float(criterion.value([one])), float(criterion.value([other])), size)
+    assert share**-0.5 == pytest.approx(errors(one) / errors(other))
+    assert "standard error" in criterion.standard_error(["a", "b", "c"])
+    assert criterion.standard_error(["a"]) == "the standard error of a"
+
+
+def test_a_criterion_of_no_standard_error_is_named():
+    data = json.loads(next(REPORTS.rglob("choi_skid_steer/record.json")).read_text())
+    data["study"]["criterion"]["kind"] = "modified_E"
+    said = answer_of(record_from(data)).sentences
+    assert any(one.startswith("No drive can be better by the criterion modified E") for one in said)

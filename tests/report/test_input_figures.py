@@ -9,6 +9,7 @@ from recorded import record_from
 from sample_records import full, many
 from shown_in import section
 
+from oed.foundation.text import excess_text
 from oed.records.record import Record
 from oed.report.figures import chart
 from oed.report.figures.draw import drawn
@@ -113,7 +114,7 @@ def test_many_limits_name_only_those_that_are_touched() -> None:
     first, fast = table.rows
     assert first[1] is None
     margin = next(one for one in record.results[1].margins if one.limit == "workspace")
-    assert fast[1] == f"workspace by {-margin.margin:.3f} m"
+    assert fast[1] == f"workspace by {excess_text(-margin.margin, 'm')}"
     for entry, row in zip(record.results, table.rows, strict=True):
         named = sum(len(str(cell).split(", ")) for cell in row[1:3] if cell)
         assert named + int(str(row[3])) == len(entry.margins)

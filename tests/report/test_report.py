@@ -212,8 +212,22 @@ def test_spread_counts_starts_within_one_percent() -> None:
 
 def test_summary_of_nothing_feasible_says_what_is_in_the_way() -> None:
     part = section(sample_records.without_drive(), "Summary")
-    assert "wheel_speed (by 2.86 rad/s)" in part.notices[0]
-    assert "no design to use" in part.paragraphs[0]
+    assert part.paragraphs == (
+        "No drive was found that satisfies every limit.",
+        "One limit is in the way: wheel speed (by 2.86 rad/s).",
+    )
+    assert part.notices == ()
+    assert part.animation is None
+
+
+def test_nothing_is_measured_by_a_drive_that_does_not_exist() -> None:
+    parts = {one.title: one for one in sections_of(sample_records.only_infeasible_drive())}
+    assert parts["Summary"].animation is None
+    assert parts["Summary"].paragraphs[0] == "No drive was found that satisfies every limit."
+    assert not {"Criteria", "How it compares", "Predicted standard deviations", "What limits it"} & set(parts)
+    columns = [column.title for column in parts["Candidates"].tables[0].columns]
+    assert not {"efficiency", "repetitions for the same"} & set(columns)
+    assert "Efficiency" not in " ".join(parts["Candidates"].paragraphs)
 
 
 def test_summary_names_the_best_and_shows_the_notes() -> None:

@@ -9,9 +9,13 @@ import pytest
 from recorded import record_from
 from sample_records import full
 
+from oed.foundation.text import chance_text
 from oed.records.record import Record
 from oed.report import write_report
+from oed.report.answer import answer_of
 from oed.report.figures.draw import drawn
+from oed.report.sections.candidates import candidates
+from oed.report.sections.limits import exceeded
 from oed.report.sections.robustness import robustness
 
 TRACK = {"name": "track", "unit": "m", "nominal": 0.18, "low": 0.171, "high": 0.189, "uniform": True}
@@ -135,7 +139,7 @@ class TestWords:
     def test_the_cost_is_said(self):
         text = text_of()
         assert "50.0 % of nominal" in text
-        assert "87.4 % of the robots" in text
+        assert "87.40 % of the robots" in text
 
     @pytest.mark.parametrize(
         "results",
@@ -183,3 +187,29 @@ def test_it_is_in_the_report(tmp_path):
         text = (tmp_path / name).read_text(encoding="utf-8")
         assert "Robots other than the nominal one" in text
         assert "violation probability" in text
+
+
+def test_what_a_tightened_limit_is_exceeded_by_is_said_to_include_its_back_off():
+    data = made().data
+    (entry,) = [one for one in data["results"] if one["name"] == "nominal"]
+    (margin,) = [one for one in entry["margins"] if one["limit"] == "workspace"]
+    margin.update(margin=-0.376, kept=False)
+    entry.update(feasible=False, violations={"workspace": 0.376})
+    record = record_from(data)
+    said = "workspace by 376 mm (back-off for other robots included)"
+    nominal = record.result("nominal")
+    assert exceeded(nominal, record.robustness) == [said]
+    assert exceeded(nominal) == ["workspace by 376 mm"]
+    rows = {row[0]: row for row in candidates(record).tables[0].rows}
+    assert rows["nominal"][-1] == f"exceeds {said}"
+
+
+@pytest.mark.parametrize(
+    ("share", "said"),
+    [(0.0, "0.00 %"), (0.00037, "0.04 %"), (0.9389, "93.89 %"), (0.00002, "0.002 %"), (1.0, "100.00 %")],
+)
+def test_a_probability_is_written_in_one_way(share: float, said: str):
+    assert chance_text(share) == said
+    record = made(results=[result("ipopt", reserve=2.576, interval=[0.0, share])], bundles=[])
+    assert f"At most {said} of robots like this one would violate the limits." in answer_of(record).sentences
+    assert f"0.31 %; with 95 % confidence 0.00 % to {said}" in " ".join(robustness(record).paragraphs)

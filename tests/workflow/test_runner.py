@@ -252,7 +252,8 @@ class TestInterrupted:
         ((stage, sentence),) = listener.said
         assert stage == "starts"
         assert re.fullmatch(
-            r"first feasible drive after \S+ s: standard errors c21 \S+ mm and c22 \S+ mm; .* goes on",
+            r"first feasible drive after \S+ s: standard errors c21 \S+ mm and c22 \S+ mm; .* goes on: "
+            r"to make the standard error of the least certain combination of parameters as small as possible",
             sentence,
         )
 

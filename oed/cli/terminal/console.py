@@ -15,7 +15,7 @@ from rich.text import Text
 
 from oed.cli.terminal.messages import tell
 from oed.foundation.shown import shown
-from oed.foundation.text import error_text, own_unit, quantity, size_text, to_error, words
+from oed.foundation.text import error_text, own_unit, to_error, words
 from oed.foundation.work.progress import Progress, Silent
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from oed.records.stored.simulation import StoredRobustness
     from oed.records.stored.study_record import StoredCertificate
     from oed.records.stored.sweep import StoredSweep
-    from oed.report.answer import Answer
+    from oed.report.answer import Answer, Estimated
     from oed.workflow.driven import DrivenPaths
     from oed.workflow.next_drive import NextDrive
 
@@ -101,17 +101,26 @@ def _table(
 
 def print_answer(answer: Answer) -> None:
     """What a study found: every standard error, beside the best baseline, and its grounds."""
-    console = Console(width=WIDTH)
-    baseline = f"best baseline ({answer.baseline})" if answer.baseline else ""
-    headings = ("", "value", "standard error", *([baseline] if baseline else []))
-    _print_line(console, answer.title)
+    print_lines([answer.title])
     if answer.rows:
-        table = _table(headings, ("",))
-        for one in answer.rows:
-            table.add_row(*map(_cell, (one.name, one.value, one.designed, one.baseline)[: len(headings)]))
-        console.print(table)
-    for line in answer.sentences:
+        _print_rows(answer.rows, answer.baseline and f"best baseline ({answer.baseline})")
+    print_lines(answer.sentences)
+
+
+def print_lines(lines: Iterable[str]) -> None:
+    """Sentences, on standard output, as wide as every terminal shows whole."""
+    console = Console(width=WIDTH)
+    for line in lines:
         _print_line(console, line)
+
+
+def _print_rows(rows: Iterable[Estimated], beside: str) -> None:
+    # Standard errors, and what is `beside` them.
+    headings = ("", "value", "standard error", *([beside] if beside else []))
+    table = _table(headings, ("",))
+    for one in rows:
+        table.add_row(*map(_cell, (one.name, one.value, one.designed, one.baseline)[: len(headings)]))
+    Console(width=WIDTH).print(table)
 
 
 def print_results(results: Sequence[Result], robustness: StoredRobustness | None = None) -> None:
@@ -133,27 +142,36 @@ def print_results(results: Sequence[Result], robustness: StoredRobustness | None
     alone = len(results) == 1
     print_messages(
         (one for one in results if alone or one.origin != "path" or not one.feasible),
-        () if robustness is None else robustness.limits,
+        robustness,
     )
 
 
-def print_messages(results: Iterable[Result], tightened: Sequence[str] = ()) -> None:
-    """What became of results, and the limits that they exceed; those `tightened` with their back-off."""
+def print_messages(results: Iterable[Result], robustness: StoredRobustness | None = None) -> None:
+    """What became of results, and the limits that they exceed; tightened ones with their back-off."""
     console = _console()
     for one in results:
-        _print_line(console, f"{one.name}: {one.message}")
-        units = {margin.limit: margin.unit for margin in one.margins}
-        for limit, amount in one.violations.items():
-            how = ", back-off for other robots included" if limit in tightened else ""
-            _print_line(console, f"  exceeds {limit} by {_exceeded(amount, units.get(limit, ''))}{how}")
-        points = [margin.limit for margin in one.margins if margin.certain is False]
-        if points and one.feasible:
-            _print_line(console, f"  checked at points only, not between them: {', '.join(points)}")
+        message, broken = _message(one), list(_broken(one, robustness))
+        if message or broken:
+            _print_line(console, f"{one.name}: {message}".rstrip())
+        for line in broken:
+            _print_line(console, f"  {line}")
 
 
-def _exceeded(amount: float, unit: str) -> str:
-    # Lengths on the ladder; angles and rates as limits give them.
-    return size_text(amount, unit) if unit == "m" else quantity(amount, unit)
+def _message(one: Result) -> str:
+    # That it was scored as given is no news.
+    from oed.kernel.solution import Status
+
+    return one.message.removeprefix(Status.SCORED.sentence).strip()
+
+
+def _broken(one: Result, robustness: StoredRobustness | None) -> Iterator[str]:
+    from oed.report.sections.limits import exceeded
+
+    for excess in exceeded(one, robustness):
+        yield f"exceeds {excess}"
+    points = [words(margin.limit) for margin in one.margins if margin.certain is False]
+    if points and one.feasible:
+        yield f"checked at points only, not between them: {', '.join(points)}"
 
 
 def _cell(text: str) -> Text:
@@ -163,6 +181,21 @@ def _cell(text: str) -> Text:
 
 def _print_line(console: Console, line: str) -> None:
     console.print(shown(line), highlight=False, markup=False)
+
+
+def print_driven(found: DrivenPaths) -> None:
+    """What driven paths tell: every standard error, beside the best design's, and limits that they exceed."""
+    from oed.report.answer import rows_of
+
+    beside = "" if found.design is None else f"best design ({found.design.name})"
+    for one in found.paths:
+        rows = rows_of(found.parameters, one.result, found.design)
+        print_lines([f"{one.name}: {one.seconds:.3g} s of motion"])
+        if rows:
+            _print_rows(rows, beside)
+        print_lines(filter(None, [_message(one.result)]))
+        print_lines(["Limits satisfied."] if one.result.feasible else [])
+        print_lines(_broken(one.result, found.robustness))
 
 
 def print_worth(found: DrivenPaths) -> None:

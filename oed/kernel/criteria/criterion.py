@@ -120,6 +120,12 @@ class Criterion(Component, ABC):
         """
         return ""
 
+    def standard_error(self, names: Sequence[str]) -> str:
+        """Which standard error, of a design that judges parameters of these names, is inversely proportional
+        to the root of its efficiency, in words; "" where none is.
+        """
+        return ""
+
     def concede(self, value: float, share: float) -> float:
         """The value that remains when only `share` of `value` is asked for."""
         return value - (1.0 - share) * abs(value)

@@ -127,6 +127,10 @@ class Prediction(RootCriterion):
         text = deviation_text(math.sqrt(-value), UNITS_BY_NAME.get(self.quantity, ""))
         return f"the {self.root_of} standard deviation of a predicted {self.quantity} is {text}"
 
+    def standard_error(self, names: Sequence[str]) -> str:
+        """That of a prediction."""
+        return f"the {self.root_of} standard error of a predicted {self.quantity}"
+
     def efficiency(self, value: float, best: float, size: int) -> float | None:
         """Ratio of the best design's variance to this one's."""
         return best / value if value < 0 and math.isfinite(best) else None

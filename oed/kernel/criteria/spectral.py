@@ -35,6 +35,11 @@ class E(RootCriterion):
         """lambda_min, the smallest over the blocks; 0 where some combination is not identifiable."""
         return np.asarray(np.min([root.smallest for root in information], axis=0))
 
+    def standard_error(self, names: Sequence[str]) -> str:
+        """That of the combination that is the least certain; of one parameter its own."""
+        what = names[0] if len(names) == 1 else "the least certain combination of parameters"
+        return f"the standard error of {what}"
+
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise t with F_b - t I = L_b L_b' for every block b."""
         level = ca.SX.sym("t")

@@ -44,6 +44,12 @@ class D(RootCriterion):
         name = "geometric mean of those along the ellipsoid's axes"
         return _mean(self, name, math.exp(-value / 2 / size), size)
 
+    def standard_error(self, names: Sequence[str]) -> str:
+        """That along the ellipsoid's axes, its geometric mean; of one parameter its own."""
+        if len(names) == 1:
+            return f"the standard error of {names[0]}"
+        return "the average standard error over all combinations of parameters"
+
     def efficiency(self, value: float, best: float, size: int) -> float | None:
         """(det F / det F_best)^(1 / p)."""
         return math.exp((value - best) / size) if math.isfinite(best) else None
@@ -71,6 +77,14 @@ class A(RootCriterion):
     def deviation(self, value: float, size: int) -> str:
         """The root mean square of the parameters'."""
         return _mean(self, "root mean square of those of the parameters", math.sqrt(-value / size), size)
+
+    def standard_error(self, names: Sequence[str]) -> str:
+        """The parameters', their root mean square; of one parameter its own."""
+        return (
+            f"the standard error of {names[0]}"
+            if len(names) == 1
+            else "the parameters' average standard error"
+        )
 
     def efficiency(self, value: float, best: float, size: int) -> float | None:
         """Ratio of the best design's summed variances to this one's."""

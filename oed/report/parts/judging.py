@@ -16,8 +16,6 @@ from oed.report.parts.prose import Prose
 from oed.report.parts.reading import regression_of, solver_of
 
 SAY = Prose("judging")
-NOTHING = 1e-6
-"""Efficiency below which a drive is worth nothing: no number of repetitions makes up for it."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +45,11 @@ class Aim:
         """What its objectives are: `D (log det F)`."""
         short = self.criterion.number
         return f"{self.label} ({short})" if short else self.label
+
+    @property
+    def named(self) -> str:
+        """`the criterion D`."""
+        return f"the criterion {self.label}"
 
     @property
     def share(self) -> str:
@@ -117,7 +120,13 @@ def repetitions_of(record: Record, result: Result) -> float | None:
     if result.useless:
         return math.inf
     share = study_aim(record).efficiency(objective, best.objective)
-    return None if share is None else 1.0 / share if share > NOTHING else math.inf
+    return None if share is None else 1.0 / share if share > 0 else math.inf
+
+
+def tells(result: Result, parameter: StoredParameter) -> bool:
+    """Whether a drive tells a parameter: with a standard error below its size, where it has one."""
+    error = result.standard_deviations.get(parameter.name)
+    return error is not None and not 0 < abs(parameter.nominal) < error
 
 
 def meaning(record: Record) -> str:

@@ -31,6 +31,7 @@ def environment() -> jinja2.Environment:
         names=lambda items: text.listing([text.words(item) for item in items]),
         quantity=text.quantity,
         count=text.count,
+        chance=text.chance_text,
         digits=lambda value, digits: text.significant(digits)(value),
         given=text.given_text,
         deviation=text.deviation_text,

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from oed.foundation.text import error_text, fixed, own_unit, quantity, significant, whole, words
+from oed.foundation.text import error_text, fixed, listing, own_unit, quantity, significant, whole, words
 from oed.kernel.solution import Status
 from oed.records.record import Record
 from oed.records.stored.result import Result
@@ -17,7 +17,7 @@ from oed.report.parts.judging import Aim, aim_of, judged, plain_aim, repeatable,
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import called, drivable, or_infinite, regression_of, with_drive
 from oed.report.parts.section import Column, Picture, Section, Table
-from oed.report.sections.limits import Room
+from oed.report.sections.limits import exceeded
 
 SAY = Prose("candidates")
 FOUR = significant(4)
@@ -90,13 +90,14 @@ def candidates(record: Record) -> Section | None:
     """One row per result: objective, efficiency, effort, and why it cannot be driven."""
     if not with_drive(record):
         return None
-    shares, several = repeatable(record), len(record.results) > 1
-    baselines = any(one.origin == "baseline" for one in record.results)
-    best = None if record.best is None else record.best.name
-    said = SAY("worth", study_aim(record), shares, best, record.nuisances, record.study.prior, baselines)
-    return Section.of(
-        "Candidates", said if several else "", Table.of(record.results, _columns(record, shares))
-    )
+    best = record.best
+    shares, several = best is not None and repeatable(record), len(record.results) > 1
+    said = ""
+    if best is not None and several:
+        baselines = any(one.origin == "baseline" for one in record.results)
+        known = (record.nuisances, record.study.prior, baselines)
+        said = SAY("worth", study_aim(record), shares, best.name, *known)
+    return Section.of("Candidates", said, Table.of(record.results, _columns(record, shares)))
 
 
 def _columns(record: Record, shares: bool) -> Iterator[Column]:
@@ -114,7 +115,7 @@ def _columns(record: Record, shares: bool) -> Iterator[Column]:
     yield Column("objective", "", FOUR, lambda one: nothing if one.useless else one.worth)
     if shares:
         yield Column("efficiency", "%", fixed(1), efficiency)
-        yield Column("repetitions for the same", "", fixed(1), repetitions)
+        yield Column("repetitions for the same", "", significant(2), repetitions)
     yield Column("path length", "m", fixed(2), lambda one: one.path_length)
     yield Column("search time", "s", fixed(1), lambda one: one.wall_seconds if one.history else None)
     yield Column("evaluations", "", whole, lambda one: one.history[-1].evaluations if one.history else None)
@@ -122,7 +123,7 @@ def _columns(record: Record, shares: bool) -> Iterator[Column]:
     yield Column("satisfies every limit", cell=lambda one: one.feasible)
     if any(_driven(one) for one in record.results):
         yield Column("how it is driven", cell=_driven)
-    yield Column("why it cannot be driven", cell=_obstacle)
+    yield Column("why it cannot be driven", cell=lambda one: _obstacle(one, record))
 
 
 def _driven(one: Result) -> str | None:
@@ -131,11 +132,10 @@ def _driven(one: Result) -> str | None:
     return one.message if known else None
 
 
-def _obstacle(one: Result) -> str | None:
+def _obstacle(one: Result, record: Record) -> str | None:
     # By how much a drive exceeds which limits, in the limits' units.
-    broken = (Room(margin) for margin in one.margins if not margin.satisfied)
-    said = [f"{words(room.margin.limit)} exceeded by {room.text}" for room in broken]
-    return "; ".join(said or map(words, one.violations)) or None
+    broken = exceeded(one, record.robustness)
+    return f"exceeds {listing(broken)}" if broken else None
 
 
 @dataclass(frozen=True)
@@ -156,9 +156,9 @@ class _Judge:
 
     @cached_property
     def best(self) -> float | None:
-        """That of the drives that satisfy every limit; of all where none does."""
-        kept = [one for one in self.results if one.feasible] or self.results
-        largest = max((found for one in kept if (found := self.value(one)) is not None), default=-math.inf)
+        """That of the drives that satisfy every limit."""
+        kept = (self.value(one) for one in self.results if one.feasible)
+        largest = max((found for found in kept if found is not None), default=-math.inf)
         return largest if math.isfinite(largest) else None
 
     @property
@@ -185,11 +185,11 @@ class _Judge:
 def criteria(record: Record) -> Section | None:
     """One row per drive: its efficiency by every criterion, against the best drive by that criterion.
 
-    None for records that hold no such numbers, or a single drive.
+    None for records that hold no such numbers, a single drive, or none that satisfies every limit.
     """
     results = [one for one in with_drive(record) if one.criteria]
     kinds = dict.fromkeys(kind for one in results for kind in one.criteria)
-    if not kinds or len(results) < 2:
+    if not kinds or len(results) < 2 or not any(one.feasible for one in results):
         return None
     judges = [_Judge(plain_aim(record, kind), results) for kind in kinds]
     columns = (

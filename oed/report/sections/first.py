@@ -30,7 +30,8 @@ SAY = Prose("first")
 
 def first(record: Record) -> Section:
     """The summary, with the drive to be played beside it, what to do next, and what all this assumes."""
-    animation, made = player(record), summary(record)
+    made = replace(summary(record), folds=(Section(SAY("assumed_title"), tuple(_assumed(record))),))
+    animation = player(record) if record.best is not None else None
     if animation is None:
         return made
     said = [one.removeprefix(f"{record.study.name}: ") for one in made.paragraphs]
@@ -41,8 +42,7 @@ def first(record: Record) -> Section:
         figures=() if still is None else (still,),
         animation=animation,
         downloads=_downloads(record),
-        commands=tuple(zip(SAY.paragraphs("commands"), COMMANDS, strict=True)) if record.best else (),
-        folds=(Section(SAY("assumed_title"), tuple(_assumed(record))),),
+        commands=tuple(zip(SAY.paragraphs("commands"), COMMANDS, strict=True)),
         first=True,
     )
 

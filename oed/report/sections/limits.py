@@ -8,16 +8,17 @@ from dataclasses import dataclass, replace
 
 from oed.foundation.text import (
     Unit,
+    excess_text,
     fixed,
     given_text,
     in_degrees,
-    quantity,
     significant,
     unit_text,
     words,
 )
 from oed.records.record import Record
 from oed.records.stored.result import Margin, Result
+from oed.records.stored.simulation import StoredRobustness
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import called, with_drive
 from oed.report.parts.section import Cell, Column, Section, Table, percent
@@ -30,6 +31,8 @@ MOST_COLUMNS = 7
 """Limits beyond which a table of all drives names only those that a drive touches."""
 LITTLE = 0.01
 """Share of its size by which a limit is said to be looser, at most: its gain is a rate."""
+BACK_OFF = " (back-off for other robots included)"
+"""What is added to what a limit is exceeded by that is tightened for robots other than the nominal one."""
 NOTHING = 1e-5
 """Share by which a drive is better that counts as none."""
 
@@ -39,12 +42,14 @@ def limits(record: Record) -> Section | None:
     results = [one for one in with_drive(record) if one.margins]
     if not results:
         return None
-    winner = record.best or results[0]
+    winner = record.best
     margins = [margin for one in results for margin in one.margins]
     # When limits were looked at; records of before say nothing of it.
     silent = any(margin.certain is None for margin in margins)
     points = list(dict.fromkeys(margin.limit for margin in margins if not margin.certain))
-    every = _side_by_side(results) if len(results) > 1 else None
+    every = _side_by_side(results, record) if len(results) > 1 or winner is None else None
+    if winner is None:
+        return Section.of("How far every drive exceeds the limits", SAY("margins", silent, points), every)
     rooms = sorted(map(Room, winner.margins), key=lambda one: -(one.gain or 0.0))
     known = [one for one in rooms if one.gain is not None]
     table = _by_limit(rooms, called(record, winner), bool(known))
@@ -61,8 +66,11 @@ class Room:
     @property
     def unit(self) -> Unit:
         """As shown, and its factor from SI."""
-        degrees = getattr(LIMITS.get(self.margin.limit), "in_degrees", False)
-        return in_degrees(self.margin.unit) if degrees else (self.margin.unit, 1.0)
+        return in_degrees(self.margin.unit) if self._degrees else (self.margin.unit, 1.0)
+
+    @property
+    def _degrees(self) -> bool:
+        return getattr(LIMITS.get(self.margin.limit), "in_degrees", False)
 
     @property
     def step(self) -> float:
@@ -97,8 +105,7 @@ class Room:
     @property
     def text(self) -> str:
         """The distance to the limit, with its unit."""
-        shown, factor = self.unit
-        return quantity(abs(factor * self.margin.margin), shown)
+        return excess_text(abs(self.margin.margin), self.margin.unit, degrees=self._degrees)
 
     @property
     def amount(self) -> str:
@@ -128,24 +135,38 @@ def _by_limit(rooms: Sequence[Room], title: str, known: bool) -> Table:
     return Table.of(rooms, columns, f"Limits: {title}")
 
 
-def _side_by_side(results: list[Result]) -> Table:
+def exceeded(result: Result, robustness: StoredRobustness | None = None) -> list[str]:
+    """The limits that a drive exceeds, and by how much: `end position by 1.27 m`.
+
+    Of limits that are tightened, as a record's `robustness` says, the back-off is said to be included.
+    """
+    broken = [Room(margin) for margin in result.margins if not margin.satisfied]
+    said = [f"{words(room.margin.limit)} by {room.text}{_back_off(room, robustness)}" for room in broken]
+    return said or list(map(words, result.violations))
+
+
+def _back_off(room: Room, robustness: StoredRobustness | None) -> str:
+    tightened = robustness is not None and room.margin.limit in robustness.limits
+    return BACK_OFF if tightened else ""
+
+
+def _side_by_side(results: list[Result], record: Record) -> Table:
     names = dict.fromkeys(margin.limit for one in results for margin in one.margins)
-    columns = _touched() if len(names) > MOST_COLUMNS else map(_column, names)
+    columns = _touched(record) if len(names) > MOST_COLUMNS else (_column(name, record) for name in names)
     return Table.of(results, [Column("result", cell=lambda one: one.name), *columns], "All drives")
 
 
-def _column(name: str) -> Column:
+def _column(name: str, record: Record) -> Column:
     def brief(one: Result) -> Cell:
         rooms = (Room(margin) for margin in one.margins if margin.limit == name)
-        return next((SAY("brief", room) for room in rooms), None)
+        return next((SAY("brief", room, _back_off(room, record.robustness)) for room in rooms), None)
 
     return Column(words(name), cell=brief)
 
 
-def _touched() -> Iterator[Column]:
-    def exceeded(one: Result) -> Cell:
-        broken = (Room(margin) for margin in one.margins if not margin.satisfied)
-        return ", ".join(f"{words(room.margin.limit)} by {room.text}" for room in broken) or None
+def _touched(record: Record) -> Iterator[Column]:
+    def broken(one: Result) -> Cell:
+        return ", ".join(exceeded(one, record.robustness)) or None
 
     def met(one: Result) -> Cell:
         touched = (words(margin.limit) for margin in one.margins if margin.satisfied and margin.active)
@@ -154,6 +175,6 @@ def _touched() -> Iterator[Column]:
     def spare(one: Result) -> Cell:
         return str(sum(margin.satisfied and not margin.active for margin in one.margins))
 
-    yield Column("exceeded", cell=exceeded)
+    yield Column("exceeded", cell=broken)
     yield Column("active or met", cell=met)
     yield Column("satisfied with room", cell=spare)

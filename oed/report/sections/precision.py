@@ -32,7 +32,7 @@ def precision(record: Record) -> Section | None:
     results = [one for one in with_drive(record) if one.standard_deviations]
     if not noisy:
         return Section.of(title, SAY("no_noise"))
-    if not results:
+    if not any(one.feasible for one in results):
         return None
     winner = record.best or results[0]
     correlations = [_matrix(winner, one) for one in winner.covariances if len(one.parameters) > 1]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from oed.foundation.text import fixed, listing, quantity, significant, whole
+from oed.foundation.text import chance_text, fixed, listing, significant, whole
 from oed.kernel.solution import NOMINAL
 from oed.records.record import Record
 from oed.records.stored.simulation import Paths, StoredRobustness, Tried, Uncertain
@@ -93,8 +93,8 @@ def _bundle(record: Record, tried: Tried, bundle: Paths) -> paths.Bundle:
         for side in (False, True)
     )
     # None of so many is no proof that there is none.
-    share = quantity(100 * tried.probability, "%")
+    share = chance_text(tried.probability)
     if not tried.probability:
-        share = f"less than {quantity(100 * tried.interval[1], '%', 1)}"
+        share = f"less than {chance_text(tried.interval[1])}"
     nominal = tuple(poses[:, :2] for poses in result.drive.by_run)
     return paths.Bundle(f"{called(record, result)}: {share} violate", inside, outside, nominal)

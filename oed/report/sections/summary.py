@@ -22,17 +22,16 @@ from oed.report.parts.reading import (
     runs_of,
 )
 from oed.report.parts.section import Column, Section, Table
+from oed.report.refusal import refusal_of
 
 SAY = Prose("summary")
 
 
 def summary(record: Record) -> Section:
-    """The answer, each parameter beside the best baseline's; what the record notes, first."""
+    """The answer, each parameter beside the best baseline's, or why there is none; before it, the notes."""
     found = answer_of(record)
     if found is None:
-        failures = (f"{one.name}: {one.message}" for one in record.results)
-        nothing = SAY("nothing", bool(record.results))
-        return Section.of("Summary", nothing, notices=(*record.notes, *failures))
+        return Section.of("Summary", *refusal_of(record)[1:], notices=record.notes)
     columns = (
         Column("parameter", cell=lambda one: one.name),
         Column("value", cell=lambda one: one.value),
