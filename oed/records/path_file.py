@@ -67,7 +67,7 @@ def _time_text(time: float) -> str:
 
 
 @typed
-def write_trajectory(path: str | Path, problem: Problem, trajectory: Trajectory, poses: Array) -> None:
+def write_trajectory(path: Path, problem: Problem, trajectory: Trajectory, poses: Array) -> None:
     """Write a trajectory CSV.
 
     Args:

@@ -34,7 +34,7 @@ class Several(Measurement):
         return (joint_block(self.sensors, drive),)
 
     def flaws(self, system: System, samples: int) -> list[Flaw]:
-        """The sensors' own flaws, sensors given twice, and what they say of the initial pose where it differs."""
+        """The sensors' own flaws, sensors given twice, and start poses known differently."""
         flaws = [
             Flaw(("measurement", index, *flaw.key[1:]), flaw.message)
             for index, sensor in enumerate(self.sensors)
