@@ -13,7 +13,7 @@ from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regr
 from oed.bounds.joint import joint_bounds
 from oed.bounds.reach import largest_rates, unslipped
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
-from oed.foundation.arguments import require_kind
+from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -48,6 +48,7 @@ MEAN = "no bound is known for the mean over robots"
 """Where the objective is a mean, which the nominal robot's bound does not hold for."""
 
 
+@typed
 def bound(
     problem: Problem, *, nodes: int | None = None, time_limit: float | None = None, gap: float = GAP
 ) -> Certificate:
@@ -63,7 +64,6 @@ def bound(
     Raises:
         WrongKind: no problem.
     """
-    require_kind("problem", problem, Problem)
     began = time.perf_counter()
     if problem.robust is not None and problem.robust.objective == "mean":
         # A bound is of the nominal robot, which limits the worst of several, but not their mean.

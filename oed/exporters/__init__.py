@@ -11,6 +11,7 @@ from oed.exporters.request import Request, require_rate
 from oed.exporters.rosbag2 import STORAGES as STORAGES
 from oed.exporters.rosbag2 import write_bag
 from oed.exporters.tables import write_csv, write_json
+from oed.foundation.arguments import typed
 from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.work.folders import in_order
 from oed.records.record import ESTIMATE_FILE as ESTIMATE
@@ -26,6 +27,7 @@ EXPORTERS: dict[str, Callable[[Request], Path]] = {
 """The formats: each writes what is asked for and returns the file or folder."""
 
 
+@typed
 def export(
     record_folder: str | Path,
     to: str,

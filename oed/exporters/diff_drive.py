@@ -18,6 +18,7 @@ import yaml
 from oed.exporters.commands import joint_name
 from oed.exporters.request import Request
 from oed.exporters.two_sides import Sides, controller_limits
+from oed.foundation.arguments import typed
 from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.files import write_text
 from oed.records.record import ESTIMATE_FILE as ESTIMATE
@@ -98,6 +99,7 @@ KINDS: dict[type[Model], _Kind] = {
 """The robots that the controller can drive."""
 
 
+@typed
 def diff_drive_parameters(
     model: Model,
     values: Mapping[str, float] | None = None,

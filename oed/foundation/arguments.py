@@ -2,14 +2,33 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache, wraps
+from numbers import Real
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+
 from oed.foundation.errors import UserMistake
 from oed.foundation.shown import written
+from oed.foundation.text import did_you_mean
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
 
 HINTS: dict[tuple[str, str], str] = {
     ("Problem", "Study"): "; a study's problem is `study.problem`",
     ("Study", "Problem"): "; make one of a file with oed.load_study or of its text with oed.parse_study",
     ("Study", "str"): "; read one with oed.load_study",
     ("Study", "PosixPath"): "; read one with oed.load_study",
+    ("System", "str"): "; make one, for instance oed.DifferentialDrive(wheel_radius='5 cm', track='30 cm')",
+    ("Space", "str"): "; make one: oed.DesignSpace(duration='20 s')",
+    ("Measurement", "str"): "; make one with its noise, "
+    "for instance oed.Poses(noise={'position': '1 cm', 'heading': '1 deg'})",
+    ("Limit", "str"): "; make one with its bounds, for instance oed.WheelSpeed(bounds='10 rad/s')",
+    ("Path", "Record"): "; a record's folder is `record.folder`",
+    ("Problem", "Record"): "; that of its study is oed.load_study(...).problem",
     ("Trajectory", "Solution"): "; a solution's drive is `solution.trajectory`",
     ("Trajectory", "NoneType"): "; a solution without a design has none",
     ("Trajectory", "ndarray"): "; make one of a table with oed.Trajectory.from_samples",
@@ -18,38 +37,36 @@ HINTS: dict[tuple[str, str], str] = {
 """What to do about what is often given instead, by the class expected and the one that came."""
 
 
+_NAMES: dict[Any, str] = {
+    str: "text",
+    Literal: "text",
+    int: "a whole number",
+    float: "a number",
+    bool: "true or false",
+    Path: "a path",
+    Sequence: "a list",
+    Iterable: "a list",
+    Mapping: "keys and values",
+}
+"""What values of other annotations than classes of this package are called."""
+
+
 class WrongKind(UserMistake, TypeError):
     """An argument that is something else than it is to be."""
 
 
 def kind_flaw(value: object, kind: type) -> str:
     """Why a value is no object of a class, in words; "" where it is one."""
-    if isinstance(value, kind):
-        return ""
-    article = "an" if kind.__name__[0] in "AEIO" else "a"
+    return "" if isinstance(value, kind) else _refused(value, _a(kind.__name__), kind.__name__)
+
+
+def _refused(value: object, expected: str, name: str) -> str:
     came = written(value) if isinstance(value, str | int | float | None) else _a(type(value).__name__)
-    hint = HINTS.get((kind.__name__, type(value).__name__), "")
-    return f"expected {article} {kind.__name__}, got {came}{hint}"
+    return f"expected {expected}, got {came}{HINTS.get((name, type(value).__name__), '')}"
 
 
 def _a(name: str) -> str:
     return f"{'an' if name[0] in 'AEIOaeio' else 'a'} {name}"
-
-
-def require_kind(what: str, value: object, kind: type) -> None:
-    """Refuse an argument that is no object of a class.
-
-    Args:
-        what: the argument's name.
-        value: what came.
-        kind: its class.
-
-    Raises:
-        WrongKind: it is something else; says what to do where that is known.
-    """
-    flaw = kind_flaw(value, kind)
-    if flaw:
-        raise WrongKind(f"{what}: {flaw}")
 
 
 def require_count(what: str, value: object, least: int | None = 0) -> None:
@@ -67,3 +84,89 @@ def require_count(what: str, value: object, least: int | None = 0) -> None:
     if number is None or (least is not None and number < least):
         bound = "" if least is None else f" of at least {least}"
         raise WrongKind(f"{what}: expected a whole number{bound}, got {written(value)}")
+
+
+def called_in_words(function: Callable[Given, Result]) -> Callable[Given, Result]:
+    """A public function that refuses in words calls without what it needs, or with what it does not know."""
+    return _watched(function, lambda given: "")
+
+
+def typed(function: Callable[Given, Result]) -> Callable[Given, Result]:
+    """A public function that refuses in words whatever is something else than its annotations say."""
+
+    def flaw(given: Mapping[str, object]) -> str:
+        hints = _hints(function)
+        reasons = ((name, _flaw(value, hints[name])) for name, value in given.items() if name in hints)
+        return next((f"{name}: {reason}" for name, reason in reasons if reason), "")
+
+    return _watched(function, flaw)
+
+
+def _watched(
+    function: Callable[Given, Result], flaw: Callable[[Mapping[str, object]], str]
+) -> Callable[Given, Result]:
+    @wraps(function)
+    def call(*arguments: Given.args, **keys: Given.kwargs) -> Result:
+        reason = flaw(_bound(function, arguments, keys))
+        if reason:
+            raise WrongKind(reason)
+        return function(*arguments, **keys)
+
+    return call
+
+
+def _bound(function: Callable[..., Any], arguments: Sequence[object], keys: Mapping[str, object]) -> Any:
+    signature = _signature(function)
+    try:
+        return signature.bind(*arguments, **keys).arguments
+    except TypeError as error:
+        names = [name for name in signature.parameters if name != "self"]
+        strange = next((name for name in keys if name not in names), None)
+        hint = did_you_mean(strange, names) if strange else f"; it takes {', '.join(names)}"
+        raise WrongKind(f"{function.__qualname__.removesuffix('.__init__')}: {error}{hint}") from None
+
+
+@lru_cache(maxsize=128)
+def _signature(function: Callable[..., Any]) -> Any:
+    # Loaded by the first call.
+    from inspect import signature
+
+    return signature(function)
+
+
+_hints = lru_cache(maxsize=128)(get_type_hints)
+
+
+def _flaw(value: object, hint: Any) -> str:
+    # Why a value is not what an annotation says, in words; "" where it is.
+    if _fits(value, hint):
+        return ""
+    kinds = [get_origin(one) or one for one in _choices(hint)]
+    kinds = [one for one in kinds if one is not NoneType and not (one is str and Path in kinds)]
+    names = [_NAMES.get(one) or _a(one.__name__) for one in kinds]
+    return _refused(value, " or ".join(dict.fromkeys(names)), kinds[0].__name__)
+
+
+def _choices(hint: Any) -> tuple[Any, ...]:
+    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+
+
+def _fits(value: object, hint: Any) -> bool:
+    choices = _choices(hint)
+    if len(choices) > 1:
+        return any(_fits(value, one) for one in choices)
+    origin = get_origin(hint)
+    if origin is Literal:
+        return isinstance(value, str)
+    if origin in (Sequence, tuple):
+        if not isinstance(value, Sequence) or isinstance(value, str | bytes):
+            return False
+        return all(_fits(one, get_args(hint)[0]) for one in value)
+    kind = os.PathLike if hint is Path else origin or hint
+    if kind in (int, float):
+        whole = hasattr(value, "__index__")
+        return not isinstance(value, bool) and (whole or (kind is float and isinstance(value, Real)))
+    if kind is Any or not isinstance(kind, type) or kind.__module__ == "numpy":
+        # Whatever becomes an array.
+        return True
+    return isinstance(value, kind) and not (origin is not None and isinstance(value, str))

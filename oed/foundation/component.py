@@ -24,7 +24,7 @@ from pydantic_core import CoreSchema, core_schema
 from oed.foundation.arguments import WrongKind
 from oed.foundation.shown import written
 from oed.foundation.tidy import Tidy, TidyKind
-from oed.foundation.wording import worded
+from oed.foundation.wording import part_error
 
 
 class _Worded(TidyKind):
@@ -39,7 +39,7 @@ class _Worded(TidyKind):
             try:
                 return super().__call__(*arguments, **keys)
             except ValidationError as error:
-                raise worded(error, tuple(self.model_fields)) from None
+                raise part_error(error, self, keys) from None
 
 
 class Component(Tidy, metaclass=_Worded):

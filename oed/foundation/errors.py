@@ -52,6 +52,10 @@ class ProblemError(UserMistake):
         return cls([Flaw(key, message)])
 
 
+class PartError(ProblemError, ValueError):
+    """A part, made in Python, whose arguments are not what they are to be: `flaws` by class and name."""
+
+
 class NotFinite(Failure):
     """A drive, or what is measured of it, whose numbers are no numbers; `flaw` says which, and when."""
 

@@ -31,6 +31,8 @@ OWN_UNITS: dict[str, Unit] = {
 MOST_DECIMALS = 9
 MOST_MEANT = 3
 """Of more names that may have been meant none is proposed."""
+SHORT = 3
+"""Letters of the shortest beginning of a word that may stand for it."""
 MISSING = "–"
 """What stands where there is no number."""
 
@@ -223,10 +225,18 @@ def did_you_mean(given: str, known: Iterable[str], closeness: float = 0.6) -> st
 
     names, asked = {name.lower(): name for name in known}, _words_in(given)
     pairs = [(name, _words_in(name)) for name in names]
-    alike = [name for name, own in pairs if asked and own and (asked <= own or own <= asked)]
+    alike = [name for name, own in pairs if asked and own and (_begin(asked, own) or own <= asked)]
+    alike = [name for name in alike if name == given.lower()] or alike
     if not 0 < len(alike) <= MOST_MEANT:
         alike = difflib.get_close_matches(given.lower(), names, n=1, cutoff=closeness)
     return f"; did you mean {' or '.join(names[name] for name in alike)}?" if alike else ""
+
+
+def _begin(asked: set[str], own: set[str]) -> bool:
+    # Whether every word that was asked for is a word of a name, or the beginning of one: diff_drive.
+    return all(
+        any(one == word or (len(word) >= SHORT and one.startswith(word)) for one in own) for word in asked
+    )
 
 
 def _words_in(name: str) -> set[str]:

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+import typing
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
-from pydantic import ValidationError
-from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
+from oed.foundation.errors import Flaw, PartError
 from oed.foundation.quantities import counts_as_zero
 from oed.foundation.shown import written
 from oed.foundation.text import did_you_mean
+
+KIND = "kind"
+"""The key by which parts are told apart."""
 
 
 def in_words(detail: ErrorDetails) -> str:
@@ -67,19 +73,86 @@ def in_words(detail: ErrorDetails) -> str:
     return f"expected {plain[kind]}, {got}" if kind in plain else f"{detail['msg']}, {got}"
 
 
-def worded(error: ValidationError, known: Sequence[str] = ()) -> ValidationError:
-    """The error with its reasons in words, without addresses of pydantic's pages; `known` are the keys of the
-    whole.
+def part_error(error: ValidationError, part: type[BaseModel], given: Mapping[str, Any]) -> PartError:
+    """What is wrong with the arguments of a part's class.
+
+    Args:
+        error: pydantic's.
+        part: the class.
+        given: its arguments.
     """
-    details = error.errors(include_url=False)
-    reasons = [
-        InitErrorDetails(type=_reason(one, known), loc=one["loc"], input=one["input"]) for one in details
-    ]
-    return ValidationError.from_exception_data(error.title, reasons, hide_input=True)
+    reasons: dict[tuple[str, ...], list[str]] = {}
+    for detail in error.errors(include_url=False):
+        texts = reasons.setdefault((part.__name__, *_places(detail, given)), [])
+        texts.append(sentence(detail, part))
+    # A flaw deeper down says more than "none of the forms fits" about the whole.
+    above = {key[:depth] for key in reasons for depth in range(1, len(key))}
+    found = {key: "; or ".join(telling(texts)) for key, texts in reasons.items() if key not in above}
+    return PartError([Flaw(key, text) for key, text in found.items()])
 
 
-def _reason(detail: ErrorDetails, known: Sequence[str]) -> PydanticCustomError:
-    own_key = detail["type"] == "extra_forbidden" and len(detail["loc"]) == 1 and known
-    hint = f"; known here: {', '.join(known)}" if own_key else ""
-    context = {**detail.get("ctx", {}), "reason": in_words(detail) + hint}
-    return PydanticCustomError(detail["type"], "{reason}", context)
+def _places(detail: ErrorDetails, given: Any) -> Iterator[str]:
+    # Parts of a path that are no keys (a union's labels) are passed over, but what is missing is none either.
+    for part in detail["loc"]:
+        inside = isinstance(given, Mapping) and part in given
+        if inside or (isinstance(given, list | tuple) and isinstance(part, int) and part < len(given)):
+            given = given[part]
+            yield str(part)
+    if detail["type"] == "missing":
+        yield str(detail["loc"][-1])
+
+
+def telling(texts: Sequence[str]) -> Sequence[str]:
+    """The reasons to give: where it is known what was meant, other forms are none of the reader's."""
+    return [text for text in texts if text.endswith("?")] or texts
+
+
+def sentence(detail: ErrorDetails, root: type[BaseModel] = BaseModel) -> str:
+    """What is wrong with one value; `root` knows the keys that there are."""
+    if detail["type"] == "extra_forbidden":
+        return _unknown_key(str(detail["loc"][-1]), _known_keys(root, detail["loc"][:-1]))
+    text = in_words(detail)
+    return text.replace("got None", "got nothing") if detail["input"] is None else text
+
+
+def _unknown_key(key: str, known: Sequence[str]) -> str:
+    hint = did_you_mean(key, known)
+    return (
+        f"unknown key{hint}{'' if hint else ';'} known here: {', '.join(known)}" if known else "unknown key"
+    )
+
+
+def _known_keys(root: type[BaseModel], path: Sequence[str | int]) -> list[str]:
+    candidates = [root]
+    for part in path:
+        tagged = [one for one in candidates if _kind(one) == part]
+        if tagged:
+            candidates = tagged
+            continue
+        fields = [one.model_fields[part] for one in candidates if part in one.model_fields]
+        inner = [
+            found for field in fields for found in _components(field.rebuild_annotation(), field.metadata)
+        ]
+        # A list's index or a union's label leads nowhere new.
+        candidates = inner or candidates
+    return sorted({name for one in candidates for name in one.model_fields})
+
+
+def _kind(component: type[BaseModel]) -> object:
+    field = component.model_fields.get(KIND)
+    return None if field is None else field.default
+
+
+def _components(annotation: Any, metadata: Sequence[Any] = ()) -> Iterator[type[BaseModel]]:
+    listed = [member for entry in metadata for member in getattr(entry, "members", ())]
+    yield from listed
+    if listed:
+        return
+    if typing.get_origin(annotation) is typing.Annotated:
+        inner, *extra = typing.get_args(annotation)
+        yield from _components(inner, extra)
+    elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    else:
+        for argument in typing.get_args(annotation):
+            yield from _components(argument)

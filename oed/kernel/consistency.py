@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from oed.foundation.arguments import kind_flaw
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Flaw, PartError, ProblemError
 from oed.foundation.shown import written
 from oed.foundation.text import did_you_mean, listing
 from oed.kernel.criteria import CRITERIA, Criterion
@@ -90,12 +89,17 @@ def _criterion(given: Any, flaws: list[Flaw]) -> Any:
         return given
     kinds = {one.model_fields["kind"].default: one for one in CRITERIA}
     if given not in kinds:
-        flaws.append(Flaw(("criterion",), f"expected one of {', '.join(kinds)}, got {written(given)}"))
+        flaws.append(
+            Flaw(
+                ("criterion",),
+                f"expected one of {', '.join(kinds)}, got {written(given)}{did_you_mean(given, kinds)}",
+            )
+        )
         return given
     try:
         return kinds[given](kind=given)
-    except ValidationError as error:
-        needs = listing([str(one["loc"][0]) for one in error.errors()])
+    except PartError as error:
+        needs = listing([str(one.key[-1]) for one in error.flaws])
         flaws.append(Flaw(("criterion",), f"{given} needs {needs} as well: give the criterion itself"))
         return given
 
@@ -122,6 +126,8 @@ def problem_flaws(problem: Problem) -> list[Flaw]:
     flaws += _unbounded(problem)
     flaws += problem.measurement.flaws(model, space.samples)
     flaws += _name_flaws(problem)
+    # What widens a problem by a tolerance is nobody's mistake.
+    flaws += [] if problem.excess else model.doubts(problem)
     # Blocks exist only for a measurement that fits the system.
     return flaws or _estimation_flaws(problem) or _uncertainty_flaws(problem)
 

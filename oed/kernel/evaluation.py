@@ -13,7 +13,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arguments import require_kind
+from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, NotFinite
 from oed.foundation.moved import Renamed
@@ -171,6 +171,7 @@ class Evaluation(Presented, Renamed):
         return Card(title, self.facts, PARAMETER_COLUMNS, self.precision)
 
 
+@typed
 def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
     """Score any trajectory by a problem's measurement, criterion and limits.
 
@@ -182,8 +183,6 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
         NotFinite: a drive, or what is measured of it, that is not finite; says what, and when.
         WrongKind: no problem, or no trajectory.
     """
-    require_kind("problem", problem, Problem)
-    require_kind("trajectory", trajectory, Trajectory)
     scorer, extremes = _scorer_of(problem, trajectory)
     return scorer.evaluation(trajectory, extremes)
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, NotFinite, ProblemError
 from oed.kernel.coarser import as_well_read
@@ -71,6 +72,7 @@ def require_identifiable(problem: Problem) -> None:
     raise ProblemError([Flaw((key,), f"{'; '.join(map(str, found))}. {remedy}")])
 
 
+@typed
 def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]:
     """Every combination of parameters that no drive of the space identifies, of those that the criterion
     judges; () if all is identifiable that it asks about.

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.arguments import called_in_words
 from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.foundation.moved import Renamed
@@ -125,6 +126,7 @@ class Problem(Presented, Renamed):
     robust: Tightening | None
     excess: float
 
+    @called_in_words
     def __init__(
         self,
         model: System,

@@ -16,6 +16,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from oed.foundation.arguments import typed
 from oed.foundation.component import Component
 from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.foundation.quantities import Duration
@@ -62,6 +63,7 @@ def is_bag(file: Path) -> bool:
     return file.suffix.lower() in BAG_ENDINGS or (file / "metadata.yaml").is_file()
 
 
+@typed
 def read_logs(files: Sequence[str | Path], form: LogForm, model: System) -> list[Log]:
     """The drives in robots' logs, in the order of the files, one `Log` for each run.
 

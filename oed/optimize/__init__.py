@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from oed.foundation.arguments import WrongKind, require_count, require_kind
+from oed.foundation.arguments import WrongKind, require_count, typed
 from oed.foundation.shown import written
 from oed.foundation.work.cluster import Cluster
 from oed.foundation.work.parallel import Workers, default_workers
@@ -22,6 +22,7 @@ from oed.optimize.solver import Context, Solver
 SOLVERS: tuple[type[Solver], ...] = (Ipopt, Genetic, CmaEs, DifferentialEvolution)
 
 
+@typed
 def solve(
     problem: Problem,
     solver: Solver | str | None = None,
@@ -45,7 +46,6 @@ def solve(
         ProblemError: parameters that no drive makes identifiable; it names them.
         WrongKind: arguments that are something else.
     """
-    require_kind("problem", problem, Problem)
     require_count("seed", seed)
     options = _solver(solver)
     chosen = seed if options.seed is None else options.seed
@@ -66,8 +66,6 @@ def _solver(given: Solver | str | None) -> Solver:
         if given not in kinds:
             raise WrongKind(f"solver: expected one of {', '.join(kinds)}, got {written(given)}")
         return kinds[given](kind=given)
-    if given is not None:
-        require_kind("solver", given, Solver)
     return given or Ipopt()
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.errors import FileFlaw, PathFileError
 from oed.foundation.files import text_of, write_text
@@ -65,6 +66,7 @@ def _time_text(time: float) -> str:
     return f"{time:.9f}".rstrip("0").rstrip(".") or "0"
 
 
+@typed
 def write_trajectory(path: Path, problem: Problem, trajectory: Trajectory, poses: Array) -> None:
     """Write a trajectory CSV.
 
@@ -80,6 +82,7 @@ def write_trajectory(path: Path, problem: Problem, trajectory: Trajectory, poses
     write_text(path, trajectory_csv(problem, trajectory, poses))
 
 
+@typed
 def read_trajectory(file: str | Path, problem: Problem) -> Trajectory:
     """The drive in a CSV: its own duration and samples, started at its first pose (or the study's start).
 

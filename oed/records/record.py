@@ -8,6 +8,7 @@ from functools import reduce
 from pathlib import Path
 from typing import Any
 
+from oed.foundation.arguments import typed
 from oed.foundation.errors import UserMistake
 from oed.foundation.files import inside, write_text
 from oed.foundation.work.folders import in_order, interrupted_runs
@@ -28,6 +29,7 @@ RESULTS = (FILE, ESTIMATE_FILE, SWEEP_FILE, PLAN_FILE)
 """Names of the files that hold what a run, an estimate, a sweep and a plan found."""
 
 
+@typed
 def save_record(record: Record, folder: str | Path) -> Path:
     """Write record.json into `folder`; returns the file."""
     path = Path(folder) / FILE
@@ -50,6 +52,7 @@ def require_no_results(path: str | Path) -> None:
         raise UserMistake(f"{path}: cannot be written: it holds results, which would be lost; name another")
 
 
+@typed
 def load_record(folder: str | Path) -> Record:
     """Read the record in `folder` (or the record file itself); no code that it names is run.
 
@@ -73,6 +76,7 @@ def known_record(data: Mapping[str, Any], path: Path) -> Record:
     return found
 
 
+@typed
 def load_estimate(folder: str | Path) -> EstimateRecord:
     """Read the estimate in `folder` (or the file itself).
 

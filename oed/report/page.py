@@ -13,6 +13,7 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
+from oed.foundation.arguments import typed
 from oed.foundation.errors import UserMistake
 from oed.foundation.shown import page_text, shown
 from oed.foundation.work.folders import updated
@@ -37,6 +38,7 @@ MOST_ROWS = 7
 """Rows of a table in sight; further ones are folded away."""
 
 
+@typed
 def write_report(record: Record, folder: str | Path, figures: Sequence[str] = ()) -> Path:
     """Write report.html, report.md and figures/*.svg into `folder`; returns report.html.
 

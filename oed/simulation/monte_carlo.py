@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from oed.estimation.methods import Estimator, EstimatorName, Heading, make_estimator
 from oed.estimation.setup.options import Loss
-from oed.foundation.arguments import require_count, require_kind
+from oed.foundation.arguments import require_count, typed
 from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.foundation.moved import Renamed
@@ -158,6 +158,7 @@ def _units(problem: Problem, parameters: Sequence[str]) -> tuple[str, ...]:
     return tuple(known.get(name, "") for name in parameters)
 
 
+@typed
 def validate(
     problem: Problem,
     trajectory: Trajectory,
@@ -192,8 +193,6 @@ def validate(
             too few replicates for a covariance.
         WrongKind: arguments that are something else.
     """
-    require_kind("problem", problem, Problem)
-    require_kind("trajectory", trajectory, Trajectory)
     require_count("replicates", replicates, least=None)
     chosen = make_estimator(problem, trajectory, estimator, heading=heading, loss=loss)
     least = len(chosen.parameters) + 1

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from oed.foundation.errors import UserMistake
-from oed.foundation.quantities import parse_quantity
+from oed.foundation.quantities import parse_quantity, plain_number
 from oed.foundation.text import did_you_mean, words
 
 
@@ -71,6 +71,8 @@ OFFERS = {
 """Sensors by name."""
 TRAILER = "{{kind: trailer_angle, noise: {trailer_angle}}}"
 """What measures a trailer's angle, beside other sensors."""
+SI = {"cm": "m", "deg": "rad", "deg/s": "rad/s"}
+"""SI units of those that usual values have."""
 UNITS = {"heading": "rad", "yaw_rate": "rad/s", "trailer_angle": "rad"}
 """SI units of quantities that are no lengths."""
 
@@ -114,18 +116,38 @@ def noise_of(sensor: str, given: Mapping[str, str], *, trailer: bool) -> dict[st
         if key not in usual:
             hint = did_you_mean(key, usual)
             raise UserMistake(f"noise: {sensor} have noise of {', '.join(usual)}; got {key!r}{hint}")
-        _require_deviation(key, text)
+        _require_deviation(key, text, usual[key])
     return {**usual, **given}
 
 
-def _require_deviation(key: str, text: str) -> None:
+def _require_deviation(key: str, text: str, usual: str) -> None:
     what = f"noise of the {words(key)}"
+    require_unit(what, text, usual)
     try:
         value = parse_quantity(text, UNITS.get(key, "m"))
     except ValueError as error:
         raise UserMistake(f"{what}: {error}") from None
     if not value > 0:
         raise UserMistake(f"{what}: expected a standard deviation above 0, got {text!r}")
+
+
+def require_unit(what: str, given: str, usual: str) -> None:
+    """Refuse a number without its unit where the usual one is not SI: nobody knows which of the two is meant.
+
+    Args:
+        what: is asked for.
+        given: for it.
+        usual: a value of it, with its unit.
+
+    Raises:
+        UserMistake: says both.
+    """
+    number, (_, _, unit) = plain_number(given), usual.partition(" ")
+    if number and unit in SI:
+        inside = f"{parse_quantity(f'{given} {unit}', SI[unit]):.2g} {SI[unit]}"
+        raise UserMistake(
+            f"{what}: {given} has no unit; say '{given} {unit}' ({inside}) or '{given} {SI[unit]}'"
+        )
 
 
 def entries_of(sensor: str, noise: Mapping[str, str], beacons: Sequence[str]) -> list[str]:

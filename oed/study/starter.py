@@ -16,7 +16,7 @@ from oed.robots.baselines import suited
 from oed.robots.models import MODELS, Model, PythonRobot
 from oed.robots.models.model import nominal_coefficients, robot_of
 from oed.robots.presets import preset, preset_names
-from oed.study.offered import OFFERS, entries_of, noise_of, offer_of, usual_noise
+from oed.study.offered import OFFERS, entries_of, noise_of, offer_of, require_unit, usual_noise
 from oed.study.study import Study, read_study
 from oed.study.yaml_source import parse_yaml
 
@@ -175,6 +175,8 @@ def _text(
         _circle(choice.room),
         _extent(choice.room),
     )
+    for key, size in choice.sizes.items():
+        require_unit(key, size, TYPICAL.get(key, ""))
     noise = noise_of(choice.sensor, choice.noise, trailer=_has_trailer(choice.robot))
     corners = [f"[{x:g} m, {y:g} m]" for x, y in ((x_min, y_min), (x_max, y_min), (x_min, y_max))]
     return _template().render(

@@ -38,7 +38,6 @@ from oed.study.parts import AnyBaseline, AnyPrior
 from oed.study.parts import PathFile as PathFile
 from oed.study.parts import PriorRecord as PriorRecord
 from oed.study.parts import ValidationOptions as ValidationOptions
-from oed.study.plausibility import size_flaws
 from oed.study.study_errors import explain
 from oed.study.yaml_source import PlainSource, Source
 from oed.uncertainty.robust import Robust
@@ -257,7 +256,6 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
         flaws = [*error.flaws, *flaws]
     except OwnCodeError as error:
         flaws = [code_flaw(file, error), *flaws]
-    flaws += size_flaws(file.robot, file.trajectory, _limits(file))
     if flaws:
         found = [source.flaw(flaw.key, flaw.message) for flaw in flaws]
         raise StudyError(sorted(found, key=lambda flaw: (flaw.line, flaw.column)))

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import scipy
 
+from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.between import change_per_metre, exceeded, excess_of, largest, periods_of
 from oed.kernel.dynamics.enclosures import NotEnclosed
@@ -44,6 +45,7 @@ class _Robots:
         return _Robots(self.trajectory, self.parameters[which], self.starts[which])
 
 
+@typed
 def violation_probability(
     problem: Problem, trajectory: Trajectory, *, draws: int = 10_000, seed: int = 0, stream: int = 0
 ) -> Violation:

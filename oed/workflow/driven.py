@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from oed.bounds import Certificate, bound, bound_on
+from oed.foundation.arguments import typed
 from oed.foundation.errors import LogError
 from oed.foundation.moved import Renamed
 from oed.foundation.work.folders import in_order
@@ -108,6 +109,7 @@ class DrivenPaths:
         return {**self.first.result.plain(), "worth": worth, **known, "findings": findings}
 
 
+@typed
 def score_path(study: Study, file: str | Path, designs: str | Path | None = None) -> DrivenPaths:
     """Score a path (trajectory CSV), or what logs say was driven; see `score_logs`.
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from oed.estimation import calibrate
-from oed.foundation.arguments import require_kind
+from oed.foundation.arguments import typed
 from oed.foundation.errors import FileFlaw, LogError, ProblemError
 from oed.foundation.extras import package_version
 from oed.foundation.work.folders import require_usable
@@ -48,6 +48,7 @@ class _Stages:
             self._listener.advance()
 
 
+@typed
 def estimate(
     study: Study,
     logs: Sequence[str | Path] | str | Path,
@@ -72,7 +73,6 @@ def estimate(
         StudyError: options that do not suit the robot or the logs, models that cannot be compared.
         WrongKind: no study.
     """
-    require_kind("study", study, Study)
     if isinstance(logs, str | Path):
         logs = [logs]
     if out is not None:

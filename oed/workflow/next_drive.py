@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from oed.foundation.arguments import typed
 from oed.foundation.component import OneOf
 from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.presenting import Brief
@@ -95,6 +96,7 @@ class NextDrive(Brief):
         }
 
 
+@typed
 def next_drive(
     saved: Record,
     logs: Sequence[str | Path],

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from oed.bounds import LATTICE, Certificate, bound
-from oed.foundation.arguments import require_kind
+from oed.foundation.arguments import typed
 from oed.foundation.errors import NotFinite
 from oed.foundation.extras import package_version
 from oed.foundation.files import file_stem
@@ -51,6 +51,7 @@ CUT_SHORT = "The run was interrupted; this is what had been done by then."
 """Note in the record of such a run."""
 
 
+@typed
 def run(
     study: Study,
     out: str | Path | Draft | None = None,
@@ -77,7 +78,6 @@ def run(
         NotSaved: it could not be written to in the end; the error has the record.
         WrongKind: no study.
     """
-    require_kind("study", study, Study)
     work = Work(study, study.seed if seed is None else seed, workers, progress or Silent())
     # What would fail at the end is better known before the work is done.
     paths = own_paths(study)

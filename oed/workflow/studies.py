@@ -7,6 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from oed.foundation.arguments import typed
 from oed.foundation.errors import Flaw, PathFileError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.optimize import Progress, Silent, Workers
@@ -33,6 +34,7 @@ class Work:
     progress: Progress = field(default_factory=Silent)
 
 
+@typed
 def load_study(file: str | Path) -> Study:
     """Read and cross-check a study file.
 
@@ -42,6 +44,7 @@ def load_study(file: str | Path) -> Study:
     return read_study(read_yaml(file), prior_of)
 
 
+@typed
 def parse_study(text: str, source: str = "study") -> Study:
     """The study that YAML text describes; `source` stands for the file's name in errors.
 

@@ -12,7 +12,6 @@ from typing import ClassVar
 import numpy as np
 import pytest
 from places import PROBLEMS
-from pydantic import ValidationError
 from scipy.stats import norm
 from simulated import (
     ROBOT,
@@ -33,7 +32,7 @@ from oed.cli.terminal.console import print_estimate
 from oed.estimation import Alternative, Comparison, DeadReckoning, HeldOut, calibrate
 from oed.estimation.assessment.likelihood import FittedReadings, Likelihood, inflation
 from oed.estimation.assessment.model_selection import SLIGHT, Compared, scored
-from oed.foundation.errors import ProblemError, StudyError
+from oed.foundation.errors import PartError, ProblemError, StudyError
 from oed.kernel.measurement.prior import Prior
 from oed.records.calibration_outcome import estimate_of
 from oed.records.record import load_estimate
@@ -296,7 +295,7 @@ class TestErrors:
         self.refused(Alternative(robot=WIDE, estimate=["track", "track"]), match="listed twice")
 
     def test_two_of_one_name(self):
-        with pytest.raises(ValidationError, match="two models named skid_steer_slip; give each a `name`"):
+        with pytest.raises(PartError, match="two models named skid_steer_slip; give each a `name`"):
             options(models=[SLIP, SLIP])
 
     @pytest.mark.slow

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from oed.foundation.component import Component
+from oed.foundation.errors import PartError
 from oed.foundation.quantities import (
     _COMMON,
     LARGEST,
@@ -219,7 +220,7 @@ def test_components_refuse_unknown_keys():
         length: Length
 
     assert Part(length="1 cm").length == pytest.approx(0.01)
-    with pytest.raises(ValidationError, match="width"):
+    with pytest.raises(PartError, match="width"):
         Part(length=1, width=2)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 from typing import ClassVar, Literal
 
@@ -9,11 +10,10 @@ import casadi as ca
 import numpy as np
 import pytest
 from builders import problem_of, random_drive
-from pydantic import ValidationError
 
 import oed
 from oed.foundation.arguments import WrongKind, require_count
-from oed.foundation.errors import NotFinite
+from oed.foundation.errors import NotFinite, PartError
 from oed.kernel.solution import unscored
 from oed.robots import limits
 
@@ -65,8 +65,17 @@ def test_one_limit_and_one_parameter_need_no_list():
         ({"criterion": "EE"}, "criterion: expected one of E, D, A, .*, got 'EE'"),
         ({"criterion": "G"}, "criterion: G needs test_drive as well"),
         ({"criterion": 3}, "criterion: expected a Criterion, got 3"),
-        ({"measurement": "poses"}, "measurement: expected a Measurement, got 'poses'"),
+        (
+            {"measurement": "poses"},
+            "measurement: expected a Measurement, got 'poses'; make one with its noise",
+        ),
         ({"measurement": []}, "measurement: expected at least one sensor"),
+        ({"criterion": "e"}, r"criterion: expected one of .*, got 'e'; did you mean E\?"),
+        ({"measurement": [POSES, POSES]}, "measurement.1: the same sensor again; of two alike"),
+        (
+            {"limits": ["wheel_speed"]},
+            "limits.0: expected a Limit, got 'wheel_speed'; make one",
+        ),
         ({"measurement": [POSES, 3]}, "measurement.1: expected a Sensor, got 3"),
         ({"model": "robot"}, "model: expected a System, got 'robot'"),
         ({"design": {"duration": 3}}, "design: expected a Space, got a dict"),
@@ -107,7 +116,10 @@ def test_all_wrong_parts_are_named_at_once():
         ),
         (lambda problem, drive: oed.evaluate(drive, drive), "problem: expected a Problem, got a Trajectory"),
         (lambda problem, drive: oed.solve(problem, "ipop"), "solver: expected one of ipopt, .*, got 'ipop'"),
-        (lambda problem, drive: oed.solve(problem, drive), "solver: expected a Solver, got a Trajectory"),
+        (
+            lambda problem, drive: oed.solve(problem, drive),
+            "solver: expected a Solver or text, got a",
+        ),
         (
             lambda problem, drive: oed.solve(problem, seed=-1),
             "seed: expected a whole .* at least 0, got -1",
@@ -161,16 +173,61 @@ def test_a_solver_may_be_named(three_segments, monkeypatch):
 @pytest.mark.parametrize(
     ("make", "reason"),
     [
-        (lambda: oed.DesignSpace(duration=-1, samples=10), "duration\n  expected more than 0, got -1"),
-        (lambda: oed.Ipopt(starts="many"), "starts\n  expected a whole number, got 'many'"),
-        (lambda: oed.DifferentialDrive(wheel_radius="5 kg", track=1), "wheel_radius\n  expected a length"),
-        (lambda: oed.Ipopt(startz=3), "startz\n  unknown key; known here: .*starts"),
+        (
+            lambda: oed.DesignSpace(duration=-1, samples=10),
+            r"DesignSpace\.duration: expected more than 0, got -1",
+        ),
+        (lambda: oed.Ipopt(starts="many"), r"Ipopt\.starts: expected a whole number, got 'many'"),
+        (lambda: oed.DifferentialDrive(wheel_radius="5 kg", track=1), "wheel_radius: expected a length"),
+        (
+            lambda: oed.Poses(noise={"postion": "1 cm"}),
+            r"Poses\.noise\.postion: unknown key; did you mean position\?",
+        ),
+        (
+            lambda: oed.E(scaling="foo"),
+            r"^E\.scaling: expected 'relative' or 'none', got 'foo'; or expected keys",
+        ),
+        (lambda: oed.Ranges(), r"^Ranges\.beacons: missing\nRanges\.noise: missing$"),
+        (lambda: oed.Ipopt(startz=3), r"Ipopt\.startz: unknown key; did you mean starts\? known here: "),
     ],
 )
 def test_parts_made_in_python_are_refused_in_words_without_addresses(make, reason):
-    with pytest.raises(ValidationError, match=reason) as caught:
+    with pytest.raises(PartError, match=reason) as caught:
         make()
     assert "http" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", oed.__all__)
+def test_every_public_function_refuses_in_words_what_it_cannot_take(name: str):
+    function = getattr(oed, name)
+    parameters = inspect.signature(function).parameters.values()
+    needed = {one.name: object() for one in parameters if one.default is one.empty}
+    first = next(iter(needed))
+    with pytest.raises(WrongKind, match=f"^{name}: missing a required argument: '{first}'; it takes {first}"):
+        function()
+    with pytest.raises(WrongKind, match=f"^{name}: got an unexpected keyword argument 'nonsense'"):
+        function(**needed, nonsense=1)
+    with pytest.raises(WrongKind, match=f"^{first}: expected .*, got an object$"):
+        function(**needed)
+
+
+@pytest.mark.parametrize(
+    ("call", "reason"),
+    [
+        (lambda: oed.load_study(5), "file: expected a path, got 5"),
+        (lambda: oed.animate(5), "source: expected a Record or a path, got 5"),
+        (lambda: oed.read_logs("log.csv", oed.CsvForm(), None), "files: expected a list, got 'log.csv'"),
+        (lambda: oed.export("here", "csv", rate="fast"), "rate: expected a number, got 'fast'"),
+        (lambda: oed.export("here", "csv", rat=3), r"unexpected keyword argument 'rat'; did you mean rate\?"),
+        (
+            lambda: oed.Problem(1, 2, 3, 4),
+            "Problem: missing a required argument: 'criterion'; it takes model, ",
+        ),
+    ],
+)
+def test_calls_that_cannot_be_are_refused_in_words(call, reason):
+    with pytest.raises(WrongKind, match=reason):
+        call()
 
 
 def test_arguments_go_by_name():

@@ -11,10 +11,9 @@ import pytest
 from builders import problem_of, random_drive
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import ValidationError
 from sample_robots import PLANAR, ROBOTS, Example, cases, draw_inputs, motion_by_parameters
 
-from oed.foundation.errors import ProblemError
+from oed.foundation.errors import PartError, ProblemError
 from oed.kernel.criteria import A, D, E, G, I, Leg, Subject
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
@@ -170,7 +169,7 @@ class TestPredictions:
         ids=["none", "no legs", "no inputs", "no time", "no number"],
     )
     def test_options_are_checked(self, kind, options):
-        with pytest.raises(ValidationError):
+        with pytest.raises(PartError):
             kind(**options)
 
     def test_a_legs_duration_may_have_a_unit(self):

@@ -7,8 +7,8 @@ import oracle
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
+from oed.foundation.errors import PartError
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory, middles
 from oed.robots.space import DesignSpace, StartPose
@@ -175,5 +175,5 @@ def test_start():
     ],
 )
 def test_wrong_design_spaces_are_refused(wrong):
-    with pytest.raises(ValidationError, match=next(iter(wrong))):
+    with pytest.raises(PartError, match=next(iter(wrong))):
         DesignSpace(**{"duration": "20 s", **wrong})

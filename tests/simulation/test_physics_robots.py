@@ -10,7 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 
 import oed
 from oed.foundation.component import OneOf
-from oed.foundation.errors import UserMistake
+from oed.foundation.errors import PartError, UserMistake
 from oed.robots.models import DifferentialDrive, OffsetDrive, SkidSteer, SkidSteerSlip, Tricycle
 from oed.robots.presets import preset_names
 from oed.simulation.physics import (
@@ -66,7 +66,7 @@ class TestConfiguration:
 
     @pytest.mark.parametrize("caster", [0.0, 0.1])
     def test_a_caster_carries_something(self, caster: float):
-        with pytest.raises(ValidationError, match="between the wheels"):
+        with pytest.raises(PartError, match="between the wheels"):
             TwoWheelsAndCaster(caster=caster)
 
     @pytest.mark.parametrize(

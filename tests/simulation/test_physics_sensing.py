@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from builders import problem_of
 from physics_drives import rich_drive
-from pydantic import ValidationError
 
 from oed.estimation import CalibrationOptions, calibrate
-from oed.foundation.errors import UserMistake
+from oed.foundation.errors import PartError, UserMistake
 from oed.logs.log import Log
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Poses
@@ -80,7 +79,7 @@ def test_noise_may_be_a_covariance(motion: Motion):
     logs = [read(motion, seed, noise={"covariance": matrix}, pose_rate=50) for seed in range(10)]
     found = np.cov(np.concatenate([errors(motion, log) for log in logs]), rowvar=False)
     assert found == pytest.approx(np.array(matrix), abs=5e-6)
-    with pytest.raises(ValidationError, match=r"covariance \(3, 3\) of one pose, got 2 rows"):
+    with pytest.raises(PartError, match=r"covariance \(3, 3\) of one pose, got 2 rows"):
         Sensing(noise={"covariance": ((1, 0), (0, 1))})
 
 

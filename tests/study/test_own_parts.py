@@ -227,7 +227,7 @@ def test_a_study_with_other_keys_is_checked_anew(folder: Path) -> None:
         ),
         ("own:LogSmallest", "own:Nothing", "criterion", "own has no Nothing"),
         ("own:LogSmallest", "nowhere:E", "criterion", "no module nowhere in "),
-        ("noise: 0.02", "nois: 0.02", "measurement.1", "nois: unknown key; known here: "),
+        ("noise: 0.02", "nois: 0.02", "measurement.1", "nois: unknown key; did you mean noise? known here: "),
         ("half_width: 0.3", "half_width: wide", "limits.own.0", "half_width: expected a number, got 'wide'"),
         ("{kind: python, object: own:Strip", "{object: own:Strip", "limits.own.0.kind", "missing"),
     ],

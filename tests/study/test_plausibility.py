@@ -2,41 +2,161 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from studies import small
 
+import oed
 from oed.foundation.errors import StudyError
 from oed.workflow.studies import parse_study
+
+ROOM = "x: [-1 m, 1 m], y: [-1 m, 1 m]"
 
 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("track: 18 cm", "track: 30", "robot.track: 30 m is larger than its room of 2 m"),
-        ("wheel_radius: 4.9 cm", "wheel_radius: 49", "robot.wheel_radius: 49 m is larger than its room"),
-        ("duration: 10 s", "duration: 1e9 s", "32 years"),
+        (
+            "track: 18 cm",
+            "track: 30",
+            "robot.track: 30 is taken as 30 m, more than its room of 2 m; did you mean '30 cm'?",
+        ),
+        (
+            "track: 18 cm",
+            "track: 180",
+            "180 is taken as 180 m, more than its room of 2 m; did you mean '180 cm'?",
+        ),
+        ("track: 18 cm", "track: 2.1", "2.1 is taken as 2.1 m, more than its room of 2 m"),
+        (
+            "4.9 cm",
+            "4.9",
+            "robot.wheel_radius: 4.9 is taken as 4.9 m, more than 2 times the robot's other sizes; did you",
+        ),
+        (
+            "4.9 cm",
+            "49",
+            "49 is taken as 49 m, more than 2 times the robot's other sizes; did you mean '49 mm'?",
+        ),
+        (
+            "4.9 cm, track: 18 cm",
+            "1.2, track: 1.5",
+            "1.2 is taken as 1.2 m, more than half of its room of 2 m",
+        ),
+        (
+            "duration: 10 s",
+            "duration: 1e6 s",
+            "1e+06 is taken as 1e+06 s, more than a day; did you mean '1e+06 ms'?",
+        ),
+        ("duration: 10 s", "duration: 1e9 s", "more than a day; is its unit right?"),
         ("x: [-1 m, 1 m]", "x: [-1e9 m, 1e9 m]", "limits.workspace: the room is 2e+06 km across"),
         ("x: [-1 m, 1 m]", "x: [-1e300 m, 1e300 m]", "at most 1e+12 in SI units"),
+        (
+            "position: 1 cm",
+            "position: 1",
+            "measurement.noise.position: 1 is taken as 1 m, more than an eighth of a room of 2 m",
+        ),
+        (
+            "heading: 1 deg",
+            "heading: 1",
+            "measurement.noise.heading: 1 is taken as 1 rad, more than 0.5 rad; did you mean '1 deg'?",
+        ),
+        (
+            "samples: 40",
+            "samples: 40, start: {heading: 90}",
+            "90 rad, more than a full turn; did you mean '90 deg'?",
+        ),
     ],
 )
-def test_absurd_sizes_are_named(old: str, new: str, words: str):
+def test_sizes_whose_unit_may_be_missing_are_questioned(old: str, new: str, words: str):
     with pytest.raises(StudyError) as caught:
-        parse_study(small().replace(old, new))
+        parse_study(changed(old, new))
     assert words in str(caught.value)
 
 
-def test_a_robot_without_a_room_may_be_large_but_not_any():
-    text = small().replace("  workspace: {kind: rectangle, x: [-1 m, 1 m], y: [-1 m, 1 m]}\n", "")
-    parse_study(text.replace("track: 18 cm", "track: 30 m"))
-    with pytest.raises(StudyError, match="larger than any robot"):
-        parse_study(text.replace("track: 18 cm", "track: 20 km"))
+def changed(old: str, new: str) -> str:
+    assert old in small()
+    return small().replace(old, new)
 
 
-@pytest.mark.parametrize(("track", "room"), [("7 m", "[-1 m, 1 m]"), ("18 cm", "[-1 mm, 1 mm]")])
-def test_a_robot_larger_than_its_room_is_nobodys_mistake_unless_its_unit_may_be_missing(
-    track: str, room: str
-):
-    parse_study(small().replace("track: 18 cm", f"track: {track}").replace("[-1 m, 1 m]", room))
+@pytest.mark.parametrize("place", ["measurement.1.noise", "measurement.0.noise.position"])
+def test_the_noise_of_each_sensor_is_looked_at(place: str):
+    sensors = "[{kind: poses, noise: {position: 1, heading: 1 deg}}, {kind: yaw_rate, noise: 1}]"
+    lines = [line for line in small().splitlines() if not line.startswith("measurement")]
+    with pytest.raises(StudyError, match=f"{place}: 1 is taken as 1 "):
+        parse_study("\n".join([*lines, f"measurement: {sensors}"]))
+
+
+@pytest.mark.parametrize(
+    ("robot", "room"),
+    [
+        ("wheel_radius: 0.9, track: 1.8", "x: [-15, 15], y: [-10, 10]"),
+        ("wheel_radius: 1.8, track: 6", "x: [-60, 60], y: [-40, 40]"),
+        ("wheel_radius: 0.02, track: 0.09", "x: [-0.3, 0.3], y: [-0.3, 0.3]"),
+        ("wheel_radius: 0.25, track: 0.2", ROOM),
+        ("wheel_radius: 0.1, track: 0.5", "x: [-0.15, 0.15], y: [-0.15, 0.15]"),
+        ("wheel_radius: 4.9 cm, track: 31.41593 m", ROOM),
+    ],
+)
+def test_real_robots_are_not_and_nor_is_what_is_computed(robot: str, room: str):
+    parse_study(changed("wheel_radius: 4.9 cm, track: 18 cm", robot).replace(ROOM, room))
+
+
+@pytest.mark.parametrize("noise", ["position: 2.5, heading: 5 deg", "position: 3 cm, heading: 0.4"])
+def test_noise_of_real_sensors_is_not(noise: str):
+    yard = "x: [-15, 15], y: [-10, 10]"
+    parse_study(changed("position: 1 cm, heading: 1 deg", noise).replace(ROOM, yard))
+
+
+def test_a_robot_without_a_room_is_compared_with_its_wheels():
+    text = small().replace(f"  workspace: {{kind: rectangle, {ROOM}}}\n", "")
+    parse_study(text.replace("track: 18 cm", "track: 4 m"))
+    for track, words in [("18", "100 times its wheels' radius"), ("20 km", "100 times its wheels' radius")]:
+        with pytest.raises(StudyError, match=words):
+            parse_study(text.replace("track: 18 cm", f"track: {track}"))
+
+
+def test_a_size_in_a_room_smaller_than_the_robot_is_not():
+    parse_study(changed(ROOM, "x: [-1 mm, 1 mm], y: [-1 mm, 1 mm]"))
+
+
+@pytest.mark.parametrize(
+    ("part", "value", "words"),
+    [
+        ("model", oed.DifferentialDrive(wheel_radius=0.049, track=30), "robot.track: 30 is taken as 30 m"),
+        (
+            "model",
+            oed.DifferentialDrive(wheel_radius=4.9, track=0.18),
+            "robot.wheel_radius: 4.9 is taken as 4.9 m",
+        ),
+        ("design", oed.DesignSpace(duration="1e9 s"), "trajectory.duration: 1e+09 is taken as 1e+09 s"),
+        ("measurement", oed.YawRate(noise=1), "measurement.noise: 1 is taken as 1 rad/s"),
+        (
+            "limits",
+            [oed.WheelSpeed(bounds=10), oed.EndHeading(at=90)],
+            "end_heading: 90 is taken as 90 rad",
+        ),
+    ],
+)
+def test_problems_made_in_python_are_questioned_likewise(part: str, value: object, words: str):
+    problem = parse_study(small()).problem
+    with pytest.raises(oed.ProblemError) as caught:
+        replace(problem, **{part: value})
+    assert words in str(caught.value)
+
+
+def test_a_day_widened_by_a_tolerance_is_a_day():
+    problem = parse_study(changed("duration: 10 s", "duration: 86400 s")).problem
+    assert problem.widened(1e-2).design.duration > problem.design.duration
+
+
+def test_angles_of_steering_are_looked_at():
+    text = changed(
+        "{kind: differential_drive, wheel_radius: 4.9 cm, track: 18 cm}",
+        "{kind: tricycle, wheel_radius: 5 cm, wheelbase: 40 cm}",
+    )
+    with pytest.raises(StudyError, match="steering_angle: 30 is taken as 30 rad"):
+        parse_study(text.replace("limits:\n", "limits:\n  steering_angle: 30\n"))
 
 
 @pytest.mark.parametrize(
@@ -57,7 +177,3 @@ def test_what_was_meant(old: str, new: str, words: str):
     with pytest.raises(StudyError) as caught:
         parse_study(small().replace(old, new))
     assert str(caught.value).endswith(words)
-
-
-def test_a_size_that_is_computed_has_not_lost_its_unit():
-    parse_study(small().replace("track: 18 cm", "track: 31.41593 m"))

@@ -158,12 +158,27 @@ def test_the_noise_of_the_sensor_is_taken(sensor: str, noise: dict[str, str], fo
     [
         ({"positon": "4 mm"}, "did you mean position?"),
         ({"position": "4 kg"}, "noise of the position: expected a length"),
+        ({"heading": "1"}, "noise of the heading: 1 has no unit; say '1 deg' (0.017 rad) or '1 rad'"),
+        ({"position": "4"}, "noise of the position: 4 has no unit; say '4 cm' (0.04 m) or '4 m'"),
+        ({"heading": "1 rad"}, "measurement.noise.heading: 1 is taken as 1 rad, more than 0.5 rad"),
         ({"heading": "0 deg"}, "noise of the heading: expected a standard deviation above 0"),
     ],
 )
 def test_noise_that_will_not_do(noise: dict[str, str], words: str):
     with pytest.raises(UserMistake, match=re.escape(words)):
         starter(Choice("create_3", noise=noise))
+
+
+@pytest.mark.parametrize(
+    ("size", "words"),
+    [
+        ("4.9", "wheel_radius: 4.9 has no unit; say '4.9 cm' (0.049 m) or '4.9 m'"),
+        ("4.9 m", "robot.wheel_radius: 4.9 is taken as 4.9 m, more than half of its room of 3 m"),
+    ],
+)
+def test_sizes_that_will_not_do(size: str, words: str):
+    with pytest.raises(UserMistake, match=re.escape(words)):
+        starter(Choice("differential_drive", room="4 m x 3 m", sizes={"wheel_radius": size, "track": "6 m"}))
 
 
 def test_the_papers_regression_is_not_for_steered_robots():

@@ -186,14 +186,14 @@ BROKEN = {
         "18",
         "track",
         "robot.track",
-        "18 m is larger than its room of 2 m: is a unit missing, or wrong? e.g. '18 cm'",
+        "18 is taken as 18 m, more than its room of 2 m; did you mean '18 cm'?",
     ),
     "a drive of years": (
         "10 s\n",
         "1e9 s\n",
         "duration",
         "trajectory.duration",
-        "1e+09 s are 32 years, too long for a drive",
+        "1e+09 is taken as 1e+09 s, more than a day; is its unit right?",
     ),
     "both radius forms": (
         "  track:",

@@ -14,10 +14,9 @@ import pytest
 import sample_robots as robots
 import shapely
 from builders import ACCELERATION, RADIUS, SPEED, TRACK, problem_of, random_drive
-from pydantic import ValidationError
 from scipy.stats import norm
 
-from oed.foundation.errors import ProblemError
+from oed.foundation.errors import PartError, ProblemError
 from oed.kernel.criteria import A, D, E
 from oed.kernel.dynamics.rollout import FINE, roll_out
 from oed.kernel.dynamics.space import Spline
@@ -411,14 +410,14 @@ class TestOptions:
         ],
     )
     def test_wrong_ones_are_refused(self, options: dict[str, Any]):
-        with pytest.raises(ValidationError):
+        with pytest.raises(PartError):
             Robust(**options)
 
     def test_a_confidence_needs_enough_draws_to_show(self):
         # If none of n draws leaves, the 95 % interval of the probability ends at 1 - 0.025^(1 / n).
         assert 1 - 0.025 ** (1 / 3688) <= 0.001 < 1 - 0.025 ** (1 / 3687)
         Robust(confidence=0.999, draws=3688)
-        with pytest.raises(ValidationError, match="takes 3688 draws or more to show"):
+        with pytest.raises(PartError, match="takes 3688 draws or more to show"):
             Robust(confidence=0.999, draws=3687)
 
     def test_it_needs_something_uncertain(self):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from oed.estimation.methods.displacements import METHODS, Heading, Regression, missing_noise
 from oed.estimation.methods.estimator import Estimator, EstimatorName
 from oed.estimation.setup.options import Loss
+from oed.foundation.arguments import typed
 from oed.foundation.errors import Flaw, ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Measurement
@@ -60,6 +61,7 @@ def estimator_flaws(
     return []
 
 
+@typed
 def make_estimator(
     problem: Problem,
     trajectory: Trajectory,

@@ -14,10 +14,10 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, ClassVar, NoReturn, Self
 
-from pydantic import ConfigDict, ValidationError, model_validator
+from pydantic import ConfigDict, model_validator
 
 from oed.foundation.component import Component
-from oed.foundation.errors import OedError, UserMistake
+from oed.foundation.errors import Flaw, OedError, PartError, UserMistake
 from oed.foundation.own.code import class_at, in_words, lent_streams, place_of
 
 UNMADE = {"code": "is not run"}
@@ -98,8 +98,8 @@ class OwnPart(Component):
             with lent_streams():
                 self.try_out(named(**own))
                 return guarded(named)(**own)
-        except ValidationError as error:
-            reasons = (f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors())
+        except PartError as error:
+            reasons = (str(Flaw(one.key[1:], one.message)) for one in error.flaws)
             raise ValueError(f"{self.object} cannot be made: {'; '.join(reasons)}") from None
         except KeyboardInterrupt:
             raise

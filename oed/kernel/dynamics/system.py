@@ -11,13 +11,16 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import casadi as ca
 import numpy.typing as npt
 
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.expression import Expression
+
+if TYPE_CHECKING:
+    from oed.kernel.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -125,6 +128,10 @@ class System(ABC):
     def flaws(self) -> list[Flaw]:
         """Why this is no system at all; [] where it is one."""
         return []
+
+    def doubts(self, problem: Problem) -> Sequence[Flaw]:
+        """Sizes in a problem of this system that hardly mean what they say, if it knows usual ones."""
+        return ()
 
     def estimating(self, names: Collection[str]) -> System:
         """The system that has the parameters `names`: this one, unless a domain knows it by others too."""

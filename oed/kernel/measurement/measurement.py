@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 import scipy.sparse
 
+from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
@@ -104,6 +105,7 @@ class Block(Brief):
         return np.abs(self.nominal) if self.sizes is None else self.sizes
 
 
+@typed
 def regression(
     name: str,
     design_matrix: Expression,

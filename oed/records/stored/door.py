@@ -13,9 +13,10 @@ from pydantic_core import ErrorDetails
 from oed.foundation.errors import FileFlaw, ProblemError, RecordError
 from oed.foundation.files import text_of
 from oed.foundation.own.part import UNMADE
+from oed.foundation.wording import sentence
 from oed.records.stored.parts import Stored
 from oed.study.study import StudyFile
-from oed.study.study_errors import explain, sentence
+from oed.study.study_errors import explain
 from oed.study.yaml_source import PlainSource
 
 FORMAT: Final = 1

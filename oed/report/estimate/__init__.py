@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from oed.foundation.arguments import typed
 from oed.records.record import ESTIMATE, EstimateRecord
 from oed.report.estimate.dead_reckoning import errors_over_time, validation
 from oed.report.estimate.fit import error_bars, fit
@@ -31,6 +32,7 @@ SECTIONS: tuple[Callable[[EstimateRecord], Section | None], ...] = (
 __all__ = ["estimate_sections", "write_estimate"]
 
 
+@typed
 def write_estimate(record: EstimateRecord, folder: str | Path, figures: Sequence[str] = ()) -> Path:
     """Write estimate.html, estimate.md and figures/estimate_*.svg into `folder`; returns estimate.html.
 

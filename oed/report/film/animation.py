@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from oed.foundation.arguments import typed
 from oed.foundation.errors import FileFlaw, RecordError, UserMistake
 from oed.foundation.work.progress import Progress
 from oed.records.record import FILE, Record, load_record
@@ -59,6 +60,7 @@ class MadeFilm:
     speed: float
 
 
+@typed
 def animate(
     source: Record | str | Path,
     file: str | Path | None = None,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import casadi as ca
 import numpy as np
@@ -23,6 +23,10 @@ from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter, System, follows_state, label_of
 from oed.robots.models.arcs import Integration, chord
+from oed.robots.models.plausibility import size_flaws
+
+if TYPE_CHECKING:
+    from oed.kernel.problem import Problem
 
 RATES = {"wheel_speed": "wheel_acceleration", "steering_angle": "steering_rate"}
 """Quantity of an input -> what its rate is called, where that has a name of its own."""
@@ -79,6 +83,10 @@ class Model(Component, System):
         other = self.model_copy()
         other._integration = rule
         return other
+
+    def doubts(self, problem: Problem) -> Sequence[Flaw]:
+        """Durations, rooms, robots and noise of sizes that no robot has: a unit is missing, or wrong."""
+        return tuple(size_flaws(self, problem))
 
     @abstractmethod
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:

@@ -25,8 +25,8 @@ from outlines import (
     rectilinear_outline,
     signed_distance,
 )
-from pydantic import ValidationError
 
+from oed.foundation.errors import PartError
 from oed.robots.limits import Polygon, PolygonalObstacle
 from oed.robots.limits.shapes import (
     ConvexShape,
@@ -220,7 +220,7 @@ def test_the_middle_is_farthest_from_the_walls(outline):
     ],
 )
 def test_what_is_no_outline_is_refused(shape, corners, reason: str):
-    with pytest.raises(ValidationError, match=reason):
+    with pytest.raises(PartError, match=reason):
         shape(points=corners)
 
 

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from sample_robots import COEFFICIENT_ROBOTS, EXAMPLES, RADIUS, ROBOTS, TRACK, Example, draw_inputs, twist_of
 
 import oed
-from oed.foundation.errors import ProblemError
+from oed.foundation.errors import PartError, ProblemError
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.system import stepper
 from oed.robots.models import (
@@ -340,7 +340,7 @@ class TestSlip:
 
     @pytest.mark.parametrize("slip", ["slip_outer", "slip_inner"])
     def test_full_slip_is_refused(self, slip: str):
-        with pytest.raises(ValidationError, match=slip):
+        with pytest.raises(PartError, match=slip):
             SkidSteer(wheel_radius=RADIUS, track=TRACK, **{slip: 1.0})
 
 
@@ -365,12 +365,12 @@ class TestGeometry:
         ],
     )
     def test_any_other_way_to_give_radii_is_refused(self, robot, radii):
-        with pytest.raises(ValidationError, match="either wheel_radius, or both"):
+        with pytest.raises(PartError, match="either wheel_radius, or both"):
             robot(track=0.18, **radii)
 
     @pytest.mark.parametrize("wrong", [{"track": 0}, {"track": -0.18}, {"wheel_radius": 0}, {"width": 0.2}])
     def test_wrong_values_are_refused(self, robot, wrong):
-        with pytest.raises(ValidationError, match=next(iter(wrong))):
+        with pytest.raises(PartError, match=next(iter(wrong))):
             robot(**{"wheel_radius": 0.049, "track": 0.18, **wrong})
 
     def test_robots_are_immutable_and_hashable(self, robot):

@@ -11,9 +11,9 @@ import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, problem_of, random_drive, upper_bound
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 from sample_robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 
+from oed.foundation.errors import PartError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
@@ -188,13 +188,13 @@ def test_per_sample_segments():
 
 @pytest.mark.parametrize("wrong", [{"segments": 0}, {"segments": "all"}, {"regressor": "speed"}, {"rows": 3}])
 def test_wrong_values_are_refused(wrong):
-    with pytest.raises(ValidationError, match=next(iter(wrong))):
+    with pytest.raises(PartError, match=next(iter(wrong))):
         Displacements(**wrong)
 
 
 @pytest.mark.parametrize("wrong", [{"position": 0}, {"position": "-1 cm"}, {"heading": "3 cm"}, {"yaw": 1}])
 def test_wrong_noise_is_refused(wrong):
-    with pytest.raises(ValidationError, match=f"noise.{next(iter(wrong))}"):
+    with pytest.raises(PartError, match=f"noise.{next(iter(wrong))}"):
         Displacements(noise=wrong)
 
 

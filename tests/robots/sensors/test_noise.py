@@ -9,10 +9,10 @@ import pytest
 from builders import RADIUS, SPEED, TRACK, problem_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import ValidationError
 from sample_robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 from scipy.linalg import block_diag
 
+from oed.foundation.errors import PartError
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
@@ -229,5 +229,5 @@ def test_both_coordinates_add_up():
 
 @pytest.mark.parametrize("wrong", [{"noise_model": "drift"}, {"estimator": "ridge"}])
 def test_unknown_ways_are_refused(wrong):
-    with pytest.raises(ValidationError, match=next(iter(wrong))):
+    with pytest.raises(PartError, match=next(iter(wrong))):
         Displacements(**wrong)

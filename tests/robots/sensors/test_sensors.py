@@ -13,7 +13,6 @@ import pytest
 from builders import TRACK, input_limits, problem_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import ValidationError
 from sample_robots import (
     COEFFICIENT_ROBOTS,
     CORE,
@@ -38,7 +37,7 @@ from sensors import (
     named,
 )
 
-from oed.foundation.errors import ProblemError, UserMistake
+from oed.foundation.errors import PartError, ProblemError, UserMistake
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
@@ -578,7 +577,7 @@ class TestBounds:
         return driven(sensor_problem(measurement=sensor, model=model, **parts), inputs)
 
     @settings(max_examples=30)
-    @given(seed=seeds, amplitude=st.floats(0.5, 40), heading=st.sampled_from([1e-4, 1e-2, 10.0]))
+    @given(seed=seeds, amplitude=st.floats(0.5, 40), heading=st.sampled_from([1e-4, 1e-2, 0.5]))
     def test_coefficients(self, seed: int, amplitude: float, heading: float):
         inputs = np.random.default_rng(seed).uniform(-amplitude, amplitude, (self.COUNT, 2))
         found = self.score(inputs, heading, estimate=C)
@@ -597,7 +596,7 @@ class TestBounds:
         seed=seeds,
         amplitude=st.floats(0.5, 40),
         model=st.sampled_from([PLAIN, UNEQUAL]),
-        heading=st.sampled_from([1e-4, 1e-2, 10.0]),
+        heading=st.sampled_from([1e-4, 1e-2, 0.5]),
     )
     def test_radii_and_track(self, seed: int, amplitude: float, model: DifferentialDrive, heading: float):
         inputs = np.random.default_rng(seed).uniform(-amplitude, amplitude, (self.COUNT, 2))
@@ -654,7 +653,7 @@ class TestChainRule:
     ],
 )
 def test_wrong_noise_is_refused(wrong, words: str):
-    with pytest.raises(ValidationError, match=words):
+    with pytest.raises(PartError, match=words):
         AbsoluteNoise(**wrong)
 
 
@@ -677,7 +676,7 @@ def test_noise_may_come_with_units():
     ("sensor", "key", "words"),
     [
         (Poses(), "noise", "the noise of x, y, heading is needed"),
-        (Poses(noise={"x": 1, "heading": 1}), "noise", "the noise of y is needed"),
+        (Poses(noise={"x": 0.01, "heading": 0.01}), "noise", "the noise of y is needed"),
         (Poses(noise={"position_per_speed": 1}, quantities=("x",)), "noise", "the noise of x is needed"),
         (Poses(quantities=("x", "x"), noise={"x": 1}), "quantities", "listed twice"),
         (
@@ -715,17 +714,17 @@ def test_poses_that_cannot_be_weighed_are_flaws(sensor: Poses, key: str, words: 
     ],
 )
 def test_wrong_sensors_are_refused(build, words: str):
-    with pytest.raises(ValidationError, match=words):
+    with pytest.raises(PartError, match=words):
         build()
 
 
 def test_a_small_covariance_has_to_be_symmetric_too():
-    with pytest.raises(ValidationError, match="symmetric"):
+    with pytest.raises(PartError, match="symmetric"):
         AbsoluteNoise(covariance=[[1e-8, 5e-9], [0.0, 1e-8]])
 
 
 def test_a_covariance_stands_instead_of_deviations():
-    with pytest.raises(ValidationError, match="covariance"):
+    with pytest.raises(PartError, match="covariance"):
         AbsoluteNoise(position=1e-3, covariance=[[1e-6, 0.0], [0.0, 1e-6]])
 
 
