@@ -44,7 +44,7 @@ def limits(record: Record) -> Section | None:
     # When limits were looked at; records of before say nothing of it.
     silent = any(margin.certain is None for margin in margins)
     points = list(dict.fromkeys(margin.limit for margin in margins if not margin.certain))
-    every = _side_by_side(results) if len(results) > 1 else None
+    every = _side_by_side(record, results) if len(results) > 1 else None
     rooms = sorted(map(Room, winner.margins), key=lambda one: -(one.gain or 0.0))
     known = [one for one in rooms if one.gain is not None]
     table = _by_limit(rooms, called(record, winner), bool(known))
@@ -128,10 +128,10 @@ def _by_limit(rooms: Sequence[Room], title: str, known: bool) -> Table:
     return Table.of(rooms, columns, f"Limits: {title}")
 
 
-def _side_by_side(results: list[Result]) -> Table:
+def _side_by_side(record: Record, results: list[Result]) -> Table:
     names = dict.fromkeys(margin.limit for one in results for margin in one.margins)
     columns = _touched() if len(names) > MOST_COLUMNS else map(_column, names)
-    return Table.of(results, [Column("result", cell=lambda one: one.name), *columns], "All drives")
+    return Table.of(results, [Column("drive", cell=lambda one: called(record, one)), *columns], "All drives")
 
 
 def _column(name: str) -> Column:

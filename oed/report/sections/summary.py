@@ -13,6 +13,7 @@ from oed.report.answer import answer_of
 from oed.report.parts.judging import aim_of, judged, meaning, precision, study_aim
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import (
+    called,
     duration_text,
     in_place,
     measured_as,
@@ -30,7 +31,7 @@ def summary(record: Record) -> Section:
     """The answer, each parameter beside the best baseline's; what the record notes, first."""
     found = answer_of(record)
     if found is None:
-        failures = (f"{one.name}: {one.message}" for one in record.results)
+        failures = (f"{called(record, one)}: {one.message}" for one in record.results)
         nothing = SAY("nothing", bool(record.results))
         return Section.of("Summary", nothing, notices=(*record.notes, *failures))
     columns = (
@@ -65,10 +66,11 @@ def _answer(record: Record, winner: Result) -> tuple[str, ...]:
     by, ahead = aim_of(record, winner).label, _ahead(record, winner)
     return SAY.paragraphs(
         "answer",
+        called(record, winner),
         winner,
         "" if by == study_aim(record).label else by,
         len(record.results),
-        ahead,
+        None if ahead is None else (called(record, ahead), ahead.objective),
         0.0 if ahead is None else study_aim(record).change(ahead.worth or 0.0, winner.worth or 0.0),
         _turns(winner) if in_place(winner) else None,
         None if regression_of(record) is not None else precision(record, winner),
