@@ -13,6 +13,7 @@ from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import FileFlaw
 from oed.foundation.text import did_you_mean
 from oed.foundation.wording import in_words
+from oed.study.offered import as_studies_have
 from oed.study.yaml_source import Source
 
 MOST_EXPLAINED = 200
@@ -79,6 +80,8 @@ def sentence(detail: ErrorDetails, root: type[Component] = Component) -> str:
     if detail["type"] == "extra_forbidden":
         return _unknown_key(str(detail["loc"][-1]), _known_keys(root, detail["loc"][:-1]))
     text = in_words(detail)
+    if detail["type"] == "union_tag_invalid" and "measurement" in detail["loc"]:
+        text += as_studies_have(str(detail["ctx"]["tag"]))
     return text.replace("got None", "got nothing") if detail["input"] is None else text
 
 

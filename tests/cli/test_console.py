@@ -1,4 +1,4 @@
-"""What the command line prints: lines that fit and hold what belongs together, one line for repeated steps."""
+"""What the command line prints: lines that fit and hold what belongs together, one for repeated steps."""
 
 from __future__ import annotations
 
