@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from shown_in import section
 from oed.foundation.errors import UserMistake
 from oed.records.record import Record
 from oed.report.figures import ranking
+from oed.report.figures.draw import drawn
 from oed.report.figures.spec import WIDTH, Line, Note, Panel, Plot
 from oed.report.page import render, sections_of
 from oed.report.parts.inputs import groups_of, sampled
@@ -159,6 +161,7 @@ def test_figures_are_written_in_further_formats(tmp_path: Path) -> None:
     scale = ranking.Scale("track", "mm", (1.0, 30.0, None), ("1.0", "30", "not identifiable"))
     plot = ranking.ranking(["a", "b", "c"], [True, False, False], [scale])
     assert plot.panels[0].x.logarithmic
+
     made = [Section("One", folds=(Section("In it", figures=(Picture("dots", "dots", "Dots.", plot),)),))]
     render("Page", made, tmp_path, figures=("pdf", "png"))
     figures = tmp_path / "figures"
@@ -196,3 +199,16 @@ def test_the_page_calls_no_drive_by_what_found_it(designed: Record) -> None:
         ("Design 2", "Arc"),
         ("Straight", None),
     ]
+
+
+@pytest.mark.parametrize("widest", [25.0, 90.0, 1e3, 1e5, 1e7])
+def test_labels_of_a_wide_range_stay_apart(widest: float) -> None:
+    scales = [ranking.Scale(f"p{number}", "mm", (0.0013, 0.0013 * widest), ("", "")) for number in range(4)]
+    figure = drawn(ranking.ranking(["a", "b"], [True, False], scales))
+    figure.canvas.draw()
+    ax = figure.axes[0]
+    labels = [one for one in ax.get_xticklabels() if one.get_text()]
+    low, high = ax.get_xlim()
+    boxes = [one.get_window_extent() for one in labels if low <= one.get_position()[0] <= high]
+    assert len(boxes) >= 1
+    assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
