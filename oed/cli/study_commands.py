@@ -32,7 +32,7 @@ def _init_arguments(parser: argparse.ArgumentParser) -> None:
         help="a constant of the robot, e.g. 'track=18 cm'; may be given again",
     )
     parser.add_argument("--duration", help="of one run, e.g. '20 s'")
-    parser.add_argument("--runs", type=positive, default=1, help="separate drives designed together")
+    parser.add_argument("--runs", type=positive, help="separate drives designed together (default: 1)")
     parser.add_argument("--force", action="store_true", help="write over a file that exists")
 
 
@@ -47,11 +47,12 @@ def _init(options: argparse.Namespace) -> int:
         text = starter(choice)
     except StudyError as error:
         raise UserMistake(f"this makes no study: {in_short(error)}") from None
+    made = "" if file.parent.exists() else f" in a new folder, {file.parent}"
     write_text(file, text)
     if options.json:
         print_json({"study": str(file)})
     else:
-        say(f"wrote {file}; change what is yours, then: oed run {file}")
+        say(f"wrote {file}{made}; change what is yours, then: oed run {file}")
     return DONE
 
 

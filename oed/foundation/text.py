@@ -212,8 +212,8 @@ def listing(items: Sequence[str]) -> str:
 
 
 def did_you_mean(given: str, known: Iterable[str], closeness: float = 0.6) -> str:
-    """`; did you mean track?` where a few that are known have the words of what was given, or one is spelt
-    alike; else "".
+    """`; did you mean track?` where a few that are known have the words of what was given, or begin so, or
+    one is spelt alike; else "".
 
     Args:
         given: what is not known.
@@ -225,7 +225,12 @@ def did_you_mean(given: str, known: Iterable[str], closeness: float = 0.6) -> st
 
     names, asked = {name.lower(): name for name in known}, _words_in(given)
     pairs = [(name, _words_in(name)) for name in names]
-    alike = [name for name, own in pairs if asked and own and (_begin(asked, own) or own <= asked)]
+    begun = given.lower() if len(given) > MOST_MEANT else " "
+    alike = [
+        name
+        for name, own in pairs
+        if asked and own and (_begin(asked, own) or own <= asked or name.startswith(begun))
+    ]
     alike = [name for name in alike if name == given.lower()] or alike
     if not 0 < len(alike) <= MOST_MEANT:
         alike = difflib.get_close_matches(given.lower(), names, n=1, cutoff=closeness)

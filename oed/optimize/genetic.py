@@ -269,7 +269,8 @@ class _Run:
             algorithm.next()
             self.evaluations = before + int(algorithm.evaluator.n_eval)
             self._keep_best(algorithm)
-            note = "" if self.best is None else f"best {self.best[1].objective:.6g}"
+            kind = self.problem.criterion.kind
+            note = "" if self.best is None else f"best by {kind}: {self.best[1].objective:.4g}"
             self.context.progress.advance(note)
             if options.time_limit is not None and time.perf_counter() - self.began > options.time_limit:
                 return Status.TIME_LIMIT

@@ -256,7 +256,11 @@ class _Search:
 
     def _standing(self, results: Sequence[Local | None]) -> str:
         reached = [one.objective for one in (*results, self.best) if one is not None]
-        return f"best {max(reached):.6g}" if reached and np.isfinite(max(reached)) else ""
+        return (
+            f"best by {self.problem.criterion.kind}: {max(reached):.4g}"
+            if reached and np.isfinite(max(reached))
+            else ""
+        )
 
     def _task(self, unknowns: Array, share: float | None = None) -> _Task:
         return _Task(self.token, self.problem, self.settings, unknowns, share)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -19,6 +20,7 @@ class Offer:
         noise: the usual standard deviation of each of its quantities, with its unit.
         entries: YAML of the sensors it is made of; {position} and so on stand for the noise, {beacons} for
             the places of beacons.
+        aliases: what people call it.
         headings: whether logs of it have the robot's heading.
         alone: whether a trailer's angle cannot be measured beside it.
     """
@@ -26,6 +28,7 @@ class Offer:
     text: str
     noise: Mapping[str, str]
     entries: Sequence[str]
+    aliases: Sequence[str]
     headings: bool = True
     alone: bool = False
 
@@ -36,35 +39,51 @@ OFFERS = {
         "motion capture: position and heading at every sample",
         {"position": POSITION, "heading": HEADING},
         ["{{kind: poses, noise: {{position: {position}, heading: {heading}}}}}"],
+        (
+            "motion capture",
+            "mocap",
+            "optitrack",
+            "vicon",
+            "camera",
+            "marker",
+            "apriltag",
+            "aruco",
+            "lidar",
+            "slam",
+        ),
     ),
     "positions": Offer(
-        "a laser tracker or satellite navigation: positions only",
+        "laser tracker or GPS: positions only",
         {"position": POSITION},
         ["{{kind: poses, quantities: [x, y], noise: {{position: {position}}}}}"],
+        ("laser tracker", "total station", "satellite", "gps", "gnss", "rtk"),
         headings=False,
     ),
     "positions_and_yaw_rate": Offer(
-        "positions, and by a gyroscope: its yaw rate has a bias that nobody knows",
+        "positions, and a gyroscope whose bias is not known",
         {"position": POSITION, "yaw_rate": "1 deg/s"},
         [
             "{{kind: poses, quantities: [x, y], noise: {{position: {position}}}}}",
             "{{kind: yaw_rate, noise: {yaw_rate}}}",
         ],
+        ("gyroscope", "imu"),
         headings=False,
     ),
     "ranges": Offer(
         "distances to beacons in three corners of the room",
         {"distance": "3 cm"},
         ["{{kind: ranges, beacons: [{beacons}], noise: {distance}}}"],
+        ("beacons", "anchors", "uwb", "ultra-wideband"),
         headings=False,
     ),
     "displacements": Offer(
-        "the founding paper's regression: where the robot stands after each of ten segments",
+        "regression on the pose after each of ten segments",
         {"position": POSITION, "heading": HEADING},
         [
             "{{kind: displacements, segments: 10, regressor: both, noise: {{position: {position}, "
             "heading: {heading}}}}}"
         ],
+        ("regression", "tape measure", "umbmark"),
         alone=True,
     ),
 }
@@ -84,9 +103,29 @@ def offer_of(sensor: str) -> Offer:
         UserMistake: an unknown one.
     """
     if sensor not in OFFERS:
-        hint = did_you_mean(sensor, OFFERS)
-        raise UserMistake(f"expected a sensor of {', '.join(OFFERS)}; got {sensor!r}{hint}")
+        raise UserMistake(f"expected a sensor of {', '.join(OFFERS)}; got {sensor!r}{sensor_meant(sensor)}")
     return OFFERS[sensor]
+
+
+def sensor_meant(given: str) -> str:
+    """`; did you mean poses?` for what people call a sensor, or one that is spelt alike; else ""."""
+    asked = words(given).strip().lower()
+    known = [
+        name
+        for name, offer in OFFERS.items()
+        if any(asked == one or re.search(rf"\b{re.escape(one)}s?\b", asked) for one in offer.aliases)
+    ]
+    return f"; did you mean {' or '.join(known)}?" if known else did_you_mean(given, OFFERS)
+
+
+def as_studies_have(sensor: str) -> str:
+    """`; what `oed init` calls positions is {kind: poses, ...}` of one of its sensors; else ""."""
+    if sensor not in OFFERS:
+        return ""
+    usual = usual_noise(sensor, trailer=False)
+    entries = ", ".join(entries_of(sensor, usual, ["..."]))
+    written = entries if len(offer_of(sensor).entries) == 1 else f"[{entries}]"
+    return f"; what `oed init` calls {sensor} is {written}"
 
 
 def usual_noise(sensor: str, *, trailer: bool) -> dict[str, str]:

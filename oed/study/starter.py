@@ -108,7 +108,12 @@ def noise_needed(robot: str, sensor: str) -> dict[str, str]:
 
 def usual_duration(robot: str) -> str:
     """How long a first drive takes: of robots that skid shorter, so that it stays in the room."""
-    return PILOT if _model(robot).skids else DURATION
+    return PILOT if skids(robot) else DURATION
+
+
+def skids(robot: str) -> bool:
+    """Whether a robot's wheels skid in turns, so that its first drive is a pilot."""
+    return _model(robot).skids
 
 
 def starter(choice: Choice) -> str:
@@ -119,7 +124,7 @@ def starter(choice: Choice) -> str:
         StudyError: sizes that make no study, e.g. a room smaller than the robot.
     """
     model = robot_of(_read(_text(choice), "the new study").problem.model)
-    if _model(choice.robot).skids and "track" in type(model).model_fields:
+    if skids(choice.robot) and "track" in type(model).model_fields:
         own = {parameter.name: parameter.nominal for parameter in model.parameters}["track"]
         widened = {**choice.sizes, "track": f"{EFFECTIVE * own:.3g} m"}
         choice = replace(choice, sizes=widened)
@@ -227,7 +232,7 @@ def _amounts(choice: Choice, model: Model) -> dict[str, str]:
 
 
 def _amount(choice: Choice, parameter: Parameter) -> str:
-    if _model(choice.robot).skids and parameter.name in ("track", "y_icr_left", "y_icr_right"):
+    if skids(choice.robot) and parameter.name in ("track", "y_icr_left", "y_icr_right"):
         ends = sorted(parameter.nominal * share / EFFECTIVE for share in (LEAST, MOST))
         return f"[{ends[0]:.3g} m, {ends[1]:.3g} m]"
     if parameter.nominal:

@@ -77,6 +77,7 @@ class StudyFile(Component):
     criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] = E()
     solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
     baselines: tuple[AnyBaseline, ...] = ()
+    same_length: bool = False
     bound: bool = False
     validation: ValidationOptions | None = None
     log: AnyLogForm | None = None

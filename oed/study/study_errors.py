@@ -8,6 +8,7 @@ from pydantic_core import ErrorDetails
 from oed.foundation.component import Component
 from oed.foundation.errors import FileFlaw
 from oed.foundation.wording import KIND, sentence, telling
+from oed.study.offered import as_studies_have
 from oed.study.yaml_source import Source
 
 MOST_EXPLAINED = 200
@@ -29,7 +30,7 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
     for detail in details[:MOST_EXPLAINED]:
         place = _place(detail, source)
         texts = reasons.setdefault((place.line, place.column, place.key), [])
-        text = sentence(detail, root)
+        text = sentence(detail, root) + _offered(detail)
         if text not in texts:
             texts.append(text)
     # A flaw deeper down says more than "none of the forms fits" about the whole.
@@ -43,6 +44,12 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
         for (line, column, key), texts in sorted(reasons.items())
         if key not in above
     ] + left
+
+
+def _offered(detail: ErrorDetails) -> str:
+    # What a sensor's kind that studies have not is called elsewhere.
+    wrong = detail["type"] == "union_tag_invalid" and "measurement" in detail["loc"]
+    return as_studies_have(str(detail["ctx"]["tag"])) if wrong else ""
 
 
 def _place(detail: ErrorDetails, source: Source, message: str = "") -> FileFlaw:

@@ -350,7 +350,8 @@ def _lattice_drive(study: Study, certificate: Certificate | None) -> list[Soluti
 
 
 def _baselines(work: Work, paths: dict[str, Trajectory], best: Solution | None) -> list[Solution]:
-    # Every baseline as large as it can be, and again with the best design's length, as in the paper.
+    # Every baseline as large as it can be, and again with the best design's length, as in the paper: where
+    # that can be driven, or the study asks for it.
     problem, asked = work.study.problem, work.study.file.baselines
     if not asked:
         return []
@@ -363,9 +364,14 @@ def _baselines(work: Work, paths: dict[str, Trajectory], best: Solution | None) 
         if isinstance(path, PathFile):
             found.append(_scored_path(problem, paths[path.label], path.label))
         else:
-            found += baselines(problem, path, length=length, seed=work.seed)
+            own, *same = baselines(problem, path, length=length, seed=work.seed)
+            found += [own, *(one for one in same if work.study.file.same_length or _driven(one))]
         work.progress.advance()
     return found
+
+
+def _driven(one: Solution) -> bool:
+    return one.evaluation is not None and one.evaluation.feasible
 
 
 def _scored_path(problem: Problem, path: Trajectory, name: str) -> Solution:

@@ -59,7 +59,7 @@ class TestSummary:
         said = " ".join(question(flagship).paragraphs)
         assert f"objective of {best.objective:.1f}" in said
         ahead = entry(flagship, "genetic").objective
-        assert f"genetic reaches {ahead:.1f}, 0.100 % more: as good" in said
+        assert f"Design 2 reaches {ahead:.1f}, 0.100 % more: as good" in said
 
     def test_the_deviations_bound_each_other_as_they_must(self, flagship: Record):
         # The trace of the covariance is sigma^2 (1 / lambda_min + 1 / lambda_max).
@@ -73,11 +73,10 @@ class TestCandidates:
     def test_efficiency_is_the_ratio_of_objectives(self, flagship: Record):
         table = candidates(flagship).tables[0]
         best = flagship.best.objective
-        for row in table.rows:
-            one = entry(flagship, row[0])
-            if row[3] != math.inf:
-                assert row[2] == pytest.approx(100 * one.objective / best)
-                assert row[3] == pytest.approx(best / one.objective)
+        for row, one in zip(table.rows, flagship.results, strict=True):
+            if row[4] != math.inf:
+                assert row[3] == pytest.approx(100 * one.objective / best)
+                assert row[4] == pytest.approx(best / one.objective)
 
     def test_singular_drives_never_suffice(self, flagship: Record):
         singular = entry(flagship, "straight").model_copy(update={"identifiable": False})
@@ -140,7 +139,7 @@ def test_how_baselines_are_driven_stands_beside_them(flagship: Record):
     told = [one.model_copy(update={"message": said.get(one.name, one.message)}) for one in flagship.results]
     (table,) = candidates(flagship.model_copy(update={"results": told})).tables
     place = [column.title for column in table.columns].index("how it is driven")
-    assert {row[0]: row[place] for row in table.rows if row[place]} == {"circle": said["circle"]}
+    assert {row[0]: row[place] for row in table.rows if row[place]} == {"Circle": said["circle"]}
 
 
 def test_every_section_is_made_for_the_flagship(flagship: Record):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from shown_in import section
 from oed.foundation.errors import UserMistake
 from oed.records.record import Record
 from oed.report.figures import ranking
+from oed.report.figures.draw import drawn
 from oed.report.figures.spec import WIDTH, Line, Note, Panel, Plot
 from oed.report.page import render, sections_of
 from oed.report.parts.inputs import groups_of, sampled
@@ -80,15 +82,17 @@ def test_only_what_can_be_driven_is_compared_and_played(designed: Record) -> Non
     assert sum(isinstance(one, Line) for one in panel.parts) == 1
     assert "not identifiable" in [one.text for one in panel.parts if isinstance(one, Note)]
     # Which of two equals is chosen is said where they are compared.
-    assert "Design 2 is 0.20 % better by E than Designed drive, which counts as equal" in part.paragraphs[0]
+    assert (
+        "Design 2 is 0.20 % better by E than the designed drive, which counts as equal" in part.paragraphs[0]
+    )
 
 
 def test_the_full_table_says_why_a_drive_cannot_be_driven(designed: Record) -> None:
     table = candidates(designed).tables[0]
     why = {row[0]: row[-1] for row in table.rows}
-    assert why["fast"].startswith("exceeds wheel speed by")
-    assert "rad/s" in why["fast"]
-    assert why["ipopt"] is None
+    assert why["Fast"].startswith("exceeds wheel speed by")
+    assert "rad/s" in why["Fast"]
+    assert why["Designed drive"] is None
 
 
 def test_methods_come_last_and_folded(designed: Record) -> None:
@@ -125,7 +129,7 @@ def test_a_search_is_not_measured_by_a_design_that_cannot_be_driven(designed: Re
     data["results"][1].update(feasible=False, history=[{**history[0], "objective": 9.0}])
     part = convergence(record_from(data))
     assert part is not None
-    assert [row[0] for row in part.tables[0].rows] == ["ipopt"]
+    assert [row[0] for row in part.tables[0].rows] == ["Designed drive (Ipopt)"]
     assert "Design 2: left out, as it cannot be driven." in part.paragraphs
 
 
@@ -157,6 +161,7 @@ def test_figures_are_written_in_further_formats(tmp_path: Path) -> None:
     scale = ranking.Scale("track", "mm", (1.0, 30.0, None), ("1.0", "30", "not identifiable"))
     plot = ranking.ranking(["a", "b", "c"], [True, False, False], [scale])
     assert plot.panels[0].x.logarithmic
+
     made = [Section("One", folds=(Section("In it", figures=(Picture("dots", "dots", "Dots.", plot),)),))]
     render("Page", made, tmp_path, figures=("pdf", "png"))
     figures = tmp_path / "figures"
@@ -177,3 +182,33 @@ def test_a_narrow_figure_stays_narrow(tmp_path: Path) -> None:
     )
     html = render("Page", [Section("Both", figures=(wide, narrow))], tmp_path).read_text("utf-8")
     assert re.findall(r'<svg role="img" style="--share: ([\d.]+)"', html) == ["1", "0.5"]
+
+
+def test_the_page_calls_no_drive_by_what_found_it(designed: Record) -> None:
+    # Only where methods are compared, each beside its drive.
+    shown = [one for one in sections_of(designed) if one.title not in ("Provenance", "Convergence")]
+    tables = [table for one in shown for table in one.tables]
+    cells = [str(cell) for table in tables for row in table.rows for cell in row]
+    heads = [text for table in tables for text in (table.caption, *(one.title for one in table.columns))]
+    said = [
+        text for one in shown for text in (*one.paragraphs, *(picture.caption for picture in one.figures))
+    ]
+    assert not [text for text in (*cells, *heads, *said) if "ipopt" in text]
+    assert [row[:2] for row in candidates(designed).tables[0].rows][:3] == [
+        ("Designed drive", "Ipopt"),
+        ("Design 2", "Arc"),
+        ("Straight", None),
+    ]
+
+
+@pytest.mark.parametrize("widest", [25.0, 90.0, 1e3, 1e5, 1e7])
+def test_labels_of_a_wide_range_stay_apart(widest: float) -> None:
+    scales = [ranking.Scale(f"p{number}", "mm", (0.0013, 0.0013 * widest), ("", "")) for number in range(4)]
+    figure = drawn(ranking.ranking(["a", "b"], [True, False], scales))
+    figure.canvas.draw()
+    ax = figure.axes[0]
+    labels = [one for one in ax.get_xticklabels() if one.get_text()]
+    low, high = ax.get_xlim()
+    boxes = [one.get_window_extent() for one in labels if low <= one.get_position()[0] <= high]
+    assert len(boxes) >= 1
+    assert all(one.x1 < other.x0 for one, other in pairwise(boxes))

@@ -106,7 +106,7 @@ def test_many_limits_name_only_those_that_are_touched() -> None:
     record = sample_rooms.steered()
     table = section(record, "What limits it").tables[1]
     assert [column.title for column in table.columns] == [
-        "result",
+        "drive",
         "exceeded",
         "active or met",
         "satisfied with room",

@@ -198,7 +198,7 @@ def test_spread_counts_starts_within_one_percent() -> None:
     assert "keeps 99.9 % of the objective" in part.paragraphs[1]
     best = record.results[0].objective
     assert part.tables[0].rows[0] == (
-        "ipopt",
+        "Designed drive (Ipopt)",
         3,
         1,
         0.9 * best,
@@ -235,7 +235,7 @@ def test_summary_names_the_best_and_shows_the_notes() -> None:
     part = section(record, "Summary")
     assert part.notices == tuple(record.data["notes"])
     said = section(record, "Question and search").paragraphs[1]
-    assert "The result ipopt, the best of 4 results" in said
+    assert "Designed drive, the best of 4 results" in said
     assert f"{record.results[0].path_length:.3f} m" in said
 
 

@@ -158,7 +158,7 @@ class TestWords:
 class TestTable:
     def test_every_drive_has_a_row(self):
         (table,) = robustness(made()).tables
-        assert [row[0] for row in table.rows] == ["ipopt", "nominal"]
+        assert [row[0] for row in table.rows] == ["Designed drive", "nominal"]
         assert table.rows[0][2:] == (pytest.approx(0.31), "0.21 to 0.44", pytest.approx(5.2), 10_000)
 
     def test_an_objective_without_a_number_is_left_empty(self):

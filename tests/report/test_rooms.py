@@ -209,7 +209,8 @@ def test_player_knows_the_trailer() -> None:
     assert animation is not None
     assert animation.trailer == (0.1, 0.4)
     poses = np.array(record.best.drive.poses) if record.best else np.zeros((0, 4))
-    assert np.allclose(animation.drives[0]["trailer"], poses[:, 3], atol=1e-4)
+    played = animation.drives[0]["trailer"]
+    assert np.allclose(played[:: (len(played) - 1) // (len(poses) - 1)], poses[:, 3], atol=1e-4)
     assert "trailer" not in section(full(), "Summary").animation.drives[0]
 
 

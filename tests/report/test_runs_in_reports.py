@@ -12,6 +12,7 @@ from oed.report.figures.draw import drawn
 from oed.report.figures.driven import Run, path_of, room_of
 from oed.report.figures.paths import number_places, paths
 from oed.report.parts.inputs import groups_of, series_of
+from oed.robots.models.arcs import TURN
 
 
 def test_paths_are_split_where_runs_begin() -> None:
@@ -112,7 +113,13 @@ def test_player_plays_runs_one_by_one() -> None:
     assert names[:3] == [f"{best}, run {number}" for number in (1, 2, 3)]
     assert len(names) == 6
     assert {drive["duration"] for drive in animation.drives} == {8.0}
-    assert {len(drive["x"]) for drive in animation.drives} == {41}
+    # Each goes through its samples, and between them along arcs that look round.
+    assert all(not (len(drive["x"]) - 1) % 40 for drive in animation.drives)
+    runs = [poses for one in record.results if one.drive for poses in one.drive.by_run]
+    for drive, poses in zip(animation.drives, runs, strict=True):
+        step = (len(drive["x"]) - 1) // 40
+        assert np.allclose(np.column_stack([drive["x"], drive["y"]])[::step], poses[:, :2], atol=1e-4)
+        assert np.abs(np.diff(drive["heading"])).max() <= TURN + 1e-4
 
 
 def test_texts_count_the_runs() -> None:

@@ -106,7 +106,7 @@ class TestCriteria:
         data = record("sensors").data
         data["results"][1].update(objective=1.002 * data["results"][0]["objective"])
         text = text_of(comparison(record_from(data)))
-        assert "Design 2 is 0.20 % better by E than Designed drive, which counts as equal" in text
+        assert "Design 2 is 0.20 % better by E than the designed drive, which counts as equal" in text
 
     def test_none_for_old_records_and_single_drives(self):
         assert criteria(sample_records.full()) is None
@@ -201,7 +201,7 @@ class TestSearches:
 
     def test_stages_are_told_in_the_numbers_of_their_criterion(self):
         text = text_of(section(record("sensors"), "Spread over the starts"))
-        assert "Stages of arc, in D (log det F)" in text
+        assert "Stages of Design 2 (Arc), in D (log det F)" in text
         assert f"({100 * (math.exp(0.1 / 3) - 1):+.3g} % in efficiency)" in text
         assert "99.9 % of the determinant" in text
 
@@ -352,7 +352,7 @@ class TestSummary:
         entry["path_length"] = 2e-25
         entry["drive"]["poses"] = [[0.0, 0.0, 0.1 * index] for index in range(21)]
         parts = {part.title: part for part in sections_of(record_from(data))}
-        assert "with a drive in place (0.32 turns)" in text_of(parts["Question and search"])
+        assert "a drive in place (0.32 turns)" in text_of(parts["Question and search"])
         assert "in place" in drawn(parts["Paths in the workspace"].figures[0].figure).axes[0].get_title()
 
 

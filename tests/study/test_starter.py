@@ -301,10 +301,12 @@ class TestCommand:
             *("sonar", "displacements", "positions"),
             *("0 m", "3 mm"),  # the noise
             *("-3 s", ""),
+            *("2.5", "2"),  # the runs
         ]
         monkeypatch.setattr("sys.stdin", Terminal("\n".join(answers) + "\n"))
         assert main(["init"]) == 0
         problem = load_study("ackermann.yaml").problem
+        assert problem.design.runs == 2
         assert problem.model.nominal[:2] == pytest.approx([0.06, 0.4])
         assert problem.measurement.quantities == ("x", "y")
         assert problem.measurement.noise.position == pytest.approx(3e-3)
@@ -314,14 +316,18 @@ class TestCommand:
             "did you mean ackermann?",
             "wheel_radius: expected a length",
             "expected a room like",
-            "got 'sonar'",
+            "'sonar': not listed",
             "displacements need a robot",
             "expected a standard deviation above 0, got '0 m'",
             "expected more than 0",
         ):
             assert words in asked
+        # What there is stands there once, and nothing is wider than a terminal.
+        assert asked.count("pioneer_3dx") == asked.count("motion capture") == 1
+        shown = re.split(r"\n|(?<=\]: )|(?<=robot: )", asked)
+        assert max(len(one) for one in shown if one.endswith(": ") or re.match(r"  [a-z_\d]+  ", one)) <= 80
 
-    @pytest.mark.parametrize(("answer", "code"), [("yes", 0), ("no", 2), ("", 2)])
+    @pytest.mark.parametrize(("answer", "code"), [("yes", 0), ("Y", 0), ("no", 2), ("n", 2), ("", 2)])
     def test_what_is_there_is_asked_about_first(
         self, answer: str, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ):
@@ -330,6 +336,47 @@ class TestCommand:
         assert main(["init", "mine.yaml"]) == code
         assert capsys.readouterr().err.startswith("mine.yaml exists; write over it (yes, no) [no]: ")
         assert (Path("mine.yaml").read_text() == "mine") == (code == 2)
+
+    def test_a_pilot_drive_is_one(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+        monkeypatch.setattr("sys.stdin", Terminal("\n" * 9))
+        assert main(["init", "--robot", "husky", "--room", "9 m x 9 m"]) == 0
+        assert "How many drives" not in capsys.readouterr().err
+
+    def test_a_new_folder_is_named(self, capsys: pytest.CaptureFixture[str]):
+        assert main(["init", "new/mine.yaml", "--robot", "create_3"]) == 0
+        assert "wrote new/mine.yaml in a new folder, new;" in capsys.readouterr().err
+        assert main(["init", "new/other.yaml", "--robot", "create_3"]) == 0
+        assert "new folder" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("called", "name"),
+    [
+        ("camera", "poses"),
+        ("motion capture", "poses"),
+        ("MoCap", "poses"),
+        ("GPS", "positions"),
+        ("laser_tracker", "positions"),
+        ("imu", "positions_and_yaw_rate"),
+        ("UWB anchors", "ranges"),
+        ("pose", "poses"),
+    ],
+)
+def test_sensors_are_known_by_what_people_call_them(called: str, name: str):
+    with pytest.raises(UserMistake, match=rf"did you mean {name}\?"):
+        starter(Choice("create_3", sensor=called))
+
+
+def test_every_robot_that_begins_so_is_proposed():
+    with pytest.raises(UserMistake, match=r"did you mean turtlebot3_burger or turtlebot3_waffle\?"):
+        sizes_needed("turtlebot")
+
+
+def test_a_study_says_how_it_is_given_what_a_first_one_calls_so():
+    text = starter(Choice("create_3")).replace("kind: poses", "kind: positions")
+    wanted = re.escape("what `oed init` calls positions is {kind: poses, quantities: [x, y], noise")
+    with pytest.raises(StudyError, match=wanted):
+        parse_study(text)
 
 
 def test_sizes_of_presets_are_known():

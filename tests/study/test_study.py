@@ -503,6 +503,7 @@ class TestSchema:
             "physics",
             "prior",
             "robust",
+            "same_length",
             "uncertainty",
         }
         assert schema["additionalProperties"] is False

@@ -295,3 +295,14 @@ class TestBestOf:
 
     def test_nothing_feasible(self):
         assert best_of([], E()) is None
+
+
+def test_baselines_as_long_as_the_design_break_limits_only_where_that_is_asked_for(tmp_path: Path):
+    asked = {"baselines": "[straight, random]", "seed": 5}
+    found, wanted = (
+        run(make_study(tmp_path, small(**asked, **more)), workers=1).results
+        for more in ({}, {"same_length": "true"})
+    )
+    left_out = {one.name for one in wanted if one.name.endswith("_same_length") and not one.feasible}
+    assert left_out
+    assert {one.name for one in wanted} - {one.name for one in found} == left_out

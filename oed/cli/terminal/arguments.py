@@ -70,7 +70,7 @@ def positive(text: str) -> int:
 def _at_least(least: int, text: str) -> int:
     # What is no number gets the same answer.
     if not re.fullmatch(r"\s*[-+]?[0-9]{1,18}\s*", text) or int(text) < least:
-        raise argparse.ArgumentTypeError(f"expected {least} or more, got {text}")
+        raise argparse.ArgumentTypeError(f"expected a whole number from {least} on, got {text}")
     return int(text)
 
 

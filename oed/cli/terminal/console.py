@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Literal
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
     from oed.workflow.driven import DrivenPaths
     from oed.workflow.next_drive import NextDrive
 
+HELD = "\0"
+"""Stands for a space that lines do not end at; what is shown has none."""
 WIDTH = 80
 """Columns of what every terminal shows whole."""
 
@@ -38,7 +42,7 @@ class _Bars:
     def __init__(self, bars: RichProgress) -> None:
         self._bars = bars
         self._task: TaskID | None = None
-        self._current = ""
+        self._current, self._one_step = "", False
 
     def begin(self, description: str, total: int) -> None:
         self._bars.start()
@@ -46,8 +50,12 @@ class _Bars:
             # The same work on the next drive goes on in the same line.
             known = self._bars.tasks[-1].total or 0
             self._bars.update(self._task, total=known + total)
+            self._one_step = False
             return
-        self._current = description
+        if self._task is not None and self._one_step:
+            # Stages of one step take each other's place.
+            self._bars.remove_task(self._task)
+        self._current, self._one_step = description, total == 1
         self._task = self._bars.add_task(shown(description), total=total, note="")
 
     def advance(self, note: str = "") -> None:
@@ -180,7 +188,10 @@ def _cell(text: str) -> Text:
 
 
 def _print_line(console: Console, line: str) -> None:
-    console.print(shown(line), highlight=False, markup=False)
+    # A number and its unit, and the sides of a room, stay on one line.
+    text = re.sub(r"(?<=\d) (?=\S)|(?<= x) | (?=x )", HELD, shown(line))
+    for one in textwrap.wrap(text, console.width, break_long_words=False, break_on_hyphens=False):
+        console.print(one.replace(HELD, " "), highlight=False, markup=False, soft_wrap=True)
 
 
 def print_driven(found: DrivenPaths) -> None:
@@ -264,8 +275,8 @@ def print_estimate(record: EstimateRecord) -> None:
     """Estimates as a table, what their errors rest on, what they are worth, and warnings."""
     from oed.report.estimate.parameters import estimate_lines, estimate_rows
 
-    headings = ("parameter", "unit", "nominal", "estimate", "std. error", "95 % interval", "change [%]")
-    table = _table(headings, ("parameter", "unit"), no_wrap=True)
+    headings = ("parameter", "unit", "nominal", "estimate", "standard error", "change [%]")
+    table = _table(headings, ("parameter", "unit"), kept=headings[1:])
     for row in estimate_rows(record):
         table.add_row(*map(_cell, row))
     console = _console()

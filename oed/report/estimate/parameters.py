@@ -166,8 +166,9 @@ def _change(one: Estimated) -> str:
 
 
 def estimate_rows(record: EstimateRecord) -> list[list[str]]:
-    """The table of estimates for a terminal."""
-    return [[cell.replace(MISSING, "-") for cell in row] for row in estimates(record).cells]
+    """The table of estimates for a terminal, which has no room for their intervals."""
+    rows = ([*row[:-2], row[-1]] for row in estimates(record).cells)
+    return [[cell.replace(MISSING, "-") for cell in row] for row in rows]
 
 
 def estimate_lines(record: EstimateRecord) -> list[str]:

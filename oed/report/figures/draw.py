@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 import warnings
 from collections.abc import Callable, Sequence
@@ -186,7 +187,8 @@ def _set(on: DrawnAxis, axis: spec.Axis, scale: Callable[..., Any], limit: Calla
     if axis.logarithmic:
         scale("log")
         if axis.most:
-            on.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            most = axis.most if axis.ends else None
+            on.set_major_locator(LogLocator(subs=_parts_of_decade(axis), numticks=most))
         on.set_major_formatter(lambda value, _: f"{value:g}")
         on.set_minor_formatter(NullFormatter())
     elif axis.most:
@@ -200,6 +202,13 @@ def _set(on: DrawnAxis, axis: spec.Axis, scale: Callable[..., Any], limit: Calla
         limit(*axis.ends)
     if not axis.grid:
         on.grid(visible=False)
+
+
+def _parts_of_decade(axis: spec.Axis) -> tuple[float, ...]:
+    # So many of each decade as leaves room for what is written at them.
+    low, high = axis.ends or (1.0, 1.0)
+    fine = ((1.0, 2.0, 5.0), (1.0, 3.0))
+    return next((one for one in fine if len(one) * math.log10(high / low) <= axis.most), (1.0,))
 
 
 def _label(figure: Figure, axes: Sequence[Axes], plot: spec.Plot) -> None:

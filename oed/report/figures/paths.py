@@ -14,6 +14,7 @@ from oed.report.figures.driven import Box, Path, Room, Run
 from oed.report.figures.spec import FAINT, INK, WIDTH, Look, legend_columns, mark, stroke
 from oed.report.parts.reading import NOWHERE
 from oed.robots.limits.shapes import Outline
+from oed.robots.models.arcs import finer
 
 BEYOND = 0.3
 """How far beyond the limits a panel shows a drive that breaks them, as a share of the limits' width."""
@@ -174,14 +175,15 @@ def surroundings(room: Room) -> list[spec.Part]:
     return [*floor, *(spec.Shape(one, OBSTACLE) for one in room.hatched), *beacons]
 
 
-def _path(drive: Path, room: Room, x: spec.Axis, scale: float) -> Iterator[spec.Part]:
+def _path(drive: Path, room: Room, across: spec.Axis, scale: float) -> Iterator[spec.Part]:
     # Every run with its start, end, direction and segments.
-    assert x.ends is not None
-    width = x.ends[1] - x.ends[0]
+    assert across.ends is not None
+    width = across.ends[1] - across.ends[0]
     for run in drive.runs:
         if run.trailer is not None:
             yield spec.Line.through(run.trailer, {**TRAILER, "linewidth": scale * TRAILER["linewidth"]})
-        yield spec.Shades(run.x, run.y, run.speed, scale)
+        x, y, _ = finer(np.column_stack([run.x, run.y, run.heading])).T
+        yield spec.Shades(x, y, np.repeat(run.speed, (len(x) - 1) // len(run.speed)), scale)
         yield from _segments(run, scale, drive.sideways)
         yield from _directions(run, width, scale, drive.sideways)
         for look, (end_x, end_y) in zip((START, END), run.ends, strict=True):

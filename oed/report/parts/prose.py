@@ -38,9 +38,15 @@ def environment() -> jinja2.Environment:
         unit=text.unit_text,
         slug=text.slug,
         scaling=scaling_text,
+        within=within,
     )
     made.globals["infinity"] = math.inf
     return made
+
+
+def within(name: str) -> str:
+    """A drive's name within a sentence: `the designed drive`, `Design 2`."""
+    return re.sub(r"^D(?=esigned |esign for )", "the d", name)
 
 
 class Prose:

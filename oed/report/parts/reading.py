@@ -56,6 +56,23 @@ def called(record: Record, result: Result) -> str:
     return f"Design {number}"
 
 
+def called_by(record: Record, name: str) -> str:
+    """What the drive of that name is called, whether or not the record has it."""
+    result = record.result(name)
+    return words(name) if result is None else called(record, result)
+
+
+def found_by(result: Result) -> str | None:
+    """The search that found a design, `Ipopt`; None for what was not searched for by its name."""
+    return capital(words(result.name)) if result.origin == "search" and result.name != NOMINAL else None
+
+
+def with_method(record: Record, result: Result) -> str:
+    """What a drive is called, with the search that found it: `Designed drive (Ipopt)`."""
+    method = found_by(result)
+    return called(record, result) + (f" ({method})" if method else "")
+
+
 def capital(text: str) -> str:
     """A text that begins with a capital letter."""
     return text[:1].upper() + text[1:]

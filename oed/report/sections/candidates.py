@@ -15,7 +15,7 @@ from oed.records.stored.study_record import StoredParameter
 from oed.report.figures.ranking import Scale, ranking
 from oed.report.parts.judging import Aim, aim_of, judged, plain_aim, repeatable, repetitions_of, study_aim
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import called, drivable, or_infinite, regression_of, with_drive
+from oed.report.parts.reading import called, drivable, found_by, or_infinite, regression_of, with_drive
 from oed.report.parts.section import Column, Picture, Section, Table
 from oed.report.sections.limits import exceeded
 
@@ -96,7 +96,7 @@ def candidates(record: Record) -> Section | None:
     if best is not None and several:
         baselines = any(one.origin == "baseline" for one in record.results)
         known = (record.nuisances, record.study.prior, baselines)
-        said = SAY("worth", study_aim(record), shares, best.name, *known)
+        said = SAY("worth", study_aim(record), shares, called(record, best), *known)
     return Section.of("Candidates", said, Table.of(record.results, _columns(record, shares)))
 
 
@@ -111,7 +111,8 @@ def _columns(record: Record, shares: bool) -> Iterator[Column]:
         number = repetitions(one)
         return None if number is None else 100.0 / number
 
-    yield Column("result", cell=lambda one: one.name)
+    yield Column("drive", cell=lambda one: called(record, one))
+    yield Column("found by", cell=found_by)
     yield Column("objective", "", FOUR, lambda one: nothing if one.useless else one.worth)
     if shares:
         yield Column("efficiency", "%", fixed(1), efficiency)
@@ -119,7 +120,6 @@ def _columns(record: Record, shares: bool) -> Iterator[Column]:
     yield Column("path length", "m", fixed(2), lambda one: one.path_length)
     yield Column("search time", "s", fixed(1), lambda one: one.wall_seconds if one.history else None)
     yield Column("evaluations", "", whole, lambda one: one.history[-1].evaluations if one.history else None)
-    yield Column("called here", cell=lambda one: called(record, one))
     yield Column("satisfies every limit", cell=lambda one: one.feasible)
     if any(_driven(one) for one in record.results):
         yield Column("how it is driven", cell=_driven)
@@ -193,7 +193,7 @@ def criteria(record: Record) -> Section | None:
         return None
     judges = [_Judge(plain_aim(record, kind), results) for kind in kinds]
     columns = (
-        Column("result", cell=lambda one: one.name),
+        Column("drive", cell=lambda one: called(record, one)),
         Column(
             "searched for", cell=lambda one: aim_of(record, one).label if one.origin == "search" else None
         ),
@@ -215,7 +215,7 @@ def _verdict(record: Record, judges: Sequence[_Judge]) -> str:
     found = [(one.aim.label, one.share(winner)) for one in judges]
     shares = [(label, share) for label, share in found if share is not None]
     best = all(share > LEVEL for _, share in shares)
-    return SAY("verdict", winner.name, shares, best) if shares else ""
+    return SAY("verdict", called(record, winner), shares, best) if shares else ""
 
 
 def _practically_equal(record: Record) -> str:
@@ -243,7 +243,7 @@ def paper(record: Record) -> Section | None:
     # Without scaling F is W'W, and W is in radians of wheel angle.
     square = "rad²" if record.study.criterion.scaling == "none" else ""
     columns = (
-        Column("result", cell=lambda one: one.name),
+        Column("drive", cell=lambda one: called(record, one)),
         Column("λ_min", square, FOUR, lambda one: 0.0 if one.leaves_open else one.lambda_min),
         Column("λ_max", square, FOUR, lambda one: or_infinite(one, one.lambda_max)),
         Column("cond(W)", "", FOUR, _condition),

@@ -17,6 +17,7 @@ from oed.report.parts.prose import Prose
 from oed.report.parts.reading import called, drivable, heading, in_place, runs_of, segments
 from oed.report.parts.section import Animation, Picture, Section
 from oed.robots.limits.shapes import Outline
+from oed.robots.models.arcs import finer
 
 SAY = Prose("drives")
 DASHES = ("solid", "dashed", "dash-dotted", "dotted")
@@ -148,7 +149,7 @@ def _runs(record: Record, result: Result, groups: list[Group]) -> list[dict[str,
     for number, poses in enumerate(drive.by_run, 1):
         title = called(record, result)
         name = f"{title}, run {number}" if drive.runs > 1 else title
-        columns = zip(("x", "y", "heading", "trailer"), poses[:, :4].T, strict=False)
+        columns = zip(("x", "y", "heading", "trailer"), finer(poses[:, :4]).T, strict=False)
         places = {key: plain(column, DECIMALS) for key, column in columns}
         inputs = [_columns(result, group, number - 1) for group in groups]
         timing = {"duration": drive.knots[-1] / drive.runs, "steps": drive.degree == 0}

@@ -47,7 +47,7 @@ def limits(record: Record) -> Section | None:
     # When limits were looked at; records of before say nothing of it.
     silent = any(margin.certain is None for margin in margins)
     points = list(dict.fromkeys(margin.limit for margin in margins if not margin.certain))
-    every = _side_by_side(results, record) if len(results) > 1 or winner is None else None
+    every = _side_by_side(record, results) if len(results) > 1 or winner is None else None
     if winner is None:
         return Section.of("How far every drive exceeds the limits", SAY("margins", silent, points), every)
     rooms = sorted(map(Room, winner.margins), key=lambda one: -(one.gain or 0.0))
@@ -150,10 +150,10 @@ def _back_off(room: Room, robustness: StoredRobustness | None) -> str:
     return BACK_OFF if tightened else ""
 
 
-def _side_by_side(results: list[Result], record: Record) -> Table:
+def _side_by_side(record: Record, results: list[Result]) -> Table:
     names = dict.fromkeys(margin.limit for one in results for margin in one.margins)
     columns = _touched(record) if len(names) > MOST_COLUMNS else (_column(name, record) for name in names)
-    return Table.of(results, [Column("result", cell=lambda one: one.name), *columns], "All drives")
+    return Table.of(results, [Column("drive", cell=lambda one: called(record, one)), *columns], "All drives")
 
 
 def _column(name: str, record: Record) -> Column:

@@ -11,6 +11,7 @@ from oed.records.stored.result import Covariance, Result
 from oed.records.stored.study_record import StoredParameter
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import (
+    called,
     nuisance_text,
     prior_of,
     prior_text,
@@ -35,7 +36,9 @@ def precision(record: Record) -> Section | None:
     if not any(one.feasible for one in results):
         return None
     winner = record.best or results[0]
-    correlations = [_matrix(winner, one) for one in winner.covariances if len(one.parameters) > 1]
+    correlations = [
+        _matrix(one, called(record, winner)) for one in winner.covariances if len(one.parameters) > 1
+    ]
     said = SAY.paragraphs(
         "reading",
         regression_of(record),
@@ -45,7 +48,7 @@ def precision(record: Record) -> Section | None:
         (nuisance_text(record), prior_text(record)),
         bool(correlations),
     )
-    every = _side_by_side(noisy, results) if len(results) > 1 else None
+    every = _side_by_side(record, noisy, results) if len(results) > 1 else None
     return Section.of(title, *said, _by_parameter(record, noisy, winner), *correlations, every)
 
 
@@ -73,7 +76,7 @@ def _by_parameter(record: Record, noisy: Sequence[StoredParameter], result: Resu
         Column("share of nominal", "%", error_text, share),
         Column("95 % interval: ±", "", error_text, lambda one: NORMAL_95 * size(one)),
     )
-    return Table.of(noisy, columns, f"Drive of {result.name}")
+    return Table.of(noisy, columns, called(record, result))
 
 
 def _deviation(parameter: StoredParameter, result: Result) -> float:
@@ -82,7 +85,7 @@ def _deviation(parameter: StoredParameter, result: Result) -> float:
     return math.inf if deviation is None else deviation
 
 
-def _matrix(result: Result, one: Covariance) -> Table:
+def _matrix(one: Covariance, drive: str) -> Table:
     def column(at: int, name: str) -> Column:
         # – where a parameter is not identifiable.
         def correlation(other: int) -> float | None:
@@ -95,13 +98,13 @@ def _matrix(result: Result, one: Covariance) -> Table:
 
     first = Column("parameter", cell=lambda at: words(one.parameters[at]))
     columns = (first, *(column(at, name) for at, name in enumerate(one.parameters)))
-    return Table.of(range(len(one.parameters)), columns, f"Correlations, drive of {result.name}")
+    return Table.of(range(len(one.parameters)), columns, f"Correlations: {drive}")
 
 
-def _side_by_side(noisy: Sequence[StoredParameter], results: Sequence[Result]) -> Table:
+def _side_by_side(record: Record, noisy: Sequence[StoredParameter], results: Sequence[Result]) -> Table:
     def column(one: StoredParameter) -> Column:
         unit, factor = own_unit(one.unit)
         return Column(words(one.name), unit, error_text, lambda result: _deviation(one, result) * factor)
 
-    columns = (Column("result", cell=lambda result: result.name), *map(column, noisy))
+    columns = (Column("drive", cell=lambda result: called(record, result)), *map(column, noisy))
     return Table.of(results, columns, "All drives")

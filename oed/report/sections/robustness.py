@@ -15,7 +15,7 @@ from oed.report.figures import paths
 from oed.report.figures.driven import room_of
 from oed.report.parts.judging import study_aim
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import called
+from oed.report.parts.reading import called, called_by
 from oed.report.parts.section import Column, Picture, Section, Table, percent
 from oed.robots.limits import EndHeading, EndPosition
 
@@ -35,7 +35,7 @@ def robustness(record: Record) -> Section | None:
 def _sentences(record: Record, found: StoredRobustness) -> Iterator[str]:
     # Where every robot ends cannot be asked for: nothing corrects it on its way.
     ends = [name for name in (EndPosition.name, EndHeading.name) if getattr(record.study.limits, name, None)]
-    searched = [(_called(record, one), one) for one in found.results if one.back_off is not None]
+    searched = [(called_by(record, one.name), one) for one in found.results if one.back_off is not None]
     yield SAY("verdict", found.kind, searched)
     yield SAY("uncertain", found, [_range(one) for one in found.uncertain])
     yield SAY("ends", ends)
@@ -45,12 +45,7 @@ def _sentences(record: Record, found: StoredRobustness) -> Iterator[str]:
         return
     share = study_aim(record).efficiency(best.objective, plain.objective)
     if share is not None:
-        yield SAY("cost", called(record, best), share, _called(record, plain), plain)
-
-
-def _called(record: Record, tried: Tried) -> str:
-    result = record.result(tried.name)
-    return tried.name if result is None else called(record, result)
+        yield SAY("cost", called(record, best), share, called_by(record, plain.name), plain)
 
 
 def _range(one: Uncertain) -> str:
@@ -61,7 +56,7 @@ def _range(one: Uncertain) -> str:
 def _table(record: Record, found: StoredRobustness) -> Table:
     objective = f"objective, {study_aim(record).number}"
     columns = (
-        Column("result", cell=lambda one: one.name),
+        Column("drive", cell=lambda one: called_by(record, one.name)),
         Column(objective, "", significant(4), lambda one: one.objective),
         Column("violation probability", "%", fixed(2), lambda one: 100 * one.probability),
         Column(

@@ -12,7 +12,7 @@ from oed.records.stored.result import Progress, Result
 from oed.report.figures import chart
 from oed.report.parts.judging import Aim, aim_of, by_aim, study_aim
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import called, solver_of
+from oed.report.parts.reading import called, found_by, solver_of, with_method
 from oed.report.parts.section import Column, Picture, Section, Table
 
 SAY = Prose("searches")
@@ -29,10 +29,11 @@ FLOOR = 1e-4
 
 @dataclass(frozen=True)
 class _Search:
-    """A search from many starts."""
+    """A search from many starts: what it was for, its result, and what that is called."""
 
     aim: Aim
     result: Result
+    name: str
 
     @property
     def found(self) -> list[float]:
@@ -75,7 +76,9 @@ class _Search:
 
 def starts(record: Record) -> Section | None:
     """Spread of the starts, per search, and the stages in words."""
-    searches = [_Search(aim_of(record, one), one) for one in record.results if one.starts]
+    searches = [
+        _Search(aim_of(record, one), one, with_method(record, one)) for one in record.results if one.starts
+    ]
     if not searches:
         return None
     own = study_aim(record).label
@@ -90,7 +93,7 @@ def starts(record: Record) -> Section | None:
 
 def _starts(searches: Sequence[_Search], apart: bool) -> Table:
     columns = (
-        Column("result", cell=lambda one: one.result.name),
+        Column("drive", cell=lambda one: one.name),
         Column("searched for", cell=lambda one: one.aim.label) if apart else None,
         Column("starts", "", whole, lambda one: len(one.result.starts)),
         Column("within 1 %", "", whole, lambda one: one.close),
@@ -117,11 +120,11 @@ def convergence(record: Record) -> Section | None:
     undriven = [called(record, one) for one in every if one not in searches]
     groups = by_aim(record, searches)
     apart = len(groups) > 1
-    lines = [line for aim, results in groups for line in _lines(aim, results, apart)]
-    alt = f"Convergence of {listing([one.name for one in searches])} over time"
+    lines = [line for aim, results in groups for line in _lines(record, aim, results, apart)]
+    alt = f"Convergence of {listing([with_method(record, one) for one in searches])} over time"
     picture = Picture("convergence", alt, SAY("convergence", apart, FLOOR), chart.convergence(lines, apart))
-    races = (sentence for _, results in groups for sentence in _races(results))
-    return Section.of("Convergence", *races, SAY("undriven", undriven), picture, _times(groups))
+    races = (sentence for _, results in groups for sentence in _races(record, results))
+    return Section.of("Convergence", *races, SAY("undriven", undriven), picture, _times(record, groups))
 
 
 def _points(result: Result) -> list[tuple[Progress, float]]:
@@ -139,33 +142,36 @@ def time_to(result: Result, objective: float) -> tuple[float, int] | None:
     return next(hits, None)
 
 
-def _lines(aim: Aim, searches: Sequence[Result], apart: bool) -> Iterator[chart.Search]:
+def _lines(record: Record, aim: Aim, searches: Sequence[Result], apart: bool) -> Iterator[chart.Search]:
     # (seconds, shortfall in percent), one point each time the objective rose, and at the end.
     best = max(map(_reached, searches))
     for one in searches:
         points = [(at.seconds, max(FLOOR, -aim.change(value, best))) for at, value in _points(one)]
         end = max(points[-1][0], one.wall_seconds)
-        yield f"{one.name}, by {aim.label}" if apart else one.name, [*points, (end, points[-1][1])]
+        name = with_method(record, one)
+        yield f"{name}, by {aim.label}" if apart else name, [*points, (end, points[-1][1])]
 
 
-def _races(searches: Sequence[Result]) -> Iterator[str]:
+def _races(record: Record, searches: Sequence[Result]) -> Iterator[str]:
     # How long a search by gradients took to what another search ended with.
     gradient = [one for one in searches if one.by_gradient]
     for one in searches if gradient else ():
         if one.by_gradient:
             continue
         target, own = _reached(one), time_to(one, _reached(one))
-        hits = [(other.name, hit[0]) for other in gradient if (hit := time_to(other, target)) is not None]
+        hits = [
+            (found_by(other), hit[0]) for other in gradient if (hit := time_to(other, target)) is not None
+        ]
         first = min(hits, key=lambda hit: hit[1], default=None)
-        yield SAY("race", one, target, None if own is None else own[0], first)
+        yield SAY("race", found_by(one), one.wall_seconds, target, None if own is None else own[0], first)
 
 
-def _times(groups: Sequence[tuple[Aim, Sequence[Result]]]) -> Table:
+def _times(record: Record, groups: Sequence[tuple[Aim, Sequence[Result]]]) -> Table:
     several = len(groups) > 1
     best = {aim.label: max(map(_reached, searches)) for aim, searches in groups}
     items = [(aim, one) for aim, searches in groups for one in searches]
     columns = (
-        Column("result", cell=lambda item: item[1].name),
+        Column("drive", cell=lambda item: with_method(record, item[1])),
         Column("searched for", cell=lambda item: item[0].label) if several else None,
         Column("best objective", "", SIX, lambda item: _reached(item[1])),
         *(_time_to_share(best, share) for share in TARGETS),

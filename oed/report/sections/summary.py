@@ -13,6 +13,7 @@ from oed.report.answer import answer_of
 from oed.report.parts.judging import aim_of, judged, meaning, precision, study_aim
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import (
+    called,
     duration_text,
     in_place,
     measured_as,
@@ -64,10 +65,11 @@ def _answer(record: Record, winner: Result) -> tuple[str, ...]:
     by, ahead = aim_of(record, winner).label, _ahead(record, winner)
     return SAY.paragraphs(
         "answer",
+        called(record, winner),
         winner,
         "" if by == study_aim(record).label else by,
         len(record.results),
-        ahead,
+        None if ahead is None else (called(record, ahead), ahead.objective),
         0.0 if ahead is None else study_aim(record).change(ahead.worth or 0.0, winner.worth or 0.0),
         _turns(winner) if in_place(winner) else None,
         None if regression_of(record) is not None else precision(record, winner),

@@ -12,7 +12,7 @@ from oed.records.record import Record
 from oed.records.stored.simulation import Simulated
 from oed.report.figures import spread
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import called, nuisance_names, regression_of
+from oed.report.parts.reading import VARIANT, called_by, nuisance_names, regression_of
 from oed.report.parts.section import Column, Picture, Section, Table
 
 SAY = Prose("validation")
@@ -50,13 +50,8 @@ def validation(record: Record) -> Section | None:
     return replace(made, brief=(len(chosen), 0))
 
 
-def _called(record: Record, one: Simulated) -> str:
-    result = record.result(one.name)
-    return words(one.name) if result is None else called(record, result)
-
-
 def _titled(record: Record, one: Simulated, several: bool) -> str:
-    name = _called(record, one)
+    name = called_by(record, one.name)
     return f"{name} by {words(one.estimator)}" if several else name
 
 
@@ -114,7 +109,7 @@ def _side_by_side(record: Record, every: Sequence[Simulated], replicates: int) -
     several = len({one.estimator for one in every}) > 1
     items = [_estimated(record, one, name) for one in every for name in one.parameters]
     columns = (
-        Column("result", cell=lambda one: one.drive.name),
+        Column("drive", cell=lambda one: called_by(record, one.drive.name)),
         Column("estimator", cell=lambda one: words(one.drive.estimator)) if several else None,
         Column("parameter", cell=lambda one: words(one.drive.parameters[one.at])),
         Column("unit", cell=lambda one: shown_unit(one.unit)),
@@ -147,7 +142,7 @@ def _clouds(
         one
         for one in every
         if not any(one is other for other in chosen)
-        and "same_length" not in one.name
+        and VARIANT not in one.name
         and one.estimator == chosen[0].estimator
     ]
     others.sort(key=lambda one: _worth(record, one), reverse=True)
@@ -169,7 +164,7 @@ def _picture(record: Record, drawn: Sequence[Simulated], pair: tuple[str, str], 
         one = _estimated(record, drawn[0], name)
         title = f"error of {words(name)}" if one.near else words(name)
         axes.append(spread.Estimated(name, title, *own_unit(one.unit), errors=one.near))
-    names = [_called(record, one) for one in drawn]
+    names = [called_by(record, one.name) for one in drawn]
     titles = [
         f"{name}\n{words(one.estimator)}" if several else name for name, one in zip(names, drawn, strict=True)
     ]

@@ -20,9 +20,11 @@ document.querySelectorAll(".player").forEach(function (player) {
   let time = 0;
   let before = null;
 
+  function armOf() { return Math.max(data.width / 2, 0.02 * (right - left)); }
+
   // Stretches in which the robot turns in place: first and last sample.
   function spinsOf(one) {
-    const arm = Math.max(data.width / 2, 0.02 * (right - left));
+    const arm = armOf();
     const found = [];
     for (let k = 0; k + 1 < one.x.length; k += 1) {
       const turn = one.heading[k + 1] - one.heading[k];
@@ -152,15 +154,53 @@ document.querySelectorAll(".player").forEach(function (player) {
     drawEnds(at, last);
   }
 
+  function spinBase(at, spin) { return Math.max(0.55 * data.width * at.scale, 13) + 7 * spin.level; }
+
+  function spinGrowth(spin) { return Math.min(5 * Math.abs(spin.turn) / (2 * Math.PI), 30); }
+
+  // Of all turns about that place, so that they stay apart.
+  function widest(at, spin) {
+    const there = spins.filter((other) =>
+      Math.hypot(drive.x[other.from] - drive.x[spin.from], drive.y[other.from] - drive.y[spin.from]) < armOf());
+    return Math.max(...there.map((other) => spinBase(at, other) + spinGrowth(other)));
+  }
+
+  // How wide arcs may be drawn: about the robot, and not across a wall as if it left the room.
+  function spinRoom(at, x, y) {
+    let most = Math.max(0.8 * data.width * at.scale, 30);
+    if (data.workspace && data.workspace.radius) {
+      const centre = Math.hypot(x - data.workspace.x, y - data.workspace.y);
+      most = Math.min(most, (data.workspace.radius - centre) * at.scale);
+    } else if (data.workspace) {
+      data.workspace.points.forEach(function (to, number, every) {
+        const from = every[(number + every.length - 1) % every.length];
+        const [along, up] = [to[0] - from[0], to[1] - from[1]];
+        const share = ((x - from[0]) * along + (y - from[1]) * up) / (along * along + up * up);
+        const near = Math.min(Math.max(share, 0), 1);
+        most = Math.min(most, Math.hypot(x - from[0] - near * along, y - from[1] - near * up) * at.scale);
+      });
+    }
+    return Math.max(most - 2, 9);
+  }
+
   // A turn in place: an arc about the robot, wider with every turn, with an arrow at its end.
   function drawSpin(at, spin, last) {
     const x = at.toX(drive.x[spin.from]);
     const y = at.toY(drive.y[spin.from]);
-    const base = Math.max(0.55 * data.width * at.scale, 13) + 7 * spin.level;
+    const shrunk = Math.min(1, spinRoom(at, drive.x[spin.from], drive.y[spin.from]) / widest(at, spin));
+    // Where a spiral would be a blot it is a ring, and its turns are counted.
+    const turns = Math.abs(spin.turn) / (2 * Math.PI);
+    const ring = shrunk < 0.6 && turns > 1.5;
+    const base = spinBase(at, spin) * shrunk + (ring ? spinGrowth(spin) * shrunk : 0);
+    if (ring) {
+      const side = drive.x[spin.from] > (left + right) / 2 ? -1 : 1;
+      const beside = side < 0 ? "right" : "left";
+      word(context, turns.toFixed(1) + " turns", x - side * base, y - base - 6, beside, "bottom", ink.ink);
+    }
     const pieces = Math.max(8, Math.ceil(Math.abs(spin.turn) / 0.12));
     const place = function (share) {
       const angle = drive.heading[spin.from] + share * spin.turn;
-      const radius = base + Math.min(5 * Math.abs(spin.turn) / (2 * Math.PI), 30) * share;
+      const radius = base + (ring ? 0 : spinGrowth(spin) * shrunk * share);
       return [x + radius * Math.cos(angle), y - radius * Math.sin(angle)];
     };
     for (let k = 0; k < pieces; k += 1) {
