@@ -9,13 +9,12 @@ import pytest
 from builders import ACCELERATION, driven_once, input_limits, problem_of
 from sample_robots import ROBOTS, Example
 
-from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
-from oed.kernel.solution import Solution
-from oed.robots.baselines import NAMES, PATTERNS, Move, baseline_flaws, baselines, suited
+from oed.kernel.solution import Solution, Status
+from oed.robots.baselines import NAMES, PATTERNS, Move, baselines, refusal, suited
 from oed.robots.limits import (
     Polygon,
     Rectangle,
@@ -187,21 +186,19 @@ class TestSuited:
     def test_names(self, example: Example):
         assert suited(robot_problem(example.model)) == tuple(driven(example.model))
 
-    def test_the_others_are_refused(self, example: Example):
+    def test_the_others_say_why(self, example: Example):
         problem = robot_problem(example.model)
-        flaws = baseline_flaws(problem, NAMES)
-        assert [NAMES[flaw.key[1]] for flaw in flaws] == [
-            name for name in NAMES if name in refused(example.model)
-        ]
-        for flaw in flaws:
-            name = NAMES[flaw.key[1]]
+        refusals = {name: reason for name in NAMES if (reason := refusal(problem, name))}
+        assert tuple(refusals) == tuple(name for name in NAMES if name in refused(example.model))
+        for name, found in refusals.items():
             reason = "move sideways" if name in SIDEWAYS else "turn in place"
             able = ", ".join(driven(example.model))
             expected = f"{example.model.kind} cannot drive a {name} (it cannot {reason}); it can drive {able}"
-            assert flaw.message == expected
-            with pytest.raises(ProblemError) as caught:
-                baselines(problem, name)
-            assert str(caught.value) == f"baselines: {expected}"
+            assert found == expected
+            (solution,) = baselines(problem, name, length=1.0)
+            assert (solution.name, solution.kind, solution.status) == (name, "baseline", Status.IMPOSSIBLE)
+            assert (solution.evaluation, solution.trajectory) == (None, None)
+            assert solution.message == f"The robot cannot make this drive. {expected}."
 
 
 class TestFlaws:
@@ -209,12 +206,6 @@ class TestFlaws:
         slips = {"slip_outer": -0.5, "slip_inner": 0.3}
         model = SkidSteer(wheel_radius=0.049, track=0.18, **slips)
         assert suited(robot_problem(model)) == tuple(driven(model))
-
-    def test_other_entries_pass_and_keep_their_places(self):
-        flaws = baseline_flaws(
-            robot_problem(ACKERMANN), [object(), "square", "straight", "nonsense", "square"]
-        )
-        assert [flaw.key for flaw in flaws] == [("baselines", 1), ("baselines", 4)]
 
     @pytest.mark.slow
     @pytest.mark.parametrize(("bounds", "able"), [(1.55, False), (1.59, True)])
@@ -225,16 +216,16 @@ class TestFlaws:
         problem = robot_problem(model, limits=limits)
         assert ("straight_and_spin" in suited(problem)) == able
 
-    @pytest.mark.slow
     def test_too_few_periods_to_steer_in(self):
-        # 16 moves, 15 changes between them of 2 periods at least, one before and one after.
+        # A change of steering before the arcs and one after, of a period at least, and a period between.
         enough, few = (
-            robot_problem(ACKERMANN, design=DesignSpace(duration=60, samples=samples)) for samples in (47, 46)
+            robot_problem(ACKERMANN, design=DesignSpace(duration=60, samples=samples)) for samples in (3, 2)
         )
         assert "rounded_square" in suited(enough)
-        assert baselines(enough, "rounded_square")[0].trajectory.samples == 47
-        (flaw,) = baseline_flaws(few, ["rounded_square"])
-        assert "it stops to steer, for which it needs 47 samples, not 46" in flaw.message
+        assert "rounded_square" not in suited(few)
+        reason = "it stops to steer, for which it needs 3 samples, not 2"
+        assert reason in refusal(few, "rounded_square")
+        assert reason in baselines(few, "rounded_square")[0].message
 
 
 def walked(moves: list[Move]) -> tuple[complex, float]:
