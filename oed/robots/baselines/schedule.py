@@ -15,6 +15,7 @@ from oed.robots.baselines.kinematics import Kinematics, kinematics
 from oed.robots.baselines.patterns import Move
 from oed.robots.baselines.placing import Pose, start_of
 from oed.robots.baselines.rolling import Roll, steering, stretches
+from oed.robots.limits.body_motion import LateralAcceleration, MotionLimit
 
 STEERING_TIME = 0.25
 """Time of a change of steering angle [s] where nothing limits its rate."""
@@ -90,7 +91,7 @@ def _profiles(problem: Problem, moves: Sequence[Move], directions: Array) -> lis
     known: dict[Move, Trapezoid] = {}
     for move, direction in zip(moves, directions, strict=True):
         if move not in known:
-            known[move] = Trapezoid.fastest(problem, direction)
+            known[move] = Trapezoid.fastest(problem, direction, move)
     return [known[move] for move in moves]
 
 
@@ -308,8 +309,14 @@ class Trapezoid:
         return cls(speed, rate, ramp + 1.0 / speed, ramp)
 
     @classmethod
-    def fastest(cls, problem: Problem, direction: Array) -> Trapezoid:
-        """The fastest progress along inputs `direction` (inputs,) that speed and acceleration allow."""
+    def fastest(cls, problem: Problem, direction: Array, move: Move) -> Trapezoid:
+        """The fastest progress along a move that the limits of speed and acceleration allow.
+
+        Args:
+            problem: with the limits.
+            direction: inputs (inputs,) that make the move in one second.
+            move: what is driven.
+        """
         drives = kinematics(problem.model).drives
         speeds, rates, values = problem.input_bounds[drives], problem.rate_bounds[drives], direction[drives]
         speed = min(most(value, low, high) for value, (low, high) in zip(values, speeds, strict=True))
@@ -317,7 +324,7 @@ class Trapezoid:
             min(most(value, low, high), most(-value, low, high))
             for value, (low, high) in zip(values, rates, strict=True)
         )
-        return cls.within(speed, rate)
+        return cls.within(min(speed, _body_speed(problem, move)), rate)
 
     def progress(self, times: Array) -> Array:
         """Progress at `times` [s] since the move began: 0 before it, 1 after it."""
@@ -329,6 +336,18 @@ class Trapezoid:
             return steady
         rising, falling = top * inside**2 / (2 * self.ramp), 1.0 - top * left**2 / (2 * self.ramp)
         return np.where(inside < self.ramp, rising, np.where(left < self.ramp, falling, steady))
+
+
+def _body_speed(problem: Problem, move: Move) -> float:
+    # Moves in a second at most, by the limits of the body's speeds.
+    twist, speed = (move.forward, move.sideways, move.turn), math.inf
+    for limit in problem.limits:
+        bounds = limit.motion_bounds() if isinstance(limit, MotionLimit) else {}
+        speed = min([speed, *(most(twist[place], low, high) for place, (low, high) in bounds.items())])
+        across = math.hypot(move.forward, move.sideways) * abs(move.turn)
+        if isinstance(limit, LateralAcceleration) and across > 0:
+            speed = min(speed, math.sqrt(limit.bounds / across))
+    return speed
 
 
 def most(value: float, low: float, high: float) -> float:

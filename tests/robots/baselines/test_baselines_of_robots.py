@@ -111,25 +111,25 @@ def speeds(trajectory: Trajectory, model: Model) -> np.ndarray:
     return trajectory.inputs[:, places]
 
 
-def assert_the_moves_are_made(name: str, solution: Solution, size: float, lags: bool = False):
+def assert_the_moves_are_made(name: str, solution: Solution, size: float, bends: bool = False):
     path = solution.evaluation.path
-    # A robot that lags still turns where the drive ends.
-    missing = 2 * SAMPLING if lags else SAMPLING
+    # A robot that lags still turns where the drive ends; one that steers while it rolls cuts a turn's peak.
+    missing = 3 * SAMPLING if bends else SAMPLING
     place, turn = ENDS[name]
     assert abs(complex(*path[-1, :2]) - size * place) < 2 * SAMPLING * size
     assert path[-1, 2] == pytest.approx(turn, abs=missing)
     assert path[:, 2].max() == pytest.approx(LARGEST_TURN.get(name, 0.0), abs=missing)
 
 
-def assert_it_steers_at_a_standstill(trajectory: Trajectory, model: Model):
-    changes = np.abs(np.diff(steering(trajectory, model), axis=0)).max(axis=1)
-    still = np.abs(speeds(trajectory, model)).max(axis=1) < 1e-9
-    changed = changes > 1e-9
-    assert changed.any()
-    assert (still[:-1] & still[1:])[changed].all()
+def assert_it_steers_without_a_stop(trajectory: Trajectory, model: Model):
+    angles = steering(trajectory, model)
+    changes = np.abs(np.diff(angles, axis=0)).max(axis=1)
+    assert changes.max() > 1e-3
     assert changes.max() / trajectory.period <= STEERING_RATE * (1 + 1e-9)
     # From the rest at the start, in half a period.
-    assert np.abs(steering(trajectory, model)[0]).max() <= STEERING_RATE * trajectory.period / 2 + 1e-9
+    assert np.abs(angles[0]).max() <= STEERING_RATE * trajectory.period / 2 + 1e-9
+    rolling = np.flatnonzero(np.abs(speeds(trajectory, model)).max(axis=1) > 1e-9)
+    np.testing.assert_array_equal(np.diff(rolling), 1)
 
 
 # One of every kind: what a second one of a kind changes is its numbers. Every path by one robot that steers,
@@ -168,9 +168,10 @@ def test_every_robot_drives_what_suits_it(example: Example, name: str):
     assert largest.evaluation.feasible
     assert chosen.evaluation.objective >= largest.evaluation.objective * (1 - 1e-3)
     size = np.ptp(largest.evaluation.path[:, :2], axis=0).max() / (2 if name == "square" else 1)
-    assert_the_moves_are_made(name, largest, size, lags=example.mean is not None)
+    bends = example.mean is not None or steers(example.model)
+    assert_the_moves_are_made(name, largest, size, bends=bends)
     if steers(example.model) and name != "straight":
-        assert_it_steers_at_a_standstill(largest.trajectory, example.model)
+        assert_it_steers_without_a_stop(largest.trajectory, example.model)
 
 
 @pytest.mark.slow
@@ -221,11 +222,10 @@ class TestFlaws:
         enough, few = (
             robot_problem(ACKERMANN, design=DesignSpace(duration=60, samples=samples)) for samples in (3, 2)
         )
-        assert "rounded_square" in suited(enough)
-        assert "rounded_square" not in suited(few)
+        assert refusal(enough, "figure_eight") == ""
         reason = "it stops to steer, for which it needs 3 samples, not 2"
-        assert reason in refusal(few, "rounded_square")
-        assert reason in baselines(few, "rounded_square")[0].message
+        assert reason in refusal(few, "figure_eight")
+        assert reason in baselines(few, "figure_eight")[0].message
 
 
 def walked(moves: list[Move]) -> tuple[complex, float]:
@@ -356,12 +356,13 @@ class TestSteering:
         assert np.abs(solution.trajectory.inputs[:, 1]).max() > 0.01
 
     @pytest.mark.slow
-    def test_every_run_drives_the_same_from_its_own_start(self):
+    def test_every_run_drives_from_its_own_start_and_the_other_way(self):
         starts = ({"x": -1}, {"x": 1, "heading": 1.0})
         solution = self.steered(name="figure_eight", runs=2, start=starts)
         assert solution.evaluation.feasible
         first, second = np.split(solution.trajectory.inputs, 2)
-        np.testing.assert_array_equal(first, second)
+        np.testing.assert_allclose(first[:, 0], second[:, 0], atol=1e-9)
+        np.testing.assert_allclose(first[:, 1], -second[:, 1], atol=1e-9)
         assert np.abs(first).max() > 1
         assert solution.trajectory.starts.tolist() == [[-1, 0, 0], [1, 0, 1]]
 

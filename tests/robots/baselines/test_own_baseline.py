@@ -105,7 +105,7 @@ def test_a_robot_that_cannot_drive_it_is_named(folder: Path) -> None:
     study = load(folder, robot=car, limit=" steering_angle: 30 deg,")
     (found,) = baselines(study.problem, study.file.baselines[1])
     assert "ackermann cannot drive a zigzag (it cannot turn in place)" in found.message
-    assert not found.feasible
+    assert found.evaluation is None
 
 
 def test_another_class_is_refused(folder: Path) -> None:
