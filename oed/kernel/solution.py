@@ -9,7 +9,6 @@ from typing import Any
 
 from oed.foundation import plots
 from oed.foundation.arrays import Array
-from oed.foundation.errors import NotFinite
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import PARAMETER_COLUMNS, Card, Presented, given
 from oed.foundation.text import chance_text, count, quantity
@@ -53,6 +52,7 @@ class Status(Enum):
     )
     SCORED = "scored", "Scored as given; nothing was optimised."
     UNSCORED = "unscored", "This drive has no score, for its numbers are not finite."
+    IMPOSSIBLE = "impossible", "The robot cannot make this drive."
     INFEASIBLE = (
         "infeasible",
         "No drive that satisfies every limit was found; loosen one of the limits named.",
@@ -67,7 +67,13 @@ class Status(Enum):
     @property
     def usable(self) -> bool:
         """Whether there is a design to use."""
-        return self not in (Status.INFEASIBLE, Status.SINGULAR, Status.FAILED, Status.UNSCORED)
+        return self not in (
+            Status.INFEASIBLE,
+            Status.SINGULAR,
+            Status.FAILED,
+            Status.UNSCORED,
+            Status.IMPOSSIBLE,
+        )
 
 
 NOMINAL = "nominal"
@@ -222,12 +228,13 @@ def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
     )
 
 
-def unscored(name: str, kind: str, error: NotFinite) -> Solution:
+def unscored(name: str, kind: str, reason: str, status: Status = Status.UNSCORED) -> Solution:
     """A drive among others that cannot be scored, and why.
 
     Args:
         name: of the drive.
         kind: of what made it.
-        error: why it has no score.
+        reason: why it has no score.
+        status: what that means.
     """
-    return Solution(name, kind, None, None, Status.UNSCORED, detail=f"{error}.")
+    return Solution(name, kind, None, None, status, detail=reason)

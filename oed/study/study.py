@@ -26,7 +26,7 @@ from oed.kernel.problem import Problem
 from oed.kernel.solution import NOMINAL
 from oed.logs import AnyLogForm, CsvForm, LogForm
 from oed.optimize import SOLVERS, Ipopt, Solver
-from oed.robots.baselines import baseline_flaws, label
+from oed.robots.baselines import label, try_baselines
 from oed.robots.limits import LIMITS, Limit, PythonLimit
 from oed.robots.models import MODELS, Model
 from oed.robots.own_parts import code_flaw, components, judge_flaws, measurement_flaws
@@ -251,7 +251,7 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
         file = _with_prior(file, Path(source.file).parent, prior_of)
         problem = _problem(file)
         flaws += judge_flaws(file, problem)
-        flaws += baseline_flaws(problem, file.baselines)
+        try_baselines(problem, file.baselines)
         flaws += trial_flaws(problem, file.physics)
     except ProblemError as error:
         flaws = [*error.flaws, *flaws]

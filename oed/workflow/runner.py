@@ -379,7 +379,7 @@ def _scored_path(problem: Problem, path: Trajectory, name: str) -> Solution:
     try:
         return scored(problem, path, name)
     except NotFinite as error:
-        return unscored(name, "path", error)
+        return unscored(name, "path", f"{error}.")
 
 
 def _notes(certificate: Certificate | None, interrupted: bool) -> list[str]:

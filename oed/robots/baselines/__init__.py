@@ -7,10 +7,11 @@ a given design, as the paper's comparison has.
 
 from oed.robots.baselines.baseline import Baseline as Baseline
 from oed.robots.baselines.baseline import PythonBaseline as PythonBaseline
-from oed.robots.baselines.paths import baseline_flaws as baseline_flaws
 from oed.robots.baselines.paths import baselines as baselines
 from oed.robots.baselines.paths import label as label
+from oed.robots.baselines.paths import refusal as refusal
 from oed.robots.baselines.paths import suited as suited
+from oed.robots.baselines.paths import try_baselines as try_baselines
 from oed.robots.baselines.patterns import NAMES as NAMES
 from oed.robots.baselines.patterns import PATTERNS as PATTERNS
 from oed.robots.baselines.patterns import RANDOM as RANDOM

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
+from scipy.optimize import brentq
 
 from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
+from oed.robots.limits.workspace import Area
 
 BISECTIONS = 20
 """Halvings between two sizes: to a millionth of their difference."""
@@ -22,6 +26,8 @@ COARSE = 5
 """The same while laps and places are compared: to one in a hundred."""
 FALLING = 2
 """Numbers of laps in a row that are worse than the best after which more are not tried."""
+TIME_PRECISION = 1e-6
+"""Share of the largest size that the duration allows which that is missed by."""
 SCANNED = 24
 """Sizes scanned close together, a quarter apart: a room's narrow passages allow sizes in between."""
 SCANNED_RATIO = 200.0
@@ -49,6 +55,7 @@ class Shape:
     Attributes:
         drive: of a size, in m for a pattern.
         largest: size beyond which none fits.
+        smallest: size below which the robot could not turn so tightly.
         fits: whether the samples suffice for that many laps.
         seconds: least time [s] that a drive of a size and number of laps takes.
         words: what is driven of a size and number of laps.
@@ -56,6 +63,7 @@ class Shape:
 
     drive: Callable[[float, int], Trajectory]
     largest: float
+    smallest: float
     fits: Callable[[int], bool]
     seconds: Callable[[float, int], float]
     words: Callable[[float, int], str]
@@ -115,7 +123,7 @@ def largest(problem: Problem, shape: Shape, laps: int = 1, *, below: float = mat
         below: size [m] that is not exceeded.
     """
     size = largest_size(problem, shape, laps, below=below)
-    return shape.largest / 4 if size is None else size
+    return max(shape.largest / 4, shape.smallest) if size is None else size
 
 
 def largest_size(
@@ -131,12 +139,14 @@ def largest_size(
         halvings: of the step between the sizes scanned.
     """
 
+    @cache
     def exceeded(size: float) -> frozenset[str]:
         return _exceeded(problem, shape.drive(size, laps))
 
     # Hurried drives exceed their limits of speed and acceleration: they need not be scored to know it.
     most = _in_time(problem, shape, laps, min(shape.largest, below))
-    found = None if most is None else _scanned(exceeded, most)
+    room = frozenset(limit.name for limit in problem.limits if isinstance(limit, Area))
+    found = None if most is None else _scanned(exceeded, _sizes(most, shape.smallest), room)
     if found is None:
         return None
     low, high = found
@@ -148,38 +158,45 @@ def largest_size(
 
 def _in_time(problem: Problem, shape: Shape, laps: int, most: float) -> float | None:
     # The largest size that the duration allows; None where none does.
-    duration, low, high = problem.design.duration, most / SMALLEST, most
+    duration, low, high = problem.design.duration, max(most / SMALLEST, shape.smallest), most
+    if low > high:
+        return None
     if shape.seconds(high, laps) <= duration:
         return most
     if shape.seconds(low, laps) > duration:
         return None
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if shape.seconds(middle, laps) <= duration else (low, middle)
-    return low
+    # On a step of whole periods the drive is as long as it may be: the step's end is sought.
+    late = duration * (1 + TIME_PRECISION**2)
+    found = brentq(lambda size: shape.seconds(size, laps) - late, low, high, rtol=TIME_PRECISION)
+    return max(float(found) * (1 - TIME_PRECISION), low)
 
 
-def _scanned(exceeded: Callable[[float], frozenset[str]], most: float) -> tuple[float, float] | None:
+def _scanned(
+    exceeded: Callable[[float], frozenset[str]], sizes: Sequence[float], room: frozenset[str]
+) -> tuple[float, float] | None:
     # A size that satisfies the limits and the next larger one that does not (or the same, for the largest of
     # all). A limit of turning forbids small sizes, so that the sizes that fit are an interval.
-    above = exceeded(most)
+    above = exceeded(sizes[0])
     if not above:
-        return most, most
-    for larger, smaller in pairwise(_sizes(most)):
-        below = exceeded(smaller)
-        if not below:
+        return sizes[0], sizes[0]
+    # What is too fast is so at every larger size; a room's passages may allow some sizes in between.
+    first = bisect_left(sizes, True, lo=1, key=lambda size: not exceeded(size) & (above - room))
+    for larger, smaller in pairwise(sizes[first - 1 :]):
+        known = exceeded(smaller), exceeded(larger)
+        if not known[0]:
             return smaller, larger
-        found = _between(exceeded, smaller, larger, (below, above))
+        found = _between(exceeded, smaller, larger, known)
         if found is not None:
             return found
-        above = below
     return None
 
 
-def _sizes(most: float) -> Iterator[float]:
+def _sizes(most: float, least: float) -> list[float]:
     # From the largest down: close together at first, then far apart.
-    yield from most * SCANNED_RATIO ** -np.linspace(0.0, 1.0, SCANNED)
-    yield from most / SCANNED_RATIO / TAIL_RATIO ** np.arange(1, TAIL + 1)
+    close = most * SCANNED_RATIO ** -np.linspace(0.0, 1.0, SCANNED)
+    far = most / SCANNED_RATIO / TAIL_RATIO ** np.arange(1, TAIL + 1)
+    sizes = [float(size) for size in (*close, *far) if size > least]
+    return [*sizes, least] if 0 < least <= most else sizes
 
 
 def _between(

@@ -92,6 +92,12 @@ class Kinematics:
         values[:, self.drives], values[:, self.steers] = speeds.T, angles
         return values
 
+    def twists(self, speeds: Array, angles: Array) -> Array:
+        """Twists (K, rows) of a robot of one driven and one steered wheel, of `speeds` and `angles` (K,)."""
+        values = np.zeros((len(speeds), 2))
+        values[:, self.drives[0]], values[:, self.steers[0]] = speeds, angles
+        return self._linear(values)[0]
+
     def directions(self, moves: Sequence[Move], bounds: Array) -> tuple[Array, Bools]:
         """Inputs (moves, inputs) that make each move in one second, and whether the robot can make it.
 

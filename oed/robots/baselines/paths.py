@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from oed.foundation.errors import Flaw, NotFinite, ProblemError
+from oed.foundation.errors import NotFinite, ProblemError
 from oed.foundation.text import count, listing, quantity
 from oed.kernel.dynamics.system import label_of
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -18,8 +18,9 @@ from oed.kernel.solution import Solution, Status, unscored
 from oed.robots.baselines.baseline import Baseline
 from oed.robots.baselines.fitting import MOST_LAPS, Shape, chosen, largest, of_length
 from oed.robots.baselines.kinematics import kinematics
-from oed.robots.baselines.patterns import NAMES, PATTERNS, RANDOM, VARIANTS, Move, Pattern
+from oed.robots.baselines.patterns import BENT, NAMES, ONE_WAY, PATTERNS, RANDOM, VARIANTS, Move, Pattern
 from oed.robots.baselines.placing import Placement, approach, joined, placements, start_of
+from oed.robots.baselines.rolling import smallest_size, steering, tightest
 from oed.robots.baselines.schedule import least_samples, least_seconds, starts, stretched
 from oed.robots.limits.workspace import workspace_of
 
@@ -42,21 +43,14 @@ def baselines(
         seed: of the random path.
 
     Raises:
-        ProblemError: an unknown name, or a path that the robot cannot drive.
+        ProblemError: an unknown name.
     """
-    known = isinstance(asked, Baseline) or asked in NAMES
-    text = "" if known else f"expected one of {', '.join(NAMES)}, got {asked!r}"
-    text = text or refusal(problem, asked)
-    if text:
-        raise ProblemError.about(("baselines",), text)
-    name = label(asked)
-    if asked == RANDOM:
-        shapes = [_random_shape(problem, seed)]
-    else:
-        most = largest_size(problem)
-        ways = (_pattern(asked), *(VARIANTS.get(asked, ()) if isinstance(asked, str) else ()))
-        shapes = [placed(problem, one) for way in ways for one in placements(problem, way, most)]
-    shape, laps, below = chosen(problem, shapes, 1 if asked == RANDOM else MOST_LAPS)
+    if not isinstance(asked, Baseline) and asked not in NAMES:
+        raise ProblemError.about(("baselines",), f"expected one of {', '.join(NAMES)}, got {asked!r}")
+    name, reason = label(asked), refusal(problem, asked)
+    if reason:
+        return [unscored(name, "baseline", f"{reason}.", Status.IMPOSSIBLE)]
+    shape, laps, below = _chosen(problem, asked, seed)
     scored = [_scored(problem, name, shape, (largest(problem, shape, laps, below=below), laps), seed)]
     if length is not None:
         most = scored[0].evaluation.path_length if scored[0].evaluation else 0.0
@@ -65,13 +59,40 @@ def baselines(
     return scored
 
 
+def _chosen(problem: Problem, asked: str | Baseline, seed: int) -> tuple[Shape, int, float]:
+    if asked == RANDOM:
+        return chosen(problem, [_random_shape(problem, seed)], 1)
+    most = largest_size(problem)
+    lying = [placements(problem, way, most) for way in _ways(problem, asked)]
+    turns = (True,) if problem.design.runs == 1 or problem.fixed_starts is None else (True, False)
+    shapes = [placed(problem, one, in_turns=turn) for way in lying for one in way for turn in turns]
+    found = chosen(problem, shapes, MOST_LAPS)
+    if math.isfinite(found[2]) or steering(problem) is None:
+        return found
+    # What cannot be steered while the robot rolls may be driven with a stop before every arc.
+    stopping = [placed(problem, one, rolls=False) for way in lying for one in way]
+    stopped = chosen(problem, stopping, MOST_LAPS)
+    return stopped if math.isfinite(stopped[2]) else found
+
+
 def label(asked: str | Baseline) -> str:
     """The name of a baseline's result."""
     return asked if isinstance(asked, str) else asked.label
 
 
-def _pattern(asked: str | Baseline) -> Pattern:
-    return PATTERNS[asked] if isinstance(asked, str) else asked.lap
+def _ways(problem: Problem, asked: str | Baseline) -> tuple[Pattern, ...]:
+    # Of a pattern and its variants; runs that take turns drive both directions themselves.
+    if not isinstance(asked, str):
+        return (asked.lap,)
+    several = asked in ONE_WAY and problem.design.runs > 1
+    ways = () if several else (PATTERNS[asked], *VARIANTS.get(asked, ()))
+    ways += (ONE_WAY[asked],) if asked in ONE_WAY else ()
+    return tuple(_bent(problem, one) for one in ways)
+
+
+def _bent(problem: Problem, way: Pattern) -> Pattern:
+    bent, radius = BENT.get(way), tightest(problem)
+    return way if bent is None else lambda size, lap: bent(size, lap, radius)
 
 
 def _scored(problem: Problem, name: str, shape: Shape, driven: tuple[float, int], seed: int) -> Solution:
@@ -79,7 +100,7 @@ def _scored(problem: Problem, name: str, shape: Shape, driven: tuple[float, int]
     try:
         evaluation = evaluate(problem, trajectory)
     except NotFinite as error:
-        return unscored(name, "baseline", error)
+        return unscored(name, "baseline", f"{error}.")
     return Solution(
         name=name,
         kind="baseline",
@@ -87,44 +108,58 @@ def _scored(problem: Problem, name: str, shape: Shape, driven: tuple[float, int]
         evaluation=evaluation,
         status=Status.SCORED,
         seed=seed,
-        detail=f"{shape.words(*driven)} {_limits_exceeded(evaluation)}".strip(),
+        detail=f"{shape.words(*driven)} {_limits_exceeded(evaluation, driven[0] <= shape.smallest)}".strip(),
         problem=problem,
     )
 
 
-def _limits_exceeded(evaluation: Evaluation) -> str:
+def _limits_exceeded(evaluation: Evaluation, smallest: bool) -> str:
     if evaluation.feasible:
         return ""
-    return f"It cannot be driven here: it exceeds {', '.join(evaluation.violations)}."
+    size = ", though the robot turns as tightly as it can" if smallest else ""
+    return f"It cannot be driven here: it exceeds {', '.join(evaluation.violations)}{size}."
 
 
-def placed(problem: Problem, placement: Placement) -> Shape:
-    """The drives of a pattern that lies so in the room, of any size and number of laps."""
+def placed(problem: Problem, placement: Placement, *, in_turns: bool = True, rolls: bool = True) -> Shape:
+    """The drives of a pattern that lies so in the room, of any size and number of laps.
 
-    def way(size: float) -> list[Move]:
+    Args:
+        problem: with the start and the number of runs.
+        placement: of the pattern.
+        in_turns: whether every other run drives the opposite way.
+        rolls: whether a car steers while it rolls, where it can.
+    """
+    two = in_turns and problem.design.runs > 1 and placement.opposite != placement
+    placed = (placement, placement.opposite) if two else (placement,)
+
+    def way(one: Placement, size: float) -> list[Move]:
         # From the study's start to where the pattern begins.
-        pose = placement.pose(size)
+        pose = one.pose(size)
         return [] if pose is None or problem.fixed_starts is None else approach(start_of(problem), pose)
 
-    def moves(size: float, laps: int) -> list[Move]:
-        return joined([*way(size), *placement.laps(size, laps)])
+    def moves(size: float, laps: int) -> list[list[Move]]:
+        return [joined([*way(one, size), *one.laps(size, laps)]) for one in placed]
 
     def drive(size: float, laps: int) -> Trajectory:
-        return stretched(problem, moves(size, laps), placement.pose(size))
+        poses = [one.pose(size) for one in placed]
+        return stretched(problem, moves(size, laps), poses, rolls=rolls)
 
     def fits(laps: int) -> bool:
-        return least_samples(problem, moves(placement.largest, laps)) <= problem.design.samples
+        driven = moves(placement.largest, laps)
+        return max(least_samples(problem, one, rolls=rolls) for one in driven) <= problem.design.samples
 
     def seconds(size: float, laps: int) -> float:
-        return least_seconds(problem, moves(size, laps))
+        return max(least_seconds(problem, one, rolls=rolls) for one in moves(size, laps))
 
     def words(size: float, laps: int) -> str:
+        opposite = ", every other run the other way" if two else ""
         backwards = ", driven backwards" if placement.reversed else ""
-        steps = [_step(one) for one in way(size)]
+        steps = [_step(one) for one in way(placement, size)]
         after = f", after {listing(steps)}" if steps else ""
-        return f"{count(laps, 'lap')} of {quantity(size, 'm')}{backwards}{after}."
+        return f"{count(laps, 'lap')} of {quantity(size, 'm')}{opposite}{backwards}{after}."
 
-    return Shape(drive, placement.largest, fits, seconds, words)
+    smallest = smallest_size(problem, placement.pattern)
+    return Shape(drive, placement.largest, smallest, fits, seconds, words)
 
 
 def _step(move: Move) -> str:
@@ -142,14 +177,21 @@ def _random_shape(problem: Problem, seed: int) -> Shape:
     held = np.zeros(count, dtype=bool)
     held[space.free_rows] = True
 
+    start = starts(problem, [None] * space.runs)
+
     def drive(size: float, laps: int) -> Trajectory:
         table = rest + size * (draws - rest)
-        return space.trajectory(np.where(held[:, None], table, 0.0), starts(problem))
+        return space.trajectory(np.where(held[:, None], table, 0.0), start)
 
     def words(size: float, laps: int) -> str:
-        return f"Random speeds, at {quantity(100 * size, '%')} of their limits."
+        return f"Random speeds, the fastest at {quantity(100 * size / most, '%')} of its limit."
 
-    return Shape(drive, 1.0, lambda laps: True, lambda size, laps: 0.0, words)
+    # Splines stay inside what they are drawn of: all may grow until one reaches its limit.
+    peaks = drive(1.0, 1).extremes(0) - rest
+    allowed = np.where(peaks > 0, bounds[:, 1], bounds[:, 0]) - rest
+    grows = peaks * allowed > 0
+    most = (1 - 1e-9) / float((peaks[grows] / allowed[grows]).max())
+    return Shape(drive, most, 0.0, lambda laps: True, lambda size, laps: 0.0, words)
 
 
 def largest_size(problem: Problem) -> float:
@@ -169,17 +211,16 @@ def suited(problem: Problem) -> tuple[str, ...]:
     return tuple(name for name in NAMES if not _obstacle(problem, name))
 
 
-def baseline_flaws(problem: Problem, names: Sequence[object]) -> list[Flaw]:
-    """The baselines of a study that the robot cannot drive; paths of the user's own pass."""
-    return [
-        Flaw(("baselines", index), reason)
-        for index, name in enumerate(names)
-        if isinstance(name, str | Baseline) and (reason := refusal(problem, name))
-    ]
-
-
 def refusal(problem: Problem, asked: str | Baseline) -> str:
-    """Why the robot cannot drive a baseline, and which it can; "" where it can."""
+    """Why the robot cannot drive a baseline, and which it can; "" where it can, if perhaps beyond its limits.
+
+    Args:
+        problem: with the robot and its inputs' limits.
+        asked: a name, or a baseline of the user's own.
+
+    Raises:
+        OwnCodeError: what the user's own returned is no list of moves.
+    """
     obstacle = _obstacle(problem, asked)
     if not obstacle:
         return ""
@@ -187,10 +228,21 @@ def refusal(problem: Problem, asked: str | Baseline) -> str:
     return f"{kind} cannot drive a {label(asked)} ({obstacle}); it can drive {', '.join(suited(problem))}"
 
 
+def try_baselines(problem: Problem, asked: Sequence[object]) -> None:
+    """Ask those of the user's own for moves of the study's size; what it cannot drive is no mistake.
+
+    Raises:
+        OwnCodeError: what one returned is no list of moves.
+    """
+    for one in asked:
+        if isinstance(one, Baseline):
+            one.lap(largest_size(problem), 0)
+
+
 def _obstacle(problem: Problem, asked: str | Baseline) -> str:
     if isinstance(asked, str) and asked not in PATTERNS:
         return ""
-    moves = _pattern(asked)(largest_size(problem), 0)
+    moves = _ways(problem, asked)[0](largest_size(problem), 0)
     _, made = kinematics(problem.model).directions(moves, problem.input_bounds)
     for move, possible in zip(moves, made, strict=True):
         if not possible:

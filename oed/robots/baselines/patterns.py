@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 FULL_TURN = 2 * math.pi
 RIGHT_ANGLE = FULL_TURN / 4
 SLALOM_ANGLE = FULL_TURN / 12
-"""Heading [rad] at which a slalom crosses its middle line."""
+"""Heading [rad] at which a slalom crosses its middle line, where the robot can turn so tightly."""
 
 
 @dataclass(frozen=True)
@@ -60,12 +60,42 @@ def square_over_again(size: float, lap: int) -> list[Move]:
     return [*both[:8], Move(0.0, RIGHT_ANGLE), *both[8:], Move(0.0, -RIGHT_ANGLE)]
 
 
-def rounded_square(size: float, lap: int) -> list[Move]:
-    """A square of width `size` in both directions whose corners are quarter circles of radius size / 4."""
-    corner = RIGHT_ANGLE * size / 4
-    left = [Move(size / 2, 0.0), Move(corner, RIGHT_ANGLE)] * 4
-    right = [Move(size / 2, 0.0), Move(corner, -RIGHT_ANGLE)] * 4
-    return left + right
+def square_one_way(size: float, lap: int) -> list[Move]:
+    """A square to the left, spinning at the corners."""
+    return square(size, lap)[:8]
+
+
+def rounded_square(size: float, lap: int, tightest: float = 0.0) -> list[Move]:
+    """A square of width `size` in both directions whose corners are quarter circles.
+
+    Their radius is size / 4, or the tightest that the robot can drive where that is larger.
+
+    Args:
+        size: of the pattern [m].
+        lap: its number, from 0.
+        tightest: radius [m] of the tightest arc that the robot can drive.
+    """
+    return [*_rounded(size, tightest, RIGHT_ANGLE), *_rounded(size, tightest, -RIGHT_ANGLE)]
+
+
+def rounded_one_way(size: float, lap: int, tightest: float = 0.0) -> list[Move]:
+    """A rounded square to the left.
+
+    Args:
+        size: of the pattern [m].
+        lap: its number, from 0.
+        tightest: radius [m] of the tightest arc that the robot can drive.
+    """
+    return _rounded(size, tightest, RIGHT_ANGLE)
+
+
+def _rounded(size: float, tightest: float, corner: float) -> list[Move]:
+    # Once round, from the middle of a side.
+    radius = min(max(size / 4, tightest), size / 2)
+    side, arc = Move(size - 2 * radius, 0.0), Move(RIGHT_ANGLE * radius, corner)
+    half = Move(side.forward / 2, 0.0)
+    moves = [half, arc, side, arc, side, arc, side, arc, half]
+    return [one for one in moves if one.forward > 0]
 
 
 def figure_eight(size: float, lap: int) -> list[Move]:
@@ -73,13 +103,18 @@ def figure_eight(size: float, lap: int) -> list[Move]:
     return [Move(math.pi * size, FULL_TURN), Move(math.pi * size, -FULL_TURN)]
 
 
-def slalom(size: float, lap: int) -> list[Move]:
+def slalom(size: float, lap: int, tightest: float = 0.0) -> list[Move]:
     """A bend to the left of a line, then one to its right, of overall length `size`; next lap, back.
 
-    All arcs have the same radius, and the heading ends as it began.
+    All arcs have the same radius, `tightest` at least, and the heading ends as it began.
+
+    Args:
+        size: of the pattern [m].
+        lap: its number, from 0.
+        tightest: radius [m] of the tightest arc that the robot can drive.
     """
-    radius = size / (8 * math.sin(SLALOM_ANGLE))
-    angles = [SLALOM_ANGLE * turn for turn in (1, -2, 1, -1, 2, -1)]
+    radius = max(size / (8 * math.sin(SLALOM_ANGLE)), tightest)
+    angles = [math.asin(size / (8 * radius)) * turn for turn in (1, -2, 1, -1, 2, -1)]
     arcs = [Move(radius * abs(angle), angle) for angle in angles]
     return [Move(-arc.forward, -arc.turn) for arc in reversed(arcs)] if lap % 2 else arcs
 
@@ -116,6 +151,12 @@ PATTERNS: dict[str, Pattern] = {
     )
 }
 """The patterns by the names that studies call them; a new one is a function above and its name here."""
+ONE_WAY: dict[str, Pattern] = {"square": square_one_way, "rounded_square": rounded_one_way}
+"""What goes both ways, to the left alone: where time or room is short, and in runs that take turns."""
+BENT: dict[Pattern, Callable[[float, int, float], list[Move]]] = {
+    one: one for one in (rounded_square, rounded_one_way, slalom)
+}
+"""Those whose arcs are as wide as the robot's tightest ones at least, whose radius is asked for then."""
 VARIANTS: dict[str, tuple[Pattern, ...]] = {"square": (square_over_again,)}
 """Other ways to drive a pattern, of which the best counts."""
 RANDOM = "random"

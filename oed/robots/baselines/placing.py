@@ -25,7 +25,7 @@ GRID = 5
 HALVINGS = 12
 """Of the largest size of a pattern in a room: to a four-thousandth."""
 STEPS = 12
-"""Points that stand for a move."""
+"""Points that stand for a move that is not in place."""
 SAME = 1e-9
 """Distance [m] and angle [rad] below which two poses are one."""
 ALIKE = 1.02
@@ -75,6 +75,14 @@ class Placement:
             self.heading,
         )
 
+    @property
+    def opposite(self) -> Placement:
+        """To the right what was to the left; what does not turn, from its other end where that is free."""
+        moves = [*self.lap(1.0, 0), *self.lap(1.0, 1)]
+        if any(one.turn or one.sideways for one in moves):
+            return replace(self, mirrored=not self.mirrored)
+        return self if self.centre is None else replace(self, heading=self.heading + math.pi)
+
 
 def joined(moves: Sequence[Move]) -> list[Move]:
     """Moves without the stops between those of the same direction and curvature."""
@@ -88,22 +96,22 @@ def joined(moves: Sequence[Move]) -> list[Move]:
 
 
 def _continues(first: Move, second: Move) -> bool:
-    one = np.array([first.forward, first.turn, first.sideways])
-    two = np.array([second.forward, second.turn, second.sideways])
-    lengths = float(np.linalg.norm(one) * np.linalg.norm(two))
-    return lengths > 0 and float(one @ two) > (1 - 1e-12) * lengths
+    one, two = ((move.forward, move.turn, move.sideways) for move in (first, second))
+    lengths = math.hypot(*one) * math.hypot(*two)
+    return lengths > 0 and sum(a * b for a, b in zip(one, two, strict=True)) > (1 - 1e-12) * lengths
 
 
 def traced(moves: Sequence[Move], start: Pose) -> Array:
     """Points (G, 2) [m] that a robot's origin passes, on exact arcs."""
-    rows = [[one.forward, one.sideways, one.turn] for one in moves for _ in range(STEPS)]
-    forward, sideways, turn = (np.array(rows) / STEPS).T
+    steps = [1 if one.in_place else STEPS for one in moves]
+    whole = np.array([[one.forward, one.sideways, one.turn] for one in moves])
+    forward, sideways, turn = np.repeat(whole / np.array(steps)[:, None], steps, axis=0).T
     after = start[2] + np.cumsum(turn)
     middle = after - turn / 2
     # The chord of an arc is shorter than the arc.
     shorter = np.sinc(turn / math.tau)
-    steps = shorter * (forward + 1j * sideways) * np.exp(1j * middle)
-    path = complex(start[0], start[1]) + np.concatenate([[0], np.cumsum(steps)])
+    chords = shorter * (forward + 1j * sideways) * np.exp(1j * middle)
+    path = complex(start[0], start[1]) + np.concatenate([[0], np.cumsum(chords)])
     return np.column_stack([path.real, path.imag])
 
 

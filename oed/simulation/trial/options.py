@@ -14,7 +14,7 @@ from oed.foundation.quantities import Ratio
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
-from oed.robots.baselines import NAMES, RANDOM, baseline_flaws, baselines
+from oed.robots.baselines import NAMES, RANDOM, baselines, refusal
 from oed.simulation.physics import PHYSICS_ROBOTS, FourWheels, PhysicsRobot, Variation
 
 SLOW = "slow_"
@@ -52,7 +52,7 @@ def drive_flaw(problem: Problem, name: str) -> str:
     """Why the robot cannot drive a baseline; "" where it can."""
     if name.startswith(SLOW) and problem.design.samples % 2:
         return f"{name} needs an even number of samples, got {problem.design.samples}"
-    return "".join(flaw.message for flaw in baseline_flaws(problem, [name.removeprefix(SLOW)]))
+    return refusal(problem, name.removeprefix(SLOW))
 
 
 def held_out_drives(problem: Problem, count: int, seed: int) -> tuple[Trajectory, ...]:
