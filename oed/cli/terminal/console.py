@@ -214,11 +214,13 @@ def print_worth(found: DrivenPaths) -> None:
     for one in found.paths:
         shares = []
         if one.efficiency is not None and found.best is not None:
-            shares.append(f"{percent(one.efficiency)} of the best design known ({found.best[0]})")
+            shares.append(
+                f"{percent(one.efficiency)} of the information of the best design known ({found.best[0]})"
+            )
         if one.share_of_bound is not None:
             shares.append(f"at least {percent(one.share_of_bound)} of what any drive of the study can give")
         if shares:
-            tell(shown(f"{one.name}: {one.seconds:.3g} s of motion have {', '.join(shares)}"))
+            print_lines([f"{one.name}: {', '.join(shares)}"])
 
 
 def print_next(found: NextDrive) -> None:
