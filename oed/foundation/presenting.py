@@ -17,7 +17,7 @@ from typing import Any
 
 from oed.foundation.errors import UserMistake
 from oed.foundation.shown import shown, written
-from oed.foundation.text import MISSING, deviation_text, own_unit, significant, to_error, unit_text
+from oed.foundation.text import MISSING, deviation_text, own_unit, significant, to_error, unit_text, words
 
 Fact = tuple[str, str]
 Row = tuple[str, ...]
@@ -40,25 +40,33 @@ class Card:
         facts: what it is called, and what it is; numbers with their units.
         heads: of the table's columns.
         rows: of the table, each as wide as the heads.
+        leads: whether the table is the answer, which comes before the facts, and in the short form too.
     """
 
     title: str
     facts: tuple[Fact, ...] = ()
     heads: Row = ()
     rows: tuple[Row, ...] = ()
+    leads: bool = False
 
     @property
     def short(self) -> str:
-        """The title and the facts, a line each."""
-        return "\n".join([shown(self.title), *_aligned([(f"  {name}", value) for name, value in self.facts])])
+        """The title, the table where that is the answer, and the facts, a line each."""
+        return "\n".join([shown(self.title), *(self._table if self.leads else ()), *_aligned(self._indented)])
 
     @property
     def text(self) -> str:
         """The title, the facts and the table."""
-        if not self.rows:
-            return self.short
-        table = _aligned([self.heads, *self._shown_rows])
-        return "\n".join([self.short, *(f"  {line}" for line in [*table, *self._rest])])
+        return "\n".join([self.short, *(() if self.leads else self._table)])
+
+    @property
+    def _indented(self) -> list[Row]:
+        return [(f"  {name}", value) for name, value in self.facts]
+
+    @property
+    def _table(self) -> list[str]:
+        lines = [*_aligned([self.heads, *self._shown_rows]), *self._rest] if self.rows else []
+        return [f"  {line}" for line in lines]
 
     @property
     def html(self) -> str:
@@ -67,12 +75,10 @@ class Card:
         heads = "".join(f"<th {CELL}>{_html(one)}</th>" for one in self.heads)
         rows = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in self._shown_rows)
         rest = "".join(f"<p>{_html(line)}</p>" for line in self._rest)
-        parts = [f"<strong>{_html(self.title)}</strong>"]
-        parts += [f"<table>{facts}</table>"] if facts else []
-        parts += (
-            [f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>{rest}"] if rows else []
-        )
-        return f"<div>{''.join(parts)}</div>"
+        facts = f"<table>{facts}</table>" if facts else ""
+        table = f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>{rest}" if rows else ""
+        parts = (table, facts) if self.leads else (facts, table)
+        return f"<div><strong>{_html(self.title)}</strong>{''.join(parts)}</div>"
 
     @property
     def _shown_rows(self) -> tuple[Row, ...]:
@@ -169,8 +175,10 @@ def _parameter_row(name: str, value: float | None, error: float | None, unit: st
     own, factor = own_unit(unit)
     known = value is None or f"{to_error(value, error, factor)} {unit_text(own)}".strip()
     if error is None or not math.isfinite(error):
-        return (name, MISSING if value is None else str(known), MISSING if error is None else UNIDENTIFIED)
-    return (name, MISSING if value is None else str(known), deviation_text(error, unit))
+        text = MISSING if error is None else UNIDENTIFIED
+    else:
+        text = deviation_text(error, unit)
+    return (words(name), MISSING if value is None else str(known), text)
 
 
 def number(value: float | None, unit: str = "", digits: int = 4) -> str:

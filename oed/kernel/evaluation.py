@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -17,7 +18,16 @@ from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, NotFinite
 from oed.foundation.moved import Renamed
-from oed.foundation.presenting import PARAMETER_COLUMNS, Card, Fact, Presented, given, number, parameter_rows
+from oed.foundation.presenting import (
+    PARAMETER_COLUMNS,
+    Card,
+    Fact,
+    Presented,
+    dataframe,
+    given,
+    number,
+    parameter_rows,
+)
 from oed.foundation.text import quantity, size_text, words
 from oed.kernel.between import Sight, most_exceeded
 from oed.kernel.dynamics.direct_call import direct_call
@@ -151,9 +161,9 @@ class Evaluation(Presented, Renamed):
     def facts(self) -> tuple[Fact, ...]:
         """What a reader is shown of it, by name; units on every number that has one."""
         return given(
-            ("objective", number(self.objective)),
             ("limits", self.limits_text),
             ("path length", size_text(self.path_length, "m")),
+            ("objective", number(self.objective)),
             ("condition number", number(self.condition_number)),
             ("not identifiable", "" if self.identifiable else "a combination that the criterion asks about"),
         )
@@ -168,7 +178,24 @@ class Evaluation(Presented, Renamed):
 
     def _card(self) -> Card:
         title = f"Evaluation: {'feasible' if self.feasible else 'infeasible'}"
-        return Card(title, self.facts, PARAMETER_COLUMNS, self.precision)
+        return Card(title, self.facts, PARAMETER_COLUMNS, self.precision, leads=True)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row per estimated parameter: nominal value and standard error, SI; no row
+        without noise.
+
+        Raises:
+            UserMistake: pandas is not installed.
+        """
+        errors = self.standard_deviations
+        return dataframe(
+            {
+                "name": list(errors),
+                "nominal": [self.nominal.get(one) for one in errors],
+                "standard_error": list(errors.values()),
+                "unit": [self.units.get(one, "") for one in errors],
+            }
+        )
 
 
 @typed

@@ -300,8 +300,8 @@ class Problem(Presented, Renamed):
         names = dict.fromkeys(name for one in self.any_estimations for name in one.parameters)
         runs = "" if space.runs == 1 else f"{space.runs} runs, "
         return given(
-            (self.model.noun, label_of(self.model)),
-            ("estimates", ", ".join(names)),
+            (self.model.noun, words(label_of(self.model))),
+            ("estimates", ", ".join(map(words, names))),
             ("drive", f"{runs}{given_text(space.whole_duration, 's')}, {space.samples} samples"),
             ("measured", self.measurement.brief(space.samples)),
             ("limits", ", ".join(words(one.name) for one in self.limits)),

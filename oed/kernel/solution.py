@@ -9,6 +9,7 @@ from typing import Any
 
 from oed.foundation import plots
 from oed.foundation.arrays import Array
+from oed.foundation.errors import NotFinite, UserMistake
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import PARAMETER_COLUMNS, Card, Presented, given
 from oed.foundation.text import chance_text, count, quantity
@@ -196,6 +197,16 @@ class Solution(Presented, Renamed):
         """
         return plots.plot(self, what)
 
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row per estimated parameter: nominal value and standard error, SI.
+
+        Raises:
+            UserMistake: there is no design, or pandas is not installed.
+        """
+        if self.evaluation is None:
+            raise UserMistake(f"there is no design to make a table of: {self.message}")
+        return self.evaluation.to_dataframe()
+
     def _card(self) -> Card:
         found = self.evaluation
         search = count(len(self.starts), "start") if self.starts else ""
@@ -205,9 +216,8 @@ class Solution(Presented, Renamed):
             *given(("search", ", ".join(filter(None, [search, spent]))), ("message", self.message)),
         )
         rows = () if found is None else found.precision
-        return Card(
-            f"Solution {self.name}: {self.status.value.replace('_', ' ')}", facts, PARAMETER_COLUMNS, rows
-        )
+        title = f"Solution {self.name}: {self.status.value.replace('_', ' ')}"
+        return Card(title, facts, PARAMETER_COLUMNS, rows, leads=True)
 
 
 def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:

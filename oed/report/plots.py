@@ -12,7 +12,7 @@ import numpy as np
 
 from oed.foundation.errors import UserMistake
 from oed.foundation.plots import draws
-from oed.foundation.text import listing, words
+from oed.foundation.text import did_you_mean, listing, words
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.records.record import EstimateRecord, Record
@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DRIVEN = ("path", "inputs")
-"""Figures of a solution."""
+"""Figures of a solution; of a record the names of those of its best drive."""
+BEST_PATH = "best_path"
 
 
 def picture(plot: spec.Plot) -> Figure:
@@ -48,7 +49,9 @@ def record_figure(record: Record, what: str | None = None) -> Figure:
     Raises:
         UserMistake: there is none of that name.
     """
-    return _named(sections_of(record), what)
+    inputs = [f"{one.quantity}s" for one in record.inputs[:1]]
+    own = dict(zip(DRIVEN, [BEST_PATH, *inputs], strict=False))
+    return _named(sections_of(record), own.get(what or "", what))
 
 
 @draws(EstimateRecord)
@@ -67,8 +70,13 @@ def _named(sections: Sequence[Section], what: str | None) -> Figure:
         raise UserMistake("there is nothing to draw: no result has a drive")
     name = next(iter(table)) if what is None else what
     if name not in table:
-        raise UserMistake(f"expected one of {listing(list(table))}; there is no figure {name!r}")
+        raise _no_figure(name, list(table))
     return picture(table[name])
+
+
+def _no_figure(what: str, known: Sequence[str]) -> UserMistake:
+    hint = did_you_mean(what, known)
+    return UserMistake(f"expected one of {listing(known)}; there is no figure {what!r}{hint}")
 
 
 @draws(Solution)
@@ -78,14 +86,22 @@ def solution_figure(solution: Solution, what: str = "path") -> Figure:
     Raises:
         UserMistake: there is no design, or no such figure.
     """
+    named = dict(zip((BEST_PATH, *_inputs_names(solution)), DRIVEN, strict=False))
+    what = named.get(what, what)
     if what not in DRIVEN:
-        raise UserMistake(f"expected one of {listing(DRIVEN)}; there is no figure {what!r}")
+        raise _no_figure(what, DRIVEN)
     if solution.trajectory is None or solution.evaluation is None:
         raise UserMistake(f"there is no design to draw: {solution.message}")
     if what == "inputs":
         return picture(_inputs(solution))
     room = Room() if solution.problem is None else _room(solution.problem)
     return picture(paths.paths([_path(solution)], room))
+
+
+def _inputs_names(solution: Solution) -> list[str]:
+    # As a report names the figure of the first ones.
+    inputs = () if solution.problem is None else solution.problem.model.inputs
+    return [f"{one.quantity}s" for one in inputs[:1]]
 
 
 def _path(solution: Solution) -> Path:

@@ -358,9 +358,8 @@ class EstimateRecord(Presented, SavedFile):
         rows = tuple(
             (name, old, new, error) for (name, old, _), (_, new, error) in zip(before, found, strict=True)
         )
-        return Card(
-            f"Estimate of {self.title}", facts, ("parameter", "nominal", "estimate", "standard error"), rows
-        )
+        heads = ("parameter", "nominal", "estimate", "standard error")
+        return Card(f"Estimate of {self.title}", facts, heads, rows, leads=True)
 
     @property
     def title(self) -> str:

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from oed.foundation.arrays import Array
 from oed.foundation.presenting import Card, Presented, given, number
+from oed.foundation.shown import shown
 from oed.foundation.text import listing, size_text, words
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.stored.parts import (
@@ -235,6 +236,12 @@ class Result(Presented, Stored):
             ("message", self.message),
         )
         return Card(f"Result {self.name}: {words(self.status)}", facts)
+
+    def __repr__(self) -> str:
+        """One line: a record has many."""
+        limits = "satisfied" if self.feasible else f"exceeded ({listing(list(map(words, self.violations)))})"
+        text = f"{words(self.status)}, limits {limits}, objective {number(self.objective)}"
+        return shown(f"Result {self.name}: {text}")
 
     def _require(self) -> None:
         if self.feasible and self.drive is None:

@@ -260,8 +260,8 @@ class Record(Presented, SavedFile):
         nominal = {one.name: one.nominal for one in self.parameters}
         units = {one.name: one.unit for one in self.parameters}
         facts = given(
-            ("results", _results_text(self.results)),
             ("best feasible", "none" if best is None else f"{best.name}, objective {number(best.objective)}"),
+            ("results", _results_text(self.results)),
             ("upper bound", "" if bound is None else _bound_text(bound)),
             ("simulated", "" if self.validation is None else "yes"),
             ("interrupted", "yes" if self.interrupted else ""),
@@ -273,6 +273,7 @@ class Record(Presented, SavedFile):
             facts,
             PARAMETER_COLUMNS,
             parameter_rows(tuple(errors), nominal, errors, units),
+            leads=True,
         )
 
     def with_validation(self, found: StoredValidation) -> Self:

@@ -41,7 +41,8 @@ class Several(Measurement):
             for flaw in sensor.flaws(system, samples)
         ]
         for index, sensor in enumerate(self.sensors):
-            if sensor in self.sensors[:index]:
+            # What is unknown of each alone, as a bias, makes them two.
+            if sensor in self.sensors[:index] and not sensor.nuisances:
                 text = "the same sensor again; of two alike give one, with its noise divided by sqrt(2)"
                 flaws.append(Flaw(("measurement", index), text))
         known = [sensor.start_known for sensor in self.sensors]
