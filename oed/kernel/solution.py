@@ -9,7 +9,7 @@ from typing import Any
 
 from oed.foundation import plots
 from oed.foundation.arrays import Array
-from oed.foundation.errors import NotFinite, UserMistake
+from oed.foundation.errors import UserMistake
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import PARAMETER_COLUMNS, Card, Presented, given
 from oed.foundation.text import chance_text, count, quantity

@@ -7,6 +7,7 @@ import math
 import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -177,13 +178,20 @@ def nuisance_table(problem: Problem) -> list[StoredNuisance]:
     ]
 
 
-def provenance() -> Provenance:
-    """What made a record: versions of the packages that compute, of Python and the platform, and when."""
+def provenance(source: str) -> Provenance:
+    """What made a record: versions of the packages that compute, of Python and the platform, when, and the
+    study's file.
+
+    Args:
+        source: what the study was read from.
+    """
+    file = PurePath(source)
     return Provenance(
         packages={name: package_version(name) for name in PACKAGES},
         python=platform.python_version(),
         platform=f"{platform.system()} {platform.machine()}",
         finished=datetime.now(UTC).isoformat(timespec="seconds"),
+        study=file.name if file.suffix in (".yaml", ".yml") else "",
     )
 
 

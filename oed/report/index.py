@@ -10,7 +10,7 @@ from pathlib import Path
 from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.files import inside
 from oed.foundation.shown import page_text
-from oed.foundation.text import MISSING, significant, words
+from oed.foundation.text import MISSING, deviation_text, significant, words
 from oed.foundation.work.folders import updated
 from oed.records.record import (
     ESTIMATE,
@@ -20,6 +20,7 @@ from oed.records.record import (
     REPORT,
     RESULTS,
     SWEEP_FILE,
+    Record,
     beside,
     load_estimate,
     load_plan,
@@ -44,6 +45,7 @@ DEEPEST = 6
 """Folders within folders that are looked into."""
 LEAST = 0.001
 """Smallest share that is written as a number [%]."""
+NO_DRIVE = "no drive found"
 NAMED = 3
 """Runs that cannot be read and are named where none can be."""
 
@@ -61,6 +63,7 @@ class Run:
         robot: its kind; "" where it is not known.
         precision: standard errors of the parameters, shares of their values [%]; of a sweep its best's, of
             a plan those of the study's own drive.
+        errors: the same in words, in the parameters' units; or that there is no drive.
         gap: of the best design to the bound [%]; None where there is none.
         date: when it was finished, ISO 8601; "" where it is not known.
         page: of the run; None where none is written.
@@ -71,6 +74,7 @@ class Run:
     study: str
     robot: str
     precision: Shares
+    errors: tuple[str, ...] = ()
     gap: float | None = None
     date: str = ""
     page: Path | None = None
@@ -188,14 +192,28 @@ def _design(place: Path, name: str) -> Run:
     record = load_record(place)
     return Run(
         name,
-        _kind("design", cut=record.interrupted),
+        _kind("design" if record.study.robust is None else "robust design", cut=record.interrupted),
         record.study.name,
         record.study.robot.kind,
         relative_deviations(record),
+        _predicted(record),
         None if record.certificate is None else percent(record.certificate.gap),
         _finished(record.provenance),
         _page(place, REPORT),
     )
+
+
+def _predicted(record: Record) -> tuple[str, ...]:
+    if record.best is None:
+        return (NO_DRIVE,)
+    known = record.best.standard_deviations
+    return tuple(
+        _error(one.name, known[one.name], one.unit) for one in record.parameters if one.name in known
+    )
+
+
+def _error(name: str, size: float | None, unit: str | None) -> str:
+    return f"{words(name)} {'not identifiable' if size is None else deviation_text(size, unit or '')}"
 
 
 def _estimate(place: Path, name: str) -> Run:
@@ -206,8 +224,9 @@ def _estimate(place: Path, name: str) -> Run:
         for one in record.parameters
         if one.standard_error is not None and values[one.name]
     }
-    date = _finished(record.provenance)
-    return Run(name, "estimate", record.title, record.robot, shares, date=date, page=_page(place, ESTIMATE))
+    errors = tuple(_error(one.name, one.standard_error, one.unit) for one in record.parameters)
+    date, page = _finished(record.provenance), _page(place, ESTIMATE)
+    return Run(name, "estimate", record.title, record.robot, shares, errors, date=date, page=page)
 
 
 def _sweep(place: Path, name: str) -> Run:
@@ -217,9 +236,9 @@ def _sweep(place: Path, name: str) -> Run:
     known = [one for one in found.points if one.record is not None]
     point = next((one for one in known if one.folder == found.best), known[0] if known else None)
     if point is None:
-        return Run(name, kind, found.name, "", {}, page=page)
+        return Run(name, kind, found.name, "", {}, (NO_DRIVE,), page=page)
     best = _design(inside(place, point.folder), name)
-    return Run(name, kind, found.name, best.robot, best.precision, percent(point.gap), best.date, page)
+    return replace(best, kind=kind, study=found.name, gap=percent(point.gap), page=page)
 
 
 def _plan(place: Path, name: str) -> Run:
@@ -228,7 +247,7 @@ def _plan(place: Path, name: str) -> Run:
     if found.own is None:
         return run
     own = _design(point_folder(place, found.own), name)
-    return replace(run, robot=own.robot, precision=own.precision, date=own.date)
+    return replace(run, robot=own.robot, precision=own.precision, errors=own.errors, date=own.date)
 
 
 READERS: Mapping[str, Reader] = {
@@ -259,8 +278,7 @@ def _cells(run: Run, target: Path) -> Iterator[Cell]:
     yield Cell("Run", (run.folder,), run.folder.casefold(), address=address)
     yield Cell("What", (run.kind,), run.kind)
     yield Cell("Robot", (words(run.robot) or MISSING,), run.robot)
-    lines = tuple(f"{words(name)} {_share(size)}" for name, size in run.precision.items())
-    yield Cell("Standard errors", lines or (MISSING,), sort_key(run.worst))
+    yield Cell("Standard errors", run.errors or (MISSING,), sort_key(run.worst))
     yield Cell("Gap to the bound", (_share(run.gap),), sort_key(run.gap), numeric=True)
     yield Cell("Finished", (run.date[:16].replace("T", " ") or MISSING,), run.date)
 

@@ -94,7 +94,7 @@ def estimate(
         oed_version=package_version("oed"),
         study=study.echo(),
         study_text=study.text,
-        provenance=provenance(),
+        provenance=provenance(study.source),
         seed=chosen,
         method=study.calibration.method,
     )

@@ -244,7 +244,7 @@ def record(
         trial=physics,
         interrupted=interrupted,
         notes=_notes(certificate, interrupted),
-        provenance=provenance(),
+        provenance=provenance(study.source),
     ).of_study(study.file)
 
 

@@ -50,9 +50,23 @@ def test_the_page_begins_with_the_drive_and_the_answer(designed: Record) -> None
     assert [row[0] for row in first.tables[0].rows] == ["c21", "c22"]
     assert not any(one.first for one in others)
     assert next(title for title, _ in first.commands).startswith("As a ROS 2 bag")
+    # A reader without scripts sees the drive as well, also where it is the only one.
+    assert [one.name for one in first.figures] == ["best_path"]
+    alone = designed.model_copy(update={"results": designed.results[:1]})
+    assert [one.name for one in sections_of(alone)[0].figures] == ["best_path"]
     (fold,) = first.folds
     assert fold.title == "What this page assumes"
     assert "differential drive" in fold.paragraphs[0]
+
+
+def test_the_study_is_named_in_what_is_to_be_typed(designed: Record) -> None:
+    def then(record: Record) -> str:
+        return sections_of(record)[0].commands[-1][1]
+
+    assert then(designed) == "oed estimate STUDY.yaml LOG.csv"
+    data = designed.data
+    data["provenance"]["study"] = "mine.yaml"
+    assert then(record_from(data)) == "oed estimate mine.yaml LOG.csv"
 
 
 def test_the_csv_is_that_of_the_record(designed: Record) -> None:

@@ -17,7 +17,8 @@ from test_browser import BROWSER, opened
 import oed.report.page
 from oed.cli import main
 from oed.foundation.errors import UserMistake
-from oed.foundation.text import fixed
+from oed.foundation.text import deviation_text, fixed
+from oed.records.record import load_record
 from oed.records.stored.parts import plain
 from oed.report.index import runs_in, write_index
 from oed.report.page import MOST_ROWS, render
@@ -87,6 +88,24 @@ def test_its_numbers_are_the_records(runs: Path):
     data = sample_estimates.estimate()["parameters"][0]
     share = 100 * data["standard_error"] / data["value"]
     assert robot.precision[data["name"]] == pytest.approx(share)
+
+
+def test_it_says_what_a_run_found_in_the_terms_of_its_study(runs: Path, tmp_path: Path):
+    (old,) = [run for run in runs_in(runs)[0] if run.folder == "old"]
+    known = load_record(runs / "old")
+    assert known.best is not None
+    first = known.parameters[0]
+    size = known.best.standard_deviations[first.name]
+    assert size is not None
+    assert old.errors[0] == f"{first.name} {deviation_text(size, first.unit)}"
+    data = json.loads((runs / "old" / "record.json").read_text())
+    undriven = [{**one, "feasible": False} for one in data["results"]]
+    saved(tmp_path / "none", {**data, "best": None, "results": undriven})
+    robust = {**data["study"], "uncertainty": {"track": "5 %"}, "robust": {"kind": "chance"}}
+    saved(tmp_path / "robust", {**data, "study": robust})
+    found = {run.folder: run for run in runs_in(tmp_path)[0]}
+    assert found["none"].errors == ("no drive found",)
+    assert found["robust"].kind == "robust design"
 
 
 def test_what_cannot_be_read_is_listed_with_why(page: Path, runs: Path):

@@ -85,7 +85,8 @@ class TestRecord:
         assert record.data["seed"] == 5
         assert record.data["study"] == study.echo()
         assert record.data["study_text"] == TEXT
-        assert set(record.data["provenance"]) == {"packages", "python", "platform", "finished"}
+        assert set(record.data["provenance"]) == {"packages", "python", "platform", "finished", "study"}
+        assert record.data["provenance"]["study"] == "study.yaml"
         assert {"casadi", "numpy", "scipy", "pymoo"} <= set(record.data["provenance"]["packages"])
 
     def test_informative_feasible_drives_are_validated(self, ran):

@@ -124,12 +124,13 @@ class StoredCertificate(UpperBound):
 
 
 class Provenance(Stored):
-    """What made the file."""
+    """What made the file; `study` is the name of the study's file, "" of one that was made in Python."""
 
     packages: dict[str, str]
     python: str
     platform: str
     finished: str
+    study: str = ""
 
 
 COLUMNS = (

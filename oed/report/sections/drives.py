@@ -38,8 +38,8 @@ def paths(record: Record) -> Section | None:
 
 
 def best_path(record: Record) -> Picture | None:
-    """The path of the best drive alone; None without one, or where it is the only one."""
-    if record.best is None or len(drivable(record)) < 2:
+    """The path of the best drive alone; None without one."""
+    if record.best is None:
         return None
     drive, room = path_of(record, record.best), room_of(record)
     note = _caption(record, [record.best], [drive], room)

@@ -42,17 +42,19 @@ def first(record: Record) -> Section:
         figures=() if still is None else (still,),
         animation=animation,
         downloads=_downloads(record),
-        commands=tuple(zip(SAY.paragraphs("commands"), COMMANDS, strict=True)),
+        commands=_commands(record),
         first=True,
     )
 
 
-COMMANDS = (
-    "oed export . --to rosbag2",
-    "oed export . --to json",
-    "oed estimate STUDY.yaml LOG.csv",
-)
-"""What to do with a design, in the folder of its page."""
+def _commands(record: Record) -> tuple[tuple[str, str], ...]:
+    # What to do with a design: in the folder of its page, and then with its study.
+    if record.best is None:
+        return ()
+    study = record.provenance.study if record.provenance is not None else ""
+    estimating = f"oed estimate {study or 'STUDY.yaml'} LOG.csv"
+    typed = ("oed export . --to rosbag2", "oed export . --to json", estimating)
+    return tuple(zip(SAY.paragraphs("commands"), typed, strict=True))
 
 
 def _downloads(record: Record) -> tuple[Download, ...]:
