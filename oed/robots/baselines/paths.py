@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -91,8 +91,8 @@ def _ways(problem: Problem, asked: str | Baseline) -> tuple[Pattern, ...]:
 
 
 def _bent(problem: Problem, way: Pattern) -> Pattern:
-    bent, radius = BENT.get(way), tightest(problem)
-    return way if bent is None else lambda size, lap: bent(size, lap, radius)
+    bent = BENT.get(way)
+    return way if bent is None else partial(bent, tightest=tightest(problem))
 
 
 def _scored(problem: Problem, name: str, shape: Shape, driven: tuple[float, int], seed: int) -> Solution:
@@ -152,7 +152,8 @@ def placed(problem: Problem, placement: Placement, *, in_turns: bool = True, rol
         return max(least_seconds(problem, one, rolls=rolls) for one in moves(size, laps))
 
     def words(size: float, laps: int) -> str:
-        opposite = ", every other run the other way" if two else ""
+        one_way = getattr(placement.pattern, "func", placement.pattern) in ONE_WAY.values()
+        opposite = ", every other run the other way" if two else ", one way round" if one_way else ""
         backwards = ", driven backwards" if placement.reversed else ""
         steps = [_step(one) for one in way(placement, size)]
         after = f", after {listing(steps)}" if steps else ""
