@@ -23,5 +23,5 @@ def test_detail_follows_the_sentence():
 
 
 def test_only_designs_are_usable():
-    useless = {Status.INFEASIBLE, Status.SINGULAR, Status.FAILED, Status.UNSCORED}
+    useless = {Status.INFEASIBLE, Status.SINGULAR, Status.FAILED, Status.UNSCORED, Status.IMPOSSIBLE}
     assert {status for status in Status if not status.usable} == useless

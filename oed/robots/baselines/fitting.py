@@ -10,7 +10,6 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq
 
 from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -158,6 +157,8 @@ def largest_size(
 
 def _in_time(problem: Problem, shape: Shape, laps: int, most: float) -> float | None:
     # The largest size that the duration allows; None where none does.
+    from scipy.optimize import brentq
+
     duration, low, high = problem.design.duration, max(most / SMALLEST, shape.smallest), most
     if low > high:
         return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -29,7 +29,12 @@ STREAM = 17
 
 
 def baselines(
-    problem: Problem, asked: str | Baseline, *, length: float | None = None, seed: int = 0
+    problem: Problem,
+    asked: str | Baseline,
+    *,
+    length: float | None = None,
+    seed: int = 0,
+    one_way: bool = True,
 ) -> list[Solution]:
     """One baseline as a careful person would drive it, and where asked again with a given length, scored.
 
@@ -41,6 +46,7 @@ def baselines(
         asked: one of `NAMES`, or a baseline of the user's own.
         length: path length [m] of the second variant; None for none.
         seed: of the random path.
+        one_way: whether one run may drive a square to the left alone, where that is better.
 
     Raises:
         ProblemError: an unknown name.
@@ -50,7 +56,10 @@ def baselines(
     name, reason = label(asked), refusal(problem, asked)
     if reason:
         return [unscored(name, "baseline", f"{reason}.", Status.IMPOSSIBLE)]
-    shape, laps, below = _chosen(problem, asked, seed)
+    if asked == RANDOM:
+        shape, laps, below = chosen(problem, [_random_shape(problem, seed)], 1)
+    else:
+        shape, laps, below = _chosen(problem, _ways(problem, asked, one_way))
     scored = [_scored(problem, name, shape, (largest(problem, shape, laps, below=below), laps), seed)]
     if length is not None:
         most = scored[0].evaluation.path_length if scored[0].evaluation else 0.0
@@ -59,11 +68,9 @@ def baselines(
     return scored
 
 
-def _chosen(problem: Problem, asked: str | Baseline, seed: int) -> tuple[Shape, int, float]:
-    if asked == RANDOM:
-        return chosen(problem, [_random_shape(problem, seed)], 1)
+def _chosen(problem: Problem, ways: Sequence[Pattern]) -> tuple[Shape, int, float]:
     most = largest_size(problem)
-    lying = [placements(problem, way, most) for way in _ways(problem, asked)]
+    lying = [placements(problem, way, most) for way in ways]
     turns = (True,) if problem.design.runs == 1 or problem.fixed_starts is None else (True, False)
     shapes = [placed(problem, one, in_turns=turn) for way in lying for one in way for turn in turns]
     found = chosen(problem, shapes, MOST_LAPS)
@@ -80,19 +87,19 @@ def label(asked: str | Baseline) -> str:
     return asked if isinstance(asked, str) else asked.label
 
 
-def _ways(problem: Problem, asked: str | Baseline) -> tuple[Pattern, ...]:
+def _ways(problem: Problem, asked: str | Baseline, one_way: bool = True) -> tuple[Pattern, ...]:
     # Of a pattern and its variants; runs that take turns drive both directions themselves.
     if not isinstance(asked, str):
         return (asked.lap,)
     several = asked in ONE_WAY and problem.design.runs > 1
     ways = () if several else (PATTERNS[asked], *VARIANTS.get(asked, ()))
-    ways += (ONE_WAY[asked],) if asked in ONE_WAY else ()
+    ways += (ONE_WAY[asked],) if asked in ONE_WAY and (one_way or several) else ()
     return tuple(_bent(problem, one) for one in ways)
 
 
 def _bent(problem: Problem, way: Pattern) -> Pattern:
-    bent, radius = BENT.get(way), tightest(problem)
-    return way if bent is None else lambda size, lap: bent(size, lap, radius)
+    bent = BENT.get(way)
+    return way if bent is None else partial(bent, tightest=tightest(problem))
 
 
 def _scored(problem: Problem, name: str, shape: Shape, driven: tuple[float, int], seed: int) -> Solution:
@@ -152,7 +159,8 @@ def placed(problem: Problem, placement: Placement, *, in_turns: bool = True, rol
         return max(least_seconds(problem, one, rolls=rolls) for one in moves(size, laps))
 
     def words(size: float, laps: int) -> str:
-        opposite = ", every other run the other way" if two else ""
+        one_way = getattr(placement.pattern, "func", placement.pattern) in ONE_WAY.values()
+        opposite = ", every other run the other way" if two else ", one way round" if one_way else ""
         backwards = ", driven backwards" if placement.reversed else ""
         steps = [_step(one) for one in way(placement, size)]
         after = f", after {listing(steps)}" if steps else ""

@@ -153,7 +153,7 @@ PATTERNS: dict[str, Pattern] = {
 """The patterns by the names that studies call them; a new one is a function above and its name here."""
 ONE_WAY: dict[str, Pattern] = {"square": square_one_way, "rounded_square": rounded_one_way}
 """What goes both ways, to the left alone: where time or room is short, and in runs that take turns."""
-BENT: dict[Pattern, Callable[[float, int, float], list[Move]]] = {
+BENT: dict[Pattern, Callable[..., list[Move]]] = {
     one: one for one in (rounded_square, rounded_one_way, slalom)
 }
 """Those whose arcs are as wide as the robot's tightest ones at least, whose radius is asked for then."""

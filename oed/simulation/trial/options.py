@@ -67,7 +67,7 @@ def held_out_drives(problem: Problem, count: int, seed: int) -> tuple[Trajectory
 
 
 def _largest(problem: Problem, name: str, seed: int) -> Trajectory:
-    found = baselines(problem, name, seed=seed)[0].trajectory
+    found = baselines(problem, name, seed=seed, one_way=False)[0].trajectory
     assert found is not None
     return found
 
