@@ -34,17 +34,12 @@ class Several(Measurement):
         return (joint_block(self.sensors, drive),)
 
     def flaws(self, system: System, samples: int) -> list[Flaw]:
-        """The sensors' own flaws, sensors given twice, and start poses known differently."""
+        """The sensors' own flaws, and sensors that disagree on what is known of the initial pose."""
         flaws = [
             Flaw(("measurement", index, *flaw.key[1:]), flaw.message)
             for index, sensor in enumerate(self.sensors)
             for flaw in sensor.flaws(system, samples)
         ]
-        for index, sensor in enumerate(self.sensors):
-            # What is unknown of each alone, as a bias, makes them two.
-            if sensor in self.sensors[:index] and not sensor.nuisances:
-                text = "the same sensor again; of two alike give one, with its noise divided by sqrt(2)"
-                flaws.append(Flaw(("measurement", index), text))
         known = [sensor.start_known for sensor in self.sensors]
         given = [entry for entry in known if entry is not None]
         for index, entry in enumerate(known):
