@@ -684,7 +684,7 @@ def test_noise_may_come_with_units():
         (
             Poses(noise={"x": 0.01, "heading": 0.01}),
             "noise",
-            "the noise of y is needed to weight the readings: noise: {y: 1 cm}",
+            "the readings: noise: {y: 1 cm}",
         ),
         (Poses(noise={"position_per_speed": 1}, quantities=("x",)), "noise", "the noise of x is needed"),
         (Poses(quantities=("x", "x"), noise={"x": 1}), "quantities", "listed twice"),
