@@ -11,7 +11,7 @@ import numpy as np
 from oed.bounds.certificate import INFLATION, LOOSE, Bound, Certificate, bound_on, gap
 from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_bounds
 from oed.bounds.joint import joint_bounds
-from oed.bounds.reach import largest_rates, unslipped
+from oed.bounds.reach import largest_rates, room, unslipped
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
@@ -19,6 +19,7 @@ from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, evaluate
 from oed.kernel.problem import Problem
+from oed.robots.limits import Rectangle
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.displacements import Displacements
 from oed.robots.space import DesignSpace
@@ -43,6 +44,10 @@ LATTICE = "lattice"
 """Name and kind of the drive that the lattice's search comes upon."""
 NOTHING = "no bound is known for this robot, criterion and measurement"
 """Where nothing is proved."""
+ROOMLESS = "no bound is known without a room: give limits.workspace"
+OF_E = "no bound is known for this criterion; for criterion E there is one"
+HALL = 1e4
+"""Half a side of a room [m] that is large enough for any drive."""
 
 MEAN = "no bound is known for the mean over robots"
 """Where the objective is a mean, which the nominal robot's bound does not hold for."""
@@ -76,7 +81,7 @@ def bound(
         if _program(looser) is not None:
             widened.append(_lattice_bound(looser, found.of_others(*_speeds(looser)), found))
     return replace(
-        _smallest(bounds, EXACTLY, found),
+        _smallest(bounds, EXACTLY, found, NOTHING if bounds else _lacking(problem)),
         drive=None if found is None else _lattice_drive(problem, found),
         widened=_smallest(widened, TOLERATED, found),
         wall_seconds=time.perf_counter() - began,
@@ -84,14 +89,14 @@ def bound(
 
 
 def _smallest(
-    bounds: Sequence[Bound], assumptions: tuple[str, ...], found: LatticeBound | None
+    bounds: Sequence[Bound], assumptions: tuple[str, ...], found: LatticeBound | None, nothing: str = NOTHING
 ) -> Certificate:
     inflated = [
         replace(one, value=one.value * (1 + INFLATION), assumptions=(*one.assumptions, *assumptions))
         for one in bounds
     ]
     inflated.sort(key=lambda one: one.value)
-    best = inflated[0] if inflated else Bound(np.inf, NOTHING, ())
+    best = inflated[0] if inflated else Bound(np.inf, nothing, ())
     return Certificate(
         best.value,
         best.method,
@@ -101,6 +106,19 @@ def _smallest(
         complete=found is None or found.complete,
         nodes=0 if found is None else found.nodes,
     )
+
+
+def _lacking(problem: Problem) -> str:
+    # Why nothing is proved: what there would be a bound with.
+    hall = Rectangle(x=(-HALL, HALL), y=(-HALL, HALL))
+    if room(problem) is None and _bounds_of_runs(
+        replace(problem, robust=None, limits=(*problem.limits, hall))
+    ):
+        return ROOMLESS
+    same = E(scaling=problem.criterion.scaling, subset=problem.criterion.subset)
+    if type(problem.criterion) is not E and _bounds_of_runs(replace(problem, robust=None, criterion=same)):
+        return OF_E
+    return NOTHING
 
 
 def _bounds_of_runs(problem: Problem) -> list[Bound]:

@@ -23,6 +23,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from oed.foundation.arguments import WrongKind
 from oed.foundation.shown import written
+from oed.foundation.text import did_you_mean
 from oed.foundation.tidy import Tidy, TidyKind
 from oed.foundation.wording import part_error
 
@@ -119,7 +120,12 @@ class OneOf:
 
     def _named(self, value: Any) -> Any:
         # A kind by its name alone: of what needs no further keys.
-        return {"kind": value} if isinstance(value, str) and value in self.kinds else value
+        if not isinstance(value, str) or not self.kinds:
+            return value
+        if value not in self.kinds:
+            hint = did_you_mean(value, self.kinds)
+            raise ValueError(f"expected one of {', '.join(self.kinds)}, got {written(value)}{hint}")
+        return {"kind": value}
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """A tagged union over the listed kinds, passed by for instances."""

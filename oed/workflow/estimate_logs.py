@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from oed.estimation import calibrate
 from oed.foundation.arguments import typed
 from oed.foundation.errors import FileFlaw, LogError, ProblemError
 from oed.foundation.extras import package_version
+from oed.foundation.text import listing
 from oed.foundation.work.folders import require_usable
 from oed.logs import Log, NotInLog, read_logs
 from oed.optimize import Progress, Silent
@@ -127,8 +128,31 @@ def _read(study: Study, files: Sequence[str | Path]) -> list[Log]:
         named = [one for one in error.flaws if isinstance(one, NotInLog) and one.named]
         if study.file.log is not None or not named:
             raise LogError([_with_place(one, study) for one in error.flaws]) from None
+        # The cause, and what follows from it in a line each.
         hint = "the study has no key `log`, which says what stands in which column of a log"
-        raise LogError([*error.flaws, FileFlaw(study.source, 0, 0, "log", hint)]) from None
+        raise LogError([FileFlaw(study.source, 0, 0, "log", hint), *_gathered(error.flaws)]) from None
+
+
+def _gathered(flaws: Sequence[FileFlaw]) -> Iterator[FileFlaw]:
+    # Of one file one flaw of all columns that it lacks.
+    lacking: dict[tuple[str, int], list[NotInLog]] = {}
+    for one in flaws:
+        if isinstance(one, NotInLog) and one.named:
+            lacking.setdefault((one.file, one.line), []).append(one)
+        else:
+            yield one
+    for (file, line), some in lacking.items():
+        if len(some) == 1:
+            yield some[0]
+            continue
+        names = listing([one.key for one in some])
+        yield FileFlaw(file, line, 0, "", f"nothing says where {names} are{_there(some)}")
+
+
+def _there(some: Sequence[NotInLog]) -> str:
+    # What the file has, which every one of its flaws says in the end.
+    ends = {one.message.rpartition("; ")[2].rpartition("? ")[2] for one in some}
+    return f"; {ends.pop()}" if len(ends) == 1 else ""
 
 
 def _with_place(flaw: FileFlaw, study: Study) -> FileFlaw:

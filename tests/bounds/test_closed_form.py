@@ -21,7 +21,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from places import PROBLEMS
 
-from oed.bounds import NOTHING, Certificate, bound
+from oed.bounds import NOTHING, OF_E, ROOMLESS, Certificate, bound
 from oed.bounds.certificate import INFLATION
 from oed.bounds.closed_form import largest_squares
 from oed.kernel.criteria import A, D, E, ModifiedE
@@ -175,9 +175,17 @@ def test_other_criteria_have_no_bound(criterion: Any, measurement: Displacements
     criterion = criterion.model_copy(update={"scaling": "none"})
     certificate = bound(problem_of(criterion=criterion, measurement=measurement))
     assert certificate.upper_bound == np.inf
-    assert certificate.method == NOTHING
+    assert certificate.method == OF_E
     assert certificate.bounds == ()
     assert certificate.loose(1.0)
+
+
+@pytest.mark.parametrize("runs", [1, 2])
+def test_a_room_that_is_lacking_is_asked_for(runs: int) -> None:
+    sensor = Poses(noise={"position": "1 cm", "heading": "1 deg"})
+    given = {"measurement": sensor, "design": DesignSpace(duration=2, samples=8, runs=runs)}
+    assert bound(problem_of(limits=(SPEED,), **given)).method == ROOMLESS
+    assert np.isfinite(bound(problem_of(limits=(SPEED, BOX), **given)).upper_bound)
 
 
 def test_caps_are_in_order_and_name_what_they_rest_on() -> None:

@@ -163,6 +163,9 @@ def test_angles_of_steering_are_looked_at():
     ("old", "new", "words"),
     [
         ("robot: {kind: differential_drive", "robot: {preset: huskey", "got 'huskey'; did you mean husky?"),
+        ("kind: differential_drive", "kind: diff_drive", "'diff_drive'; did you mean differential_drive?"),
+        ("{kind: E, scaling: none}", "e-optimal", "G, I, got 'e-optimal'; did you mean E?"),
+        ("{kind: E, scaling: none}", "d", "G, I, got 'd'; did you mean D?"),
         ("criterion:", "estimate: [trak]\ncriterion:", "got trak; did you mean track?"),
         (
             "criterion:",

@@ -181,8 +181,15 @@ def test_a_fault_of_the_log_is_all_that_is_told(tmp_path: Path):
 
 def test_a_foreign_table_asks_for_the_key_that_explains_it(tmp_path: Path):
     (tmp_path / "run.csv").write_text("time,left,right\n0,1,1\n1,1,1\n2,1,1\n")
-    with pytest.raises(LogError, match=r"study\.yaml: log: the study has no key `log`"):
+    with pytest.raises(LogError) as caught:
         estimate(saved_study(tmp_path, STUDY), [tmp_path / "run.csv"])
+    # The cause comes first, and what the log lacks is one line.
+    cause, lacking = map(str, caught.value.flaws)
+    assert "study.yaml: log: the study has no key `log`" in cause
+    assert lacking.endswith(
+        "run.csv:1: nothing says where time, wheel_speed_right, wheel_speed_left, x, y and heading are; "
+        "it has time, left, right"
+    )
 
 
 @pytest.mark.parametrize("rows", [slice(None, None, -1), [0, 1, 2, 2, 3, 4]])

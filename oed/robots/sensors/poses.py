@@ -26,6 +26,8 @@ Matrix = tuple[tuple[float, ...], ...]
 Quantity = Literal["x", "y", "heading"]
 UNITS = {"x": "m", "y": "m", "position": "m", "heading": "rad"}
 """SI units of what poses have."""
+USUAL = {"m": "1 cm", "rad": "1 deg"}
+"""Usual noise by its SI unit, for examples."""
 AnglePerSpeed = Annotated[float, Unit("rad*s/m", "2 deg*s/m")]
 
 
@@ -232,9 +234,12 @@ class Poses(PlacedSensor):
                 text = f"expected {alone} rows (one pose) or {together} (all readings), got {got}"
                 flaws.append(Flaw(("measurement", "noise", "covariance"), text))
             return flaws
-        missing = [name for name in self.quantities if noise.deviation(name) is None]
+        missing: list[str] = [name for name in self.quantities if noise.deviation(name) is None]
         if missing:
-            text = f"the noise of {', '.join(missing)} is needed to weight the readings"
+            if {"x", "y"} <= set(missing):
+                missing = ["position", *(name for name in missing if name == "heading")]
+            example = ", ".join(f"{name}: {USUAL[UNITS[name]]}" for name in missing)
+            text = f"the noise of {listing(missing)} is needed to weight the readings: noise: {{{example}}}"
             flaws.append(Flaw(("measurement", "noise"), text))
         return flaws
 

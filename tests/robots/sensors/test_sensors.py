@@ -392,7 +392,11 @@ class TestSeveral:
         with pytest.raises(ProblemError) as caught:
             sensor_problem(measurement=several)
         assert [(flaw.key, flaw.message) for flaw in caught.value.flaws] == [
-            (("measurement", 0, "noise"), "the noise of x, y, heading is needed to weight the readings"),
+            (
+                ("measurement", 0, "noise"),
+                "the noise of position and heading is needed to weight the readings: "
+                "noise: {position: 1 cm, heading: 1 deg}",
+            ),
             (("measurement", 2, "quantities"), "a quantity is listed twice"),
         ]
 
@@ -676,8 +680,12 @@ def test_noise_may_come_with_units():
 @pytest.mark.parametrize(
     ("sensor", "key", "words"),
     [
-        (Poses(), "noise", "the noise of x, y, heading is needed"),
-        (Poses(noise={"x": 0.01, "heading": 0.01}), "noise", "the noise of y is needed"),
+        (Poses(), "noise", "the noise of position and heading is needed"),
+        (
+            Poses(noise={"x": 0.01, "heading": 0.01}),
+            "noise",
+            "the readings: noise: {y: 1 cm}",
+        ),
         (Poses(noise={"position_per_speed": 1}, quantities=("x",)), "noise", "the noise of x is needed"),
         (Poses(quantities=("x", "x"), noise={"x": 1}), "quantities", "listed twice"),
         (
