@@ -127,8 +127,9 @@ def error_text(error: float | None, factor: float = 1.0) -> str:
 
 
 def nominal_text(value: float) -> str:
-    """A nominal value in its unit, without idle digits."""
-    return f"{value:.6g}"
+    """A nominal value in its unit: as somebody gave it, or four digits of one that was computed."""
+    text = f"{value:.6g}"
+    return text if math.isclose(float(text), value, rel_tol=1e-9) else f"{value:.4g}"
 
 
 def deviation_text(size: float, unit: str) -> str:

@@ -65,7 +65,7 @@ def test_what_is_not_known_is_said_in_one_line():
     record = sample_records.full()
     assert said(record).startswith("What looser limits would gain is not known")
     titles = [one.title for one in section(record, "What limits it").tables[0].columns]
-    assert titles == ["limit", "margin", "size of the limit", "unit", "state"]
+    assert titles == ["limit", "margin", "size of the limit", "state"]
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from oed.foundation.text import (
     fixed,
     given_text,
     listing,
+    nominal_text,
     own_unit,
     quantity,
     significant,
@@ -86,3 +87,11 @@ def test_deviations_have_two_digits_in_the_unit_of_parameters(size: float, unit:
 )
 def test_given_quantities_have_no_idle_digits(size: float, unit: str, text: str) -> None:
     assert given_text(size, unit) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(33.0, "33"), (11.875, "11.875"), (1e3 * 0.163, "163"), (0.049 / 0.18, "0.2722"), (100 / 3, "33.33")],
+)
+def test_nominal_values_are_as_given_or_short(value: float, text: str) -> None:
+    assert nominal_text(value) == text

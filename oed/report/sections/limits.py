@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from oed.foundation.text import (
     Unit,
     excess_text,
-    fixed,
     given_text,
     in_degrees,
+    quantity,
     significant,
     unit_text,
     words,
@@ -33,6 +33,8 @@ LITTLE = 0.01
 """Share of its size by which a limit is said to be looser, at most: its gain is a rate."""
 BACK_OFF = " (back-off for other robots included)"
 """What is added to what a limit is exceeded by that is tightened for robots other than the nominal one."""
+LEAST = 1e-4
+"""Share of its size that a drive may be from a limit and count as at it."""
 NOTHING = 1e-5
 """Share by which a drive is better that counts as none."""
 
@@ -109,15 +111,17 @@ class Room:
 
     @property
     def amount(self) -> str:
-        """As fine as the tolerance that the limit is judged by, and one digit more."""
-        factor = self.unit[1]
-        return fixed(4 if factor * self.margin.size <= 1 else 3)(factor * self.margin.margin)
+        """The distance with its unit and sign; 0 where it is nothing beside the tolerance of scoring."""
+        shown, factor = self.unit
+        nothing = abs(self.margin.margin) < LEAST * self.margin.size
+        return "0" if nothing else quantity(factor * self.margin.margin, shown)
 
     @property
     def size(self) -> str | None:
-        """Of the limit, where it has one."""
+        """Of the limit, where it has one, with its unit."""
         sized = self.margin.limit not in ("start", "rest_to_rest")
-        return f"{self.unit[1] * self.margin.size:g}" if sized else None
+        shown, factor = self.unit
+        return f"{factor * self.margin.size:.4g} {unit_text(shown)}".strip() if sized else None
 
 
 def _by_limit(rooms: Sequence[Room], title: str, known: bool) -> Table:
@@ -129,7 +133,6 @@ def _by_limit(rooms: Sequence[Room], title: str, known: bool) -> Table:
         Column("best drive better by", "%", significant(2), lambda one: percent(one.gain)) if known else None,
         Column("margin", cell=lambda one: one.amount),
         Column("size of the limit", cell=lambda one: one.size),
-        Column("unit", cell=lambda one: unit_text(one.unit[0])),
         Column("state", cell=lambda one: SAY("state", one)),
     )
     return Table.of(rooms, columns, f"Limits: {title}")
