@@ -13,6 +13,8 @@ from recorded import record_from
 from scipy import stats
 
 from oed.foundation.text import error_text, significant
+from oed.kernel.solution import Status, unscored
+from oed.records.outcomes import result_of
 from oed.records.record import Record, load_record
 from oed.records.stored.result import Progress, Result
 from oed.report import write_comparison, write_report
@@ -240,3 +242,10 @@ def test_the_committed_report_is_what_its_record_gives(flagship: Record, tmp_pat
     write_report(flagship, tmp_path)
     committed = REPORTS / "choi_skid_steer" / "report.md"
     assert (tmp_path / "report.md").read_text("utf-8") == committed.read_text("utf-8")
+
+
+def test_a_baseline_that_the_robot_cannot_drive_says_why(flagship: Record) -> None:
+    square = unscored("square", "baseline", "It cannot turn in place.", Status.IMPOSSIBLE)
+    told = [*flagship.results[:1], result_of(square, None)]
+    (table,) = candidates(flagship.model_copy(update={"results": told})).tables
+    assert "It cannot turn in place." in table.cells[-1][-1]

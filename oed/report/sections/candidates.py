@@ -123,13 +123,18 @@ def _columns(record: Record, shares: bool) -> Iterator[Column]:
     yield Column("satisfies every limit", cell=lambda one: one.feasible)
     if any(_driven(one) for one in record.results):
         yield Column("how it is driven", cell=_driven)
-    yield Column("why it cannot be driven", cell=lambda one: _obstacle(one, record))
+    yield Column("why it cannot be driven", cell=lambda one: _impossible(one) or _obstacle(one, record))
 
 
 def _driven(one: Result) -> str | None:
     # A baseline's laps, their size and the way there; earlier records do not say.
     known = one.origin == "baseline" and one.feasible and not one.message.startswith(Status.SCORED.sentence)
     return one.message if known else None
+
+
+def _impossible(one: Result) -> str | None:
+    # Why there is no such drive of this robot.
+    return one.message if one.status == Status.IMPOSSIBLE.value else None
 
 
 def _obstacle(one: Result, record: Record) -> str | None:

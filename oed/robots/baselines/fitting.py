@@ -19,8 +19,8 @@ from oed.robots.limits.workspace import Area
 
 BISECTIONS = 20
 """Halvings between two sizes: to a millionth of their difference."""
-REFINEMENTS = 18
-"""Halvings of the largest size that fits: to 4e-6 of the step between sizes scanned."""
+REFINEMENTS = 12
+"""Halvings of the largest size that fits: to 2e-4 of the step between sizes scanned."""
 COARSE = 5
 """The same while laps and places are compared: to one in a hundred."""
 FALLING = 2
@@ -180,8 +180,15 @@ def _scanned(
     above = exceeded(sizes[0])
     if not above:
         return sizes[0], sizes[0]
+
     # What is too fast is so at every larger size; a room's passages may allow some sizes in between.
-    first = bisect_left(sizes, True, lo=1, key=lambda size: not exceeded(size) & (above - room))
+    def slow(size: float) -> bool:
+        return not exceeded(size) & (above - room)
+
+    low, high = 1, 2
+    while high < len(sizes) and not slow(sizes[high - 1]):
+        low, high = high, 2 * high
+    first = bisect_left(sizes, True, lo=low, hi=min(high, len(sizes)), key=slow)
     for larger, smaller in pairwise(sizes[first - 1 :]):
         known = exceeded(smaller), exceeded(larger)
         if not known[0]:
