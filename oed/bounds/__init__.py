@@ -20,7 +20,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, evaluate
 from oed.kernel.problem import Problem
 from oed.robots.limits import Rectangle
-from oed.robots.models.model import robot_of
+from oed.robots.models.model import Model, robot_of
 from oed.robots.sensors.displacements import Displacements
 from oed.robots.space import DesignSpace
 
@@ -110,6 +110,8 @@ def _smallest(
 
 def _lacking(problem: Problem) -> str:
     # Why nothing is proved: what there would be a bound with.
+    if not isinstance(problem.model, Model):
+        return NOTHING
     hall = Rectangle(x=(-HALL, HALL), y=(-HALL, HALL))
     if room(problem) is None and _bounds_of_runs(
         replace(problem, robust=None, limits=(*problem.limits, hall))
