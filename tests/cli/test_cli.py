@@ -242,7 +242,7 @@ class TestRun:
         code, out, err, _ = ran
         data = json.loads(out, parse_constant=refuse)
         assert code == 0
-        assert [result["name"] for result in data["results"]] == ["ipopt", "circle", "circle_same_length"]
+        assert [result["name"] for result in data["results"]] == ["ipopt", "circle"]
         assert data["directory"] == str(Path("reports") / "my study")
         assert "Traceback" not in err
         assert "Warning" not in err
