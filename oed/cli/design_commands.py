@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from oed.records.record import Record
     from oed.records.stored.sweep import StoredSweep
 
-LATER = ("pymoo.algorithms.soo.nonconvex.ga", "scipy.stats", "oed.report.figures.draw")
-"""Modules that a run needs after its first search, and that take long to load."""
+LATER = ("oed.optimize.local", "oed.report.figures.draw")
+"""Modules that the processes of a run need, and that take long to load."""
 GOES_ON = "; the same command goes on where this one stopped"
 """What is to be known of an interrupted sweep."""
 
@@ -26,15 +26,17 @@ GOES_ON = "; the same command goes on where this one stopped"
 def _searched(
     options: argparse.Namespace, out: Path | None, later: Sequence[str] = (), **more: Any
 ) -> tuple[Record, CommandResult]:
-    # A run of the study with these options, and where it is; modules needed `later` are loaded meanwhile.
+    # A run of the study with these options, and where it is; processes load what they need `later` meanwhile.
     from oed.cli.terminal.console import progress
-    from oed.foundation.work.ahead import load_ahead
+    from oed.foundation.work.parallel import default_workers, load_ahead
     from oed.workflow.runner import run
     from oed.workflow.studies import load_study
 
     study = load_study(options.study)
-    load_ahead(*later)
-    more |= {"seed": options.seed, "workers": workers_of(options)}
+    workers = workers_of(options) or default_workers()
+    if later:
+        load_ahead(workers, later)
+    more |= {"seed": options.seed, "workers": workers}
     with progress(options.quiet) as listener:
         record, trouble = saved(lambda: run(study, out, progress=listener, **more))
     return record, CommandResult(record.folder, out, trouble, record.interrupted)

@@ -17,8 +17,9 @@ from oed.foundation.arguments import typed
 from oed.foundation.errors import UserMistake
 from oed.foundation.shown import page_text, shown
 from oed.foundation.work.folders import updated
+from oed.foundation.work.parallel import run_tasks, waiting
 from oed.records.record import FIGURE_FORMATS, REPORT, Record, pages
-from oed.report.figures.spec import WIDTH
+from oed.report.figures.spec import WIDTH, Plot
 from oed.report.film.animation import with_film
 from oed.report.parts.prose import environment
 from oed.report.parts.section import Animation, Section
@@ -109,9 +110,16 @@ def _drawings(sections: list[Section]) -> dict[str, str]:
     pictures = [picture for section in sections for picture in section.pictures]
     if not pictures:
         return {}
+    drawn: dict[int, str] = {}
+    # Processes that wait already share the drawing; for it alone none are started.
+    run_tasks(_svg, [one.figure for one in pictures], waiting(), drawn.__setitem__)
+    return {picture.name: drawn[index] for index, picture in enumerate(pictures)}
+
+
+def _svg(figure: Plot) -> str:
     from oed.report.figures.draw import svg_text
 
-    return {picture.name: svg_text(picture.figure) for picture in pictures}
+    return svg_text(figure)
 
 
 def require_formats(figures: Sequence[str]) -> None:

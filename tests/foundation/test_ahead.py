@@ -1,22 +1,36 @@
-"""Modules that are loaded beside other work."""
+"""Processes that load what they need before there are tasks for them."""
 
 import subprocess
 import sys
-import threading
 
 from oed.cli.design_commands import LATER
-from oed.foundation.work.ahead import load_ahead
+
+CODE = """
+import sys
+from oed.foundation.work.parallel import load_ahead, run_tasks, waiting
+
+def loaded(name):
+    return name in sys.modules
+
+if __name__ == "__main__":
+    assert waiting() == 1
+    load_ahead(1, ("this",))
+    assert waiting() == 1
+    load_ahead(2, ("oed.no_such_module", "xml.dom.expatbuilder"))
+    assert waiting() == 2
+    found = {}
+    run_tasks(loaded, ["xml.dom.expatbuilder"] * 8, 2, found.__setitem__)
+    assert any(found.values()) and not loaded("xml.dom.expatbuilder")
+"""
 
 
-def test_they_are_loaded_and_what_is_missing_says_nothing(capfd):
-    module = "xml.dom.expatbuilder"
-    sys.modules.pop(module, None)
-    before = set(threading.enumerate())
-    load_ahead("oed.no_such_module", module)
-    for thread in set(threading.enumerate()) - before:
-        thread.join()
-    assert module in sys.modules
-    assert capfd.readouterr() == ("", "")
+def test_tasks_find_modules_loaded(tmp_path):
+    # In a process of its own: the pool is one for all tests.
+    (tmp_path / "ahead.py").write_text(CODE)
+    done = subprocess.run(
+        [sys.executable, "ahead.py"], cwd=tmp_path, check=False, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 def test_a_run_needs_what_it_loads_ahead():

@@ -11,9 +11,10 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, as_completed
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from typing import Any, TypeVar
 
 from oed.foundation.errors import Failure
@@ -46,6 +47,33 @@ def default_workers() -> int:
 def at_once(workers: Workers) -> int:
     """How many tasks are worked on at a time."""
     return workers if isinstance(workers, int) else workers.size
+
+
+def load_ahead(workers: Workers, modules: Sequence[str]) -> None:
+    """Start the processes of this machine that tasks will be given to, and have them load modules meanwhile.
+
+    Args:
+        workers: processes; of a single one, which does tasks here, and of a cluster nothing is started.
+        modules: by their full names.
+    """
+    if not isinstance(workers, int) or workers == 1:
+        return
+    with interrupts_blocked():
+        executor = _processes(workers)
+        for _ in range(workers):
+            executor.submit(_load, tuple(modules))
+
+
+def _load(modules: Sequence[str]) -> None:
+    # What cannot be loaded says so where it is needed.
+    for one in modules:
+        with suppress(Exception):
+            import_module(one)
+
+
+def waiting() -> int:
+    """The number of processes that were started here and wait for tasks; 1 for none, as in `run_tasks`."""
+    return _waiting
 
 
 def run_tasks(
@@ -100,7 +128,7 @@ def _outputs(
         with interrupts_blocked():
             executor = _processes(workers)
             futures = [executor.submit(job) for job in jobs]
-        give_up = partial(executor.shutdown, kill_workers=True)
+        give_up = partial(_end, executor)
     else:
         executor = workers.executor()
         futures = [executor.submit(job) for job in jobs]
@@ -113,9 +141,20 @@ def _outputs(
         raise
 
 
+_waiting = 1
+
+
+def _end(executor: Any) -> None:
+    global _waiting
+    _waiting = 1
+    executor.shutdown(kill_workers=True)
+
+
 def _processes(count: int) -> Any:
     from loky import get_reusable_executor
 
+    global _waiting
+    _waiting = count
     # Each has its share of the processors for its linear algebra.
     threads = str(max(1, default_workers() // count))
     env = {name: os.environ.get(name, threads) for name in THREADS}
