@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, as_completed
 from contextlib import contextmanager, suppress
@@ -155,6 +156,8 @@ def _processes(count: int) -> Any:
 
     global _waiting
     _waiting = count
+    # What a process keeps of its tasks, so as not to write it anew, is no leak.
+    warnings.filterwarnings("ignore", message="A worker was restarted", category=UserWarning)
     # Each has its share of the processors for its linear algebra.
     threads = str(max(1, default_workers() // count))
     env = {name: os.environ.get(name, threads) for name in THREADS}
