@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from oed.records.record import Record
+from oed.records.stored.result import Result
 
 REST = {
     "format": 1,
@@ -33,3 +34,14 @@ def record_from(data: Mapping[str, Any]) -> Record:
     Its parts are checked one by one, and nothing against the study.
     """
     return Record.model_validate({**REST, **data})
+
+
+def exceeding(result: Result, **shares: float) -> Result:
+    """A result that exceeds limits by shares of their sizes."""
+    margins = [
+        one.model_copy(update={"margin": -shares[one.limit] * one.size, "satisfied": False})
+        if one.limit in shares
+        else one
+        for one in result.margins
+    ]
+    return result.model_copy(update={"feasible": False, "margins": margins, "violations": shares})
