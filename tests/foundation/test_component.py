@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 import oed.study.study
 from oed.foundation.component import Component
@@ -58,7 +59,7 @@ def test_there_are_many_numbers():
 @pytest.mark.parametrize("value", [True, False])
 def test_no_field_takes_true_for_a_number(value: bool):
     for part, name in numbers():
-        with pytest.raises(PartError) as caught:
+        with pytest.raises((PartError, ValidationError)) as caught:
             part.model_validate({name: value})
         assert (name,) in [error["loc"][:1] for error in caught.value.errors()], (part, name)
 

@@ -376,7 +376,7 @@ def test_infeasible_limits_are_named():
     assert (solution.trajectory, solution.evaluation) == (None, None)
     assert [start.objective for start in solution.starts] == [None, None]
     assert solution.message.startswith(Status.INFEASIBLE.sentence)
-    assert "wheel_speed" in solution.message
+    assert "wheel speed (by at most" in solution.message
     assert "workspace" in solution.message
 
 

@@ -204,7 +204,7 @@ class TestUnreadable:
     @pytest.fixture
     def damaged(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         made = Provenance.of(packages={}, python=math.nan, platform="any", finished="now")
-        monkeypatch.setattr("oed.workflow.runner.provenance", lambda: made)
+        monkeypatch.setattr("oed.workflow.runner.provenance", lambda study: made)
         (tmp_path / "spare").mkdir()
         monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "spare"))
         monkeypatch.chdir(tmp_path)
