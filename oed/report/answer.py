@@ -12,7 +12,7 @@ from oed.records.stored.result import Result
 from oed.records.stored.study_record import StoredParameter
 from oed.report.parts.judging import judged, repeatable, repetitions_of, study_aim, tells
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import VARIANT, duration_text, in_place
+from oed.report.parts.reading import duration_text, in_place, kind_of
 
 SAY = Prose("answer")
 EQUAL = 0.05
@@ -95,7 +95,7 @@ def _rank(record: Record, one: Result) -> tuple[int, bool, float]:
 
 def _pattern(baseline: Result) -> str:
     # What is driven, of whichever length.
-    return words(baseline.name.removesuffix(VARIANT))
+    return words(kind_of(baseline))
 
 
 def title_of(record: Record) -> str:

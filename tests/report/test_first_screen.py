@@ -10,11 +10,13 @@ from pathlib import Path
 import pytest
 import sample_records
 import sample_rooms
+from places import REPORTS
 from recorded import record_from
 from shown_in import section
 
 from oed.foundation.errors import UserMistake
-from oed.records.record import Record
+from oed.records.record import Record, load_record
+from oed.report.answer import best_baseline
 from oed.report.figures import ranking
 from oed.report.figures.draw import drawn
 from oed.report.figures.spec import WIDTH, Line, Note, Panel, Plot
@@ -226,3 +228,25 @@ def test_labels_of_a_wide_range_stay_apart(widest: float) -> None:
     boxes = [one.get_window_extent() for one in labels if low <= one.get_position()[0] <= high]
     assert len(boxes) >= 1
     assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
+
+
+def test_of_a_kind_figures_show_the_baseline_that_the_headline_names() -> None:
+    flagship = load_record(REPORTS / "choi_skid_steer")
+    plain = flagship.result("figure_eight")
+    assert plain is not None
+    for share in (0.9, 1.1):
+        other = plain.model_copy(
+            update={"name": "figure_eight_same_length", "objective": share * plain.worth}
+        )
+        results = [one for one in flagship.results if "figure_eight" not in one.name]
+        record = flagship.model_copy(update={"results": [*results, plain, other]})
+        eights = [one.name for one in drivable(record) if one.name.startswith("figure_eight")]
+        assert eights == [plain.name if share < 1 else other.name]
+        best = best_baseline(record)
+        assert best is not None
+        assert best.name in eights
+        made = comparison(record)
+        assert made is not None
+        shown = str(made.pictures[0].figure)
+        assert "Figure eight" in shown
+        assert "same length" not in shown

@@ -34,12 +34,26 @@ def or_infinite(result: Result, number: float | None) -> float | None:
 
 
 def drivable(record: Record) -> list[Result]:
-    """The drives to choose from: those that satisfy every limit, no baseline of the design's length.
+    """The drives to choose from: those that satisfy every limit, of each kind of baseline the better one.
 
     All drives where none satisfies every limit.
     """
     known = with_drive(record)
-    return [one for one in known if one.feasible and VARIANT not in one.name] or known
+    kinds: dict[str, Result] = {}
+    for one in known:
+        if one.feasible:
+            other = kinds.get(kind_of(one))
+            kinds[kind_of(one)] = one if other is None else max(other, one, key=_worth)
+    return list(kinds.values()) or known
+
+
+def kind_of(result: Result) -> str:
+    """A result's name, of a baseline as long as the design its kind's."""
+    return result.name.removesuffix(VARIANT)
+
+
+def _worth(result: Result) -> float:
+    return -math.inf if result.worth is None or result.useless else result.worth
 
 
 def called(record: Record, result: Result) -> str:

@@ -15,7 +15,15 @@ from oed.records.stored.study_record import StoredParameter
 from oed.report.figures.ranking import Scale, ranking
 from oed.report.parts.judging import Aim, aim_of, judged, plain_aim, repeatable, repetitions_of, study_aim
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import called, drivable, found_by, or_infinite, regression_of, with_drive
+from oed.report.parts.reading import (
+    VARIANT,
+    called,
+    drivable,
+    found_by,
+    or_infinite,
+    regression_of,
+    with_drive,
+)
 from oed.report.parts.section import Column, Picture, Section, Table
 from oed.report.sections.limits import exceeded
 
@@ -40,7 +48,7 @@ def comparison(record: Record) -> Section | None:
     if not scales:
         return None
     designs = [one.origin == "search" for one in shown]
-    names = [called(record, one) for one in shown]
+    names = [called(record, one).removesuffix(words(VARIANT)) for one in shown]
     picture = Picture(
         "candidates",
         SAY("alt"),

@@ -12,7 +12,7 @@ from oed.records.record import Record
 from oed.records.stored.simulation import Simulated
 from oed.report.figures import spread
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import VARIANT, called_by, nuisance_names, regression_of
+from oed.report.parts.reading import called_by, drivable, nuisance_names, regression_of
 from oed.report.parts.section import Column, Picture, Section, Table
 
 SAY = Prose("validation")
@@ -138,11 +138,12 @@ def _clouds(
     record: Record, every: Sequence[Simulated], chosen: Sequence[Simulated], several: bool
 ) -> Iterator[Picture]:
     # A figure for each pair of parameters: the design by every estimator first, then other drives.
+    shown = [one.name for one in drivable(record)]
     others = [
         one
         for one in every
         if not any(one is other for other in chosen)
-        and VARIANT not in one.name
+        and one.name in shown
         and one.estimator == chosen[0].estimator
     ]
     others.sort(key=lambda one: _worth(record, one), reverse=True)
