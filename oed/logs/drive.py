@@ -72,6 +72,7 @@ def _to_log(drive: RecordedDrive, form: LogForm, held: Repeats) -> Log:
     flaws = [*_clock_flaws(drive)]
     if flaws:
         raise LogError(flaws)
+    drive = _without_slips(drive)
     drive = drive.with_found(
         findings.uneven_clock(drive.inputs, "rows" if drive.one_clock else "inputs"),
         None if drive.one_clock else findings.uneven_clock(drive.poses, "poses"),
@@ -94,6 +95,13 @@ def _to_log(drive: RecordedDrive, form: LogForm, held: Repeats) -> Log:
         findings=drive.found,
         gap=form.gap,
     )
+
+
+def _without_slips(drive: RecordedDrive) -> RecordedDrive:
+    inputs, poses = drive.inputs.without_slips(), drive.poses.without_slips()
+    slips = len(drive.inputs) - len(inputs), len(drive.poses) - len(poses)
+    said = findings.same_times(max(slips) if drive.one_clock else sum(slips))
+    return replace(drive, inputs=inputs, poses=poses).with_found(said)
 
 
 def _clock_flaws(drive: RecordedDrive) -> Iterator[FileFlaw]:

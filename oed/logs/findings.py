@@ -105,6 +105,12 @@ def stationary(series: Series, driven: Array, *, at_end: bool) -> Finding | None
     return Finding(name, f"the robot stands for the {word} {seconds:.3g} s, not informative about its wheels")
 
 
+def same_times(rows: int) -> Finding | None:
+    """Rows left out that the next one follows at the same time; None of none."""
+    text = f"{rows} row(s) have the time of the next one, by a slip of the logger; left out"
+    return Finding("same_times", text) if rows else None
+
+
 def held(kept: Series, stale: int, rows: int) -> Finding:
     """Poses left out as held values of a slower sensor.
 

@@ -21,6 +21,8 @@ MOST_OF_A_KIND = 10
 
 SHORTEST = 1e-9
 """A step in time that is none [s]."""
+RARE = 1e-3
+"""Share of rows up to which times that stand still are slips of a logger, of which the later row counts."""
 
 _VARYING = re.compile(r"'[^']*'|[-+]?\d[\d.e+-]*")
 """What differs between flaws of one kind: quoted texts and numbers."""
@@ -119,10 +121,20 @@ class Series:
         same = (np.diff(self.times) == 0) & np.all(np.diff(self.values, axis=0) == 0, axis=1)
         return self.rows(np.concatenate([[True], ~same])) if len(self) else self
 
+    def without_slips(self) -> Series:
+        """Without rows at whose time there is a later one, where these are rare."""
+        return self.rows(np.append(~self._slips, True)) if self._slips.any() else self
+
+    @property
+    def _slips(self) -> Bools:
+        # Rows (n - 1,) that the next one follows at the same time; none where there are many of them.
+        same = np.abs(np.diff(self.times)) <= SHORTEST
+        return np.asarray(same & (same.sum() <= RARE * len(self)))
+
     def clock_flaws(self) -> list[FileFlaw]:
-        """Every row whose time does not rise."""
+        """Every row whose time does not rise, but for rare slips."""
         flaws = []
-        for row in np.flatnonzero(np.diff(self.times) <= SHORTEST).tolist():
+        for row in np.flatnonzero((np.diff(self.times) <= SHORTEST) & ~self._slips).tolist():
             before, after = self.times[row], self.times[row + 1]
             before_it = f"({self.counted} {self.lines[row]})"
             if before <= after:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,6 +71,24 @@ class TestClocks:
         log = read_one(write(tmp_path / "a.csv", [*rows[:9], rows[8], *rows[9:]]))
         assert found(log) == {"duplicate_rows": "1 row(s) repeat the one before, time and all; left out"}
         np.testing.assert_array_equal(log.input_times, TABLE[:, 0])
+
+    @pytest.mark.parametrize("keys", [{}, {"inputs": ANGLES}], ids=["speeds", "angles"])
+    def test_a_time_that_is_there_twice_among_many(self, tmp_path: Path, keys: dict[str, Any]):
+        times = np.arange(2000) / 100
+        turned = 3 * np.sin(times)[:, None] + [0, 0.1]
+        values = turned if keys else 3 * np.cos(times)[:, None] * [1, 1]
+        table = np.column_stack([times, values, 0.1 * turned, 0.1 + 0 * times])
+        clean = read_one(write(tmp_path / "a.csv", cells(table)), **keys)
+        table[700, 0] = table[701, 0]
+        log = read_one(write(tmp_path / "b.csv", cells(table)), **keys)
+        assert found(log) == {
+            **found(clean),
+            "same_times": "1 row(s) have the time of the next one, by a slip of the logger; left out",
+        }
+        kept = np.delete(np.arange(2000), 700)
+        np.testing.assert_array_equal(log.input_times, times[kept])
+        np.testing.assert_array_equal(log.poses, clean.poses[kept])
+        np.testing.assert_allclose(log.integrals, clean.integrals[kept], atol=1e-3)
 
 
 class TestStanding:
