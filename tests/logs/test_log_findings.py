@@ -7,7 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from logged import HEADER, INPUTS, PERIOD, ROBOT, cells, doubtful, drive, form, found, read_one, write
+from logged import (
+    HEADER,
+    INPUTS,
+    PERIOD,
+    ROBOT,
+    cells,
+    doubtful,
+    drive,
+    flaws_of,
+    form,
+    found,
+    read_one,
+    write,
+)
 
 from oed.logs import read_logs
 
@@ -223,3 +236,20 @@ def test_a_counter_that_begins_anew_is_run_on(tmp_path: Path):
     np.testing.assert_allclose(log.integrals, np.radians(degrees - degrees[0]), atol=1e-9)
     count = int(np.sum(np.abs(np.diff(table[:, 1:3], axis=0)) > 180))
     assert found(log) == {"counter_wrapped": f"counters began anew {count} times; unwrapped"}
+
+
+class TestPosesBeside:
+    """A file of poses is written by another program than the log."""
+
+    @pytest.mark.parametrize(("delimiter", "name"), [(";", ";"), ("|", "|"), ("\t", "tab")])
+    def test_it_has_a_delimiter_and_a_header_of_its_own(self, tmp_path: Path, delimiter: str, name: str):
+        log = write(tmp_path / "a.csv", cells(TABLE[:, :3]), HEADER[:3])
+        rows = [delimiter.join(map(str, row)) for row in TABLE[:, [0, 3, 4, 5]]]
+        columns = {"time": {"column": 0}, "x": {"column": 1}, "y": {"column": 2}, "heading": {"column": 3}}
+        own = {"file": "{stem}_poses.csv", "delimiter": name, "header": True, **columns}
+        (tmp_path / "a_poses.csv").write_text(delimiter.join("1234") + "\n" + "\n".join(rows) + "\n")
+        found = read_one(log, poses=own)
+        np.testing.assert_allclose(found.poses, TABLE[:, 3:])
+        # Names that are numbers pass for a row where it is not said that they are names.
+        flaw = flaws_of(log, poses={**own, "header": False})[0]
+        assert flaw.message == "time goes back: 0 s after 1 s (line 1)"

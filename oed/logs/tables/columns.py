@@ -18,6 +18,7 @@ from oed.foundation.quantities import parse_quantity
 from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import System
 from oed.logs.form import Repeats
+from oed.logs.tables.table import Delimiter
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Seconds in each unit of time that logs have."""
@@ -113,6 +114,7 @@ class PoseColumns(Component):
         time: column of their own clock, where it is not that of the inputs.
         file: they are in a file of their own, beside the log; "{stem}" stands for the log's stem.
         form: of that file: "tum" (timestamp, position, quaternion) or "csv"; by its ending by default.
+        delimiter, header: of that file, as of the log's own; found by itself by default.
         held: "drop" rows that repeat a pose while the wheels turn, as a slower sensor's do, or "keep" them.
     """
 
@@ -125,6 +127,8 @@ class PoseColumns(Component):
     time: Annotated[TimeColumn, Short("column")] | None = None
     file: str | None = None
     form: Literal["tum", "csv"] | None = None
+    delimiter: Delimiter | None = None
+    header: bool | None = None
     held: Repeats = "drop"
 
     @property

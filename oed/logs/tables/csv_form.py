@@ -17,7 +17,7 @@ from oed.logs.tables.columns import Column, PoseColumns, Short, TimeColumn
 from oed.logs.tables.csv_drives import drives_in
 from oed.logs.tables.input_columns import AnyInputColumn, input_flaws
 from oed.logs.tables.sheet import Wanted, read_sheet
-from oed.logs.tables.table import DELIMITERS, read_table
+from oed.logs.tables.table import Delimiter, read_table
 
 
 def _names(value: Any) -> Any:
@@ -38,7 +38,7 @@ class CsvForm(LogForm):
     """
 
     kind: Literal["csv"] = "csv"
-    delimiter: Literal[",", ";", "\t", " ", "|", "tab", "blanks"] | None = None
+    delimiter: Delimiter | None = None
     header: bool | None = None
     time: Annotated[TimeColumn, Short("column")] = TimeColumn(column="t")
     inputs: dict[str, AnyInputColumn] = {}  # noqa: RUF012
@@ -58,7 +58,6 @@ class CsvForm(LogForm):
         """
         if is_bag(file):
             raise LogError.about(file, "is a ROS bag, not a CSV; say `kind: rosbag` under `log`")
-        delimiter = DELIMITERS.get(self.delimiter or "", self.delimiter)
-        table = read_table(file, delimiter, self.header)
+        table = read_table(file, self.delimiter, self.header)
         drives = drives_in(read_sheet(table, self, model), model, self.gap)
         return to_logs(drives, self, self.poses.held)

@@ -212,7 +212,7 @@ def _read_poses(
     if beside is not None and poses.is_tum:
         return tuple(poses.columns), _read_tum(beside, poses, form.skip_invalid_rows)
     if beside is not None:
-        table = read_table(beside)
+        table = read_table(beside, poses.delimiter, poses.header)
         # A file of poses need not know of runs, even where the log does.
         runs = runs if runs is not None and runs.column in table.header else None
     columns = _pose_columns(table, poses, model)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from oed.foundation.shown import written
 from oed.foundation.text import did_you_mean
 from oed.logs.series import NotInLog, Rows, shortened
 
+Delimiter = Literal[",", ";", "\t", " ", "|", "tab", "blanks"]
 BLANKS = " "
 """Stands for any number of blanks between cells."""
 DELIMITERS = {"tab": "\t", "blanks": BLANKS}
@@ -181,7 +183,7 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
     Args:
         file: to read; lines that begin with # or % are comments, of which one right above the first row
             may be the header.
-        delimiter: between cells, " " for any number of blanks; found by itself if None.
+        delimiter: between cells, as studies name it, " " for any number of blanks; found by itself if None.
         header: whether the first row has the names; if None it does where it is not all numbers.
 
     Raises:
@@ -194,7 +196,7 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
     if not kept:
         raise LogError.about(file, "the file has no rows")
     rows, lines = [texts[index] for index in kept], np.array(kept, dtype=np.intp) + 1
-    delimiter = delimiter or _delimiter(rows[:_LOOKED_AT])
+    delimiter = DELIMITERS.get(delimiter or "", delimiter) or _delimiter(rows[:_LOOKED_AT])
     quoted = delimiter != BLANKS and any(QUOTE in row for row in rows)
     cells = partial(_quoted_cells if quoted else _plain_cells, delimiter)
     if quoted:
