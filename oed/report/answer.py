@@ -10,7 +10,7 @@ from oed.foundation.text import deviation_text, given_text, nominal_text, own_un
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.records.stored.study_record import StoredParameter
-from oed.report.parts.judging import judged, repeatable, repetitions_of, study_aim, tells
+from oed.report.parts.judging import identifies, judged, repeatable, repetitions_of, study_aim
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import duration_text, in_place, kind_of
 
@@ -77,16 +77,16 @@ def answer_of(record: Record) -> Answer | None:
 def best_baseline(record: Record) -> Result | None:
     """The best baseline among those that satisfy every limit; None without any.
 
-    That is the one that tells the most parameters, and of those that tell all, the one of the largest
-    objective; where none does, the most precise about what it tells.
+    That is the one that identifies the most parameters, and of those that identify all, the one of the
+    largest objective; where none does, the most precise about what it identifies.
     """
     driven = [one for one in record.results if one.origin == "baseline" and one.feasible]
     return max(driven, key=lambda one: _rank(record, one), default=None)
 
 
 def _rank(record: Record, one: Result) -> tuple[int, bool, float]:
-    known, asked = [each for each in judged(record) if tells(one, each)], judged(record)
-    # Without noise nothing is told of any parameter, and objectives are all there is.
+    known, asked = [each for each in judged(record) if identifies(one, each)], judged(record)
+    # Without noise no standard error is known, and objectives are all there is.
     if len(known) == len(asked) or not any(one.standard_deviations.values()):
         return len(known), not one.useless, one.worth or -math.inf
     errors = [(one.standard_deviations[each.name] or 1.0) / (abs(each.nominal) or 1.0) for each in known]
@@ -116,7 +116,7 @@ def rows_of(
 
     Args:
         parameters: that are estimated.
-        drive: that tells them.
+        drive: that identifies them.
         beside: another drive, to compare with.
     """
     return tuple(_row(one, drive, beside) for one in parameters) if drive.standard_deviations else ()
@@ -133,7 +133,7 @@ def _error(parameter: StoredParameter, result: Result) -> str:
     size = result.standard_deviations.get(parameter.name)
     if size is None:
         return SAY("open")
-    return deviation_text(size, parameter.unit) if tells(result, parameter) else SAY("beyond")
+    return deviation_text(size, parameter.unit) if identifies(result, parameter) else SAY("beyond")
 
 
 def _compared(record: Record, winner: Result, baseline: Result | None) -> str:
@@ -143,10 +143,10 @@ def _compared(record: Record, winner: Result, baseline: Result | None) -> str:
     name = _pattern(baseline)
     if baseline.name == winner.name:
         return SAY("baseline", name)
-    own = [one for one in judged(record) if tells(winner, one)]
-    untold = [one.name for one in own if not tells(baseline, one)]
-    if untold or baseline.useless:
-        return SAY("useless", name, untold)
+    own = [one for one in judged(record) if identifies(winner, one)]
+    unidentified = [one.name for one in own if not identifies(baseline, one)]
+    if unidentified or baseline.useless:
+        return SAY("useless", name, unidentified)
     return _weighed(record, winner, baseline)
 
 

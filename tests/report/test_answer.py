@@ -46,8 +46,8 @@ def baselines_of(record: Record) -> list[Any]:
     return [one for one in record.results if one.origin == "baseline" and one.feasible and not one.useless]
 
 
-def told_by(record: Record, one: Any) -> int:
-    """How many parameters a drive tells with an error below their size."""
+def identified_by(record: Record, one: Any) -> int:
+    """How many parameters a drive identifies, with an error below their size."""
     sizes = [(one.standard_deviations.get(each.name), abs(each.nominal)) for each in judged(record)]
     return sum(error is not None and (not size or error <= size) for error, size in sizes)
 
@@ -69,10 +69,10 @@ def test_no_headline_names_a_baseline_worse_than_the_best_that_can_be_driven(mak
     record = make()
     answer, best = answer_of(record), best_baseline(record)
     assert answer is not None
-    told = {one.name: told_by(record, one) for one in baselines_of(record)}
+    identified = {one.name: identified_by(record, one) for one in baselines_of(record)}
     for one in baselines_of(record):
-        assert told[best.name] >= told[one.name]
-        if told[one.name] == len(judged(record)):
+        assert identified[best.name] >= identified[one.name]
+        if identified[one.name] == len(judged(record)):
             assert best.worth >= one.worth
     if answer.baseline:
         assert answer.baseline == words(best.name.removesuffix("_same_length"))

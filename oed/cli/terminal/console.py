@@ -195,7 +195,7 @@ def _print_line(console: Console, line: str) -> None:
 
 
 def print_driven(found: DrivenPaths) -> None:
-    """What driven paths tell: every standard error, beside the best design's, and limits that they exceed."""
+    """Of driven paths every standard error, beside the best design's, and limits that they exceed."""
     from oed.report.answer import rows_of
 
     beside = "" if found.design is None else f"best design ({found.design.name})"

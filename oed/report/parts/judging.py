@@ -123,8 +123,8 @@ def repetitions_of(record: Record, result: Result) -> float | None:
     return None if share is None else 1.0 / share if share > 0 else math.inf
 
 
-def tells(result: Result, parameter: StoredParameter) -> bool:
-    """Whether a drive tells a parameter: with a standard error below its size, where it has one."""
+def identifies(result: Result, parameter: StoredParameter) -> bool:
+    """Whether a drive identifies a parameter: with a standard error below its size, where it has one."""
     error = result.standard_deviations.get(parameter.name)
     return error is not None and not 0 < abs(parameter.nominal) < error
 
