@@ -30,7 +30,8 @@ class Outcome:
         iterations, evaluations: that it took.
         row_multipliers, bound_multipliers: Lagrange's.
         maximised: what was maximised, there.
-        gains: by how much more that would be, to first order, were each limit wider: per share of its size.
+        gains: by how much more that would be, to first order, were each limit wider: per share of its size;
+            (0,) where it did not succeed.
     """
 
     unknowns: Array
@@ -168,6 +169,9 @@ class Program:
             "ubx": np.concatenate([high, unbounded if auxiliary_upper is None else auxiliary_upper]),
         }
         outcome = self._solved(given, after)
+        if not outcome.succeeded:
+            # Of no optimum multipliers say nothing.
+            return outcome
         rows, bounds = outcome.row_multipliers, outcome.bound_multipliers
         multipliers = np.concatenate([bounds[: len(low)], rows[self._equalities + self._floors :]])
         return replace(outcome, gains=self._frame.gains(shares, multipliers))
