@@ -142,16 +142,31 @@ def _without_held(drive: RecordedDrive) -> RecordedDrive:
         [np.interp(poses.times, drive.inputs.times, column) for column in drive.driven.T]
     )
     stale = ~changed & np.any(np.abs(at_poses - at_poses[since]) > STILL, axis=1)
+    lasting = _lasting(poses.times, changed, stale)
     if np.all(np.abs(drive.driven[1] - drive.driven[0]) <= STILL):
         # A drive from rest: the wheels' clock may be ahead of the poses' at the start.
-        stale &= since > 0
+        stale &= (since > 0) | (lasting > MARGIN)
     if not stale.any():
         return drive
     kept = poses.rows(~stale)
-    if len(kept) < FEWEST:
+    if min(len(kept), int(changed.sum())) < FEWEST:
         text = "the pose hardly ever changes while the wheels turn; did the reference run?"
         raise LogError([poses.flaw(0, "", f"{drive.name}: {text}")])
-    return replace(drive, poses=kept).with_found(findings.held(kept, int(stale.sum()), len(poses)))
+    lost = stale & (lasting > findings.gap_limit(poses.times[changed], None))
+    slow = stale & ~lost
+    return replace(drive, poses=kept).with_found(
+        findings.held(kept, int(slow.sum()), len(poses)) if slow.any() else None,
+        findings.tracker_lost(poses, lost) if lost.any() else None,
+    )
+
+
+def _lasting(times: Array, changed: Bools, stale: Bools) -> Array:
+    # For how long poses (m,) that are stale are so until they change [s]; 0 of others.
+    own = np.cumsum(changed) - 1
+    ends = times[np.append(np.flatnonzero(changed)[1:], len(times) - 1)]
+    begun = np.full(len(ends), np.inf)
+    np.minimum.at(begun, own[stale], times[stale])
+    return np.where(stale, ends[own] - begun[own], 0.0)
 
 
 def _without_standing(drive: RecordedDrive) -> RecordedDrive:
@@ -170,8 +185,8 @@ def _without_standing(drive: RecordedDrive) -> RecordedDrive:
 def _with_gaps_found(drive: RecordedDrive, gap: float | None) -> RecordedDrive:
     bridged = bool(drive.bridged.all())
     same = np.array_equal(drive.inputs.times, drive.poses.times)
-    inputs = findings.gap(drive.inputs, gap, "rows" if same else "inputs", doubtful=not bridged)
-    poses = None if same else findings.gap(drive.poses, gap, "poses", doubtful=False)
+    inputs = findings.input_gap(drive.inputs, gap, "rows" if same else "inputs", doubtful=not bridged)
+    poses = None if same else findings.pose_gap(drive.poses, gap)
     return drive.with_found(inputs, poses, findings.little_overlap(drive.inputs, drive.poses))
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from oed.foundation.arrays import Array
-from oed.logs.log import Finding
+from oed.foundation.arrays import Array, Bools
+from oed.logs.log import BRIDGED, Finding
 from oed.logs.series import Series
 
 GAP_STEPS = 5.0
@@ -41,8 +41,8 @@ def gap_limit(times: Array, gap: float | None) -> float:
     return float(GAP_STEPS * np.median(np.diff(times))) if gap is None else gap
 
 
-def gap(series: Series, limit: float | None, what: str, *, doubtful: bool) -> Finding | None:
-    """Steps in time that are too long.
+def input_gap(series: Series, limit: float | None, what: str, *, doubtful: bool) -> Finding | None:
+    """Steps in time of the inputs that are too long.
 
     Args:
         series: on one clock.
@@ -50,17 +50,32 @@ def gap(series: Series, limit: float | None, what: str, *, doubtful: bool) -> Fi
         what: of the log, for the message.
         doubtful: whether a gap casts doubt on the estimates.
     """
+    text = _gaps(series, limit, what)
+    unknown = "; what the wheels did meanwhile was not logged" if doubtful else ""
+    return Finding("gap", text + unknown, doubtful) if text else None
+
+
+def pose_gap(poses: Series, limit: float | None) -> Finding | None:
+    """Steps in time of the poses that are too long; `limit` as for `input_gap`."""
+    text, longest = _gaps(poses, limit, "poses"), float(np.diff(poses.times).max())
+    if limit is not None:
+        after = "segments end there, as `gap` asks"
+    else:
+        which = "it" if longest <= BRIDGED else f"those of up to {BRIDGED:g} s"
+        after = f"the wheels carry segments on through {which}"
+    return Finding("gap", f"{text}; {after}") if text else None
+
+
+def _gaps(series: Series, limit: float | None, what: str) -> str:
+    # "" without any.
     steps = np.diff(series.times)
     longer = steps > gap_limit(series.times, limit) * (1 + 1e-9)
-    if not longer.any():
-        return None
     longest = int(np.argmax(steps))
     text = (
         f"{_times(int(longer.sum()), 'gap')} in the {what}; the longest is {steps[longest]:.3g} s "
         f"from {series.at(longest)}"
     )
-    unknown = "; what the wheels did meanwhile was not logged" if doubtful else ""
-    return Finding("gap", text + unknown, doubtful)
+    return text if longer.any() else ""
 
 
 def uneven_clock(series: Series, what: str) -> Finding | None:
@@ -125,6 +140,25 @@ def held(kept: Series, stale: int, rows: int) -> Finding:
         f"as a slower sensor's do; left out, a new one comes every {period:.3g} s"
     )
     return Finding("held_poses", text)
+
+
+def tracker_lost(poses: Series, lost: Bools) -> Finding:
+    """Poses left out as those of a tracker that had lost the robot.
+
+    Args:
+        poses: all of them.
+        lost: which are left out, (m,).
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]])))
+    first, after = edges[::2], np.minimum(edges[1::2], len(poses) - 1)
+    longest = int(np.argmax(poses.times[after] - poses.times[first]))
+    text = (
+        f"{int(lost.sum())} of {len(poses)} poses repeat the one before while the wheels turn, as those of a "
+        f"tracker that lost the robot: {_times(len(first), 'time')}, the longest for "
+        f"{poses.times[after[longest]] - poses.times[first[longest]]:.3g} s from {poses.at(first[longest])}; "
+        "left out"
+    )
+    return Finding("tracker_lost", text)
 
 
 def skipped_rows(series: Series, what: str) -> Finding | None:

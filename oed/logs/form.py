@@ -34,7 +34,8 @@ class LogForm(Component, ABC):
     """How a robot's logs are read.
 
     Attributes:
-        gap: longer steps in time are gaps [s]; five median steps by default.
+        gap: longer steps in time are gaps [s], at which segments end. By default five median steps, but where
+            only poses are missing for up to `oed.logs.log.BRIDGED` the wheels carry segments on.
         skip_stationary: whether to cut off standing before and after the drive, but for a second.
         skip_invalid_rows: whether inputs and poses of rows (in a bag: messages) that have no finite number
             there are left out, and counted, instead of refused.

@@ -11,6 +11,10 @@ from oed.foundation.arrays import Array
 from oed.foundation.presenting import Card, Presented, dataframe, given
 from oed.foundation.text import given_text
 
+BRIDGED = 10.0
+"""Longest time without poses through which the wheels carry a segment on [s]. A robot lost for longer may
+have been carried elsewhere, and a new start costs little."""
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -41,8 +45,10 @@ class Log(Presented):
         poses: (m, quantities).
         quantities: which of the robot's states they are, "x", "y", "heading", ...; headings are unwrapped.
         findings: what was found while reading.
-        gap: longer steps of either clock are gaps [s]; five usual steps if None.
+        gap: longer steps of either clock are gaps that no segment goes on through [s]. If None, five usual
+            steps of the inputs' clock, and `BRIDGED` of the poses'.
         averaged: how many of the sensor's poses each pose is the mean of.
+        breaks: times between poses at which every segment ends [s].
     """
 
     name: str
@@ -55,6 +61,7 @@ class Log(Presented):
     findings: tuple[Finding, ...] = ()
     gap: float | None = None
     averaged: int = 1
+    breaks: tuple[float, ...] = ()
 
     @property
     def duration(self) -> float:

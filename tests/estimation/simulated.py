@@ -261,6 +261,25 @@ def several(
     ]
 
 
+def with_losses(log: Log, seed: int = 0, share: float = 0.3, seconds: float = 0.1) -> Log:
+    """The same without the poses of bursts in which the tracker lost the robot.
+
+    Args:
+        log: with all poses.
+        seed: of the bursts.
+        share: of the poses lost.
+        seconds: mean length of a burst [s].
+    """
+    rng, times = np.random.default_rng([seed, 4]), log.pose_times
+    lost, end = np.zeros(len(times), dtype=bool), times[0]
+    while end < times[-1]:
+        begin = end + rng.exponential(seconds * (1 - share) / share)
+        end = begin + rng.exponential(seconds)
+        lost |= (times > begin) & (times < end)
+    lost[[0, -1]] = False
+    return replace(log, pose_times=times[~lost], poses=log.poses[~lost])
+
+
 def exchanged(log: Log, first: int = 0, second: int = 1) -> Log:
     """The same with two inputs' columns exchanged."""
     order = list(range(log.integrals.shape[1]))

@@ -132,9 +132,16 @@ class TestLogs:
         assert found.rmse_heading is found.end_heading is found.drift_heading is None
         assert np.isnan(found.turns[:, 0]).all()
 
-    def test_gaps_begin_anew(self):
+    def test_goes_on_through_gaps(self):
         kept = (LOG.pose_times < 6) | (LOG.pose_times > 9)
         found = reckon(replace(LOG, pose_times=LOG.pose_times[kept], poses=LOG.poses[kept]))
+        assert np.isnan(found.path[:, 0]).sum() == 1
+        whole = reckon(LOG)
+        assert found.path[:-1] == pytest.approx(whole.path[:-1][kept], abs=1e-6)
+
+    def test_gaps_that_nothing_bridges_begin_anew(self):
+        kept = (LOG.pose_times < 6) | (LOG.pose_times > 9)
+        found = reckon(replace(LOG, pose_times=LOG.pose_times[kept], poses=LOG.poses[kept], gap=1.0))
         breaks = np.flatnonzero(np.isnan(found.path[:, 0]))
         assert len(breaks) == 2
         assert np.array_equal(np.isnan(found.times), np.isnan(found.path[:, 0]))

@@ -154,11 +154,12 @@ class TestRecovery:
             fit = fit_of(logs, unknowns_of(ROBOT, PLACE), seconds=seconds)
             assert fit.values == pytest.approx(np.array([*TRUTH.values(), *SITS]), rel=1e-6), seconds
 
-    def test_across_gaps_in_the_poses(self):
+    @pytest.mark.parametrize(("gap", "count"), [(None, 1), (3.0, 2)])
+    def test_across_gaps_in_the_poses(self, gap: float | None, count: int):
         log = log_of(course(seconds=16.0))
         kept = (log.pose_times < 5) | (log.pose_times > 9)
-        fit = fit_of([replace(log, pose_times=log.pose_times[kept], poses=log.poses[kept])])
-        assert fit.layout.count == 2
+        fit = fit_of([replace(log, pose_times=log.pose_times[kept], poses=log.poses[kept], gap=gap)])
+        assert fit.layout.count == count
         assert fit.values == pytest.approx(np.array([*TRUTH.values()]), rel=1e-6)
 
     def test_of_one_parameter_the_others_nominal(self):

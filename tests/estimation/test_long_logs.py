@@ -9,10 +9,11 @@ import pytest
 from simulated import ROBOT, TRUTH, course, log_of, logged_problem, options
 
 from oed.estimation import calibrate
+from oed.estimation.prediction.layout import stretches
 from oed.estimation.preprocessing import preprocess
 from oed.estimation.preprocessing.preprocess import BRIEF, PIECES, thinned, thinning_notes
 from oed.estimation.setup.noise import specified_noise
-from oed.logs.log import Log
+from oed.logs.log import BRIDGED, Log
 
 NOISE = (0.002, 0.005)
 
@@ -53,9 +54,10 @@ class TestThinned:
         (log,) = thinned([LONG], most=50)
         assert log.averaged == round(BRIEF / 0.002)
 
-    def test_never_over_a_gap(self):
-        gap = replace(LONG, pose_times=LONG.pose_times + 3.0 * (np.arange(len(LONG.pose_times)) >= 1001))
-        (log,) = thinned([gap], most=2000)
+    @pytest.mark.parametrize("gap", [None, 10.0])
+    def test_never_over_a_gap(self, gap: float | None):
+        times = LONG.pose_times + 3.0 * (np.arange(len(LONG.pose_times)) >= 1001)
+        (log,) = thinned([replace(LONG, pose_times=times, gap=gap)], most=2000)
         assert not np.any((log.pose_times > 2.0) & (log.pose_times < 5.0))
         assert np.diff(log.pose_times).max() == pytest.approx(3.0 + 0.002 * (6 + 1001 % 6), abs=1e-9)
 
@@ -76,9 +78,14 @@ class TestThinned:
             "15001 poses are more than a fit takes in reasonable time: 6000 kept in pieces"
         )
 
-    def test_what_is_left_out_is_a_gap_whatever_gaps_are_bridged(self):
-        (log,) = thinned([replace(fast(1500.0, 0.1), gap=1e6)], most=6000)
-        assert 0.1 < log.gap < np.diff(log.pose_times).max()
+    @pytest.mark.parametrize("gap", [None, 1e6])
+    def test_what_is_left_out_is_not_bridged(self, gap: float | None):
+        (log,) = thinned([replace(fast(1500.0, 0.1), gap=gap)], most=14_900)
+        assert len(log.breaks) == 9
+        assert log.gap == gap
+        # Left out are times that gaps of a tracker may well last.
+        assert np.diff(log.pose_times).max() < BRIDGED
+        assert len(stretches(log, 0.0)) == 10
 
     def test_stated_noise_is_that_of_the_means(self):
         measurement = logged_problem().measurement

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from simulated import ROBOT, XYH, course, log_of, search_of, several
 
 from oed.estimation.prediction.layout import SegmentLayout, cut, stretches
-from oed.logs.log import Log
+from oed.logs.log import BRIDGED, Log
 
 DRIVE = course(seconds=12.0)
 LOG = log_of(DRIVE)
@@ -76,12 +76,37 @@ class TestSegments:
 
 
 class TestGaps:
-    def test_of_the_poses_are_not_bridged(self):
+    def test_of_the_poses_are_bridged_by_the_wheels(self):
+        whole, layout = (cut([log], np.inf, [0.0]) for log in (LOG, without(LOG, 4.05, 6.05)))
+        assert layout.times == pytest.approx(whole.times)
+        assert layout.inputs(np.zeros(1)) == pytest.approx(whole.inputs(np.zeros(1)))
+        read = layout.valid.any(axis=-1)
+        assert np.array_equal(read, (whole.times < 4.05) | (whole.times > 6.05))
+        assert np.array_equal(layout.readings[read], whole.readings[read])
+
+    def test_longer_than_segments_are_not_bridged(self):
         log = without(LOG, 4.05, 6.05)
-        assert ends(cut([log], np.inf, [0.0])) == pytest.approx(np.array([[0.0, 4.0], [6.1, 12.0]]))
         pieces = parts(cut([log], 2.0, [0.0]))
         assert len(pieces) == 5
         assert max(np.diff(piece).max() for piece in pieces) == pytest.approx(0.1)
+
+    def test_longer_than_any_drive_is_trusted_are_not_bridged(self):
+        drive = course(seconds=30.0)
+        log = without(log_of(drive), 10.05, 10.05 + BRIDGED)
+        assert len(parts(cut([log], np.inf, [0.0]))) == 2
+        assert len(parts(cut([without(log_of(drive), 10.05, 9.95 + BRIDGED)], np.inf, [0.0]))) == 1
+
+    def test_that_a_study_names_are_not_bridged(self):
+        log = replace(without(LOG, 4.05, 6.05), gap=1.0)
+        assert ends(cut([log], np.inf, [0.0])) == pytest.approx(np.array([[0.0, 4.0], [6.1, 12.0]]))
+
+    def test_of_fast_poses_take_no_more_steps_than_motion_needs(self):
+        times = np.arange(6001) / 500
+        log = without(log_of(course(seconds=12.0, times=times)), 4.001, 4.999)
+        (steps,) = cut([log], np.inf, [0.0]).steps
+        assert steps.sum() == pytest.approx(12)
+        assert 45 <= np.count_nonzero(steps > 0.005) <= 55
+        assert steps.max() == pytest.approx(0.02, rel=1e-3)
 
     @pytest.mark.parametrize("offset", [0.0, 0.5])
     def test_of_the_inputs_are_not_bridged(self, offset: float):
@@ -90,7 +115,7 @@ class TestGaps:
         assert ends(cut([log], np.inf, [offset])) == pytest.approx(np.array([[0.0, 4.0], [6.1, 12.0]]))
 
     def test_poses_alone_in_the_middle_of_gaps_are_left_out(self):
-        log = without(without(LOG, 4.05, 5.05), 5.15, 6.05)
+        log = replace(without(without(LOG, 4.05, 5.05), 5.15, 6.05), gap=0.5)
         assert ends(cut([log], np.inf, [0.0])) == pytest.approx(np.array([[0.0, 4.0], [6.1, 12.0]]))
 
     def test_uneven_times_are_no_gaps(self):

@@ -176,8 +176,44 @@ class TestHeldPoses:
         table = TABLE.copy()
         table[100:140, 3:] = table[100, 3:]
         log = read_one(write(tmp_path / "a.csv", cells(table)))
-        assert set(found(log)) == {"held_poses", "gap"}
-        assert found(log)["gap"].startswith("1 gap in the poses; the longest is 2 s from t = 5 s (line 102)")
+        assert found(log) == {
+            "tracker_lost": "39 of 200 poses repeat the one before while the wheels turn, as those of a "
+            "tracker that lost the robot: 1 time, the longest for 1.95 s from t = 5.05 s (line 103); "
+            "left out",
+            "gap": "1 gap in the poses; the longest is 2 s from t = 5 s (line 102); "
+            "the wheels carry segments on through it",
+        }
+
+    def test_a_slow_reference_that_freezes(self, tmp_path: Path):
+        table = self.HELD.copy()
+        for first, last in ((48, 80), (120, 160)):
+            table[first:last, 3:] = table[first, 3:]
+        log = read_one(write(tmp_path / "a.csv", cells(table)))
+        times = TABLE[::4, 0]
+        kept = ~((times > 2.41) & (times < 3.99)) & ~((times > 6.01) & (times < 7.99))
+        np.testing.assert_allclose(log.pose_times, times[kept])
+        assert found(log)["held_poses"].startswith("96 of 200 poses (48 %)")
+        assert found(log)["held_poses"].endswith("a new one comes every 0.2 s")
+        assert "70 of 200 poses" in found(log)["tracker_lost"]
+        assert "2 times, the longest for 1.95 s from t = 6.05 s" in found(log)["tracker_lost"]
+
+    def test_a_reference_that_is_frozen_from_the_start(self, tmp_path: Path):
+        table = resting(30, 0)
+        table[:110, 3:] = table[0, 3:]
+        log = read_one(write(tmp_path / "a.csv", cells(table)))
+        assert "1 time, the longest for 3.95 s from t = 1.55 s" in found(log)["tracker_lost"]
+        np.testing.assert_allclose(log.pose_times, np.delete(table[:, 0], slice(31, 110)))
+
+    def test_a_reference_that_loses_a_standing_robot(self, tmp_path: Path):
+        # Nothing shows that it is lost until the wheels turn.
+        log = read_one(write(tmp_path / "a.csv", cells(resting(30, 60))))
+        assert found(log).keys() == {"stationary_start", "stationary_end"}
+
+    def test_a_gap_that_a_study_names(self, tmp_path: Path):
+        table = TABLE.copy()
+        table[100:140, 3:] = table[100, 3:]
+        log = read_one(write(tmp_path / "a.csv", cells(table)), gap="1 s")
+        assert found(log)["gap"].endswith("; segments end there, as `gap` asks")
 
 
 class TestHeadings:

@@ -18,7 +18,7 @@ import numpy as np
 from oed.foundation.arrays import Array, Bools, Places
 from oed.foundation.errors import FileFlaw, LogError
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.logs.log import Log
+from oed.logs.log import BRIDGED, Log
 
 CLOCK_STEP = 1e-3
 """Step of the difference quotient by a clock's offset [s]: motion is piecewise linear in time anyway."""
@@ -26,6 +26,9 @@ BEFORE, PARTS = 5.0, 50
 """Time that is looked back on before a segment [s], and in how many periods: longer than any lag lasts."""
 GAP = 5.0
 """How many times the usual period a step in time has to be to count as a gap."""
+STEPS = (0.02, 0.1)
+"""Shortest and longest steps of the grid through a gap of the poses [s]: shorter ones show no more of a
+robot's motion."""
 
 
 @dataclass(frozen=True)
@@ -175,49 +178,67 @@ def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> Segmen
         LogError: nothing is left of any log.
     """
     pieces = [
-        (number, part)
+        (number, part, _grid(log.pose_times[part], _usual(log)))
         for number, (log, offset) in enumerate(zip(logs, offsets, strict=True))
-        for stretch in stretches(log, offset)
+        for stretch in stretches(log, offset, seconds)
         for part in _parts(log.pose_times[stretch], stretch, seconds)
     ]
     if not pieces:
         text = "no poses while the wheels are logged; are the two clocks together?"
         raise LogError([FileFlaw(log.file, 0, 0, "", text) for log in logs])
-    longest = max(len(part) for _, part in pieces)
-    shape = (len(pieces), longest)
+    shape = (len(pieces), max(len(grid) for *_, grid in pieces))
     times, readings = np.zeros(shape), np.zeros((*shape, len(logs[0].quantities)))
     valid = np.zeros(readings.shape, dtype=bool)
-    for row, (number, part) in enumerate(pieces):
-        padded = np.concatenate([part, np.full(longest - len(part), part[-1])])
-        times[row] = logs[number].pose_times[padded]
-        readings[row] = logs[number].poses[padded]
-        valid[row, : len(part)] = True
-    owner = np.array([number for number, _ in pieces])
+    for row, (number, part, grid) in enumerate(pieces):
+        times[row] = np.pad(grid, (0, shape[1] - len(grid)), mode="edge")
+        read = np.searchsorted(grid, logs[number].pose_times[part])
+        readings[row, read], valid[row, read] = logs[number].poses[part], True
+    owner = np.array([number for number, *_ in pieces])
     return SegmentLayout(tuple(logs), owner, times, readings, valid, seconds)
 
 
-def stretches(log: Log, offset: float) -> list[Places]:
-    """Indices of poses with wheel motion and without gaps between them, each at least two."""
+def stretches(log: Log, offset: float, seconds: float = math.inf) -> list[Places]:
+    """Indices of poses that motion of the wheels connects, each at least two.
+
+    Args:
+        log: of both clocks.
+        offset: of the inputs' clock [s].
+        seconds: length of the segments to be cut: without poses the wheels carry on for as long, but for no
+            longer than `oed.logs.log.BRIDGED`.
+    """
     moments = log.pose_times + offset
     inside = np.flatnonzero((moments >= log.input_times[0]) & (moments <= log.input_times[-1]))
     if len(inside) < 2:
         return []
-    breaks = np.flatnonzero(_has_gap(log, inside, offset)) + 1
+    breaks = np.flatnonzero(_interrupted(log, inside, offset, seconds)) + 1
     return [part for part in np.split(inside, breaks) if len(part) > 1]
 
 
-def _has_gap(log: Log, inside: Places, offset: float) -> Bools:
-    # Between which poses one of the two clocks jumps.
-    steps, own = np.diff(log.pose_times[inside]), np.diff(log.input_times)
-    usual = float(np.median(steps))
-    longest = GAP * usual if log.gap is None else log.gap
-    found = (steps > longest) | (np.diff(inside) > 1)
+def _interrupted(log: Log, inside: Places, offset: float, seconds: float) -> Bools:
+    # Between which poses nothing connects them: neither clock may jump.
+    times, own, usual = log.pose_times[inside], np.diff(log.input_times), _usual(log)
+    longest = max(GAP * usual, min(seconds, BRIDGED)) if log.gap is None else log.gap
+    found = np.diff(times) > longest
     late = np.flatnonzero(own > (GAP * max(float(np.median(own)), usual) if log.gap is None else log.gap))
     for index in late:
         first, last = log.input_times[index] - offset, log.input_times[index + 1] - offset
-        times = log.pose_times[inside]
         found |= (times[:-1] < last) & (times[1:] > first)
-    return found
+    for moment in log.breaks:
+        found |= (times[:-1] < moment) & (times[1:] > moment)
+    return np.asarray(found)
+
+
+def _usual(log: Log) -> float:
+    # Step between poses [s].
+    return float(np.median(np.diff(log.pose_times)))
+
+
+def _grid(times: Array, usual: float) -> Array:
+    # Times of poses, and others in gaps between them through which motion is carried.
+    steps = np.diff(times)
+    parts = np.where(steps > GAP * usual, np.ceil(steps / np.clip(usual, *STEPS) - 1e-6), 1).astype(int)
+    first = np.concatenate([[0], np.cumsum(parts)])
+    return np.interp(np.arange(first[-1] + 1), first, times)
 
 
 def _parts(times: Array, stretch: Places, seconds: float) -> list[Places]:

@@ -98,11 +98,11 @@ def _averaged(log: Log, each: int) -> Log:
 
 
 def _groups(log: Log, each: int) -> Indices:
-    # Rows of poses that follow each other without a gap, (groups, each).
+    # Rows of poses that follow each other without a gap, (groups, each); what wheels bridge is one, too.
     steps = np.diff(log.pose_times)
-    longest = GAP * float(np.median(steps)) if log.gap is None else log.gap
-    stretches = np.split(np.arange(len(log.pose_times)), np.flatnonzero(steps > longest) + 1)
-    return np.concatenate([own[: len(own) // each * each].reshape(-1, each) for own in stretches])
+    longest = min(GAP * float(np.median(steps)), log.gap or math.inf)
+    whole = np.split(np.arange(len(log.pose_times)), np.flatnonzero(steps > longest) + 1)
+    return np.concatenate([own[: len(own) // each * each].reshape(-1, each) for own in whole])
 
 
 def _sampled(log: Log, share: float) -> Log:
@@ -116,11 +116,11 @@ def _sampled(log: Log, share: float) -> Log:
         f"{len(rows)} of {count} poses are used, in {pieces} pieces spread over the log, and the others left "
         "out: more would take long and hardly change the estimates"
     )
+    times = log.pose_times[rows]
     # What was left out is no motion to be bridged.
-    holes = np.diff(log.pose_times[rows])[np.diff(rows) > 1]
-    gap = log.gap if log.gap is None or not len(holes) else min(log.gap, float(holes.min()) / 2)
-    sampled = replace(log, pose_times=log.pose_times[rows], poses=log.poses[rows], gap=gap)
-    return sampled.found(SAMPLED, text)
+    holes = ((times[1:] + times[:-1]) / 2)[np.diff(rows) > 1]
+    breaks = (*log.breaks, *holes.tolist())
+    return replace(log, pose_times=times, poses=log.poses[rows], breaks=breaks).found(SAMPLED, text)
 
 
 @dataclass(frozen=True)
