@@ -85,6 +85,25 @@ class TestTables:
         keys = {"time": 0, "inputs": {name: index + 1 for index, name in enumerate(INPUTS)}}
         require_alike(read_one(file, header=True, **keys, poses={"x": 3, "y": 4, "heading": 5}))
 
+    @pytest.mark.parametrize(
+        "header",
+        [("t", *"01234"), (*HEADER[:4], "7", "3"), ("", *HEADER[1:])],
+    )
+    def test_a_header_may_have_a_few_numbers(self, tmp_path: Path, header: tuple[str, ...]):
+        places = {"time": 0, "inputs": dict(zip(INPUTS, (1, 2), strict=True))}
+        file = write(tmp_path / "a.csv", cells(TABLE), header)
+        require_alike(read_one(file, **places, poses={"x": 3, "y": 4, "heading": 5}))
+
+    def test_text_in_the_first_row_alone_makes_no_header(self, tmp_path: Path):
+        rows = [[*row, "ok"] for row in cells(TABLE)]
+        places = {"time": 0, "inputs": dict(zip(INPUTS, (1, 2), strict=True))}
+        poses = {"x": 3, "y": 4, "heading": 5}
+        require_alike(read_one(write(tmp_path / "a.csv", rows, None), **places, poses=poses))
+        rows[0][3:6] = ["None"] * 3
+        log = read_one(write(tmp_path / "a.csv", rows, None), **places, poses=poses, skip_invalid_rows=True)
+        np.testing.assert_allclose(log.pose_times, TABLE[1:, 0])
+        np.testing.assert_allclose(log.input_times, TABLE[:, 0])
+
     def test_comments_and_empty_lines_are_passed_over(self, tmp_path: Path):
         lines = [",".join(HEADER), "# begun", "", *(",".join(row) for row in cells(TABLE)), "# ended", ""]
         (tmp_path / "a.csv").write_text("\n".join(lines))
