@@ -6,7 +6,7 @@ import csv
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import pairwise
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import FileFlaw, LogError
 from oed.foundation.files import text_of
 from oed.foundation.quantities import plain_number
@@ -68,6 +68,7 @@ class Table:
             some have quotes.
         cut_off: whether the last line was left out because the file breaks off in it.
         header_in_doubt: whether the first row was taken for one of numbers though it has other cells as well.
+        left_out: how many rows before each, of its run, a study leaves out; None where it leaves out none.
     """
 
     file: str
@@ -78,6 +79,15 @@ class Table:
     plain: str | None
     cut_off: bool = False
     header_in_doubt: bool = False
+    left_out: Rows | None = None
+
+    def only(self, chosen: Bools) -> Table:
+        """The table with some of its rows."""
+        rows = np.flatnonzero(chosen)
+        left_out = None if self.left_out is None else self.left_out[rows]
+        in_doubt = self.header_in_doubt and bool(chosen[0])
+        own = [self.rows[row] for row in rows]
+        return replace(self, rows=own, lines=self.lines[rows], left_out=left_out, header_in_doubt=in_doubt)
 
     @cached_property
     def width(self) -> int:
@@ -156,6 +166,21 @@ class Table:
             return values, [FileFlaw(self.file, first, place + 1, self.label(place), text)]
         return values, [self.cell_flaw(row, place, cells[row]) for row in wrong]
 
+    def finite(self, place: int, skip: bool = False) -> Array:
+        """A column (rows,), not-a-number in empty cells.
+
+        Args:
+            place: of the column.
+            skip: whether some other cells may be no numbers.
+
+        Raises:
+            LogError: cells that are no numbers.
+        """
+        values, flaws = self.numbers(place)
+        if len(flaws) == len(values) or (flaws and not skip):
+            raise LogError(flaws)
+        return values
+
     def _all_numbers(self, place: int) -> Array | None:
         # Almost every column of almost every log; None where cells have to be looked at one by one.
         if self.plain is None:
@@ -188,7 +213,9 @@ def _number(cell: str) -> float:
     return value if value is not None and abs(value) < LARGEST else math.nan
 
 
-def read_table(file: Path, delimiter: str | None = None, header: bool | None = None) -> Table:
+def read_table(
+    file: Path, delimiter: str | None = None, header: bool | None = None, *, ragged: bool = False
+) -> Table:
     """Read a text table.
 
     Args:
@@ -197,6 +224,7 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
         delimiter: between cells, as studies name it, " " for any number of blanks; found by itself if None.
         header: whether the first row has the names; if None it does where it has names above numbers, and
             no numbers but a few whole ones, or such as count columns.
+        ragged: whether rows may be of several types, each of a width of its own; `even` makes a table of one.
 
     Raises:
         LogError: no such file, not text, or nothing in it.
@@ -220,11 +248,23 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
     if first == len(rows):
         raise LogError.about(file, "the file has no rows after its header")
     rows, lines = rows[first:], lines[first:]
-    _require_room(file, _width(names, cells(rows[0])), rows, lines, cells)
-    cut_off = _is_cut_off(rows, cells)
-    last = len(rows) - cut_off
-    plain = None if quoted else delimiter
-    return Table(str(file), names, lines[:last], rows[:last], cells, plain, cut_off, mixed and not like)
+    plain, in_doubt = None if quoted else delimiter, mixed and not like
+    table = Table(str(file), names, lines, rows, cells, plain, header_in_doubt=in_doubt)
+    return table if ragged else even(table)
+
+
+def even(table: Table) -> Table:
+    """A table without half a last line.
+
+    Raises:
+        LogError: rows with more cells than the first one has.
+    """
+    first = table.cells(table.rows[0])
+    _require_room(Path(table.file), _width(table.header, first), table.rows, table.lines, table.cells)
+    if not _is_cut_off(table.rows, table.cells):
+        return table
+    whole = np.arange(len(table.rows)) < len(table.rows) - 1
+    return replace(table.only(whole), cut_off=True)
 
 
 def _is_row(text: str) -> bool:
@@ -294,10 +334,10 @@ def _comment_cells(comment: str, delimiter: str) -> list[str]:
 
 def _like_header(rows: Sequence[Sequence[str]]) -> tuple[bool, bool]:
     # Whether the first row looks like names, by what it has above numbers, and whether it has both.
-    first, others = rows[0], rows[1:] or rows[:1]
-    filled = [place for place, cell in enumerate(first) if cell.strip()]
-    above = [first[place] for place in filled if len(rows) == 1 or _has_numbers(others, place)]
-    above = above or [first[place] for place in filled]
+    first, others = rows[0], rows[1:]
+    places = [place for place in range(max(map(len, rows))) if _has_numbers(others, place)]
+    above = [first[place] for place in places if place < len(first)] if places else first
+    above = [cell for cell in above if cell.strip()]
     numbers = [cell.strip() for cell in above if _is_float(cell)]
     names = {cell for cell in above if not _is_float(cell)}
     # Names may be numbers, but hardly broken ones, and are apart where what is missing is written alike.
@@ -308,7 +348,7 @@ def _like_header(rows: Sequence[Sequence[str]]) -> tuple[bool, bool]:
 def _has_numbers(rows: Sequence[Sequence[str]], place: int) -> bool:
     # In most of its cells.
     cells = [row[place] for row in rows if place < len(row) and row[place].strip()]
-    return 2 * sum(map(_is_float, cells)) > len(cells)
+    return 2 * sum(map(_is_float, cells)) > len(cells) > 0
 
 
 def _are_counted(cells: Sequence[str]) -> bool:
