@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from sample_robots import PLANAR, ROBOTS, Example, cases
 from simulated import (
     ROBOT,
+    TRUTH,
     course,
     exchanged,
     heading_times,
@@ -23,11 +25,13 @@ from simulated import (
 
 from oed.estimation import calibrate
 from oed.estimation.preprocessing.moves import Moves, clock_offsets, unexplained
+from oed.estimation.preprocessing.outliers import without_outliers
+from oed.estimation.preprocessing.preprocess import preprocess
 from oed.estimation.preprocessing.wiring_checks import poorly_explained, unit_fault, wiring_fault
 from oed.foundation.errors import LogError
 from oed.logs.findings import IN_DEGREES
 from oed.logs.log import Finding, Log
-from oed.robots.models import Mecanum, SkidSteer
+from oed.robots.models import Mecanum, Model, SkidSteer
 
 NOISE = (0.003, 0.005)
 DRIVE = course(seconds=20.0, period=0.05)
@@ -283,3 +287,96 @@ class TestTrueLogs:
         other = course(inputs=rich_inputs(ROBOT, DRIVE.times[:-1], seed=9), period=0.05)
         log = replace(LOG, integrals=log_of(other).integrals)
         assert (doubted(log) or 0) > 0.3
+
+
+MECANUM = Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.35)
+WAVES = np.sin(np.arange(400) / 15)[:, None]
+
+
+def steadily(*speeds: float) -> np.ndarray:
+    """Inputs (400, wheels) that keep their ratio."""
+    return np.array([speeds]) * (1 + 0.3 * WAVES)
+
+
+def as_driven(model: Model, inputs: np.ndarray, **keys: Any) -> Log:
+    drive = course(model, np.array(model.nominal), inputs=inputs, seconds=20.0, period=0.05)
+    return log_of(drive, **keys)
+
+
+def with_outliers(log: Log, share: float, lasting: int = 1) -> Log:
+    """The same with some poses off by about a metre and a radian, for as many poses each time."""
+    rng = np.random.default_rng(7)
+    begin = np.flatnonzero(rng.random(len(log.poses)) < share / lasting)
+    poses = log.poses.copy()
+    for row in begin:
+        poses[row : row + lasting] += rng.normal(size=poses.shape[1])
+    return replace(log, poses=poses)
+
+
+class TestNoise:
+    @pytest.mark.parametrize(
+        ("model", "inputs"),
+        [(ROBOT, steadily(2.0, 2.0)), (MECANUM, 4 * WAVES * [1, 1, 1, 1] + 3 * WAVES[::-1] * [-1, 1, 1, -1])],
+        ids=["wheels", "mecanum"],
+    )
+    @pytest.mark.parametrize("noise", [(0.003, 0.02), (0.001, 0.2)])
+    def test_headings_of_a_pure_translation_are_no_turns(self, model, inputs, noise):
+        log = as_driven(model, inputs, noise=noise)
+        assert preprocess(model, [log], compare_clocks=True).logs == (log,)
+
+    @pytest.mark.parametrize("noise", [0.01, 0.05])
+    def test_positions_of_a_pure_rotation_are_no_ways(self, noise: float):
+        log = as_driven(ROBOT, steadily(2.0, -2.0), noise=(noise, 0.005))
+        assert preprocess(ROBOT, [log], compare_clocks=True).logs == (log,)
+
+    @pytest.mark.parametrize("noise", [(0.003, 0.005), (0.05, 0.05)])
+    @pytest.mark.parametrize("share", [0.5, 0.97])
+    def test_of_a_robot_that_stands_most_of_the_time(self, noise, share: float):
+        inputs = rich_inputs(ROBOT, np.arange(400) * 0.05)
+        inputs[round(400 * (1 - share)) :] = 0
+        log = as_driven(ROBOT, inputs, noise=noise)
+        assert preprocess(ROBOT, [log], compare_clocks=True).logs == (log,)
+
+    def test_turns_beyond_it_have_to_be_explained(self):
+        # One column for both wheels: ways are explained, turns are not.
+        log = log_of(DRIVE, noise=(0.005, 0.1))
+        same = replace(log, integrals=log.integrals.mean(axis=1, keepdims=True) * [1.0, 1.0])
+        with pytest.raises(LogError, match="next to nothing of the measured motion"):
+            preprocess(ROBOT, [same], compare_clocks=True)
+
+    def test_a_fault_is_found_in_it(self):
+        assert SWAPPED in (suspected(exchanged(log_of(DRIVE, noise=(0.02, 0.1)))) or "")
+
+
+class TestOutliers:
+    @pytest.mark.parametrize("quantities", [("x", "y", "heading"), ("x", "y"), ("heading",)])
+    @pytest.mark.parametrize(("share", "lasting"), [(0.026, 1), (0.1, 1), (0.05, 6)])
+    def test_are_neither_doubt_nor_fault(self, quantities, share: float, lasting: int):
+        log = with_outliers(log_of(DRIVE, noise=NOISE, quantities=quantities), share, lasting)
+        assert preprocess(ROBOT, [log], compare_clocks=True).logs == (log,)
+
+    @pytest.mark.parametrize(
+        ("wrong", "text"),
+        [
+            (exchanged, SWAPPED),
+            (lambda log: negated(log, 0), "wheel_speed_right has the wrong sign"),
+            (lambda log: heading_times(log, -1.0), "the heading has the wrong sign"),
+        ],
+    )
+    def test_hide_no_fault(self, wrong, text: str):
+        assert text in (suspected(wrong(with_outliers(LOG, 0.026))) or "")
+
+    @pytest.mark.parametrize("offset", [-0.31, 0.84])
+    def test_hide_no_offset_of_the_clocks(self, offset: float):
+        log = with_outliers(log_of(DRIVE, noise=NOISE, offset=offset), 0.026)
+        assert clock_offsets(moves_of(log)) == pytest.approx([offset], abs=0.08)
+
+    @pytest.mark.slow
+    def test_a_robust_loss_estimates_as_if_there_were_none(self):
+        found = calibrate(logged_problem(), [with_outliers(LOG, 0.026)], options(loss="huber"))
+        errors = np.abs(found.values - [*TRUTH.values()]) / found.covariances[0].deviations[:3]
+        assert errors.max() < 4
+
+    def test_poses_that_jump_all_the_time_are_the_drive(self):
+        log = as_driven(ROBOT, rich_inputs(ROBOT, np.arange(400) * 0.05), every=40)
+        assert without_outliers(log) is log

@@ -178,6 +178,16 @@ class TestColumns:
         flaw = flaw_of(write(file, rows), time=6)
         assert flaw.message == "there is no column 6; the last one is 5, from 0"
 
+    @pytest.mark.parametrize("place", [0, 2, 4])
+    def test_text_in_the_first_row_of_numbers(self, file: Path, rows: list[list[str]], place: int):
+        rows[0][place] = "lost"
+        keys = {"time": 0, "inputs": dict(zip(INPUTS, (1, 2), strict=True))}
+        flaw = flaw_of(write(file, rows, None), **keys, poses={"x": 3, "y": 4, "heading": 5})
+        hint = "its first row has numbers, and so is no header; where it is one, say `header: true`"
+        assert (flaw.line, flaw.column) == (1, place + 1)
+        assert flaw.message == f"expected a finite number, got 'lost' ({hint})"
+        assert flaws_of(file)[0].message.endswith(f"give the column's index, from 0 ({hint})")
+
     def test_twice_in_the_header(self, file: Path, rows: list[list[str]]):
         flaw = flaw_of(write(file, [[*row, "0"] for row in rows], (*HEADER, "x")))
         assert flaw.message == "the header has 'x' 2 times; give the column's index, from 0"

@@ -85,6 +85,25 @@ class TestTables:
         keys = {"time": 0, "inputs": {name: index + 1 for index, name in enumerate(INPUTS)}}
         require_alike(read_one(file, header=True, **keys, poses={"x": 3, "y": 4, "heading": 5}))
 
+    @pytest.mark.parametrize(
+        "header",
+        [("t", *"01234"), (*HEADER[:4], "7", "3"), ("", *HEADER[1:])],
+    )
+    def test_a_header_may_have_a_few_numbers(self, tmp_path: Path, header: tuple[str, ...]):
+        places = {"time": 0, "inputs": dict(zip(INPUTS, (1, 2), strict=True))}
+        file = write(tmp_path / "a.csv", cells(TABLE), header)
+        require_alike(read_one(file, **places, poses={"x": 3, "y": 4, "heading": 5}))
+
+    def test_text_in_the_first_row_alone_makes_no_header(self, tmp_path: Path):
+        rows = [[*row, "ok"] for row in cells(TABLE)]
+        places = {"time": 0, "inputs": dict(zip(INPUTS, (1, 2), strict=True))}
+        poses = {"x": 3, "y": 4, "heading": 5}
+        require_alike(read_one(write(tmp_path / "a.csv", rows, None), **places, poses=poses))
+        rows[0][3:6] = ["None"] * 3
+        log = read_one(write(tmp_path / "a.csv", rows, None), **places, poses=poses, skip_invalid_rows=True)
+        np.testing.assert_allclose(log.pose_times, TABLE[1:, 0])
+        np.testing.assert_allclose(log.input_times, TABLE[:, 0])
+
     def test_comments_and_empty_lines_are_passed_over(self, tmp_path: Path):
         lines = [",".join(HEADER), "# begun", "", *(",".join(row) for row in cells(TABLE)), "# ended", ""]
         (tmp_path / "a.csv").write_text("\n".join(lines))
@@ -215,13 +234,36 @@ class TestRuns:
         require_alike(first, TABLE[:80])
         require_alike(second, TABLE[120:])
 
-    def test_the_wheels_turn_on_in_single_rows_that_are_not_kept(self, tmp_path: Path):
-        rows = [[*row, str(index % 2)] for index, row in enumerate(cells(TABLE))]
+    def test_the_wheels_turn_on_where_only_poses_are_not_kept(self, tmp_path: Path):
+        rows = [[*row, str(index % 2 or int(60 < index < 90))] for index, row in enumerate(cells(TABLE))]
+        file = write(tmp_path / "a.csv", rows, (*HEADER, "lost"))
+        log = read_one(file, poses={"keep": {"lost": 0}})
+        kept = [index for index, row in enumerate(rows) if row[-1] == "0"]
+        np.testing.assert_allclose(log.poses, TABLE[kept, 3:])
+        np.testing.assert_allclose(log.integrals, integrals(TABLE), atol=1e-9)
+
+    def test_rows_that_are_not_kept_are_as_if_they_were_not_there(self, tmp_path: Path):
+        rows = [[*row, "1"] for row in cells(TABLE)]
+        for index in (0, 7, 8, 50, 199):
+            rows[index] = ["nan", "lost", "", "1e99", "x", "", "0"]
         log = read_one(write(tmp_path / "a.csv", rows, (*HEADER, "good")), keep={"good": 1})
-        np.testing.assert_allclose(log.pose_times, TABLE[1::2, 0])
-        np.testing.assert_allclose(
-            log.inputs_between(log.pose_times), (TABLE[1:-2:2, 1:3] + TABLE[2:-1:2, 1:3]) / 2
-        )
+        require_alike(log, np.delete(TABLE, [0, 7, 8, 50, 199], axis=0))
+
+    def test_ticks_are_not_counted_across_a_row_that_is_not_kept(self, tmp_path: Path):
+        ticks = {name: {"column": name, "form": "ticks", "ticks_per_turn": 1000} for name in INPUTS}
+        rows = [[*row, str(int(index != 60))] for index, row in enumerate(cells(TABLE))]
+        file = write(tmp_path / "a.csv", rows, (*HEADER, "good"))
+        first, second = read_logs([file], form(keep={"good": 1}, inputs=ticks), ROBOT)
+        assert (len(first.input_times), len(second.input_times)) == (60, 139)
+        adding_up = {name: {**one, "cumulative": True} for name, one in ticks.items()}
+        assert len(read_one(file, keep={"good": 1}, inputs=adding_up).input_times) == 199
+
+    def test_rows_of_other_runs_are_none_that_are_left_out(self, tmp_path: Path):
+        rows = [row for pair in zip(self.ROWS[:50], self.ROWS[50:], strict=True) for row in pair]
+        file = write(tmp_path / "a.csv", rows, ("name", *HEADER))
+        ticks = {name: {"column": name, "form": "ticks", "ticks_per_turn": 1000} for name in INPUTS}
+        log = read_one(file, runs="name", keep={"name": "a"}, inputs=ticks)
+        assert (log.name, len(log.input_times)) == ("a[a]", 50)
 
     def test_logs_of_one_name_have_their_folder_s(self, tmp_path: Path):
         files = []

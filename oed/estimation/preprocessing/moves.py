@@ -5,7 +5,7 @@ How far the clocks of wheels and poses are apart follows from them, as a first g
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from oed.estimation.prediction.layout import SegmentLayout, cut
 from oed.estimation.prediction.logged_readings import further_starts
 from oed.estimation.prediction.segments import Driven, SegmentReadings
+from oed.estimation.preprocessing.outliers import jumps, white_noise, without_outliers
 from oed.estimation.setup.unknowns import PLACE
 from oed.foundation.arrays import Array, Bools
 from oed.foundation.quantities import SMALLEST
@@ -36,6 +37,8 @@ REACH = 1.0
 """Largest offset looked for [s]."""
 COARSE, FINE = 0.05, 0.01
 """Steps of the search [s]; the fit refines what it finds."""
+BEYOND = 3.0
+"""How many times as large as that of noise alone the mean square of moves has to be to be judged."""
 CLEAR = 0.9
 """An offset is taken for real where it leaves at most this share of what no offset leaves unexplained."""
 
@@ -48,18 +51,24 @@ class Moves:
         robot: at its nominal parameters.
         layout: every move a segment.
         offsets: of the clocks, (clocks,) [s].
+        deviations: of the white noise of each log's quantities, (logs, quantities), SI.
     """
 
     robot: Model
     layout: SegmentLayout
     offsets: Array
+    deviations: Array
 
     @classmethod
     def of(cls, robot: Model, logs: Sequence[Log]) -> Moves:
-        """The moves of logs, whose clocks agree; positions and headings alone matter."""
+        """The moves of logs, whose clocks agree; positions and headings alone matter, and outliers do not."""
         step = max(float(np.median(np.diff(log.pose_times))) for log in logs)
+        deviations = np.array([white_noise(log) for log in logs])
+        logs = [without_outliers(log) for log in logs]
         layout = cut(logs, max(MOVE, 2 * step), [0.0] * len(logs))
-        return cls(robot, layout, np.zeros(len(layout.clocks)))
+        moves = cls(robot, layout, np.zeros(len(layout.clocks)), deviations)
+        smooth = ~_with_jumps(layout)
+        return moves.within(smooth) if smooth.any() and not smooth.all() else moves
 
     @cached_property
     def inputs(self) -> Array:
@@ -105,6 +114,19 @@ class Moves:
                 found |= {"forward": move.real, "left": move.imag}
         return found
 
+    def noise(self, unit: float = 1.0, axes: Axes = AS_READ) -> dict[str, float]:
+        """Mean square of what noise alone makes of a move, by its kind as in `unexplained`.
+
+        Args:
+            unit: of headings, as for `measured`.
+            axes: of positions.
+        """
+        squares = 2 * np.mean(self.deviations[self.layout.owner] ** 2, axis=0)
+        own = dict(zip(self.layout.quantities, squares, strict=True))
+        size = {"x": abs(axes[0]) ** 2, "y": abs(axes[1]) ** 2}
+        distance = sum(factor * own[name] for name, factor in size.items() if name in own)
+        return {"turn": unit**2 * own.get("heading", 0.0), "distance": distance}
+
     def headings(self) -> Array | None:
         """Heading [rad] at the start of each move, (S,), where it is measured."""
         quantities = self.layout.quantities
@@ -128,6 +150,13 @@ class Moves:
         rest, own = _without(np.exp(1j * measured["turn"]) - 1, moved, rolled)
         return -float(np.angle(np.vdot(own, rest))) if _any(own) else 0.0
 
+    @property
+    def goes_places(self) -> bool:
+        """Whether there is more in the measured distances than noise."""
+        measured = self.measured()
+        way = measured.get("distance", np.hypot(measured.get("forward", 0.0), measured.get("left", 0.0)))
+        return float(np.mean(way**2)) > BEYOND * self.noise()["distance"]
+
     def lengthening(self) -> float:
         """Measured distances over those by the wheels; not a number where these are 0."""
         distances = []
@@ -150,37 +179,49 @@ class Moves:
 
 
 def unexplained(
-    measured: dict[str, Array], predicted: dict[str, Array], *, any_side: bool = False
+    measured: dict[str, Array],
+    predicted: dict[str, Array],
+    noise: Mapping[str, float] | None = None,
+    *,
+    any_side: bool = False,
 ) -> dict[str, float]:
     """Share of what is measured that a prediction times its best factor leaves, by kind of move.
 
     The factor lies within `GAINS`: nominal parameters are never right, but of the right sign. Moves ahead
     and to the left are those of a sensor anywhere on the robot, turned by less than a right angle; with
-    `any_side` by any angle.
+    `any_side` by any angle. What noise makes of moves nothing has to explain; a kind of move of which there
+    is hardly more than that is left out; of the others a share may be a little below 0.
 
     Args:
         measured: moves.
         predicted: moves.
+        noise: mean square of what noise makes of each kind of move; none by default.
         any_side: whether the sensor may be turned by any angle.
     """
-    found: dict[str, float] = {}
-    for name in ("turn", "distance"):
-        if name in measured and _any(measured[name]):
-            found[name] = _left(measured[name], predicted[name])
-    if "forward" in measured and _any(measured["forward"] + 1j * measured["left"]):
+    pairs = {name: (measured[name], predicted[name]) for name in ("turn", "distance") if name in measured}
+    swing = None
+    if "forward" in measured:
         moved, rolled = (one["forward"] + 1j * one["left"] for one in (measured, predicted))
-        found["distance"] = _left(moved, rolled, np.exp(1j * measured["turn"]) - 1, any_side=any_side)
+        pairs["distance"], swing = (moved, rolled), np.exp(1j * measured["turn"]) - 1
+    found: dict[str, float] = {}
+    for name, (truth, guess) in pairs.items():
+        own = 0.0 if noise is None else noise[name]
+        size = float(np.mean(np.abs(truth) ** 2)) if len(truth) else 0.0
+        if _any(truth) and size > BEYOND * own:
+            swung = swing if name == "distance" else None
+            rest = _left(truth, guess, swung, any_side=any_side and swung is not None)
+            found[name] = (rest - own) / (size - own)
     return found
 
 
 def _left(truth: Moved, guess: Moved, swing: Moved | None = None, *, any_side: bool = False) -> float:
-    # Least squares of truth by guess times a factor and, of a sensor off the origin, by its swing.
+    # Mean square left of truth by guess times a factor and, of a sensor off the origin, its swing.
     rest, own = (truth, guess) if swing is None else _without(swing, truth, guess)
     factor = complex(np.vdot(own, rest)) / float(np.vdot(own, own).real) if _any(own) else 0j
     believed = factor.real > 0 or (any_side and factor != 0)
     along = factor / abs(factor) if believed else 1.0
     factor = along * float(np.clip(abs(factor) if believed else 0.0, *GAINS))
-    return float((np.abs(rest - factor * own) ** 2).sum() / (np.abs(truth) ** 2).sum())
+    return float(np.mean(np.abs(rest - factor * own) ** 2))
 
 
 def _without(swing: Moved, *moves: Moved) -> tuple[Moved, ...]:
@@ -193,6 +234,17 @@ def _without(swing: Moved, *moves: Moved) -> tuple[Moved, ...]:
 def _any(moves: Moved) -> bool:
     # Whether there is any motion, of which less than counts at all is none: its squares are no numbers.
     return float(np.abs(moves).max(initial=0.0)) > SMALLEST
+
+
+def _with_jumps(layout: SegmentLayout) -> Bools:
+    # Moves in which the poses jump, as those of a tracker that found the robot elsewhere.
+    found = np.zeros(layout.count, dtype=bool)
+    for number, log in enumerate(layout.logs):
+        own = layout.owner == number
+        after = np.cumsum(np.append(False, jumps(log)))
+        first, last = (np.searchsorted(log.pose_times, layout.times[own][:, end]) for end in (0, -1))
+        found[own] = after[first] != after[last]
+    return found
 
 
 def clock_offsets(moves: Moves) -> Array:

@@ -210,7 +210,7 @@ def _what_is_wrong(moves: Moves, left: float | None, odd: str) -> tuple[str, str
 def _hopeless(moves: Moves, left: float) -> bool:
     # A sensor far off the robot can be made to explain any distances: their sum cannot.
     longer = moves.lengthening()
-    if longer > TENFOLD or longer < 1 / TENFOLD:
+    if moves.goes_places and (longer > TENFOLD or longer < 1 / TENFOLD):
         return True
     return left > HOPELESS and not explained_by_other_sizes(moves)
 

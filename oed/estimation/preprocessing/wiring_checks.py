@@ -90,7 +90,8 @@ def _most_likely(moves: Moves, possibilities: Iterable[Possibility], as_given: f
     left, text = min(tried, key=lambda pair: pair[0], default=(math.inf, ""))
     if left < min(BETTER * as_given, BAD):
         before = f"{100 * as_given:.0f} %" if as_given < 1 else "all of it"
-        return f"{text}: that leaves {100 * left:.0f} % of the motion unexplained instead of {before}"
+        rest = f"{100 * max(left, 0.0):.0f} %"
+        return f"{text}: that leaves {rest} of the motion unexplained instead of {before}"
     return None
 
 
@@ -112,7 +113,8 @@ def explained_by_other_sizes(moves: Moves) -> bool:
 def poorly_explained(moves: Moves) -> float | None:
     """Share of the motion that the wheels do not explain, where it is too large to be believed."""
     measured = moves.measured()
-    left, sizes = unexplained(measured, moves.predicted(), any_side=True), _sizes(measured)
+    left = unexplained(measured, moves.predicted(), moves.noise(), any_side=True)
+    sizes = _sizes(measured)
     worst = max((share for name, share in left.items() if sizes[name] > BARELY[name]), default=0.0)
     return worst if worst >= BAD else None
 
@@ -138,7 +140,7 @@ def frozen(moves: Moves) -> str | None:
         return None
     if heading is None:
         heading = _headings_by_wheels(moves)
-        if unexplained(moves.measured(), moves.predicted()).get("distance", 0.0) < TURNING:
+        if unexplained(moves.measured(), moves.predicted(), moves.noise()).get("distance", 0.0) < TURNING:
             return None
     rolled = moves.rolled()
     way = (rolled["forward"] + 1j * rolled["left"]) * np.exp(1j * heading)
@@ -175,7 +177,8 @@ def _worst(
     any_side: bool = False,
 ) -> float:
     measured, predicted = moves.measured(sign, unit, axes), moves.predicted(inputs)
-    return max(unexplained(measured, predicted, any_side=any_side).values(), default=0.0)
+    left = unexplained(measured, predicted, moves.noise(unit, axes), any_side=any_side)
+    return max(left.values(), default=0.0)
 
 
 def _units(moves: Moves) -> Iterator[Possibility]:

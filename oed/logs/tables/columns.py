@@ -9,7 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Discriminator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, Tag
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Tag,
+)
 from pydantic_core import CoreSchema, core_schema
 
 from oed.foundation.component import Component
@@ -24,6 +32,15 @@ TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Seconds in each unit of time that logs have."""
 
 ColumnPlace = Annotated[int, Field(ge=0, strict=True)] | str
+Wanted = float | str | tuple[float, float]
+
+
+def _names(value: Any) -> Any:
+    return {str(key): entry for key, entry in value.items()} if isinstance(value, Mapping) else value
+
+
+Kept = Annotated[dict[str, Wanted], BeforeValidator(_names)]
+"""Values, or ranges, of columns in the rows that are kept."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +132,8 @@ class PoseColumns(Component):
         file: they are in a file of their own, beside the log; "{stem}" stands for the log's stem.
         form: of that file: "tum" (timestamp, position, quaternion) or "csv"; by its ending by default.
         delimiter, header: of that file, as of the log's own; found by itself by default.
+        keep: only the poses of rows in which these columns have the value, or lie within [low, high]; the
+            wheels turn on in others.
         held: "drop" rows that repeat a pose while the wheels turn, as a slower sensor's do, or "keep" them.
     """
 
@@ -129,6 +148,7 @@ class PoseColumns(Component):
     form: Literal["tum", "csv"] | None = None
     delimiter: Delimiter | None = None
     header: bool | None = None
+    keep: Kept = {}  # noqa: RUF012
     held: Repeats = "drop"
 
     @property
@@ -163,4 +183,6 @@ class PoseColumns(Component):
             flaws.append(Flaw(key, "nothing of the robot's pose was measured"))
         if self.form is not None and self.file is None:
             flaws.append(Flaw((*key, "form"), "is that of a file of its own; add `file`"))
+        if self.is_tum and self.keep:
+            flaws.append(Flaw((*key, "keep"), "a TUM file has no further columns; leave it out"))
         return flaws

@@ -21,12 +21,12 @@ from oed.logs.tables.sheet import Sheet, distinct_rows
 
 
 def drives_in(sheet: Sheet, model: System, gap: float | None = None) -> list[RecordedDrive]:
-    """Every run of a table, and every stretch of it that is kept.
+    """Every run of a table, and every stretch of it of which nothing is left out.
 
     Args:
         sheet: the table's numbers.
         model: the robot.
-        gap: a longer time without kept rows ends a stretch [s]; five median steps if None.
+        gap: a longer time of rows left out ends a stretch [s]; five median steps if None.
 
     Raises:
         LogError: empty cells where numbers are needed, clocks that do not rise, counters that jump.
@@ -60,13 +60,12 @@ class _Run:
         stem = Path(sheet.inputs.series.file).stem
         self.name = stem if label is None else f"{stem}[{label}]"
         assert sheet.inputs.table is not None
-        self.rows = distinct_rows(sheet.inputs.table, sheet.inputs.series.times, rows)
+        self.table = sheet.inputs.table
+        self.rows = distinct_rows(self.table, sheet.inputs.series.times, rows)
         self.repeated = len(rows) - len(self.rows)
 
     def drives(self, gap: float | None) -> list[RecordedDrive]:
         """The run whole, or the stretches of it that are kept."""
-        if not self.sheet.kept[self.rows].any():
-            return []
         inputs, poses = together([self._inputs, self._poses])
         if len(inputs) and self.runs > 1 and not self.sheet.same_rows and self.sheet.poses.runs is None:
             poses = _within(poses, inputs.times[0] - MARGIN, inputs.times[-1] + MARGIN)
@@ -77,7 +76,7 @@ class _Run:
         if self.repeated:
             text = f"{self.repeated} row(s) repeat the one before, time and all; left out"
             yield Finding("duplicate_rows", text)
-        empty = int(self.sheet.kept[self.rows].sum()) - len(poses)
+        empty = int(self.sheet.kept[self.rows].sum()) - len(poses) if self.sheet.same_rows else 0
         if not self.sheet.own_clock and empty:
             yield Finding("empty_poses", f"{empty} of {len(self.rows)} rows have no pose")
 
@@ -100,11 +99,12 @@ class _Run:
     def _poses(self) -> Series:
         block = self.sheet.poses
         if self.sheet.same_rows:
-            rows = self.rows[self.sheet.kept[self.rows]]
+            rows = self.rows
         elif block.runs is not None:
             rows = np.flatnonzero(np.array(block.runs) == self.label)
         else:
             rows = np.arange(len(block.series))
+        rows = rows[self.sheet.kept[rows]]
         if self.sheet.own_clock:
             rows = _with_anything(block.series, rows)
         else:
@@ -137,15 +137,17 @@ class _Run:
         )
 
     def _stretches(self, whole: RecordedDrive, gap: float | None) -> list[RecordedDrive]:
-        # What is not kept for a while is not driven across: what comes after it is a drive of its own.
-        kept = self.rows[self.sheet.kept[self.rows]]
-        if len(kept) == len(self.rows) or len(whole.inputs) < FEWEST:
+        # What is left out for a while is not driven across: what comes after it is a drive of its own.
+        left_out = self.table.left_out
+        if left_out is None or len(whole.inputs) < FEWEST:
             return [whole]
-        times = self.sheet.inputs.series.times[kept]
+        times, before = self.sheet.inputs.series.times[self.rows], left_out[self.rows]
         timed = ~np.isnan(times)
-        kept, times = kept[timed], times[timed]
-        ends = (np.diff(times) > gap_limit(whole.inputs.times, gap)) & (np.diff(kept) > 1)
-        spans = [(own[0], own[-1]) for own in np.split(times, np.flatnonzero(ends) + 1)]
+        times, before = times[timed], before[timed]
+        lost = np.diff(before) > 0
+        if not any(column.needs_every_row for column in self.sheet.columns):
+            lost &= np.diff(times) > gap_limit(whole.inputs.times, gap)
+        spans = [(own[0], own[-1]) for own in np.split(times, np.flatnonzero(lost) + 1)]
         many = len(spans) > 1
         return [
             _cut(whole, start, end, f"{whole.name}.{number}" if many else whole.name)

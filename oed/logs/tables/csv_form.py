@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from pydantic import BeforeValidator
+from typing import Annotated, Literal
 
 from oed.foundation.errors import Flaw, LogError
 from oed.kernel.dynamics.system import System
 from oed.logs.drive import to_logs
 from oed.logs.form import LogForm, is_bag
 from oed.logs.log import Log
-from oed.logs.tables.columns import Column, PoseColumns, Short, TimeColumn
+from oed.logs.tables.chosen_rows import Records
+from oed.logs.tables.columns import Column, Kept, PoseColumns, Short, TimeColumn
 from oed.logs.tables.csv_drives import drives_in
 from oed.logs.tables.input_columns import AnyInputColumn, input_flaws
-from oed.logs.tables.sheet import Wanted, read_sheet
+from oed.logs.tables.sheet import read_sheet
 from oed.logs.tables.table import Delimiter, read_table
-
-
-def _names(value: Any) -> Any:
-    return {str(key): entry for key, entry in value.items()} if isinstance(value, Mapping) else value
 
 
 class CsvForm(LogForm):
@@ -34,7 +28,9 @@ class CsvForm(LogForm):
         inputs: columns of the robot's inputs by their names; a column of the same name by default.
         poses: columns of the reference poses.
         runs: the column that says which run a row belongs to; "run" by default, where there is one.
-        keep: only the poses of rows in which these columns have the value, or lie within [low, high].
+        records: where rows are of several types, the column that says so, and which have inputs and poses.
+        keep: only rows in which these columns have the value, or lie within [low, high]; where others are
+            left out for longer than a gap, or ticks with them, a drive of its own begins.
     """
 
     kind: Literal["csv"] = "csv"
@@ -44,11 +40,21 @@ class CsvForm(LogForm):
     inputs: dict[str, AnyInputColumn] = {}  # noqa: RUF012
     poses: PoseColumns = PoseColumns()
     runs: Annotated[Column, Short("column")] | None = None
-    keep: Annotated[dict[str, Wanted], BeforeValidator(_names)] = {}  # noqa: RUF012
+    records: Records | None = None
+    keep: Kept = {}  # noqa: RUF012
+
+    @property
+    def types_of_poses(self) -> Records | None:
+        """Types of rows where the poses have one of their own, else None."""
+        return None if self.records is None or self.records.poses is None else self.records
 
     def flaws(self, model: System) -> list[Flaw]:
         """Inputs and states the robot does not have, units and forms that do not fit."""
-        return [*input_flaws(self.inputs, model), *self.poses.flaws(model)]
+        flaws = [*input_flaws(self.inputs, model), *self.poses.flaws(model)]
+        if self.types_of_poses is not None and self.poses.file is not None:
+            text = "the poses are in a file of their own (`poses.file`); leave one of the two out"
+            flaws.append(Flaw(("log", "records", "poses"), text))
+        return flaws
 
     def read(self, file: Path, model: System) -> list[Log]:
         """The drives in a CSV, one for each run.
@@ -58,6 +64,6 @@ class CsvForm(LogForm):
         """
         if is_bag(file):
             raise LogError.about(file, "is a ROS bag, not a CSV; say `kind: rosbag` under `log`")
-        table = read_table(file, self.delimiter, self.header)
+        table = read_table(file, self.delimiter, self.header, ragged=self.records is not None)
         drives = drives_in(read_sheet(table, self, model), model, self.gap)
         return to_logs(drives, self, self.poses.held)

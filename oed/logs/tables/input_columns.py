@@ -44,6 +44,11 @@ class InputColumn(Column, ABC):
         """Whether the first and the last row of a drive have a say in its integral."""
         return True, True
 
+    @property
+    def needs_every_row(self) -> bool:
+        """Whether motion is lost with every row that is left out."""
+        return False
+
 
 class SpeedInput(InputColumn):
     """An input's own value: a wheel's speed, a steering angle.
@@ -140,6 +145,11 @@ class TicksInput(InputColumn):
     def ends_needed(self, entry: Input) -> tuple[bool, bool]:
         """Ticks of the first row fell before the drive."""
         return self.cumulative, True
+
+    @property
+    def needs_every_row(self) -> bool:
+        """Ticks since the row before are in no other row."""
+        return not self.cumulative
 
 
 def _form(value: Any) -> str:

@@ -16,6 +16,7 @@ from oed.foundation.errors import FileFlaw, LogError
 from oed.foundation.files import no_such_file
 from oed.kernel.dynamics.system import System
 from oed.logs.series import NotInLog, Rows, Series, together
+from oed.logs.tables.chosen_rows import kept_rows, of_type, without
 from oed.logs.tables.columns import Column, PoseColumn, PoseColumns, TimeColumn, unit_factor
 from oed.logs.tables.input_columns import InputColumn, input_columns
 from oed.logs.tables.table import Table, read_table
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 Key = tuple[str, ...]
 """Path of a column's key in the study's key `log`."""
 Clock = tuple[Key, TimeColumn]
-Wanted = float | str | tuple[float, float]
 RUN = "run"
 """The column that says which run a row belongs to, in the package's own files."""
 
@@ -74,8 +74,7 @@ class Sheet:
         columns: of the inputs, which know how to integrate them.
         same_rows: whether the poses are columns of the same table.
         own_clock: whether the poses have a clock of their own.
-        kept: rows of the table whose poses are wanted.
-        cut_off: whether the table breaks off in its last line.
+        kept: rows of the poses' table whose poses are wanted.
     """
 
     inputs: ColumnBlock
@@ -85,7 +84,11 @@ class Sheet:
     same_rows: bool
     own_clock: bool
     kept: Bools
-    cut_off: bool
+
+    @property
+    def cut_off(self) -> bool:
+        """Whether the file breaks off in its last line."""
+        return any(one.table is not None and one.table.cut_off for one in (self.inputs, self.poses))
 
 
 def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
@@ -99,14 +102,23 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
     Raises:
         LogError: columns that are not there, and cells that are no numbers.
     """
+    wheels = table if form.records is None else of_type(table, form.records, "inputs")
+    try:
+        wheels = _kept(wheels, form)
+    except LogError as error:
+        # What else is wrong is said along with it.
+        together(
+            [partial(_refuse, error), lambda: read_sheet(table, form.model_copy(update={"keep": {}}), model)]
+        )
+        raise
     beside = form.poses.beside(Path(table.file))
     columns = dict(zip(model.input_names, input_columns(form.inputs, model), strict=True))
-    own_clock = _skipping(form.skip_invalid_rows, beside is None and form.poses.time is not None)
-    inputs, (quantities, poses), kept = together(
+    same_rows = beside is None and form.types_of_poses is None
+    own_clock = _skipping(form.skip_invalid_rows, same_rows and form.poses.time is not None)
+    inputs, (quantities, poses, kept) = together(
         [
-            lambda: _read_block(table, _clock(form), _under("inputs", columns), form.runs, own_clock),
-            lambda: _read_poses(table, beside, form, model),
-            lambda: _kept(table, form.keep, form.skip_invalid_rows),
+            lambda: _read_block(wheels, _clock(form), _under("inputs", columns), form.runs, own_clock),
+            lambda: _read_poses(wheels if same_rows else table, beside, form, model),
         ]
     )
     return Sheet(
@@ -114,11 +126,25 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
         poses=poses,
         quantities=quantities,
         columns=tuple(columns.values()),
-        same_rows=beside is None,
-        own_clock=beside is not None or form.poses.time is not None,
+        same_rows=same_rows,
+        own_clock=not same_rows or form.poses.time is not None,
         kept=kept,
-        cut_off=table.cut_off,
     )
+
+
+def _kept(table: Table, form: CsvForm) -> Table:
+    # The rows that are; an error has every reason against them.
+    kept, labels = together(
+        [
+            lambda: kept_rows(table, form.keep, form.skip_invalid_rows, "keep"),
+            lambda: _run_labels(table, form.runs) if form.keep else None,
+        ]
+    )
+    return without(table, kept, labels)
+
+
+def _refuse(error: LogError) -> None:
+    raise error
 
 
 def _read_block(
@@ -185,14 +211,7 @@ def _series(table: Table, time: TimeColumn, clock: tuple[int, Array], columns: S
 
 def _read(table: Table, column: Column, key: Key, skip: bool = False) -> tuple[int, Array]:
     place = table.place(column.column, *key, "column")
-    return place, _numbers(table, place, skip)
-
-
-def _numbers(table: Table, place: int, skip: bool = False) -> Array:
-    values, flaws = table.numbers(place)
-    if len(flaws) == len(values) or (flaws and not skip):
-        raise LogError(flaws)
-    return values
+    return place, table.finite(place, skip)
 
 
 def _run_labels(table: Table, runs: Column | None) -> list[str] | None:
@@ -203,25 +222,32 @@ def _run_labels(table: Table, runs: Column | None) -> list[str] | None:
 
 def _read_poses(
     table: Table, beside: Path | None, form: CsvForm, model: System
-) -> tuple[tuple[str, ...], ColumnBlock]:
-    poses, runs = form.poses, form.runs
+) -> tuple[tuple[str, ...], ColumnBlock, Bools]:
+    poses, runs, types = form.poses, form.runs, form.types_of_poses
+    apart = beside is not None or types is not None
     if beside is not None and not beside.exists():
         named = ("log", "poses", "file")
         hint = "; `{stem}` stands for the log's own" if "{" in beside.name else ""
         raise LogError([NotInLog(str(beside), 0, 0, "file", f"{no_such_file(beside)}{hint}", named)])
     if beside is not None and poses.is_tum:
-        return tuple(poses.columns), _read_tum(beside, poses, form.skip_invalid_rows)
+        block = _read_tum(beside, poses, form.skip_invalid_rows)
+        return tuple(poses.columns), block, np.ones(len(block.series), dtype=bool)
     if beside is not None:
         table = read_table(beside, poses.delimiter, poses.header)
-        # A file of poses need not know of runs, even where the log does.
+    elif types is not None:
+        table = of_type(table, types, "poses")
+    if apart:
+        # Poses of their own need not know of runs, even where the log does.
         runs = runs if runs is not None and runs.column in table.header else None
+    kept = kept_rows(table, poses.keep, form.skip_invalid_rows, "poses", "keep")
     columns = _pose_columns(table, poses, model)
-    own_clock = _skipping(form.skip_invalid_rows, beside is not None or poses.time is not None)
+    own_clock = _skipping(form.skip_invalid_rows, apart or poses.time is not None)
     clock = _clock(form, of_poses=True)
     block = _read_block(table, clock, _under("poses", columns), runs, own_clock)
     units = dict(zip(model.states, model.state_units, strict=True))
     factors = [unit_factor(column.unit, units[name]) for name, column in columns.items()]
-    return tuple(columns), replace(block, series=block.series.with_values(block.series.values * factors))
+    values = block.series.values * factors
+    return tuple(columns), replace(block, series=block.series.with_values(values)), kept
 
 
 def _read_tum(file: Path, poses: PoseColumns, skip: bool) -> ColumnBlock:
@@ -234,27 +260,6 @@ def _pose_columns(table: Table, poses: PoseColumns, model: System) -> dict[str, 
     by_name = {name: PoseColumn(column=name) for name in model.states[3:] if name in table.header}
     known = by_name | poses.columns
     return {name: known[name] for name in model.states if name in known}
-
-
-def _kept(table: Table, keep: Mapping[str, Wanted], skip: bool) -> Bools:
-    kept = np.ones(len(table.rows), dtype=bool)
-    for name, wanted in keep.items():
-        place = table.place(name, "keep", name)
-        if isinstance(wanted, str):
-            kept &= np.array([cell == wanted for cell in table.texts(place)])
-            continue
-        low, high = wanted if isinstance(wanted, tuple) else (wanted, wanted)
-        values = _numbers(table, place, skip)
-        kept &= (values >= low) & (values <= high)
-    if not kept.any():
-        said = (f"{name} {_in_words(one)}" for name, one in keep.items())
-        text = f"no row has {' and '.join(said)}"
-        raise LogError([NotInLog(table.file, 0, 0, "keep", text, ("log", "keep"))])
-    return kept
-
-
-def _in_words(wanted: Wanted) -> str:
-    return f"from {wanted[0]:g} to {wanted[1]:g}" if isinstance(wanted, tuple) else f"= {wanted}"
 
 
 def distinct_rows(table: Table, times: Array, rows: Rows) -> Rows:

@@ -6,14 +6,15 @@ import csv
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import FileFlaw, LogError
 from oed.foundation.files import text_of
 from oed.foundation.quantities import plain_number
@@ -37,8 +38,11 @@ MOST_LOG_BYTES = 2**30
 NAMES = 40
 """Columns of a header that are shown."""
 
+MAY_BE_HEADER = "its first row has numbers, and so is no header; where it is one, say `header: true`"
+"""Of a file whose first row has other cells as well."""
+
 _LOOKED_AT = 20
-"""Rows by which the delimiter is found."""
+"""Rows by which the delimiter and the header are found."""
 _NAME = re.compile(r"[\w ./()\[\]{}<>^°%#*+-]{0,60}")
 """What columns are called; other text has more signs and no end."""
 _COMMA = re.compile(r"[-+]?\d*,\d*(e[-+]?\d+)?", re.IGNORECASE)
@@ -63,6 +67,8 @@ class Table:
         plain: the delimiter of rows without quotes, which need no more than to be cut at it; None where
             some have quotes.
         cut_off: whether the last line was left out because the file breaks off in it.
+        header_in_doubt: whether the first row was taken for one of numbers though it has other cells as well.
+        left_out: how many rows before each, of its run, a study leaves out; None where it leaves out none.
     """
 
     file: str
@@ -72,6 +78,16 @@ class Table:
     cells: Cells
     plain: str | None
     cut_off: bool = False
+    header_in_doubt: bool = False
+    left_out: Rows | None = None
+
+    def only(self, chosen: Bools) -> Table:
+        """The table with some of its rows."""
+        rows = np.flatnonzero(chosen)
+        left_out = None if self.left_out is None else self.left_out[rows]
+        in_doubt = self.header_in_doubt and bool(chosen[0])
+        own = [self.rows[row] for row in rows]
+        return replace(self, rows=own, lines=self.lines[rows], left_out=left_out, header_in_doubt=in_doubt)
 
     @cached_property
     def width(self) -> int:
@@ -115,7 +131,10 @@ class Table:
                 return f"the header has {column!r} {count} times; give the column's index, from 0"
             return "" if count else f"the header lacks {column!r}{self._known_beside(column)}"
         if isinstance(column, str) and not column.isdecimal():
-            return f"the file has no header, so {column!r} is not known; give the column's index, from 0"
+            doubt = f" ({MAY_BE_HEADER})" if self.header_in_doubt else ""
+            return (
+                f"the file has no header, so {column!r} is not known; give the column's index, from 0{doubt}"
+            )
         last = self.width - 1
         return "" if int(column) <= last else f"there is no column {column}; the last one is {last}, from 0"
 
@@ -147,6 +166,21 @@ class Table:
             return values, [FileFlaw(self.file, first, place + 1, self.label(place), text)]
         return values, [self.cell_flaw(row, place, cells[row]) for row in wrong]
 
+    def finite(self, place: int, skip: bool = False) -> Array:
+        """A column (rows,), not-a-number in empty cells.
+
+        Args:
+            place: of the column.
+            skip: whether some other cells may be no numbers.
+
+        Raises:
+            LogError: cells that are no numbers.
+        """
+        values, flaws = self.numbers(place)
+        if len(flaws) == len(values) or (flaws and not skip):
+            raise LogError(flaws)
+        return values
+
     def _all_numbers(self, place: int) -> Array | None:
         # Almost every column of almost every log; None where cells have to be looked at one by one.
         if self.plain is None:
@@ -168,6 +202,8 @@ class Table:
         """
         got = f"got {written(cell)}" if cell else "the cell is empty"
         hint = " (decimals need a point)" if "," in cell else ""
+        if self.header_in_doubt and not row and cell:
+            hint = f" ({MAY_BE_HEADER})"
         text = f"expected a finite number, {got}{hint}"
         return FileFlaw(self.file, int(self.lines[row]), place + 1, self.label(place), text)
 
@@ -177,14 +213,18 @@ def _number(cell: str) -> float:
     return value if value is not None and abs(value) < LARGEST else math.nan
 
 
-def read_table(file: Path, delimiter: str | None = None, header: bool | None = None) -> Table:
+def read_table(
+    file: Path, delimiter: str | None = None, header: bool | None = None, *, ragged: bool = False
+) -> Table:
     """Read a text table.
 
     Args:
         file: to read; lines that begin with # or % are comments, of which one right above the first row
             may be the header.
         delimiter: between cells, as studies name it, " " for any number of blanks; found by itself if None.
-        header: whether the first row has the names; if None it does where it is not all numbers.
+        header: whether the first row has the names; if None it does where it has names above numbers, and
+            no numbers but a few whole ones, or such as count columns.
+        ragged: whether rows may be of several types, each of a width of its own; `even` makes a table of one.
 
     Raises:
         LogError: no such file, not text, or nothing in it.
@@ -202,14 +242,29 @@ def read_table(file: Path, delimiter: str | None = None, header: bool | None = N
     if quoted:
         _require_closed_quotes(file, rows, lines, cells)
     comment = texts[kept[0] - 1] if kept[0] else ""
-    names, first = _header(cells(rows[0]), _comment_cells(comment, delimiter), header)
+    first_rows = [cells(row) for row in rows[:_LOOKED_AT]]
+    like, mixed = _like_header(first_rows) if header is None else (header, False)
+    names, first = _header(first_rows[0], _comment_cells(comment, delimiter), like, header)
     if first == len(rows):
         raise LogError.about(file, "the file has no rows after its header")
     rows, lines = rows[first:], lines[first:]
-    _require_room(file, _width(names, cells(rows[0])), rows, lines, cells)
-    cut_off = _is_cut_off(rows, cells)
-    last = len(rows) - cut_off
-    return Table(str(file), names, lines[:last], rows[:last], cells, None if quoted else delimiter, cut_off)
+    plain, in_doubt = None if quoted else delimiter, mixed and not like
+    table = Table(str(file), names, lines, rows, cells, plain, header_in_doubt=in_doubt)
+    return table if ragged else even(table)
+
+
+def even(table: Table) -> Table:
+    """A table without half a last line.
+
+    Raises:
+        LogError: rows with more cells than the first one has.
+    """
+    first = table.cells(table.rows[0])
+    _require_room(Path(table.file), _width(table.header, first), table.rows, table.lines, table.cells)
+    if not _is_cut_off(table.rows, table.cells):
+        return table
+    whole = np.arange(len(table.rows)) < len(table.rows) - 1
+    return replace(table.only(whole), cut_off=True)
 
 
 def _is_row(text: str) -> bool:
@@ -277,12 +332,39 @@ def _comment_cells(comment: str, delimiter: str) -> list[str]:
     return _plain_cells(delimiter, comment.strip().lstrip("".join(COMMENT)))
 
 
-def _header(row: Sequence[str], comment: Sequence[str], given: bool | None) -> tuple[tuple[str, ...], int]:
+def _like_header(rows: Sequence[Sequence[str]]) -> tuple[bool, bool]:
+    # Whether the first row looks like names, by what it has above numbers, and whether it has both.
+    first, others = rows[0], rows[1:]
+    places = [place for place in range(max(map(len, rows))) if _has_numbers(others, place)]
+    above = [first[place] for place in places if place < len(first)] if places else first
+    above = [cell for cell in above if cell.strip()]
+    numbers = [cell.strip() for cell in above if _is_float(cell)]
+    names = {cell for cell in above if not _is_float(cell)}
+    # Names may be numbers, but hardly broken ones, and are apart where what is missing is written alike.
+    whole = all(map(str.isdecimal, numbers))
+    return bool(names) and whole and (len(names) > len(numbers) or _are_counted(numbers)), bool(names)
+
+
+def _has_numbers(rows: Sequence[Sequence[str]], place: int) -> bool:
+    # In most of its cells.
+    cells = [row[place] for row in rows if place < len(row) and row[place].strip()]
+    return 2 * sum(map(_is_float, cells)) > len(cells) > 0
+
+
+def _are_counted(cells: Sequence[str]) -> bool:
+    # As columns without names are by other programs: 0, 1, 2.
+    return len(cells) > 1 and all(int(after) == int(cell) + 1 for cell, after in pairwise(cells))
+
+
+def _header(
+    row: Sequence[str], comment: Sequence[str], like: bool, given: bool | None
+) -> tuple[tuple[str, ...], int]:
     # The names, and which row is the first of numbers.
-    named = any(cell.strip() and not _is_float(cell) for cell in row)
-    if given is False or (given is None and not named and len(comment) != len(row)):
+    above = given is not False and len(comment) == len(row)
+    if not like and not above:
         return (), 0
-    use_comment = not named and len(comment) == len(row)
+    named = any(cell.strip() and not _is_float(cell) for cell in row)
+    use_comment = above and not (like and named)
     names = comment if use_comment else row
     return tuple(name.strip() for name in names), 0 if use_comment else 1
 
