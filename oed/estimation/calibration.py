@@ -98,9 +98,13 @@ class Calibration(Brief, Renamed):
     def coefficients(self) -> tuple[tuple[str, ...], Array, Array]:
         """Names, values and standard errors of the coefficients that the estimates give [Choi, eq. 6].
 
-        Nothing where the estimates are coefficients themselves, or the robot has none.
+        Nothing where the estimates are coefficients themselves, or the robot has none; those that no estimate
+        changes, such as one that is 0 by the robot's geometry, are no finding and are left out.
         """
         names, values, slopes = self._given_coefficients
+        changed = np.any(slopes != 0, axis=1)
+        names = tuple(name for name, one in zip(names, changed, strict=True) if one)
+        values, slopes = values[changed], slopes[changed]
         return names, values, np.sqrt(np.diag(slopes @ self.covariance @ slopes.T))
 
     @property

@@ -100,8 +100,9 @@ def _coefficients(found: Calibration) -> list[Unknown]:
     if not names:
         return []
     rows = zip(found.robot.coefficient_names, COEFFICIENT_UNITS, strict=False)
-    units = [unit for row, unit in rows for _ in row]
-    entries = [_unknown(*one) for one in zip(names, units, values, errors, strict=True)]
+    units = {name: unit for row, unit in rows for name in row}
+    each = zip(names, values, errors, strict=True)
+    entries = [_unknown(name, units[name], value, error) for name, value, error in each]
     track = found.effective_track
     return entries if track is None else [*entries, _unknown("effective_track", "m", *track)]
 

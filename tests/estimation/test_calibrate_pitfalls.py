@@ -13,12 +13,15 @@ from oed.estimation.preprocessing.moves import Moves
 from oed.estimation.preprocessing.wiring_checks import frozen
 from oed.estimation.setup.unknowns import specified_mount
 from oed.foundation.errors import LogError
+from oed.kernel.dynamics.system import Parameter
+from oed.robots.models import OmniThree
 from oed.robots.sensors import Poses
 from oed.robots.sensors.logged import Noise
 from oed.robots.sensors.placed import LeverArm
 from oed.robots.sensors.poses import AbsoluteNoise
 
 NOISE = (0.002, 0.005)
+OMNI = OmniThree(wheel_radius=0.04, centre_distance=0.18)
 TRUE = np.array([*TRUTH.values()])
 
 
@@ -208,3 +211,28 @@ def test_a_single_log_is_reckoned_by_its_own_estimate():
     found = calibrate(logged_problem(), [log_of(course(seconds=10.0), noise=NOISE)], options(segment="log"))
     (before,), (after,) = found.own.before, found.own.after
     assert after.rmse_position < 0.5 * before.rmse_position
+
+
+def test_a_coefficient_that_is_0_by_the_geometry_is_no_estimate_of_0_without_error():
+    log = log_of(course(OMNI, np.array([0.041, 0.19]), seconds=10.0), noise=NOISE)
+    asked = options(segment="log", clock_offset=False)
+    names, values, errors = calibrate(logged_problem(model=OMNI), [log], asked).coefficients
+    assert len(names) == 8
+    assert "c22" not in names
+    assert np.all(errors > 0)
+    # As a parameter of its own it is as precise as its row.
+    wanted = tuple(name for row in OMNI.coefficient_names for name in row)
+    found = calibrate(logged_problem(model=OMNI, estimate=wanted), [log], asked)
+    c22 = wanted.index("c22")
+    assert found.fit.unknowns.scale[c22] == pytest.approx(2 * 0.04 / 3 * np.sqrt(0.75))
+    assert abs(found.values[c22]) < 4 * found.standard_deviations["c22"]
+    assert found.standard_deviations["c22"] == pytest.approx(found.standard_deviations["c21"], rel=1.0)
+    for name, value in zip(names, values, strict=True):
+        assert found.values[wanted.index(name)] == pytest.approx(value, rel=0.02)
+
+
+@pytest.mark.parametrize("nominal", [0.0, np.sin(np.pi), -1e-18])
+def test_a_nominal_value_that_is_the_rounding_of_0_is_no_size(nominal: float):
+    assert Parameter("offset", nominal, "rad").scale == 0
+    assert Parameter("offset", nominal, "rad", size=0.3).scale == 0.3
+    assert Parameter("gain", 1e-9, "", size=0.3).scale == 1e-9

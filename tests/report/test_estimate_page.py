@@ -15,7 +15,7 @@ from oed.cli.terminal.console import WIDTH, print_estimate
 from oed.foundation.text import decimals_of, error_text, size_text, to_error
 from oed.report import write_estimate
 from oed.report.estimate import estimate_sections
-from oed.report.estimate.parameters import gains, warnings
+from oed.report.estimate.parameters import estimate_rows, gains, warnings
 from oed.report.figures.calibration import residuals_of
 from oed.report.figures.reckoned import LOOKS
 from oed.report.parts.section import Section, Table, lasting, span_text
@@ -410,3 +410,12 @@ def test_the_console_tells_the_same(capsys: pytest.CaptureFixture[str]):
 def test_the_console_copes_with_what_is_missing(kind: str, capsys: pytest.CaptureFixture[str]):
     print_estimate(read(KINDS[kind]()))
     assert not {"nan", "None", "NaN"} & set(re.findall(r"[A-Za-z]+", capsys.readouterr().out))
+
+
+@pytest.mark.parametrize("nominal", [0.0, 1.2e-16])
+def test_what_is_nominally_0_but_for_rounding_has_no_change_in_percent(nominal: float):
+    first, *others = estimate()["parameters"]
+    offset = {**first, "name": "steering_offset", "unit": "rad", "nominal": nominal, "size": 1.0}
+    record = read({**alone(), "parameters": [offset, *others], "paths": []})
+    assert estimate_rows(record)[0][-1] == "-"
+    assert "steering offset" not in section(record.plain(), "Summary").paragraphs[0]

@@ -45,6 +45,10 @@ class Input:
         return self.unit in ("rad/s", "m/s")
 
 
+ROUNDING = 1e-15
+"""Share of a parameter's size, or of 1 where it has none, below which its nominal value is rounding of 0."""
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One constant of a system.
@@ -63,8 +67,10 @@ class Parameter:
 
     @property
     def scale(self) -> float:
-        """What a relative precision refers to: the nominal value's magnitude, or `size` where that is 0."""
-        return abs(self.nominal) or self.size
+        """What a relative precision refers to: the nominal value's magnitude, or `size` where that is 0, or
+        but the rounding of a sine or a cosine.
+        """
+        return abs(self.nominal) if abs(self.nominal) > ROUNDING * (self.size or 1.0) else self.size
 
 
 class System(ABC):

@@ -12,6 +12,7 @@ from oed.foundation import plots
 from oed.foundation.arrays import Array
 from oed.foundation.presenting import Card, Presented, dataframe, given, parameter_rows
 from oed.foundation.text import count, listing, words
+from oed.kernel.dynamics.system import ROUNDING
 from oed.records.stored.compared import ComparedModel, Models
 from oed.records.stored.door import SavedFile
 from oed.records.stored.parts import (
@@ -67,6 +68,12 @@ class Estimated(Stored):
         """Of the 95 % interval."""
         low, high = self.interval or (None, None)
         return low, high
+
+    @property
+    def reference(self) -> float | None:
+        """The nominal value's magnitude, which a change is a share of; None where it is none, or 0."""
+        size = abs(self.nominal or 0.0)
+        return size if size > ROUNDING * (self.size or 1.0) else None
 
     @property
     def nominal_outside(self) -> bool:

@@ -82,9 +82,9 @@ def _finding(record: EstimateRecord) -> str:
     if errors is not None:
         return SAY("odometry", [size_text(error, "m") for error in errors], which)
     changes = {
-        one.name: 100 * (one.value - one.nominal) / abs(one.nominal)
+        one.name: 100 * (one.value - one.nominal) / one.reference
         for one in record.parameters
-        if one.value is not None and one.nominal
+        if one.value is not None and one.nominal is not None and one.reference
     }
     name = max(changes, key=lambda name: abs(changes[name]), default="")
     return SAY("changed", words(name), changes.get(name, 0.0))
@@ -122,7 +122,7 @@ def trust(record: EstimateRecord) -> Section:
 def _worst(record: EstimateRecord) -> tuple[str, str]:
     # The parameter of the largest relative standard error, and that error; ("", "") where none is known.
     shares = {
-        one.name: 100 * one.standard_error / abs(one.value)
+        one.name: 100 * one.standard_error / (abs(one.value) if one.reference else one.size or abs(one.value))
         for one in record.parameters
         if one.value and one.standard_error is not None
     }
@@ -156,9 +156,9 @@ def _interval(one: Estimated) -> str:
 
 
 def _change(one: Estimated) -> str:
-    if one.value is None or not one.nominal:
+    if one.value is None or one.nominal is None or not one.reference:
         return MISSING
-    percent, error = 100.0 / abs(one.nominal), one.standard_error
+    percent, error = 100.0 / one.reference, one.standard_error
     rounded = decimals_of(None if error is None else error * percent) is not None
     change = one.value - one.nominal
     text = to_error(change, error, percent) if rounded else significant(3)(percent * change)

@@ -325,10 +325,13 @@ class CoefficientRobot(Model):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The coefficients, row by row: yaw rate [1], then forward and lateral speed [m]."""
+        """The coefficients, row by row: yaw rate [1], then forward and lateral speed [m].
+
+        The precision of one that is 0 by the robot's geometry refers to the largest of its row.
+        """
         nominal = nominal_coefficients(self.base)
         return tuple(
-            Parameter(name, float(value), unit)
+            Parameter(name, float(value), unit, 0.0 if value else float(np.abs(values).max()))
             for names, values, unit in zip(self.coefficient_names, nominal, ("", "m", "m"), strict=False)
             for name, value in zip(names, values, strict=True)
         )
