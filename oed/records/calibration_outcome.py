@@ -232,17 +232,17 @@ def _path(name: str, role: str, before: DeadReckoning, after: DeadReckoning) -> 
 def _residuals(found: Calibration) -> list[Residuals]:
     fit, layout = found.fit, found.fit.layout
     entries = []
-    every = max(1, -(-int(layout.valid.sum()) // RESIDUALS))
+    every = max(1, -(-int(layout.valid.sum(axis=(0, 1)).max()) // RESIDUALS))
     for number, log in enumerate(layout.logs):
         own = layout.owner == number
-        valid = layout.valid[own]
         for place, quantity in enumerate(layout.quantities):
+            valid = layout.valid[own][..., place]
             one = Residuals.of(
                 log=log.name,
                 quantity=quantity,
                 unit=_unit_of(group_of(quantity)),
                 t=layout.times[own][valid][::every] - log.pose_times[0],
-                value=fit.residuals[own][valid][:, place][::every],
+                value=fit.residuals[own][..., place][valid][::every],
                 speed=fit.speeds[own][valid][::every],
                 yaw_rate=fit.yaw_rates[own][valid][::every],
             )

@@ -210,7 +210,7 @@ class TestSolution:
     def test_freedom_is_readings_less_unknowns(self):
         fit = fit_of(several(3, noise=(0.004, 0.01)), seconds=4.0)
         assert fit.redundancy.sum() == pytest.approx(
-            3 * fit.layout.valid.sum() - 3 * fit.layout.count - 3, abs=1e-6
+            fit.layout.valid.sum() - 3 * fit.layout.count - 3, abs=1e-6
         )
 
     def test_scores_add_up_to_nothing(self):

@@ -25,7 +25,7 @@ def without(log: Log, first: float, last: float) -> Log:
 
 def parts(layout: SegmentLayout) -> list[np.ndarray]:
     """Times of each segment."""
-    return [times[valid] for times, valid in zip(layout.times, layout.valid, strict=True)]
+    return [times[valid] for times, valid in zip(layout.times, layout.valid.any(axis=-1), strict=True)]
 
 
 def ends(layout: SegmentLayout) -> np.ndarray:
@@ -60,16 +60,17 @@ class TestSegments:
         logs = several(2, noise=(0.01, 0.01))
         layout = cut(logs, 3.0, [0.0, 0.0])
         for row, own in enumerate(layout.owner):
-            kept = layout.valid[row]
+            kept = layout.valid[row].all(axis=-1)
             places = np.searchsorted(logs[own].pose_times, layout.times[row][kept])
             assert np.array_equal(layout.readings[row][kept], logs[own].poses[places])
-        assert np.all(layout.steps[~layout.valid[:, 1:]] == 0)
-        assert np.all(layout.inputs(np.zeros(2))[~layout.valid[:, 1:]] == 0)
+        beyond = ~layout.valid[:, 1:].any(axis=-1)
+        assert np.all(layout.steps[beyond] == 0)
+        assert np.all(layout.inputs(np.zeros(2))[beyond] == 0)
 
     def test_of_unequal_logs_are_padded(self):
         logs = [log_of(course(seconds=seconds, seed=3), name=str(seconds)) for seconds in (3.0, 7.0)]
         layout = cut(logs, np.inf, [0.0, 0.0])
-        assert layout.valid.sum(axis=1).tolist() == [31, 71]
+        assert layout.valid.sum(axis=1).tolist() == [[31] * 3, [71] * 3]
         assert layout.periods == 70
         assert layout.steps[0].sum() == pytest.approx(3.0)
 

@@ -37,9 +37,7 @@ def by_hand(log, seconds: float) -> tuple[np.ndarray, np.ndarray]:
     """The coefficients and the paper's standard errors, with regressors written out here."""
     layout = windows_of([log], seconds=seconds).layout
     moves = layout.inputs(np.zeros(1)) * layout.steps[..., None]
-    last = layout.valid.sum(axis=1) - 1
-    rows = np.arange(layout.count)
-    first, end = layout.readings[:, 0], layout.readings[rows, last]
+    first, end = layout.readings[:, 0], layout.readings[np.arange(layout.count), layout.last]
     regressor, turns = moves.sum(axis=1), end[:, 2] - first[:, 2]
     yaw = np.linalg.lstsq(regressor, turns, rcond=None)[0]
     steps = moves @ yaw

@@ -118,6 +118,7 @@ def _stretches(robot: Model, log: Log, parameters: Array, place: Array, offset: 
     found = readings.reading("x", "y", "heading")(values, readings.first_starts(values))
     read = {name: layout.readings[..., index] for index, name in enumerate(log.quantities)}
     heading = read.get("heading", found[..., 2])
+    compared = [place for place, name in enumerate(log.quantities) if name in ("x", "y", "heading")]
     return [
         _Stretch(
             layout.times[row][valid],
@@ -126,7 +127,7 @@ def _stretches(robot: Model, log: Log, parameters: Array, place: Array, offset: 
             heading[row][valid],
             found[row, :, 2][valid],
         )
-        for row, valid in enumerate(layout.valid)
+        for row, valid in enumerate(layout.read_together(compared))
     ]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.setup.noise import groups, places_of
+from oed.estimation.setup.noise import groups, in_turn, places_of
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.robots.sensors.logged import Noise
@@ -78,8 +78,7 @@ def correlations(fit: Fit, places: list[int], lags: int = LAGS) -> tuple[Array, 
         places: of the readings of one quantity.
         lags: how many.
     """
-    z, valid = _in_turn(fit, places)
-    left = np.ones(z.shape) if fit.motions else np.clip(fit.redundancy[..., places], 0.0, 1.0)
+    z, left, valid = _in_turn(fit, places)
     scale = float((z[valid] ** 2).mean())
     share = float(left[valid].mean())
     if scale == 0 or share == 0:
@@ -91,19 +90,22 @@ def correlations(fit: Fit, places: list[int], lags: int = LAGS) -> tuple[Array, 
         shared = np.sqrt((1 - left[:, lag:]) * (1 - left[:, :-lag])) / share
         alike = z[:, lag:] * z[:, :-lag] / scale
         found.append(float((alike + shared)[both].mean()) if both.any() else 0.0)
-        pairs = pairs or int(both.sum()) * len(places)
+        pairs = pairs or int(both.sum())
     return np.array(found), pairs
 
 
-def _in_turn(fit: Fit, places: list[int]) -> tuple[Array, Bools]:
-    # Residuals that follow each other, and which there are: those of a segment, or of all windows of a log.
-    z, valid, owner = fit.white[..., places], fit.layout.valid, fit.layout.owner
+def _in_turn(fit: Fit, places: list[int]) -> tuple[Array, Array, Bools]:
+    # Residuals that follow each other, the shares of their variance that the fit leaves, and which there are:
+    # those of a segment, or of all windows of a log.
+    z, valid, owner = fit.white[..., places], fit.layout.valid[..., places], fit.layout.owner
     if not fit.motions:
-        return z, valid
+        there, (z, left) = in_turn(valid, z, np.clip(fit.redundancy[..., places], 0.0, 1.0))
+        return z, left, there
     each = [z[owner == log, -1] for log in np.unique(owner)]
     longest = max(map(len, each))
-    padded = [np.pad(rows, ((0, longest - len(rows)), (0, 0))) for rows in each]
-    return np.stack(padded), np.array([np.arange(longest) < len(rows) for rows in each])
+    rows = np.stack([np.pad(one, ((0, longest - len(one)), (0, 0))) for one in each])
+    there = np.arange(longest) < np.array(list(map(len, each)))[:, None]
+    return rows, np.ones(rows.shape), np.broadcast_to(there[..., None], rows.shape)
 
 
 def _whiteness(fit: Fit, group: str, places: list[int]) -> Diagnostic:
@@ -122,7 +124,7 @@ def _whiteness(fit: Fit, group: str, places: list[int]) -> Diagnostic:
 
 
 def _outliers(fit: Fit, group: str, places: list[int]) -> Diagnostic:
-    z = fit.white[..., places][fit.layout.valid]
+    z = fit.white[..., places][fit.layout.valid[..., places]]
     count, expected = int((np.abs(z) > FAR).sum()), z.size * 2 * scipy.stats.norm.sf(FAR)
     passed = bool(count <= max(5 * expected, 3))
     share = count / z.size
@@ -134,7 +136,7 @@ def _outliers(fit: Fit, group: str, places: list[int]) -> Diagnostic:
 def _specified(fit: Fit, group: str, specified: Noise) -> Diagnostic:
     # Chi-square of the residuals against the noise specified, at the speeds driven.
     places = places_of(group, fit.layout.quantities)
-    valid = fit.layout.valid
+    valid = fit.layout.valid[..., places]
     size = specified.deviation(fit.speeds, fit.yaw_rates)[..., None]
     squares = float(((fit.residuals[..., places] / size)[valid] ** 2).sum())
     degrees = float(fit.redundancy[..., places][valid].sum())

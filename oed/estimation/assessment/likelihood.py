@@ -57,7 +57,7 @@ class FittedReadings:
         """As the segments of the model with the fewest states have them."""
         fit = min(fits, key=lambda one: one.starts.shape[1])
         identified = _identified(fit)
-        left = np.where(fit.layout.valid[..., None], np.clip(fit.redundancy, 0.0, None), 0.0)
+        left = np.where(fit.layout.valid, np.clip(fit.redundancy, 0.0, None), 0.0)
         growth = {
             group: [
                 part
@@ -88,7 +88,7 @@ class FittedReadings:
             for group in groups(fit.layout.quantities):
                 own, count = self._group(fit, places_of(group, fit.layout.quantities), group, options)
                 each, noise = each + own, noise + count
-        left = float(np.where(fit.layout.valid[..., None], fit.redundancy, 0.0).sum())
+        left = float(np.where(fit.layout.valid, fit.redundancy, 0.0).sum())
         identified = _identified(fit)
         return Likelihood(each, identified + noise, max(self.count - left - identified, 0.0))
 
@@ -123,7 +123,7 @@ def _greatest(residuals: Array, shares: Array, rates: Array, parts: Sequence[int
 
 def _correlated(fit: Fit, *, free: bool) -> Array:
     # Windows whose noise is correlated, its size free unless it is specified.
-    white = fit.white[fit.layout.valid]
+    white = fit.white[:, -1]
     square = fit.misfit if free else 1.0
     assert fit.volumes is not None
     rows = white.shape[-1]

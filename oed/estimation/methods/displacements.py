@@ -195,7 +195,7 @@ class Regression(Estimator):
         information = np.einsum("sia,sib->sab", rows, rows)
         inverse = np.linalg.inv(information.sum(axis=0))
         times = np.asarray(self.regressors.trajectory.period * np.stack([edges[:-1], edges[1:]], axis=1))
-        valid, still = np.ones(measured.shape, dtype=bool), np.zeros(measured.shape)
+        valid, still = np.ones((*measured.shape, 1), dtype=bool), np.zeros(measured.shape)
         return Fit(
             unknowns=Unknowns(self.regressors.robot, self.parameters, (), 0),
             values=values,

@@ -94,8 +94,9 @@ def spread(fit: Fit) -> dict[str, float]:
     found = {}
     for group in groups(quantities):
         own = places_of(group, quantities)
-        squares = (fit.residuals[valid][:, own] ** 2).sum()
-        size = float(np.sqrt(squares / max(fit.redundancy[valid][:, own].sum(), 1e-12)))
+        present = valid[..., own]
+        squares = (fit.residuals[..., own][present] ** 2).sum()
+        size = float(np.sqrt(squares / max(fit.redundancy[..., own][present].sum(), 1e-12)))
         # Rounding of exact readings is no drift.
         found[group] = max(size, LEAST)
     return found
@@ -264,10 +265,8 @@ def _hidden_by_place(fit: Fit) -> tuple[str, ...]:
 
 def _require_enough(fit: Fit) -> None:
     # As many unknowns as readings fit anything without error.
-    identified, starts = int(fit.layout.valid.sum()), fit.layout.count
-    readings, states = identified * len(fit.layout.quantities), starts * fit.starts.shape[1]
-    if fit.motions:
-        readings, states = starts * len(fit.layout.quantities), 0
+    readings = int(fit.layout.valid.sum())
+    states = 0 if fit.motions else fit.layout.count * fit.starts.shape[1]
     if readings <= states + fit.unknowns.size:
         text = f"{readings} readings cannot identify {states + fit.unknowns.size} unknowns; log more poses"
         raise LogError.about(fit.layout.logs[0].file, text)

@@ -26,7 +26,7 @@ from oed.estimation.methods.gauss_newton import (
 from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.logged_readings import LoggedReadings
-from oed.estimation.setup.noise import estimated, group_of, groups, jumps, places_of
+from oed.estimation.setup.noise import estimated, group_of, groups, jumps, of_readings, places_of
 from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Knowledge, Unknowns, inverse_of_sum
 from oed.foundation.arrays import Array
@@ -139,7 +139,7 @@ class _Weighted:
         further = (1,) * (values.ndim - 3)
         each = [self.noises[group_of(name)].deviation(*rates) for name in layout.quantities]
         size = np.stack(each, axis=-1)
-        present = layout.valid.reshape(*layout.valid.shape, 1, *further)
+        present = layout.valid.reshape(*layout.valid.shape, *further)
         return np.where(present, values / size.reshape(*size.shape, *further), 0.0)
 
     def renewed(self, values: Array, starts: Array) -> _Weighted:
@@ -150,19 +150,19 @@ class _Weighted:
         for group in groups(quantities):
             own = places_of(group, quantities)
             found[group] = estimated(
-                state.residuals[valid][:, own].ravel(),
-                state.redundancy[valid][:, own].ravel(),
-                np.repeat(rates[:, valid], len(own), axis=1),
+                state.residuals[..., own][valid[..., own]],
+                state.redundancy[..., own][valid[..., own]],
+                of_readings(rates, valid[..., own]),
                 robust=self.search.loss != "linear",
                 grows=self.search.grows,
-                jumps=jumps(state.residuals[..., own], rates, valid),
+                jumps=jumps(state.residuals[..., own], rates, valid[..., own]),
             )
         return replace(self, noises=found)
 
     def fit(self, values: Array, starts: Array) -> Fit:
         """The solution, if these are the least squares."""
         search, found = self.search, self.search.linearised(values, starts)
-        present, known = search.layout.valid[..., None], search.known.information
+        present, known = search.layout.valid, search.known.information
         white, weights, bend, swing = self._weights(self._white(found.residuals, found.rates))
         root = np.ones_like(weights) if search.drive else np.sqrt(weights)
         slopes, own = (self._white(columns, found.rates) * root[..., None] for columns in found[1:3])
@@ -197,7 +197,7 @@ class _Weighted:
         # noise it is known how much a loss makes of it; other noise shows in the residuals.
         search, squares = self.search, white**2
         losses = robust_loss(search.loss, squares.ravel()).reshape(3, *white.shape)
-        _, slope, second = np.where(search.layout.valid[..., None], losses, 0.0)
+        _, slope, second = np.where(search.layout.valid, losses, 0.0)
         if search.drive or search.loss == "linear":
             return white, slope, *loss_moments(search.loss)
         total = max(float(slope.sum()), 1e-300)

@@ -92,8 +92,8 @@ class Windows:
     @cached_property
     def measured(self) -> Array:
         """The motion of each window, (S, 3)."""
-        last = self.layout.valid.sum(axis=1) - 1
-        return np.asarray(relative_to_first(self._poses)[np.arange(self.layout.count), last])
+        rows = np.arange(self.layout.count)
+        return np.asarray(relative_to_first(self._poses)[rows, self.layout.last])
 
     @cached_property
     def linked(self) -> Bools:
@@ -137,7 +137,7 @@ class Windows:
             layout,
             times=layout.times[:, [0, -1]],
             readings=np.stack([np.zeros_like(motions), motions], axis=1),
-            valid=np.tile([False, True], (layout.count, 1)),
+            valid=np.tile([[False], [True]], (layout.count, 1, len(READ))),
         )
 
     def at_ends(self, values: Array) -> Array:

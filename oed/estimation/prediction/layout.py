@@ -30,14 +30,17 @@ GAP = 5.0
 
 @dataclass(frozen=True)
 class SegmentLayout:
-    """Segments of drives, padded to equal length.
+    """Segments of drives on grids of times, padded to equal length.
+
+    Not every quantity is read at every time, and at some nothing is: motion is only carried through them.
 
     Attributes:
         logs: in order; those from one file share the offset between its two clocks. () of a designed drive.
         owner: the log of each segment, (S,).
-        times: of the readings on the poses' clock, (S, n + 1) [s]; the last one repeated beyond the end.
-        readings: (S, n + 1, quantities), SI; of a designed drive (S, readings, 1), whenever they are read.
-        valid: which of them there are, (S, n + 1).
+        times: of the grid on the poses' clock, (S, n + 1) [s]; the last one repeated beyond the end.
+        readings: (S, n + 1, quantities), SI, finite; of a designed drive (S, readings, 1), whenever they are
+            read.
+        valid: which of them there are, shaped alike.
         seconds: the length that was asked for [s]; infinite for whole logs.
         held: inputs of a designed drive, (S, n, inputs); None of logs.
     """
@@ -61,7 +64,7 @@ class SegmentLayout:
         runs = trajectory.runs
         held = trajectory.inputs.reshape(runs, trajectory.samples // runs, -1)
         times = np.tile(trajectory.period * np.arange(held.shape[1] + 1), (runs, 1))
-        valid = np.ones(readings.shape, dtype=bool)
+        valid = np.ones((*readings.shape, 1), dtype=bool)
         return cls((), np.arange(runs), times, readings[..., None], valid, math.inf, held)
 
     @property
@@ -81,8 +84,23 @@ class SegmentLayout:
 
     @property
     def steps(self) -> Array:
-        """Time between readings, 0 beyond a segment's end, (S, n) [s]."""
+        """Time between the grid's, 0 beyond a segment's end, (S, n) [s]."""
         return np.diff(self.times, axis=1)
+
+    @property
+    def last(self) -> Places:
+        """Place of each segment's last time on its grid, (S,)."""
+        return np.asarray(np.count_nonzero(self.steps > 0, axis=1))
+
+    def read_together(self, places: Sequence[int]) -> Bools:
+        """When all of some quantities are read, (S, n + 1)."""
+        return np.asarray(self.valid[..., list(places)].all(axis=-1))
+
+    def first_readings(self, place: int) -> Array:
+        """What each segment reads first of a quantity, (S,), SI; 0 where it never does."""
+        rows = np.arange(self.count)
+        first = np.argmax(self.valid[..., place], axis=1)
+        return np.where(self.valid[rows, first, place], self.readings[rows, first, place], 0.0)
 
     @cached_property
     def clocks(self) -> tuple[str, ...]:
@@ -96,7 +114,7 @@ class SegmentLayout:
         return np.array(own)[self.owner]
 
     def inputs(self, offsets: Array) -> Array:
-        """Mean inputs between the readings, (S, n, inputs).
+        """Mean inputs in the grid's steps, (S, n, inputs).
 
         Args:
             offsets: what the inputs' clock shows when the poses' shows 0, of each clock (clocks,) [s].
@@ -124,7 +142,7 @@ class SegmentLayout:
         return whole.inputs(offsets), whole.steps
 
     def rates(self, values: Array) -> Array:
-        """How fast values (S, n + 1, k) change, by the steps before and after each reading, (S, n + 1)."""
+        """How fast values (S, n + 1, k) change, by the steps before and after each time, (S, n + 1)."""
         moves = np.linalg.norm(np.diff(values, axis=1), axis=-1)
         around, times = np.zeros(values.shape[:2]), np.zeros(values.shape[:2])
         for found, steps in ((around, moves), (times, self.steps)):
@@ -167,8 +185,8 @@ def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> Segmen
         raise LogError([FileFlaw(log.file, 0, 0, "", text) for log in logs])
     longest = max(len(part) for _, part in pieces)
     shape = (len(pieces), longest)
-    times, valid = np.zeros(shape), np.zeros(shape, dtype=bool)
-    readings = np.zeros((*shape, len(logs[0].quantities)))
+    times, readings = np.zeros(shape), np.zeros((*shape, len(logs[0].quantities)))
+    valid = np.zeros(readings.shape, dtype=bool)
     for row, (number, part) in enumerate(pieces):
         padded = np.concatenate([part, np.full(longest - len(part), part[-1])])
         times[row] = logs[number].pose_times[padded]

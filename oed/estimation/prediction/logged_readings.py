@@ -116,12 +116,13 @@ def first_starts(
     """
     starts = np.pad(further, ((0, 0), (3, 0)))
     for column, name in enumerate(layout.quantities):
-        starts[:, robot.states.index(name)] = layout.readings[:, 0, column]
+        starts[:, robot.states.index(name)] = layout.first_readings(column)
     if "heading" in layout.quantities:
         starts[:, 2] -= place[2]
     elif {"x", "y"} <= set(layout.quantities):
         places = [layout.quantities.index("x"), layout.quantities.index("y")]
-        starts[:, 2] = _turns(paths(starts)[..., places], layout.readings[..., places], layout.valid)
+        both = layout.read_together(places)
+        starts[:, 2] = _turns(paths(starts)[..., places], layout.readings[..., places], both)
     # The robot's origin stands off the sensor by the lever arm.
     arm = (place[0] + 1j * place[1]) * np.exp(1j * starts[:, 2])
     starts[:, :2] -= np.column_stack([arm.real, arm.imag])
@@ -160,7 +161,7 @@ def further_starts(
 
 def _turns(predicted: Array, measured: Array, valid: Bools) -> Array:
     # The rotation of least squares about the mean [Horn, Closed-form solution of absolute orientation, 1987].
-    weight = valid[..., None] / valid.sum(axis=1)[:, None, None]
+    weight = valid[..., None] / np.maximum(valid.sum(axis=1), 1)[:, None, None]
     paths = []
     for path in (predicted, measured):
         centred = (path - (path * weight).sum(axis=1, keepdims=True)) * (weight > 0)

@@ -116,7 +116,7 @@ class Moves:
         if name not in layout.quantities:
             return None
         own = layout.readings[:, :, layout.quantities.index(name)]
-        return np.asarray(own[np.arange(layout.count), layout.valid.sum(axis=1) - 1] - own[:, 0])
+        return np.asarray(own[np.arange(layout.count), layout.last] - own[:, 0])
 
     def mounting(self) -> float:
         """How far the pose sensor is turned to the left on the robot [rad]; 0 where no move shows it."""

@@ -54,18 +54,33 @@ def specified_noise(measurement: Measurement, averaged: int = 1) -> dict[str, No
     return {group: noise.divided(math.sqrt(averaged)) for group, noise in found.items()}
 
 
+def of_readings(rates: Array, valid: Bools) -> Array:
+    """Speeds and yaw rates (2, m) of the readings that there are, `valid` (S, n, k), from those at all times,
+    (2, S, n).
+    """
+    return np.asarray(np.broadcast_to(rates[..., None], (len(rates), *valid.shape))[:, valid])
+
+
+def in_turn(valid: Bools, *values: Array) -> tuple[Bools, list[Array]]:
+    """Which readings there are (S, n, k) and values (S, n, k) of them, moved to the front of each segment."""
+    order = np.argsort(~valid, axis=1, kind="stable")
+    there = np.arange(valid.shape[1])[:, None] < valid.sum(axis=1, keepdims=True)
+    return np.asarray(there), [np.take_along_axis(one, order, axis=1) for one in values]
+
+
 def jumps(residuals: Array, rates: Array, valid: Bools) -> Array:
     """Differences of successive residuals over sqrt(2), and the speeds and yaw rates (RMS) there, (3, m).
 
     Args:
         residuals: (S, n, k), SI.
         rates: speeds [m/s] and yaw rates [rad/s] at their times, (2, S, n).
-        valid: which of them there are, (S, n).
+        valid: which of them there are, (S, n, k).
     """
-    both = valid[:, 1:] & valid[:, :-1]
-    values = np.diff(residuals, axis=1)[both] / np.sqrt(2)
-    there = np.sqrt((rates[..., 1:] ** 2 + rates[..., :-1] ** 2) / 2)[:, both]
-    return np.vstack([values.ravel(), np.repeat(there, residuals.shape[-1], axis=1)])
+    wide = (np.broadcast_to(one[..., None], residuals.shape) for one in rates)
+    there, (values, *each) = in_turn(valid, residuals, *wide)
+    squares, both = np.square(each), there[:, 1:]
+    around = np.sqrt((squares[:, :, 1:] + squares[:, :, :-1]) / 2)[:, both]
+    return np.vstack([np.diff(values, axis=1)[both] / np.sqrt(2), around])
 
 
 def estimated(
