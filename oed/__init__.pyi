@@ -111,11 +111,13 @@ from .robots.sensors import Displacements as Displacements
 from .robots.sensors import LeverArm as LeverArm
 from .robots.sensors import Measurement as Measurement
 from .robots.sensors import Moment as Moment
+from .robots.sensors import Mounting as Mounting
 from .robots.sensors import Nuisance as Nuisance
 from .robots.sensors import PoseNoise as PoseNoise
 from .robots.sensors import PosePrior as PosePrior
 from .robots.sensors import Poses as Poses
 from .robots.sensors import Ranges as Ranges
+from .robots.sensors import RelativePoses as RelativePoses
 from .robots.sensors import Sensor as Sensor
 from .robots.sensors import Several as Several
 from .robots.sensors import TrailerAngle as TrailerAngle

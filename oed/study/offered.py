@@ -22,6 +22,7 @@ class Offer:
             the places of beacons.
         aliases: what people call it.
         headings: whether logs of it have the robot's heading.
+        relative: whether logs of it have motions instead of poses.
         alone: whether a trailer's angle cannot be measured beside it.
     """
 
@@ -30,6 +31,7 @@ class Offer:
     entries: Sequence[str]
     aliases: Sequence[str]
     headings: bool = True
+    relative: bool = False
     alone: bool = False
 
 
@@ -40,6 +42,7 @@ OFFERS = {
         {"position": POSITION, "heading": HEADING},
         ["{{kind: poses, noise: {{position: {position}, heading: {heading}}}}}"],
         (
+            "pose",
             "motion capture",
             "mocap",
             "optitrack",
@@ -68,6 +71,13 @@ OFFERS = {
         ],
         ("gyroscope", "imu"),
         headings=False,
+    ),
+    "relative_poses": Offer(
+        "lidar scan matching or visual odometry: how the sensor moved since the reading before",
+        {"position": "0.5 cm", "heading": "0.5 deg"},
+        ["{{kind: relative_poses, every: 5, noise: {{position: {position}, heading: {heading}}}}}"],
+        ("relative pose", "scan matching", "scan matcher", "visual odometry", "icp", "lidar"),
+        relative=True,
     ),
     "ranges": Offer(
         "distances to beacons in three corners of the room",

@@ -37,7 +37,7 @@ from oed.robots.limits import (
 )
 from oed.robots.limits.workspace import Circle, CircularObstacle, Obstacles
 from oed.robots.models import Mecanum, SkidSteerSlip, TractorTrailer
-from oed.robots.sensors import Displacements, Poses, Ranges, Several
+from oed.robots.sensors import Displacements, Poses, Ranges, RelativePoses, Several
 from oed.robots.sensors import YawRate as Gyroscope
 from oed.robots.sensors.placed import LeverArm, PosePrior
 from oed.robots.space import DesignSpace, StartPose
@@ -229,6 +229,7 @@ PROBLEMS: dict[str, dict[str, Any]] = {
         "measurement": POSES,
         "design": space(runs=2, start=(StartPose(), StartPose(x=0.2, heading=1.0))),
     },
+    "relative poses": {"measurement": RelativePoses(noise={**NOISE, "position_per_speed": 0.05})},
     "noise that grows with speed": {"measurement": Poses(noise={**NOISE, "position_per_speed": 0.05})},
     "lever arm": {"measurement": Poses(noise=NOISE, lever_arm=LeverArm(x=0.05, known=False, deviation=0.01))},
     "two sensors": {
@@ -373,6 +374,7 @@ WHOLE: dict[str, dict[str, Any]] = {
     "unequal segments": {"measurement": Displacements(segments=5)},
     "prime samples": {"measurement": POSES, "design": space(samples=53)},
     "shared noise": {"measurement": Displacements(segments=4, noise_model="absolute")},
+    "readings across samples": {"measurement": RelativePoses(noise=NOISE, every=2)},
     "readings at odd times": {"measurement": Poses(noise=NOISE, every=5)},
     "robust": {
         "criterion": E(scaling="relative"),

@@ -135,8 +135,9 @@ def require_read_as_it_says(study: Study, file: Path) -> None:
     np.testing.assert_allclose(means[: len(between)], expected, atol=1e-9)
     kind = study.problem.measurement
     headings = any("heading" in getattr(one, "quantities", ()) for one in (kind, *kind.joint_sensors))
-    assert ("heading" in log.quantities) == (headings or kind.kind == "displacements")
-    assert ("trailer_angle" in log.quantities) == ("trailer_angle" in model.states)
+    relative = "relative_poses" in [one.kind for one in kind.joint_sensors]
+    assert ("heading" in log.quantities) == (headings or relative or kind.kind == "displacements")
+    assert ("trailer_angle" in log.quantities) == ("trailer_angle" in model.states and not relative)
 
 
 @pytest.mark.parametrize(
@@ -360,6 +361,8 @@ class TestCommand:
         ("imu", "positions_and_yaw_rate"),
         ("UWB anchors", "ranges"),
         ("pose", "poses"),
+        ("visual odometry", "relative_poses"),
+        ("lidar", "poses or relative_poses"),
     ],
 )
 def test_sensors_are_known_by_what_people_call_them(called: str, name: str):

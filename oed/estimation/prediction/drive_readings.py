@@ -111,14 +111,17 @@ class DriveReadings:
         return found
 
     def unwrapped(self, readings: Array) -> Array:
-        """Readings (M of all runs,) whose angles are unwrapped, and begin near the nominal."""
+        """Readings (M of all runs,) whose angles are unwrapped, and begin near the nominal; turns between
+        samples are all of them near the nominal ones.
+        """
         found, first = readings.copy(), 0
         for one, nominal in zip(self.each, self.nominal, strict=True):
             own = found[first : first + nominal.size].reshape(nominal.shape)
+            apart = one.sensor.when == "between samples"
             for run, place in product(range(len(own)), one.sensor.angles):
-                angles = np.unwrap(own[run, :, place])
-                turns = np.rint((nominal[run, 0, place] - angles[0]) / (2 * np.pi))
-                own[run, :, place] = angles + 2 * np.pi * turns
+                angles = own[run, :, place] if apart else np.unwrap(own[run, :, place])
+                ahead = (nominal[run, :, place] - angles) / (2 * np.pi)
+                own[run, :, place] = angles + 2 * np.pi * np.rint(ahead if apart else ahead[0])
             first += nominal.size
         return found
 

@@ -12,8 +12,9 @@ from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import casadi as ca
+import numpy as np
 
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import Array, block_columns
 from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import carrier, stepper
@@ -150,22 +151,32 @@ def _segment(model: Model, sensor: Sensor, periods: int, what: What) -> ca.Funct
     nuisances = ca.MX.sym("nuisances", len(sensor.nuisances))
     repeated = ca.repmat(parameters, 1, periods)
     poses = ca.horzcat(start, stepper(model).mapaccum(periods)(start, inputs, repeated, times))
-    columns = sensor.columns(periods)
-    count = len(columns)
-    lengths = times[:, columns] if sensor.when == "in periods" else ca.MX.zeros(1, count)
+    instants = sensor.instants(periods)
+    count = len(instants[0])
     # At the last time the inputs are those held until then.
-    held = inputs[:, [min(column, periods - 1) for column in columns]]
-    moments = [poses[:, columns], held, ca.repmat(parameters, 1, count)]
-    moments += [ca.repmat(nuisances, 1, count), lengths]
+    held = [inputs[:, [min(column, periods - 1) for column in columns]] for columns in instants]
+    moments = [ca.vertcat(*(poses[:, columns] for columns in instants)), ca.vertcat(*held)]
+    moments += [ca.repmat(parameters, 1, count), ca.repmat(nuisances, 1, count)]
+    moments.append(_lengths(sensor, times, instants))
     if what == "slopes":
         begin = ca.horzcat(ca.DM(states, size), ca.DM.eye(states))
         carry = carrier(model).mapaccum(periods)
         carried = ca.horzcat(begin, carry(begin, poses[:, :periods], inputs, repeated, times))
-        width = size + states
-        stacked = [width * column + offset for column in columns for offset in range(width)]
-        moments.append(carried[:, stacked])
+        places = (block_columns(np.array(columns), size + states) for columns in instants)
+        moments.append(ca.vertcat(*(carried[:, own] for own in places)))
     found = _moment(sensor, model, what).map(count).call(moments)
     return ca.Function(what, [start, inputs, times, parameters, nuisances], found)
+
+
+def _lengths(sensor: Sensor, times: Expression, instants: Sequence[Sequence[int]]) -> Expression:
+    # Of the periods that are read, or the time that a reading lasts.
+    if sensor.when == "at samples":
+        return ca.MX.zeros(1, len(instants[0]))
+    if sensor.when == "in periods":
+        return times[:, instants[0]]
+    ends, begins = instants
+    clock = ca.horzcat(0.0, ca.cumsum(times, 1))
+    return clock[:, ends] - clock[:, begins]
 
 
 @lru_cache(maxsize=32)

@@ -16,13 +16,13 @@ from oed.kernel.measurement.measurement import Measurement, Nuisance
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.robots.models.model import Model
 from oed.robots.models.twists import coefficient_values
+from oed.robots.sensors.logged import PLACE as UNITS
 from oed.robots.sensors.logged import LoggedSensor, Mount
 
 PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
 PLACE: tuple[PlaceName, ...] = ("sensor_x", "sensor_y", "sensor_heading")
 """Where on the robot the pose sensor sits: ahead of the origin and to its left [m], and how it is turned
 [rad]."""
-UNITS: Mapping[str, str] = dict(zip(PLACE, ("m", "m", "rad"), strict=True))
 SIZE = 0.1
 """Size of a sensor's place [m, rad] and of a clock's offset [s], for scaling only."""
 

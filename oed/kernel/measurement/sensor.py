@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from math import lcm
 from typing import Annotated, ClassVar, Literal, Self, TypeVar, cast
@@ -21,62 +21,31 @@ from oed.foundation.arrays import Array, block_columns
 from oed.foundation.errors import UserMistake
 from oed.foundation.text import count, words
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.rollout import Drive, Named
+from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.description import noise_text, when_text
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement, Nuisance
+from oed.kernel.measurement.moment import AnyMoment
+from oed.kernel.measurement.moment import Moment as Moment
 
 Start = Literal["unknown", "known"] | Mapping[str, float]
 """What is known of the start states: nothing, all, or standard deviations by their units."""
 
 
-@dataclass(frozen=True)
-class Moment(Named):
-    """What a sensor may read at one time; expressions.
-
-    Attributes:
-        system: that is driven.
-        state: (states,).
-        inputs: held at that time, (inputs,).
-        signals: the system's, at that instant or as means of the period; attributes by their names.
-        nuisances: the sensor's own, by the names it gave them.
-    """
-
-    system: System
-    state: Expression
-    inputs: Expression
-    signals: Mapping[str, Expression]
-    nuisances: Mapping[str, Expression]
-
-
-class AnyMoment:
-    """A moment at which nothing is known: symbols for all that is asked.
-
-    Attributes:
-        SIZE: entries of each, more than any system's state or signal has.
-        nuisances: the sensor's own.
-    """
-
-    SIZE = 32
-
-    def __init__(self, nuisances: Mapping[str, Expression]) -> None:
-        """Keep the nuisances."""
-        self.nuisances = nuisances
-
-    def __getattr__(self, name: str) -> Expression:
-        """A symbol."""
-        return ca.SX.sym(name, self.SIZE)
+When = Literal["at samples", "in periods", "between samples"]
+"""Whether a sensor reads at the N + 1 samples' instants, something of each of the N periods between, or of
+two of the instants together."""
 
 
 class Sensor(Measurement):
     """One sensor of the drive as it is driven.
 
     Attributes:
-        every: one reading every so many samples, from the first on.
+        every: one reading every so many samples, from the first on; between samples, from each of these to
+            the next.
     """
 
-    when: ClassVar[Literal["at samples", "in periods"]] = "at samples"
-    """Whether it reads at the N + 1 samples' instants, or something of each of the N periods between."""
+    when: ClassVar[When] = "at samples"
 
     every: Annotated[int, Field(ge=1)] = 1
 
@@ -128,9 +97,15 @@ class Sensor(Measurement):
         return self.model_copy(update={"every": max(1, round(self.every / times))})
 
     def columns(self, samples: int) -> list[int]:
-        """Indices of the samples or periods that are read."""
-        last = samples + 1 if self.when == "at samples" else samples
-        return list(range(0, last, self.every))
+        """Indices of the samples or periods that are read; between samples, of those that readings end at."""
+        last = samples if self.when == "in periods" else samples + 1
+        return list(range(self.every if self.when == "between samples" else 0, last, self.every))
+
+    def instants(self, samples: int) -> list[list[int]]:
+        """For each moment of a reading these indices; that at which it ends comes first."""
+        columns = self.columns(samples)
+        earlier = [column - self.every for column in columns]
+        return [columns, earlier] if self.when == "between samples" else [columns]
 
     @property
     def subject(self) -> str:
@@ -162,7 +137,7 @@ class Sensor(Measurement):
 
     def sentence(self, samples: int) -> str:
         """What is read on a drive of so many samples, when, how noisily and from where."""
-        when = when_text("sample" if self.when == "at samples" else "period", self.every)
+        when = when_text("period" if self.when == "in periods" else "sample", self.every)
         times = count(len(self.columns(samples)), "time")
         return f"{self.subject} {when} ({times}) with {self.noise_text}{self.remark}"
 
@@ -172,18 +147,22 @@ def readings(sensor: Sensor, drive: Drive) -> tuple[Expression, Expression]:
     and the derivatives by (parameters, start states, its nuisances), (rows, columns).
     """
     samples, runs = drive.samples, range(drive.runs)
-    own = sensor.columns(samples)
-    columns = [run * (samples + 1) + column for run in runs for column in own]
-    # At the last sample's instant the inputs are those held until then.
-    held = [run * samples + min(column, samples - 1) for run in runs for column in own]
-    each = moment_reading(sensor, drive.system).map(len(columns))
+    states, sensitivities, inputs = list[Expression](), list[Expression](), list[Expression]()
+    for own in sensor.instants(samples):
+        columns = [run * (samples + 1) + column for run in runs for column in own]
+        # At the last sample's instant the inputs are those held until then.
+        held = [run * samples + min(column, samples - 1) for run in runs for column in own]
+        states.append(drive.states.T[:, columns])
+        sensitivities.append(drive.sensitivities[:, block_columns(np.array(columns), drive.columns)])
+        inputs.append(drive.inputs.T[:, held])
+    each = moment_reading(sensor, drive.system).map(states[0].shape[1])
     response, transposed, _, white_response, white_transposed = each(
-        drive.states.T[:, columns],
-        drive.sensitivities[:, block_columns(np.array(columns), drive.columns)],
-        drive.inputs.T[:, held],
+        ca.vertcat(*states),
+        ca.vertcat(*sensitivities),
+        ca.vertcat(*inputs),
         drive.parameters,
         ca.DM([nuisance.nominal for nuisance in sensor.nuisances]),
-        drive.period if sensor.when == "in periods" else 0.0,
+        {"at samples": 0.0, "in periods": 1.0, "between samples": sensor.every}[sensor.when] * drive.period,
     )
     whole = whole_whitening(sensor, response.numel() // drive.runs)
     if whole is not None:
@@ -239,18 +218,25 @@ def row_times(
 def moment_reading(sensor: Sensor, system: System) -> ca.Function:
     """What a sensor reads at one moment, as a function of (state, S, inputs, parameters, nuisances, period).
 
-    S (states, p + states) are the state's derivatives by parameters and start. The results are the reading
-    (q,), its derivatives by these and the nuisances (columns, q), its whitening (q, q), and the first two in
-    units of the noise.
+    S (states, p + states) are the state's derivatives by parameters and start. Of a reading between two
+    moments the states, S and inputs of the later one stand above those of the earlier, and the period is the
+    time between them. The results are the reading (q,), its derivatives by parameters, start and nuisances
+    (columns, q), its whitening (q, q), and the first two in units of the noise.
     """
     states, size = len(system.states), len(system.parameters)
-    state, inputs = ca.SX.sym("state", states), ca.SX.sym("inputs", len(system.inputs))
+    moments = 2 if sensor.when == "between samples" else 1
+    state, inputs = ca.SX.sym("state", moments * states), ca.SX.sym("inputs", moments * len(system.inputs))
     parameters, own = ca.SX.sym("p", size), ca.SX.sym("nuisances", len(sensor.nuisances))
     period = ca.SX.sym("period")
-    carried = ca.SX.sym("S", states, size + states)
+    carried = ca.SX.sym("S", moments * states, size + states)
     names = [nuisance.name for nuisance in sensor.nuisances]
-    signals = system.signals(state, inputs, parameters, period)
-    moment = Moment(system, state, inputs, signals, dict(zip(names, ca.vertsplit(own), strict=True)))
+    nuisances = dict(zip(names, ca.vertsplit(own), strict=True))
+    parts = (ca.vertsplit(one, one.shape[0] // moments) for one in (state, inputs))
+    moment: Moment | None = None
+    for at, held in reversed(list(zip(*parts, strict=True))):
+        signals = system.signals(at, held, parameters, period if moments == 1 else 0.0)
+        moment = Moment(system, at, held, signals, nuisances, moment, period if moment else 0.0)
+    assert moment is not None
     reading, whitening = sensor.reading(moment), sensor.whitening(moment)
     direct = ca.horzcat(ca.jacobian(reading, parameters), ca.SX(reading.shape[0], states))
     through = ca.jacobian(reading, state) @ carried + direct
@@ -309,8 +295,12 @@ def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
 
 
 def joint_cuts(sensors: Sequence[Sensor]) -> Cuts | None:
-    """How drives can be cut where all sensors read; None where the noise of one is correlated over time."""
+    """How drives can be cut where all sensors read; None where the noise of one is correlated over time, or
+    one reads across several samples.
+    """
     if any(sensor.joint_whitening is not None for sensor in sensors):
+        return None
+    if any(sensor.when == "between samples" and sensor.every > 1 for sensor in sensors):
         return None
     return Cuts(multiple=lcm(*(sensor.every for sensor in sensors)))
 

@@ -16,6 +16,8 @@ from oed.robots.sensors.placed import PosePrior as PosePrior
 from oed.robots.sensors.placed import Ranges as Ranges
 from oed.robots.sensors.poses import AbsoluteNoise as AbsoluteNoise
 from oed.robots.sensors.poses import Poses as Poses
+from oed.robots.sensors.relative_poses import Mounting as Mounting
+from oed.robots.sensors.relative_poses import RelativePoses as RelativePoses
 from oed.robots.sensors.several import SENSORS as SENSORS
 from oed.robots.sensors.several import Several as Several
 

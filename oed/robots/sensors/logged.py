@@ -10,6 +10,10 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 
+PLACE: Mapping[str, str] = {"sensor_x": "m", "sensor_y": "m", "sensor_heading": "rad"}
+"""Where on the robot a sensor of poses sits, with SI units: ahead of the origin and to its left, and how it
+is turned."""
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -47,12 +51,14 @@ class Mount:
     Attributes:
         sits: ahead, to the left [m], turned [rad].
         fixed: whether ahead and to the left are known, and not to be estimated.
-        deviations: what is known of places that are estimated [m].
+        deviations: what is known of places that are estimated [m, rad].
+        heading_fixed: whether the angle is known, and not to be estimated.
     """
 
     sits: tuple[float, float, float] = (0.0, 0.0, 0.0)
     fixed: bool = False
     deviations: Mapping[str, float] = field(default_factory=dict)
+    heading_fixed: bool = False
 
 
 @runtime_checkable

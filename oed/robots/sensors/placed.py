@@ -22,6 +22,17 @@ MOST_PLACES = 6
 """Beacons beyond which they are counted, not listed."""
 
 
+def place_text(ahead: float, left: float) -> str:
+    """`10 cm ahead of and 2 cm to the left of the robot's origin` [m]; "" of the origin itself."""
+    sides = ((ahead, "ahead of", "behind"), (left, "to the left of", "to the right of"))
+    parts = [
+        f"{given_text(abs(offset), 'm')} {plus if offset > 0 else minus}"
+        for offset, plus, minus in sides
+        if offset
+    ]
+    return f"{listing(parts)} the robot's origin" if parts else ""
+
+
 class PosePrior(Component):
     """A prior of the initial pose: standard deviations [m, rad].
 
@@ -90,16 +101,8 @@ class PlacedSensor(Sensor):
     @property
     def remark(self) -> str:
         """Where the point is, unless it is the robot's origin."""
-        sides = (
-            (self.lever_arm.x, "ahead of", "behind"),
-            (self.lever_arm.y, "to the left of", "to the right of"),
-        )
-        parts = [
-            f"{given_text(abs(offset), 'm')} {plus if offset > 0 else minus}"
-            for offset, plus, minus in sides
-            if offset
-        ]
-        return f", taken {listing(parts)} the robot's origin" if parts else ""
+        place = place_text(self.lever_arm.x, self.lever_arm.y)
+        return f", taken {place}" if place else ""
 
     def position(self, moment: Moment) -> tuple[Expression, Expression]:
         """Where the point is: x, y [m]."""

@@ -17,8 +17,9 @@ from oed.robots.own_parts import PythonSensor
 from oed.robots.sensors.biased import TrailerAngle, YawRate
 from oed.robots.sensors.placed import Ranges
 from oed.robots.sensors.poses import Poses
+from oed.robots.sensors.relative_poses import RelativePoses
 
-SENSORS: tuple[type[Sensor], ...] = (Poses, Ranges, YawRate, TrailerAngle)
+SENSORS: tuple[type[Sensor], ...] = (Poses, RelativePoses, Ranges, YawRate, TrailerAngle)
 """Every sensor of this package."""
 
 

@@ -14,7 +14,7 @@ from oed.foundation.component import Component
 from oed.foundation.errors import UserMistake
 from oed.foundation.quantities import Unit
 from oed.logs.log import Log
-from oed.robots.sensors.poses import AbsoluteNoise, Quantity
+from oed.robots.sensors.pose_noise import AbsoluteNoise, Quantity
 from oed.simulation.physics.driving import Motion
 
 Frequency = Annotated[float, Unit("Hz", "10 Hz")]

@@ -6,6 +6,7 @@ oracle for what such sensors tell together: plain loops, central differences, an
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from sample_robots import Example as Robot
 from sample_robots import Motion
 from scipy.linalg import block_diag
 
-from oed.robots.sensors import Poses, Ranges, Sensor, TrailerAngle, YawRate
+from oed.robots.sensors import Poses, Ranges, RelativePoses, Sensor, TrailerAngle, YawRate
 
 SAMPLES, PERIOD = 11, 0.2
 UNKNOWN, KNOWN = math.inf, 0.0
@@ -38,6 +39,7 @@ class Example:
         start: standard deviations known beforehand of the initial pose; () where it does not matter.
         every: reads every so many moments.
         periods: whether the moments are periods rather than samples.
+        between: whether it reads the poses at two successive moments, (2, 3), and their mean motion.
         whole: covariance of all readings, where they are correlated over time.
         states: beyond the pose, that the robot must have.
     """
@@ -50,6 +52,7 @@ class Example:
     start: tuple[float, ...] = (UNKNOWN,) * 3
     every: int = 1
     periods: bool = False
+    between: bool = False
     whole: np.ndarray | None = None
     states: tuple[str, ...] = ()
 
@@ -58,7 +61,8 @@ class Example:
         return set(self.states) <= set(robot.model.states)
 
     def moments(self, samples: int) -> range:
-        return range(0, samples if self.periods else samples + 1, self.every)
+        first = self.every if self.between else 0
+        return range(first, samples if self.periods else samples + 1, self.every)
 
 
 def constant(*deviations: float) -> Callable[[float, float], np.ndarray]:
@@ -108,6 +112,21 @@ def read_distances(beacons: Sequence[tuple[float, float]], arm: tuple[float, flo
 def read_yaw_rate(pose, twist, own):
     """The yaw rate, and the bias where it is a nuisance."""
     return [twist[2] + sum(own)]
+
+
+def read_motion(place: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Read:
+    """How a sensor moved, seen from where it was; its place is its own nuisance where it has any."""
+
+    def read(poses, twist, own):
+        ahead, left, turned = own or place
+        (before, after), (heading, later) = (
+            [complex(*arm_end(pose, ahead, left)) for pose in poses],
+            [pose[2] + turned for pose in poses],
+        )
+        moved = (after - before) * cmath.exp(-1j * heading)
+        return [moved.real, moved.imag, later - heading]
+
+    return read
 
 
 def read_trailer_angle(pose, twist, own):
@@ -227,6 +246,64 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
             start=(KNOWN,) * 3,
             every=5,
             whole=CORRELATED,
+        ),
+    ),
+    "relative_poses": (
+        Example(
+            "relative_poses",
+            RelativePoses(
+                noise={"position": 2e-3, "heading": 0.01}, mounting={"x": 0.1, "y": -0.04, "heading": 0.3}
+            ),
+            read_motion(),
+            constant(2e-3, 2e-3, 0.01),
+            own=((0.1, UNKNOWN), (-0.04, UNKNOWN), (0.3, UNKNOWN)),
+            start=(),
+            between=True,
+        ),
+        Example(
+            "relative_poses_of_known_mounting",
+            RelativePoses(
+                noise={"x": 1e-3, "y": 2e-3, "heading": 0.02},
+                mounting={"x": 0.06, "y": 0.02, "heading": -1.2, "known": True},
+                every=3,
+            ),
+            read_motion((0.06, 0.02, -1.2)),
+            constant(1e-3, 2e-3, 0.02),
+            start=(),
+            every=3,
+            between=True,
+        ),
+        Example(
+            "relative_poses_correlated",
+            RelativePoses(
+                noise={"covariance": POSE_COVARIANCE.tolist()},
+                mounting={"heading": 0.5, "deviation": {"position": 0.02, "heading": 0.1}},
+                every=2,
+            ),
+            read_motion(),
+            lambda speed, turning: POSE_COVARIANCE,
+            own=((0.0, 0.02), (0.0, 0.02), (0.5, 0.1)),
+            start=(),
+            every=2,
+            between=True,
+        ),
+        Example(
+            "relative_poses_noisier_at_speed",
+            RelativePoses(
+                noise={
+                    "position": 1e-3,
+                    "heading": 0.005,
+                    "position_per_speed": 0.02,
+                    "heading_per_yaw_rate": 0.03,
+                },
+                mounting={"x": 0.1, "y": 0.05, "known": True},
+                every=2,
+            ),
+            read_motion((0.1, 0.05, 0.0)),
+            growing((1e-3, 0.02, 0), (1e-3, 0.02, 0), (0.005, 0, 0.03)),
+            start=(),
+            every=2,
+            between=True,
         ),
     ),
     "ranges": (
@@ -360,7 +437,8 @@ class Experiment:
             own = values[begin : (begin := begin + len(sensor.own))].tolist()
             twists = held if sensor.periods else instants
             for index in sensor.moments(len(held)):
-                rows.append(sensor.read(states[index], twists[index], own))
+                state = states[[index - sensor.every, index]] if sensor.between else states[index]
+                rows.append(sensor.read(state, twists[index], own))
         return np.concatenate(rows)
 
     def driven(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -394,7 +472,7 @@ class Experiment:
     @cached_property
     def noise(self) -> np.ndarray:
         """Covariance of all readings."""
-        _, held, instants = self.driven(np.array([*self.parameters, *self.start]))
+        states, held, instants = self.driven(np.array([*self.parameters, *self.start]))
         blocks = []
         for sensor in self.sensors:
             if sensor.whole is not None:
@@ -402,6 +480,10 @@ class Experiment:
                 continue
             for index in sensor.moments(len(held)):
                 twist = (held if sensor.periods else instants)[index]
+                if sensor.between:
+                    own = [value for value, _ in sensor.own]
+                    moved = sensor.read(states[[index - sensor.every, index]], twist, own)
+                    twist = np.array(moved) / (sensor.every * self.period)
                 blocks.append(sensor.covariance(math.hypot(twist[0], twist[1]), twist[2]))
         return block_diag(*blocks)
 

@@ -12,7 +12,16 @@ from sensors import SAMPLES, SENSOR_EXAMPLES, Example
 
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.sensor import Moment, Sensor
-from oed.robots.sensors import SENSORS, Displacements, Poses, Ranges, Several, TrailerAngle, YawRate
+from oed.robots.sensors import (
+    SENSORS,
+    Displacements,
+    Poses,
+    Ranges,
+    RelativePoses,
+    Several,
+    TrailerAngle,
+    YawRate,
+)
 from oed.robots.sensors.placed import PlacedSensor
 
 
@@ -131,6 +140,17 @@ def test_every_kind_is_among_the_examples():
             "7 poses (x, y and heading)",
             "x, y and heading at every 3rd sample (7 times) with standard deviations of 10 mm per coordinate "
             "and 0.573 deg in heading",
+        ),
+        (
+            RelativePoses(
+                noise={"position": 0.002, "heading": math.radians(0.2)},
+                mounting={"x": 0.1, "y": -0.02, "heading": math.radians(90)},
+                every=5,
+            ),
+            "4 relative poses",
+            "the sensor's motion (x, y and heading) since the reading before at every 5th sample (4 times) "
+            "with standard deviations of 2 mm per coordinate and 0.2 deg in heading; the sensor sits 100 mm "
+            "ahead of and 20 mm to the right of the robot's origin and is turned by 90 deg, estimated too",
         ),
         (
             Compass(every=4),
