@@ -108,9 +108,11 @@ from .robots.models import Tricycle as Tricycle
 from .robots.sensors import AbsoluteNoise as AbsoluteNoise
 from .robots.sensors import Block as Block
 from .robots.sensors import Displacements as Displacements
+from .robots.sensors import Landmarks as Landmarks
 from .robots.sensors import LeverArm as LeverArm
 from .robots.sensors import Measurement as Measurement
 from .robots.sensors import Moment as Moment
+from .robots.sensors import Mounting as Mounting
 from .robots.sensors import Nuisance as Nuisance
 from .robots.sensors import PoseNoise as PoseNoise
 from .robots.sensors import PosePrior as PosePrior
@@ -118,6 +120,8 @@ from .robots.sensors import Poses as Poses
 from .robots.sensors import Ranges as Ranges
 from .robots.sensors import Sensor as Sensor
 from .robots.sensors import Several as Several
+from .robots.sensors import SightNoise as SightNoise
+from .robots.sensors import Tags as Tags
 from .robots.sensors import TrailerAngle as TrailerAngle
 from .robots.sensors import YawRate as YawRate
 from .robots.sensors import regression as regression

@@ -14,7 +14,9 @@ def _init_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", metavar="STUDY", nargs="?", help="what to write (default: ROBOT.yaml)")
     parser.add_argument("--robot", help="a preset or a kind of robot; asked for where not given")
     parser.add_argument("--room", help="like '4 m x 3 m' or 'circle 2 m'")
-    parser.add_argument("--sensor", help="poses, positions, positions_and_yaw_rate, ranges or displacements")
+    parser.add_argument(
+        "--sensor", help="poses, positions, positions_and_yaw_rate, ranges, landmarks or displacements"
+    )
     parser.add_argument(
         "--noise",
         metavar="KEY=VALUE",
