@@ -25,8 +25,9 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
         DifferentialDrive, SkidSteer, SkidSteerIcr, SkidSteerSlip, Tricycle, Ackermann, Mecanum, OmniThree,
         OffsetDrive, TractorTrailer, Model, DesignSpace, StartPose
     Sensors
-        Poses, RelativePoses, Displacements, Ranges, YawRate, TrailerAngle, Several, AbsoluteNoise, PoseNoise,
-        LeverArm, Mounting, PosePrior, Prior, regression, Sensor, Measurement, Moment, Block, Nuisance
+        Poses, RelativePoses, Displacements, Ranges, Landmarks, Tags, YawRate, TrailerAngle, Several,
+        AbsoluteNoise, PoseNoise, SightNoise, LeverArm, Mounting, PosePrior, Prior, regression, Sensor,
+        Measurement, Moment, Block, Nuisance
     Limits
         WheelSpeed, WheelAcceleration, WheelJerk, BodySpeed, YawRateLimit, LateralAcceleration, TurningRadius,
         SteeringAngle, SteeringRate, TrailerAngleLimit, InputLimit, Workspace, Rectangle, Circle, Polygon,

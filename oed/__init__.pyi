@@ -108,6 +108,7 @@ from .robots.models import Tricycle as Tricycle
 from .robots.sensors import AbsoluteNoise as AbsoluteNoise
 from .robots.sensors import Block as Block
 from .robots.sensors import Displacements as Displacements
+from .robots.sensors import Landmarks as Landmarks
 from .robots.sensors import LeverArm as LeverArm
 from .robots.sensors import Measurement as Measurement
 from .robots.sensors import Moment as Moment
@@ -120,6 +121,8 @@ from .robots.sensors import Ranges as Ranges
 from .robots.sensors import RelativePoses as RelativePoses
 from .robots.sensors import Sensor as Sensor
 from .robots.sensors import Several as Several
+from .robots.sensors import SightNoise as SightNoise
+from .robots.sensors import Tags as Tags
 from .robots.sensors import TrailerAngle as TrailerAngle
 from .robots.sensors import YawRate as YawRate
 from .robots.sensors import regression as regression

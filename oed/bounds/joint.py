@@ -21,7 +21,7 @@ from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Estimation, Problem
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.biased import YawRate
-from oed.robots.sensors.placed import Ranges
+from oed.robots.sensors.mapped import Ranges
 from oed.robots.sensors.poses import Poses
 
 

@@ -16,7 +16,7 @@ def _init_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--room", help="like '4 m x 3 m' or 'circle 2 m'")
     parser.add_argument(
         "--sensor",
-        help="poses, positions, positions_and_yaw_rate, relative_poses, ranges or displacements",
+        help="poses, positions, positions_and_yaw_rate, relative_poses, ranges, landmarks or displacements",
     )
     parser.add_argument(
         "--noise",

@@ -25,6 +25,7 @@ from oed.report.parts.reading import NOWHERE
 from oed.report.parts.section import Section
 from oed.robots.limits.workspace import Obstacles, workspace_of
 from oed.robots.models.arcs import Integration, goes_sideways, signed_speeds
+from oed.robots.sensors.mapped import points_seen
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -127,8 +128,7 @@ def _title(solution: Solution) -> str:
 
 def _room(problem: Problem) -> Room:
     obstacles = next((one for one in problem.limits if isinstance(one, Obstacles)), None)
-    places = [place for one in problem.measurement.joint_sensors for place in getattr(one, "beacons", ())]
-    beacons = np.array(places, dtype=float).reshape(-1, 2)
+    beacons = points_seen(problem.measurement.joint_sensors)
     shapes = () if obstacles is None else obstacles.shapes
     return Room(workspace_of(problem.limits), shapes, beacons, getattr(problem.model, "body_radius", 0.0))
 

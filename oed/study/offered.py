@@ -86,6 +86,13 @@ OFFERS = {
         ("beacons", "anchors", "uwb", "ultra-wideband"),
         headings=False,
     ),
+    "landmarks": Offer(
+        "ranges and bearings of landmarks in three corners of the room, seen from the robot",
+        {"range": "3 cm", "bearing": "1 deg"},
+        ["{{kind: landmarks, landmarks: [{beacons}], noise: {{range: {range}, bearing: {bearing}}}}}"],
+        ("reflectors", "poles", "features", "radar"),
+        headings=False,
+    ),
     "displacements": Offer(
         "regression on the pose after each of ten segments",
         {"position": POSITION, "heading": HEADING},
@@ -102,7 +109,7 @@ TRAILER = "{{kind: trailer_angle, noise: {trailer_angle}}}"
 """What measures a trailer's angle, beside other sensors."""
 SI = {"cm": "m", "deg": "rad", "deg/s": "rad/s"}
 """SI units of those that usual values have."""
-UNITS = {"heading": "rad", "yaw_rate": "rad/s", "trailer_angle": "rad"}
+UNITS = {"heading": "rad", "yaw_rate": "rad/s", "trailer_angle": "rad", "bearing": "rad"}
 """SI units of quantities that are no lengths."""
 
 

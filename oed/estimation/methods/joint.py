@@ -36,6 +36,7 @@ CLOSE = 1e-6
 """Change of the unknowns, in units of their size, at which the search has arrived."""
 EXACT = 1e-12
 """The same where readings are simulated, to judge errors by."""
+FULL_TURN = 2 * np.pi
 ROUGH = 0.01
 """Noise that the search begins with [m, rad]."""
 
@@ -108,7 +109,9 @@ class JointSearch:
             self._remembered.clear()
             found, slopes, own = self._predicted.derivatives(values, starts)
             rates = self._predicted.rates(values, starts, found)
-            self._remembered[key] = _Linearised(self.layout.readings - found, slopes, own, rates)
+            left = self.layout.readings - found
+            turns = np.rint(left / FULL_TURN) * self._predicted.wrapping
+            self._remembered[key] = _Linearised(left - FULL_TURN * turns, slopes, own, rates)
         return self._remembered[key]
 
     @cached_property

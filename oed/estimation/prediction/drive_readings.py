@@ -14,7 +14,7 @@ import scipy
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.segments import Driven, SegmentReadings
 from oed.estimation.setup.unknowns import Unknowns
-from oed.foundation.arrays import Array, Places
+from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.sensor import Sensor, whole_whitening
 
@@ -90,6 +90,15 @@ class DriveReadings:
             nuisances = np.array([entry.nominal for entry in one.sensor.nuisances])
             nominal = np.array(one.model.nominal)
             yield one, Driven(self.trajectory.starts, *self._driven, nominal, nuisances)
+
+    @cached_property
+    def wrapping(self) -> Bools:
+        """Which of a run's readings jump by full turns as they are predicted, (M, 1)."""
+        each = [
+            np.tile(np.isin(np.arange(found.shape[-1]), one.sensor.wrapping), found.shape[1])
+            for one, found in zip(self.each, self.nominal, strict=True)
+        ]
+        return np.concatenate(each)[:, None]
 
     @cached_property
     def order(self) -> Places:

@@ -65,6 +65,11 @@ class LoggedReadings:
         # A copy: a view would keep all columns.
         return found, np.concatenate(columns, axis=-1), slopes[..., size : size + starts.shape[1]].copy()
 
+    @property
+    def wrapping(self) -> Bools:
+        """Which quantities jump by full turns as they are predicted, (quantities,): no states."""
+        return np.zeros(len(self.quantities), dtype=bool)
+
     def first_starts(self, values: Array) -> Array:
         """Starts (S, states) near enough for a search to begin from, at unknowns (q,)."""
         parameters, place, clocks = self.unknowns.parts(values)

@@ -30,6 +30,9 @@ from oed.kernel.measurement.moment import Moment as Moment
 
 Start = Literal["unknown", "known"] | Mapping[str, float]
 """What is known of the start states: nothing, all, or standard deviations by their units."""
+FRAME = 1e-3
+"""Standard deviation of start states that define the frame, SI. Its size is of no matter: readings that do
+not depend on the frame say the same of all else."""
 
 
 When = Literal["at samples", "in periods", "between samples"]
@@ -65,6 +68,18 @@ class Sensor(Measurement):
     @property
     def angles(self) -> tuple[int, ...]:
         """Which entries of a reading are angles, known up to full turns."""
+        return ()
+
+    @property
+    def wrapping(self) -> tuple[int, ...]:
+        """Which of the angles jump by full turns as they are predicted: directions from the robot do."""
+        return ()
+
+    @property
+    def gauge(self) -> tuple[str, ...]:
+        """Start states of the first run that define the frame, for nothing that is seen has a place known
+        beforehand; () where something has.
+        """
         return ()
 
     @property
@@ -313,13 +328,17 @@ def start_nuisances(sensors: Sequence[Sensor], system: System, runs: int = 1) ->
         system: whose states they are.
         runs: each with a start of its own.
     """
-    known = [sensor.start_known for sensor in sensors if sensor.start_known is not None]
-    if not known or known[0] == "known":
+    placed = [sensor for sensor in sensors if sensor.start_known is not None]
+    if not placed or placed[0].start_known == "known":
         return ()
-    deviations = known[0] if isinstance(known[0], Mapping) else {}
+    deviations = placed[0].start_known if isinstance(placed[0].start_known, Mapping) else {}
+    frame = set.intersection(*(set(sensor.gauge) for sensor in placed))
     return tuple(
         Nuisance(
-            f"{system.start_name}{f'_{run + 1}' if runs > 1 else ''}.{state}", 0.0, unit, deviations.get(unit)
+            f"{system.start_name}{f'_{run + 1}' if runs > 1 else ''}.{state}",
+            0.0,
+            unit,
+            FRAME if state in frame and not run else deviations.get(unit),
         )
         for run in range(runs)
         for state, unit in zip(system.states, system.state_units, strict=True)

@@ -16,6 +16,7 @@ from oed.report.parts.reading import NOWHERE, called, heading, segments, with_dr
 from oed.robots.limits import Obstacle, Workspace
 from oed.robots.limits.shapes import Outline
 from oed.robots.models.arcs import goes_sideways, signed_speeds
+from oed.robots.sensors.mapped import points_seen
 
 SLENDER = 1.35
 """How far a player's triangle reaches from the origin, in half its width."""
@@ -101,10 +102,8 @@ def _box(outline: Outline) -> Box:
 def room_of(record: Record) -> Room:
     """The room of a record's study."""
     limits: Any = record.study.limits
-    sensors = record.study.measurement.joint_sensors
+    beacons = points_seen(record.study.measurement.joint_sensors)
     obstacles = () if limits.obstacles is None else limits.obstacles.shapes
-    places = [place for sensor in sensors for place in getattr(sensor, "beacons", ())]
-    beacons = np.array(places, dtype=float).reshape(-1, 2)
     return Room(limits.workspace, obstacles, beacons, record.study.robot.body_radius)
 
 

@@ -11,9 +11,12 @@ from oed.robots.sensors.biased import TrailerAngle as TrailerAngle
 from oed.robots.sensors.biased import YawRate as YawRate
 from oed.robots.sensors.displacements import Displacements as Displacements
 from oed.robots.sensors.displacements import PoseNoise as PoseNoise
+from oed.robots.sensors.landmarks import Landmarks as Landmarks
+from oed.robots.sensors.landmarks import SightNoise as SightNoise
+from oed.robots.sensors.landmarks import Tags as Tags
+from oed.robots.sensors.mapped import Ranges as Ranges
 from oed.robots.sensors.placed import LeverArm as LeverArm
 from oed.robots.sensors.placed import PosePrior as PosePrior
-from oed.robots.sensors.placed import Ranges as Ranges
 from oed.robots.sensors.poses import AbsoluteNoise as AbsoluteNoise
 from oed.robots.sensors.poses import Poses as Poses
 from oed.robots.sensors.relative_poses import Mounting as Mounting

@@ -9,14 +9,14 @@ import casadi as ca
 from pydantic import Field
 
 from oed.foundation.errors import Flaw
-from oed.foundation.quantities import Angle, AngularSpeed
+from oed.foundation.quantities import Angle, AngularSpeed, Ratio
 from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System, label_of
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import Moment, Sensor, Start
 from oed.robots.sensors.logged import Noise
-from oed.robots.sensors.placed import InitialPose, start_of
+from oed.robots.sensors.placed import InitialPose, known_to, start_of
 
 STATE = 3
 """Place of the trailer's angle among the states."""
@@ -43,9 +43,8 @@ class BiasedSensor(Sensor):
     @property
     def nuisances(self) -> tuple[Nuisance, ...]:
         """The bias, where it is not known."""
-        if self.bias == "known":
-            return ()
-        return (Nuisance("bias", 0.0, self.unit, self.bias if isinstance(self.bias, float) else None),)
+        known = known_to(self.bias)
+        return () if known is None else (Nuisance("bias", 0.0, self.unit, known.get("")),)
 
     def reading(self, moment: Moment) -> Expression:
         """The quantity and the bias."""
@@ -71,11 +70,13 @@ class BiasedSensor(Sensor):
 
 
 class YawRate(BiasedSensor):
-    """The yaw rate [rad/s] of every n-th period, plus a constant bias.
+    """The yaw rate [rad/s] of every n-th period, times a scale, plus a constant bias.
 
     Attributes:
         noise: standard deviation of one reading [rad/s].
         bias: "unknown" (eliminated), "known", or the standard deviation of its prior [rad/s].
+        scale: what the yaw rate is multiplied by: "known" (1), "unknown", or the standard deviation of its
+            prior.
     """
 
     kind: Literal["yaw_rate"] = "yaw_rate"
@@ -83,10 +84,23 @@ class YawRate(BiasedSensor):
     when: ClassVar[Literal["at samples", "in periods"]] = "in periods"
     noise: Annotated[AngularSpeed, Field(gt=0)]
     bias: Literal["unknown", "known"] | Annotated[AngularSpeed, Field(gt=0)] = "unknown"
+    scale: Literal["unknown", "known"] | Annotated[Ratio, Field(gt=0)] = "known"
+
+    @property
+    def nuisances(self) -> tuple[Nuisance, ...]:
+        """The bias and the scale, where they are not known."""
+        known = known_to(self.scale)
+        scale = () if known is None else (Nuisance("scale", 1.0, "", known.get("")),)
+        return (*super().nuisances, *scale)
 
     def quantity(self, moment: Moment) -> Expression:
-        """The yaw rate."""
-        return moment.signals["twist"][2]
+        """The yaw rate, as the scale has it."""
+        return moment.nuisances.get("scale", 1.0) * moment.signals["twist"][2]
+
+    @property
+    def remark(self) -> str:
+        """That there is no bias, where that is known; and a scale, where that is not."""
+        return super().remark + ("" if self.scale == "known" else ", times a scale that is not known")
 
 
 class TrailerAngle(BiasedSensor):

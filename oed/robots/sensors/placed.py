@@ -1,25 +1,20 @@
-"""Sensors that sit somewhere on the robot, what is known of the pose that a drive begins in, and distances to
-beacons.
-"""
+"""Sensors that sit somewhere on the robot, and what is known of the pose that a drive begins in."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import casadi as ca
 from pydantic import Field, model_validator
 
 from oed.foundation.component import Component
-from oed.foundation.quantities import Angle, Length
-from oed.foundation.text import count, given_text, listing
+from oed.foundation.quantities import Angle, Duration, Length
+from oed.foundation.text import given_text, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import Moment, Sensor, Start
-
-NEAREST = 1e-3
-"""Distance [m] at which a range is rounded off, so that it has derivatives at the beacon itself."""
-MOST_PLACES = 6
-"""Beacons beyond which they are counted, not listed."""
+from oed.robots.models.arcs import chord
 
 
 def place_text(ahead: float, left: float) -> str:
@@ -48,9 +43,18 @@ InitialPose = Literal["unknown", "known"] | PosePrior
 
 def start_of(initial_pose: InitialPose) -> Start:
     """What is known of the states that a drive begins in, as the kernel asks for it."""
-    if isinstance(initial_pose, PosePrior):
-        return {"m": initial_pose.position, "rad": initial_pose.heading}
-    return initial_pose
+    return (known_to(initial_pose) or {}) if isinstance(initial_pose, PosePrior) else initial_pose
+
+
+def known_to(given: str | float | PosePrior) -> Mapping[str, float] | None:
+    """Standard deviations of the prior of a constant, by their units ("" for any); {} where it is unknown,
+    None where it is known and no nuisance.
+    """
+    if given == "known":
+        return None
+    if isinstance(given, PosePrior):
+        return {"m": given.position, "rad": given.heading}
+    return {"": given} if isinstance(given, float) else {}
 
 
 class LeverArm(Component):
@@ -66,9 +70,17 @@ class LeverArm(Component):
 
     @model_validator(mode="after")
     def _deviation_of_what_is_unknown(self) -> LeverArm:
-        if self.known and self.deviation is not None:
+        if self.known and any(value is not None for name, value in self if name.endswith("deviation")):
             raise ValueError("a deviation belongs to a lever arm that is estimated: add known: false")
         return self
+
+    @property
+    def nuisances(self) -> tuple[Nuisance, ...]:
+        """Its coordinates."""
+        return (
+            Nuisance("lever_arm.x", self.x, "m", self.deviation),
+            Nuisance("lever_arm.y", self.y, "m", self.deviation),
+        )
 
 
 class PlacedSensor(Sensor):
@@ -77,10 +89,14 @@ class PlacedSensor(Sensor):
     Attributes:
         initial_pose: "unknown" (eliminated), "known", or the standard deviations of a prior.
         lever_arm: where on the robot that point is.
+        latency: by how much later than it says a reading is taken of the robot: "known" (none), "unknown"
+            (eliminated), or the standard deviation of its prior [s]. In logs whose poses are on a clock of
+            their own it is the offset of that clock.
     """
 
     initial_pose: InitialPose = "unknown"
     lever_arm: LeverArm = LeverArm()
+    latency: Literal["known", "unknown"] | Annotated[Duration, Field(gt=0)] = "known"
 
     @property
     def start_known(self) -> Start:
@@ -89,67 +105,38 @@ class PlacedSensor(Sensor):
 
     @property
     def nuisances(self) -> tuple[Nuisance, ...]:
-        """The lever arm's coordinates, where they are not known."""
-        arm = self.lever_arm
-        if arm.known:
-            return ()
-        return (
-            Nuisance("lever_arm.x", arm.x, "m", arm.deviation),
-            Nuisance("lever_arm.y", arm.y, "m", arm.deviation),
-        )
+        """The lever arm's coordinates and the latency, where they are not known."""
+        arm, late = self.lever_arm, known_to(self.latency)
+        places = () if arm.known else arm.nuisances
+        return (*places, *(() if late is None else (Nuisance("latency", 0.0, "s", late.get("")),)))
 
     @property
     def remark(self) -> str:
         """Where the point is, unless it is the robot's origin."""
         place = place_text(self.lever_arm.x, self.lever_arm.y)
-        return f", taken {place}" if place else ""
+        late = "" if self.latency == "known" else ", by a time later that is not known"
+        return (f", taken {place}" if place else "") + late
+
+    def pose(self, moment: Moment) -> tuple[Expression, Expression, Expression]:
+        """The robot's pose x, y [m], heading [rad] that is read: as long ago as the latency, on the arc of
+        the moment's twist.
+        """
+        x, y, heading = moment.state[0], moment.state[1], moment.state[2]
+        if "latency" not in moment.nuisances:
+            return x, y, heading
+        back, twist = -moment.nuisances["latency"], moment.signals["twist"]
+        gain, direction = chord(twist[2], heading, back, "arc")
+        cosine, sine = ca.cos(direction), ca.sin(direction)
+        return (
+            x + gain * (cosine * twist[0] - sine * twist[1]),
+            y + gain * (sine * twist[0] + cosine * twist[1]),
+            heading + back * twist[2],
+        )
 
     def position(self, moment: Moment) -> tuple[Expression, Expression]:
         """Where the point is: x, y [m]."""
         ahead = moment.nuisances.get("lever_arm.x", self.lever_arm.x)
         left = moment.nuisances.get("lever_arm.y", self.lever_arm.y)
-        x, y, heading = moment.state[0], moment.state[1], moment.state[2]
+        x, y, heading = self.pose(moment)
         cosine, sine = ca.cos(heading), ca.sin(heading)
         return x + ahead * cosine - left * sine, y + ahead * sine + left * cosine
-
-
-class Ranges(PlacedSensor):
-    """Distances [m] from a point of the robot to every beacon.
-
-    Attributes:
-        beacons: their positions x, y [m].
-        noise: standard deviation of one distance [m].
-    """
-
-    kind: Literal["ranges"] = "ranges"
-    beacons: Annotated[tuple[tuple[Length, Length], ...], Field(min_length=1)]
-    noise: Annotated[Length, Field(gt=0)]
-
-    def reading(self, moment: Moment) -> Expression:
-        """One distance per beacon."""
-        x, y = self.position(moment)
-        squares = [(x - beacon_x) ** 2 + (y - beacon_y) ** 2 for beacon_x, beacon_y in self.beacons]
-        return ca.vertcat(*(ca.sqrt(square + NEAREST**2) for square in squares))
-
-    def whitening(self, moment: Moment) -> Expression:
-        """1 / sigma for every beacon."""
-        return ca.SX.eye(len(self.beacons)) / self.noise
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """The unit of every distance."""
-        return ("m",) * len(self.beacons)
-
-    @property
-    def subject(self) -> str:
-        """The distances, to beacons at their places."""
-        places = [f"({x:g}, {y:g}) m" for x, y in self.beacons]
-        return f"{self._distances}{f' at {listing(places)}' if len(places) <= MOST_PLACES else ''}"
-
-    @property
-    def _distances(self) -> str:
-        return f"the distances to {count(len(self.beacons), 'beacon')}"
-
-    def brief(self, samples: int) -> str:
-        """The distances, and how often."""
-        return f"{self._distances} at {count(len(self.columns(samples)), 'time')}"

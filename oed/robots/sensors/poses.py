@@ -39,7 +39,7 @@ class Poses(PlacedSensor):
     def reading(self, moment: Moment) -> Expression:
         """The quantities, at the lever arm's end."""
         x, y = self.position(moment)
-        read = {"x": x, "y": y, "heading": moment.state[2]}
+        read = {"x": x, "y": y, "heading": self.pose(moment)[2]}
         return ca.vertcat(*(read[quantity] for quantity in self.quantities))
 
     def whitening(self, moment: Moment) -> Expression:

@@ -15,11 +15,20 @@ from oed.kernel.measurement.measurement import Block, Cuts, Measurement
 from oed.kernel.measurement.sensor import Sensor, joins, joint_block, joint_cuts
 from oed.robots.own_parts import PythonSensor
 from oed.robots.sensors.biased import TrailerAngle, YawRate
-from oed.robots.sensors.placed import Ranges
+from oed.robots.sensors.landmarks import Landmarks, Tags
+from oed.robots.sensors.mapped import Ranges
 from oed.robots.sensors.poses import Poses
 from oed.robots.sensors.relative_poses import RelativePoses
 
-SENSORS: tuple[type[Sensor], ...] = (Poses, RelativePoses, Ranges, YawRate, TrailerAngle)
+SENSORS: tuple[type[Sensor], ...] = (
+    Poses,
+    RelativePoses,
+    Ranges,
+    Landmarks,
+    Tags,
+    YawRate,
+    TrailerAngle,
+)
 """Every sensor of this package."""
 
 

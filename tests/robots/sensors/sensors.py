@@ -18,7 +18,7 @@ from sample_robots import Example as Robot
 from sample_robots import Motion
 from scipy.linalg import block_diag
 
-from oed.robots.sensors import Poses, Ranges, RelativePoses, Sensor, TrailerAngle, YawRate
+from oed.robots.sensors import Landmarks, Poses, Ranges, RelativePoses, Sensor, Tags, TrailerAngle, YawRate
 
 SAMPLES, PERIOD = 11, 0.2
 UNKNOWN, KNOWN = math.inf, 0.0
@@ -109,6 +109,43 @@ def read_distances(beacons: Sequence[tuple[float, float]], arm: tuple[float, flo
     return read
 
 
+def read_distances_and_bias(pose, twist, own):
+    """The distances to beacons that are nuisances, as x, y of each, and a bias after them."""
+    *places, bias = own
+    return [math.dist(pose[:2], places[at : at + 2]) + bias for at in range(0, len(places), 2)]
+
+
+def read_late(quantities: str) -> Read:
+    """Some of x, y and heading as they were a while ago, its own nuisance."""
+
+    def read(pose, twist, own):
+        return read_pose(quantities)(oracle.advance(pose, twist, -own[0], "arc"), twist, ())
+
+    return read
+
+
+def read_sights(
+    quantities: str, places: Sequence[Sequence[float]] = (), mounting: Sequence[float] = (0.0, 0.0, 0.0)
+) -> Read:
+    """Some of range, bearing and orientation ("rbo") of every place x, y(, heading), in complex numbers; its
+    own nuisances are the mounting, if there are three of them, else the places.
+    """
+
+    def read(pose, twist, own):
+        ahead, left, turn = own if len(own) == 3 else mounting
+        size = 3 if "o" in quantities else 2
+        points = places or [own[at : at + size] for at in range(0, len(own), size)]
+        camera, looks = complex(*arm_end(pose, ahead, left)), pose[2] + turn
+        values = []
+        for point in points:
+            seen = (complex(*point[:2]) - camera) * cmath.exp(-1j * looks)
+            every = {"r": abs(seen), "b": cmath.phase(seen), "o": point[-1] - looks}
+            values += [every[name] for name in quantities]
+        return values
+
+    return read
+
+
 def read_yaw_rate(pose, twist, own):
     """The yaw rate, and the bias where it is a nuisance."""
     return [twist[2] + sum(own)]
@@ -129,6 +166,11 @@ def read_motion(place: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Read:
     return read
 
 
+def read_scaled_yaw_rate(pose, twist, own):
+    """The yaw rate with a bias and a scale."""
+    return [own[1] * twist[2] + own[0]]
+
+
 def read_trailer_angle(pose, twist, own):
     """The trailer's angle, and the encoder's bias where it is a nuisance."""
     return [pose[3] + sum(own)]
@@ -137,6 +179,9 @@ def read_trailer_angle(pose, twist, own):
 POSE_COVARIANCE = np.array([[4.0, 1.0, -2.0], [1.0, 2.0, 0.5], [-2.0, 0.5, 90.0]]) * 1e-6
 CORRELATED = 1e-6 * np.kron(0.6 ** np.abs(np.subtract.outer(range(3), range(3))), [[1.0, 0.3], [0.3, 2.0]])
 BEACONS = ((4.0, 3.0), (-3.5, 2.5), (0.5, -4.0))
+TAGS = tuple((*place, angle) for place, angle in zip(BEACONS, (2.0, -0.5, 1.0), strict=True))
+SIGHT = {"range": 0.02, "bearing": 0.01, "orientation": 0.03, "centre": 0.0}
+CAMERA = (0.2, -0.05, 0.4)
 
 EXAMPLES: dict[str, tuple[Example, ...]] = {
     "poses": (
@@ -196,6 +241,13 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
             own=((-0.08, 4e-3), (0.03, 4e-3)),
             start=(2e-3, 2e-3, 0.01),
             every=2,
+        ),
+        Example(
+            "late_positions",
+            Poses(quantities=("x", "y"), noise={"position": 2e-3}, latency=0.05),
+            read_late("xy"),
+            constant(2e-3, 2e-3),
+            own=((0.0, 0.05),),
         ),
         Example(
             "noise_grows_with_speed",
@@ -333,6 +385,70 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
             own=((0.05, 0.02), (0.0, 0.02)),
             start=(0.01, 0.01, 0.1),
         ),
+        Example(
+            "ranges_to_unknown_beacons",
+            Ranges(beacons=BEACONS, noise=0.01, map=0.05, bias="unknown"),
+            read_distances_and_bias,
+            constant(0.01, 0.01, 0.01),
+            own=(*((value, 0.05) for place in BEACONS for value in place), (0.0, UNKNOWN)),
+        ),
+    ),
+    "landmarks": (
+        Example(
+            "landmarks",
+            Landmarks(landmarks=BEACONS, noise=SIGHT),
+            read_sights("rb", BEACONS),
+            constant(*(0.02, 0.01) * 3),
+        ),
+        Example(
+            "bearings_from_a_camera",
+            Landmarks(
+                landmarks=BEACONS,
+                quantities=("bearing",),
+                noise=SIGHT,
+                lever_arm=dict(zip(("x", "y", "heading"), CAMERA, strict=True)),
+                every=2,
+            ),
+            read_sights("b", BEACONS, CAMERA),
+            constant(*(0.01,) * 3),
+            every=2,
+        ),
+        Example(
+            "landmarks_of_unknown_place",
+            Landmarks(landmarks=BEACONS, noise=SIGHT, map="unknown"),
+            read_sights("rb"),
+            constant(*(0.02, 0.01) * 3),
+            own=tuple((value, UNKNOWN) for place in BEACONS for value in place),
+            # The frame is that of the start.
+            start=(KNOWN,) * 3,
+        ),
+    ),
+    "tags": (
+        Example(
+            "tags",
+            Tags(tags=TAGS, noise=SIGHT),
+            read_sights("rbo", TAGS),
+            constant(*(0.02, 0.01, 0.03) * 3),
+        ),
+        Example(
+            "tags_of_unknown_pose",
+            Tags(tags=TAGS[:2], noise=SIGHT, map={"position": 0.1, "heading": 0.2}, initial_pose="known"),
+            read_sights("rbo"),
+            constant(*(0.02, 0.01, 0.03) * 2),
+            own=tuple(pair for place in TAGS[:2] for pair in zip(place, (0.1, 0.1, 0.2), strict=True)),
+            start=(KNOWN,) * 3,
+        ),
+        Example(
+            "tags_from_a_camera_somewhere",
+            Tags(
+                tags=TAGS,
+                noise=SIGHT,
+                lever_arm={"x": 0.2, "y": -0.05, "heading": 0.4, "known": False, "heading_deviation": 0.1},
+            ),
+            read_sights("rbo", TAGS),
+            constant(*(0.02, 0.01, 0.03) * 3),
+            own=((0.2, UNKNOWN), (-0.05, UNKNOWN), (0.4, 0.1)),
+        ),
     ),
     "yaw_rate": (
         Example(
@@ -351,6 +467,15 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
             constant(0.02),
             start=(),
             every=3,
+            periods=True,
+        ),
+        Example(
+            "yaw_rate_of_unknown_scale",
+            YawRate(noise=0.01, bias=0.004, scale="unknown"),
+            read_scaled_yaw_rate,
+            constant(0.01),
+            own=((0.0, 0.004), (1.0, UNKNOWN)),
+            start=(),
             periods=True,
         ),
         Example(

@@ -15,10 +15,12 @@ from oed.kernel.measurement.sensor import Moment, Sensor
 from oed.robots.sensors import (
     SENSORS,
     Displacements,
+    Landmarks,
     Poses,
     Ranges,
     RelativePoses,
     Several,
+    Tags,
     TrailerAngle,
     YawRate,
 )
@@ -134,6 +136,37 @@ def test_every_kind_is_among_the_examples():
             "the distances to 1 beacon at 2 times",
             "the distances to 1 beacon at (1, 2) m at every 11th sample (2 times) with a standard deviation "
             "of 50 mm, taken 100 mm behind the robot's origin",
+        ),
+        (
+            Landmarks(
+                landmarks=[(1, 2), (3, 4)],
+                noise={"range": 0.03, "bearing": math.radians(1)},
+                map="unknown",
+                lever_arm={"x": 0.1},
+            ),
+            "the ranges and bearings of 2 landmarks at 21 times",
+            "the ranges and bearings of 2 landmarks at (1, 2) m and (3, 4) m at every sample (21 times) with "
+            "standard deviations of 30 mm in range and 1 deg in bearing, the point met to 5 mm across, taken "
+            "100 mm ahead of the robot's origin, the landmarks' places not known",
+        ),
+        (
+            Tags(tags=[(1, 2, 0)], quantities=("orientation",), noise={"orientation": math.radians(2)}),
+            "the orientations of 1 tag at 21 times",
+            "the orientations of 1 tag at (1, 2) m at every sample (21 times) with a standard deviation of "
+            "2 deg in orientation",
+        ),
+        (
+            YawRate(noise=math.radians(1), scale=0.02),
+            "20 yaw rates",
+            "the yaw rate in every period (20 times) with a standard deviation of 1 deg/s, times a scale "
+            "that is not known",
+        ),
+        (
+            Ranges(beacons=[(1, 2)], noise=0.05, bias="unknown", map=0.02, latency="unknown"),
+            "the distances to 1 beacon at 21 times",
+            "the distances to 1 beacon at (1, 2) m at every sample (21 times) with a standard deviation of "
+            "50 mm, by a time later that is not known, the beacons' places known roughly, plus a bias that "
+            "is not known",
         ),
         (
             Poses(noise={"position": 0.01, "heading": 0.01}, every=3),

@@ -43,7 +43,18 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.robots.models import DifferentialDrive
-from oed.robots.sensors import SENSORS, AbsoluteNoise, LeverArm, Poses, Ranges, Several, YawRate
+from oed.robots.sensors import (
+    SENSORS,
+    AbsoluteNoise,
+    Landmarks,
+    LeverArm,
+    Poses,
+    Ranges,
+    Sensor,
+    Several,
+    Tags,
+    YawRate,
+)
 
 START = (0.2, -0.1, 0.4)
 C = ("c11", "c12", "c21", "c22")
@@ -693,9 +704,30 @@ def test_noise_may_come_with_units():
             "noise.covariance",
             "expected 3 rows (one pose) or 9 (all readings), got 2",
         ),
+        (Landmarks(landmarks=[(1, 2)]), "noise", "noise: {range: 3 cm, bearing: 1 deg}"),
+        (
+            Tags(tags=[(1, 2, 0)], noise={"range": 0.01, "bearing": 0.01}),
+            "noise",
+            "noise of orientation is needed",
+        ),
+        (
+            Landmarks(landmarks=[(1, 2)], quantities=("range", "range"), noise={"range": 1}),
+            "quantities",
+            "listed twice",
+        ),
+        (
+            Landmarks(landmarks=[(1, 2), (3, 4)], quantities=("range",), noise={"range": 1}, ids=(7,)),
+            "ids",
+            "one id for each of the 2 landmarks, got 1",
+        ),
+        (
+            Landmarks(landmarks=[(1, 2), (3, 4)], quantities=("range",), noise={"range": 1}, ids=(7, "7")),
+            "ids",
+            "the id 7 is listed twice",
+        ),
     ],
 )
-def test_poses_that_cannot_be_weighed_are_flaws(sensor: Poses, key: str, words: str):
+def test_sensors_that_cannot_be_weighed_are_flaws(sensor: Sensor, key: str, words: str):
     with pytest.raises(ProblemError) as caught:
         sensor_problem(measurement=sensor)
     (flaw,) = caught.value.flaws
@@ -717,6 +749,17 @@ def test_poses_that_cannot_be_weighed_are_flaws(sensor: Poses, key: str, words: 
         (lambda: Ranges(beacons=[(1, 2, 3)], noise=1), "beacons"),
         (lambda: Ranges(beacons=[(1, 2)]), "noise"),
         (lambda: YawRate(noise=0), "noise"),
+        (lambda: Ranges(beacons=[(1, 2)], noise=1, map="guessed"), "map"),
+        (lambda: Ranges(beacons=[(1, 2)], noise=1, bias=-1), "bias"),
+        (lambda: Landmarks(landmarks=[]), "landmarks"),
+        (lambda: Landmarks(landmarks=[(1, 2)], quantities=("orientation",)), "quantities"),
+        (lambda: Landmarks(landmarks=[(1, 2)], noise={"centre": -1}), "centre"),
+        (lambda: Landmarks(landmarks=[(1, 2)], lever_arm={"heading": "1 m"}), "expected an angle"),
+        (lambda: Landmarks(landmarks=[(1, 2)], lever_arm={"heading_deviation": 1}), "add known: false"),
+        (lambda: Tags(tags=[(1, 2)]), "tags"),
+        (lambda: Tags(tags=[(1, 2, 0)], map=0.1), "map"),
+        (lambda: Poses(latency="5 m"), "latency"),
+        (lambda: YawRate(noise=1, scale="2 deg"), "scale"),
         (lambda: YawRate(noise=1, bias=0), "bias"),
         (lambda: YawRate(noise="1 deg"), "expected an angular speed"),
         (lambda: Several(sensors=[]), "sensors"),
