@@ -28,7 +28,7 @@ HOUSE: dict[str, str] = {
     "records": "foundation kernel bounds estimation simulation study",
     "workflow": "foundation kernel uncertainty optimize robots bounds logs estimation simulation "
     "study records",
-    "exporters": "foundation kernel robots records",
+    "exporters": "foundation kernel robots logs records",
     "report": "foundation kernel robots simulation records",
     "cli": "foundation kernel bounds study records workflow exporters report",
 }

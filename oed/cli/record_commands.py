@@ -152,11 +152,18 @@ VALIDATE = Command(
 
 def _export_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", metavar="DIR")
-    parser.add_argument("--to", required=True, metavar="FORMAT", help="csv, json, rosbag2 or ros2_yaml")
+    parser.add_argument(
+        "--to", required=True, metavar="FORMAT", help="csv, json, rosbag2, ros2_node or ros2_yaml"
+    )
     parser.add_argument("--result", help="name of the result (default: the best)")
     parser.add_argument("--rate", type=float, help="of the commands [Hz] (default: the design's own)")
     parser.add_argument("--out", metavar="PATH", help="what to write (default: in DIR)")
     parser.add_argument("--storage", default="sqlite3", help="of a bag: sqlite3 (default) or mcap")
+    parser.add_argument(
+        "--message",
+        metavar="TYPE",
+        help="by which a node commands: twist_stamped, twist, ackermann, joint_state or float64_array",
+    )
     parser.add_argument("--force", action="store_true", help="replace a bag that exists")
     add_trust(parser)
 
@@ -171,6 +178,7 @@ def _export(options: argparse.Namespace) -> int:
         rate=options.rate,
         out=options.out,
         storage=options.storage,
+        message=options.message,
         force=options.force,
         trust=options.trust,
     )

@@ -7,7 +7,9 @@ from pathlib import Path
 
 from oed.exporters.diff_drive import diff_drive_parameters as diff_drive_parameters
 from oed.exporters.diff_drive import write_parameters
+from oed.exporters.played import MESSAGES as MESSAGES
 from oed.exporters.request import Request, require_rate
+from oed.exporters.ros2_node import write_node
 from oed.exporters.rosbag2 import STORAGES as STORAGES
 from oed.exporters.rosbag2 import write_bag
 from oed.exporters.tables import write_csv, write_json
@@ -22,6 +24,7 @@ EXPORTERS: dict[str, Callable[[Request], Path]] = {
     "csv": write_csv,
     "json": write_json,
     "rosbag2": write_bag,
+    "ros2_node": write_node,
     "ros2_yaml": write_parameters,
 }
 """The formats: each writes what is asked for and returns the file or folder."""
@@ -36,6 +39,7 @@ def export(
     rate: float | None = None,
     out: str | Path | None = None,
     storage: str = "sqlite3",
+    message: str | None = None,
     force: bool = False,
     trust: bool = False,
 ) -> Path:
@@ -48,14 +52,17 @@ def export(
     Args:
         record_folder: folder of a saved record; for `ros2_yaml` an estimate will do.
         to: one of `EXPORTERS`: `csv` and `json` (commands, twists and poses), `rosbag2` (a ROS 2 bag),
+            `ros2_node` (a Python file that plays the drive and records its log),
             `ros2_yaml` (parameters of ros2_control's diff_drive_controller: of the robot, not of a drive;
             with estimated values where `estimate.json` lies in the folder).
         result: name of the result; the record's best by default.
         rate: of the commands [Hz]; the design's own by default, one command per period.
         out: file (of a bag, folder) to write; by default in the record's folder, named after result and
-            format: `<result>_commands.csv`, `<result>_commands.json`, `<result>_bag`, and
-            `diff_drive_controller.yaml`.
+            format: `<result>_commands.csv`, `<result>_commands.json`, `<result>_bag`, `<result>_drive.py`,
+            and `diff_drive_controller.yaml`.
         storage: of a bag, one of `STORAGES`.
+        message: by which a node commands the robot, one of `MESSAGES`; by default what suits it: a twist,
+            or for a robot that is steered a speed and an angle.
         force: replace a bag that exists; files are replaced in any case.
         trust: whether Python code that the record names may be run; only `ros2_yaml` needs it.
 
@@ -65,9 +72,9 @@ def export(
     Raises:
         RecordError: no record there, no such result, a result without a drive, an estimate that cannot be
             read, code that is needed and not trusted.
-        UserMistake: an unknown format or storage, a rate that is not above 0, a bag that exists, a robot
-            that the format has no room for, a place that cannot be written to,
-            or that holds results.
+        UserMistake: an unknown format, storage or message, a rate that is not above 0, a bag that exists, a
+            robot that the format or the message has no room for, a place that cannot be written to, or that
+            holds results.
     """
     if to not in EXPORTERS:
         raise UserMistake(f"expected a format of {', '.join(EXPORTERS)}; got {to!r}")
@@ -83,6 +90,7 @@ def export(
         rate=rate,
         out=None if out is None else Path(out),
         storage=storage,
+        message=message,
         force=force,
         trust=trust,
     )

@@ -39,6 +39,7 @@ class Request:
     storage: str
     force: bool
     trust: bool = False
+    message: str | None = None
 
     @cached_property
     def problem(self) -> Problem:
@@ -57,7 +58,7 @@ class Request:
             return vehicle_of(robot)
         if self.trust or self.record.file is None:
             return vehicle_of(robot_of(self.problem.model))
-        return recorded_vehicle(self.record, self._drive)
+        return recorded_vehicle(self.record, self.drive)
 
     @cached_property
     def entry(self) -> Result:
@@ -79,7 +80,12 @@ class Request:
         return self.entry.name
 
     @property
-    def _drive(self) -> StoredDrive:
+    def drive(self) -> StoredDrive:
+        """The result's drive.
+
+        Raises:
+            RecordError: it has none; names those that do.
+        """
         drive = self.entry.drive
         if drive is None:
             names = ", ".join(one.name for one in self.record.results if one.drive is not None)
@@ -94,14 +100,14 @@ class Request:
             RecordError: no such result, or one that is no drive.
             UserMistake: a rate that makes too many commands.
         """
-        drive = self._drive.trajectory
+        drive = self.drive.trajectory
         if self.rate is not None and self.rate * drive.duration / drive.runs > MOST_COMMANDS:
             text = f"more than {MOST_COMMANDS} commands in {drive.duration / drive.runs:g} s"
             raise UserMistake(f"rate: {self.rate:g} Hz would be {text}")
         model = self.vehicle.model
         if model is not None:
             return commands(model.system(self.record.study.trajectory.integration), drive, self.rate)
-        motions = [one.driven for one in motions_of(self.record, self._drive, drive.period)]
+        motions = [one.driven for one in motions_of(self.record, self.drive, drive.period)]
         return commands_along(self.vehicle.inputs, motions, drive, self.rate)
 
     def path(self, ending: str) -> Path:

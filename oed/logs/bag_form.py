@@ -87,6 +87,17 @@ class BagForm(LogForm):
             if name not in model.input_names
         ]
 
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The topics that it names."""
+        return tuple(one for one in (self.joint_states, self.poses.topic) if one is not None)
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        """Types of message that topics are chosen by where it names none."""
+        joints = (JOINTS,) if self.joint_states is None else ()
+        return (*joints, *(POSES if self.poses.topic is None else ()))
+
     def read(self, file: Path, model: System) -> list[Log]:
         """The drive in a bag.
 

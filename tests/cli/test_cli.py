@@ -548,7 +548,7 @@ class TestExport:
         call(capsys, "solve", "quick.yaml", "--out", "made", "--quiet")
         code, _, err = call(capsys, "export", "made", "--to", "dxf")
         assert code == 2
-        assert "csv, json, rosbag2, ros2_yaml" in err
+        assert "csv, json, rosbag2, ros2_node, ros2_yaml" in err
 
 
 @pytest.mark.parametrize(

@@ -163,7 +163,7 @@ def test_joint_names(robot: str, limits: str, joints: list[str]):
 
 class TestMistakes:
     def test_unknown_format(self, tmp_path: Path):
-        with pytest.raises(UserMistake, match="csv, json, rosbag2, ros2_yaml; got 'xml'"):
+        with pytest.raises(UserMistake, match="csv, json, rosbag2, ros2_node, ros2_yaml; got 'xml'"):
             export(tmp_path, "xml")
 
     @pytest.mark.parametrize("to", EXPORTERS)

@@ -282,4 +282,4 @@ def test_damages_damage():
     for name in DAMAGES:
         assert damaged(data, key, name) != data
     assert EVIL in damaged(data, key, "evil")["results"][0]["drive"]["knots"]
-    assert set(EXPORTERS) == {"csv", "json", "rosbag2", "ros2_yaml"}
+    assert set(EXPORTERS) == {"csv", "json", "rosbag2", "ros2_node", "ros2_yaml"}
