@@ -127,8 +127,8 @@ def _no_overlap(inputs: Series, poses: Series) -> Iterator[FileFlaw]:
     if inputs.times.max() < poses.times.min() or poses.times.max() < inputs.times.min():
         text = (
             f"the clocks do not overlap: inputs from {inputs.times[0]:.10g} to {inputs.times[-1]:.10g} s, "
-            f"poses from {poses.times[0]:.10g} to {poses.times[-1]:.10g} s; are the units of time alike, "
-            "and do both clocks begin at the same moment?"
+            f"poses from {poses.times[0]:.10g} to {poses.times[-1]:.10g} s; are the units of time "
+            "and the time zones alike, and do both clocks begin at the same moment?"
         )
         yield poses.flaw(0, poses.clock, text)
 

@@ -298,7 +298,7 @@ class TestClocks:
         assert flaw.message == (
             f"the clocks do not overlap: inputs from 0 to 9.95 s, "
             f"poses from {shift:g} to {shift + 9.95:.10g} s; "
-            "are the units of time alike, and do both clocks begin at the same moment?"
+            "are the units of time and the time zones alike, and do both clocks begin at the same moment?"
         )
 
     def test_too_few_rows(self, file: Path, rows: list[list[str]]):

@@ -73,15 +73,18 @@ class TimeColumn(Column):
     """The column of the times.
 
     Attributes:
-        unit: s, ms, us or ns.
+        form: "number", or "date" for dates and times as in ISO 8601; found by itself by default.
+        unit: s, ms, us or ns, of numbers; by default s, or the one in which they are times since 1970.
     """
 
-    unit: Literal["s", "ms", "us", "ns"] = "s"
+    form: Literal["number", "date"] | None = None
+    unit: Literal["s", "ms", "us", "ns"] | None = None
 
-    @property
-    def factor(self) -> float:
-        """Seconds in a unit."""
-        return TIME_UNITS[self.unit]
+    def flaws(self, *key: str) -> list[Flaw]:
+        """A unit of dates; `key` is the column's own, within `log`."""
+        if self.form == "date" and self.unit is not None:
+            return [Flaw(("log", *key, "unit"), "a date has no unit; leave it out")]
+        return []
 
 
 class PoseColumn(Column):
@@ -183,6 +186,7 @@ class PoseColumns(Component):
             flaws.append(Flaw(key, "nothing of the robot's pose was measured"))
         if self.form is not None and self.file is None:
             flaws.append(Flaw((*key, "form"), "is that of a file of its own; add `file`"))
+        flaws += [] if self.time is None else self.time.flaws("poses", "time")
         if self.is_tum and self.keep:
             flaws.append(Flaw((*key, "keep"), "a TUM file has no further columns; leave it out"))
         return flaws

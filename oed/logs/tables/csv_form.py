@@ -50,7 +50,7 @@ class CsvForm(LogForm):
 
     def flaws(self, model: System) -> list[Flaw]:
         """Inputs and states the robot does not have, units and forms that do not fit."""
-        flaws = [*input_flaws(self.inputs, model), *self.poses.flaws(model)]
+        flaws = [*self.time.flaws("time"), *input_flaws(self.inputs, model), *self.poses.flaws(model)]
         if self.types_of_poses is not None and self.poses.file is not None:
             text = "the poses are in a file of their own (`poses.file`); leave one of the two out"
             flaws.append(Flaw(("log", "records", "poses"), text))

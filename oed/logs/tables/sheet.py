@@ -17,8 +17,16 @@ from oed.foundation.files import no_such_file
 from oed.kernel.dynamics.system import System
 from oed.logs.series import NotInLog, Rows, Series, together
 from oed.logs.tables.chosen_rows import kept_rows, of_type, without
-from oed.logs.tables.columns import Column, PoseColumn, PoseColumns, TimeColumn, unit_factor
+from oed.logs.tables.columns import (
+    TIME_UNITS,
+    Column,
+    PoseColumn,
+    PoseColumns,
+    TimeColumn,
+    unit_factor,
+)
 from oed.logs.tables.input_columns import InputColumn, input_columns
+from oed.logs.tables.stamps import read_times
 from oed.logs.tables.table import Table, read_table
 from oed.logs.tables.tum import read_tum
 
@@ -155,11 +163,11 @@ def _read_block(
     read = [partial(_read, table, column, of_column, skip) for of_column, column in columns.items()]
     try:
         clock, *found, labels = together(
-            [partial(_read, table, time, key, skip), *read, partial(_run_labels, table, runs)]
+            [partial(_read_clock, table, time, key, skip), *read, partial(_run_labels, table, runs)]
         )
     except LogError as error:
         raise LogError([*error.flaws, *_clock_flaws(table, time, runs)]) from None
-    series = _series(table, time, clock, [numbers for _, numbers in found])
+    series = _series(table, clock, [numbers for _, numbers in found])
     places = tuple(place for place, _ in found)
     if own_clock is not None:
         series = series.emptied(_invalid(table, (clock[0], *places), series, own_clock), own_clock=own_clock)
@@ -182,11 +190,10 @@ def _skipping(skip: bool, own_clock: bool) -> bool | None:
 def _invalid(table: Table, places: Sequence[int], series: Series, own_clock: bool) -> Bools:
     # Rows with a cell in one of these columns that is neither empty nor a number, or with some numbers only.
     wrong = np.zeros(len(series), dtype=bool)
-    for place in places:
-        none = np.flatnonzero(np.isnan(table.numbers(place)[0]))
-        cells = table.texts(place) if len(none) else []
-        wrong[[row for row in none.tolist() if cells[row]]] = True
     missing = np.isnan(np.column_stack([series.times, series.values]))
+    for place, none in zip(places, missing.T, strict=True):
+        cells = table.texts(place) if none.any() else []
+        wrong[[row for row in np.flatnonzero(none).tolist() if cells[row]]] = True
     looked_at = missing if own_clock else missing[:, 1:]
     some = looked_at.any(axis=1) & ~looked_at.all(axis=1)
     return wrong | some | (missing[:, 0] & (not own_clock))
@@ -198,15 +205,20 @@ def _clock_flaws(table: Table, time: TimeColumn, runs: Column | None) -> list[Fi
         if _run_labels(table, runs) is not None:
             return []
     with suppress(LogError):
-        clock = _read(table, time, ("time",))
+        clock = _read_clock(table, time, ("time",))
         rows = distinct_rows(table, clock[1], np.arange(len(table.rows)))
-        return _series(table, time, clock, ()).rows(rows).clock_flaws()
+        return _series(table, clock, ()).rows(rows).clock_flaws()
     return []
 
 
-def _series(table: Table, time: TimeColumn, clock: tuple[int, Array], columns: Sequence[Array]) -> Series:
+def _series(table: Table, clock: tuple[int, Array], columns: Sequence[Array]) -> Series:
     values = np.array(columns).reshape(len(columns), len(table.rows)).T
-    return Series(table.file, table.label(clock[0]), time.factor * clock[1], values, table.lines)
+    return Series(table.file, table.label(clock[0]), clock[1], values, table.lines)
+
+
+def _read_clock(table: Table, time: TimeColumn, key: Key, skip: bool = False) -> tuple[int, Array]:
+    place = table.place(time.column, *key, "column")
+    return place, read_times(table, place, time, skip=skip)
 
 
 def _read(table: Table, column: Column, key: Key, skip: bool = False) -> tuple[int, Array]:
@@ -251,8 +263,8 @@ def _read_poses(
 
 
 def _read_tum(file: Path, poses: PoseColumns, skip: bool) -> ColumnBlock:
-    factor = 1.0 if poses.time is None else poses.time.factor
-    return ColumnBlock(None, read_tum(file, tuple(poses.columns), factor, skip=skip))
+    unit = "s" if poses.time is None else poses.time.unit or "s"
+    return ColumnBlock(None, read_tum(file, tuple(poses.columns), TIME_UNITS[unit], skip=skip))
 
 
 def _pose_columns(table: Table, poses: PoseColumns, model: System) -> dict[str, PoseColumn]:
