@@ -92,8 +92,8 @@ BROKEN_SENSORS = {
         "kind: gyroscope",
         "- kind: gyroscope",
         "measurement.1.kind",
-        "expected 'poses', 'relative_poses', 'ranges', 'yaw_rate', 'trailer_angle', 'python', "
-        "got 'gyroscope'",
+        "expected 'poses', 'relative_poses', 'ranges', 'landmarks', 'tags', 'yaw_rate', 'trailer_angle', "
+        "'python', got 'gyroscope'",
     ),
     "no sensor": (
         "kind: yaw_rate",

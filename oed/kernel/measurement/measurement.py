@@ -116,6 +116,7 @@ def regression(
     noise: float | None,
     jacobian: Expression | None = None,
     summed: Expression | None = None,
+    sizes: Array | None = None,
     shared: scipy.sparse.csc_matrix | None = None,
 ) -> Block:
     """The block of a linear regression y = W c + noise; `scaling: none` leaves its noise out.
@@ -131,6 +132,7 @@ def regression(
         noise: standard deviation of a row; None where it is not known.
         jacobian: rows whose square is the information, if that is not W.
         summed: sums of magnitudes of W's columns, (1, p).
+        sizes: what relative precisions refer to, (p,), SI; the nominal values' magnitudes by default.
         shared: B where the noise is B'e, e white.
     """
     whitened = design_matrix if jacobian is None else jacobian
@@ -154,6 +156,7 @@ def regression(
         information=information,
         noise=noise,
         raw=True,
+        sizes=sizes,
         summed=summed,
         shared=shared,
     )

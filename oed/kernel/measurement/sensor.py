@@ -246,7 +246,11 @@ def moment_reading(sensor: Sensor, system: System) -> ca.Function:
     carried = ca.SX.sym("S", moments * states, size + states)
     names = [nuisance.name for nuisance in sensor.nuisances]
     nuisances = dict(zip(names, ca.vertsplit(own), strict=True))
-    parts = (ca.vertsplit(one, one.shape[0] // moments) for one in (state, inputs))
+    # A system without states has parts of no rows.
+    parts = (
+        [one[at * width : (at + 1) * width] for at in range(moments)]
+        for one, width in ((state, states), (inputs, len(system.inputs)))
+    )
     moment: Moment | None = None
     for at, held in reversed(list(zip(*parts, strict=True))):
         signals = system.signals(at, held, parameters, period if moments == 1 else 0.0)

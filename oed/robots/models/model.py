@@ -325,16 +325,8 @@ class CoefficientRobot(Model):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The coefficients, row by row: yaw rate [1], then forward and lateral speed [m].
-
-        The precision of one that is 0 by the robot's geometry refers to the largest of its row.
-        """
-        nominal = nominal_coefficients(self.base)
-        return tuple(
-            Parameter(name, float(value), unit, 0.0 if value else float(np.abs(values).max()))
-            for names, values, unit in zip(self.coefficient_names, nominal, ("", "m", "m"), strict=False)
-            for name, value in zip(names, values, strict=True)
-        )
+        """The coefficients, row by row: yaw rate [1], then forward and lateral speed [m]."""
+        return coefficient_parameters(self.base)
 
     def coefficients(self, parameters: Expression) -> Expression:
         """The parameters as the matrix c."""
@@ -396,6 +388,26 @@ def nominal_coefficients(model: Model) -> Array:
     values = np.asarray(ca.evalf(model.coefficients(ca.DM(model.nominal))), dtype=float)
     largest = np.abs(values).max(axis=1, keepdims=True)
     return np.where(np.abs(values) > ROUNDING * largest, values, 0.0)
+
+
+def coefficient_parameters(model: Model) -> tuple[Parameter, ...]:
+    """The coefficients at their nominal values, row by row: yaw rate [1], then forward and lateral speed [m].
+
+    The precision of one that is 0 by the robot's geometry refers to the largest of its unit.
+    """
+    nominal = nominal_coefficients(model)
+    turning, moving = (float(np.abs(rows).max(initial=0.0)) for rows in (nominal[:1], nominal[1:]))
+    return tuple(
+        Parameter(name, float(value), unit, 0.0 if value else largest)
+        for names, values, unit, largest in zip(
+            model.coefficient_names,
+            nominal,
+            ("", "m", "m"),
+            (turning, moving, moving),
+            strict=False,
+        )
+        for name, value in zip(names, values, strict=True)
+    )
 
 
 def robot_of(system: System) -> Model:

@@ -18,7 +18,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement, regression
-from oed.robots.models.model import nominal_coefficients, robot_of
+from oed.robots.models.model import coefficient_parameters, robot_of
 
 Regressor = Literal["position", "heading", "both"]
 NoiseModel = Literal["increments", "absolute"]
@@ -146,21 +146,23 @@ class Displacements(Measurement):
 
     def _block(self, drive: Drive, name: str, matrix: Expression, summed: Expression) -> Block:
         # The heading row of c turns wheel angles into an angle, the other rows into lengths.
-        rows, unit, noise, coordinates = {
-            "heading": (slice(0, 1), "", self.noise.heading, 1),
-            "position": (slice(1, None), "m", self.noise.position, 2),
+        rows, noise, coordinates = {
+            "heading": (slice(0, 1), self.noise.heading, 1),
+            "position": (slice(1, None), self.noise.position, 2),
         }[name]
         robot = robot_of(drive.system)
-        nominal = nominal_coefficients(robot)[rows].ravel()
+        names = [entry for row in robot.coefficient_names[rows] for entry in row]
+        own = [one for one in coefficient_parameters(robot) if one.name in names]
         return regression(
             name,
             matrix,
-            [entry for row in robot.coefficient_names[rows] for entry in row],
-            nominal,
-            units=(unit,) * len(nominal),
+            names,
+            np.array([one.nominal for one in own]),
+            units=[one.unit for one in own],
             noise=noise,
             jacobian=self._jacobian(matrix, coordinates, drive.runs),
             summed=summed,
+            sizes=np.array([one.scale for one in own]),
             shared=self._shared(matrix.shape[0], coordinates, drive.runs),
         )
 
