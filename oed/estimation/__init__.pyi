@@ -4,6 +4,7 @@ from .assessment.dead_reckoning import HeldOut as HeldOut
 from .assessment.dead_reckoning import dead_reckoned as dead_reckoned
 from .assessment.diagnostics import Diagnostic as Diagnostic
 from .assessment.diagnostics import correlations as correlations
+from .assessment.doubts import Doubt as Doubt
 from .assessment.model_selection import Compared as Compared
 from .assessment.model_selection import Comparison as Comparison
 from .assessment.model_selection import Score as Score

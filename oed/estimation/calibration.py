@@ -18,6 +18,7 @@ from oed.estimation.assessment.covariance import (
 )
 from oed.estimation.assessment.dead_reckoning import HeldOut, cross_validated, held_out
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
+from oed.estimation.assessment.doubts import Doubt, plausibility_doubts
 from oed.estimation.assessment.model_selection import Comparison, ModelSelection
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting, Segmenting
@@ -35,8 +36,6 @@ from oed.robots.models.model import Model, robot_of
 TOO_SHORT = (
     "too few and short logs for more than F^-1: where they drift, true errors are several times as large"
 )
-ODD_WHEEL = 0.3
-"""Change of a wheel's radius that looks like a mistake."""
 CLOCKS_APART = 0.1
 """Offset of two clocks that is worth a warning [s]."""
 
@@ -53,6 +52,7 @@ class Calibration(Brief, Renamed):
         logs: that were used, with what was found in them.
         diagnostics: tests of what the fit leaves.
         weak_directions: what is not identifiable from the logs.
+        doubts: of single estimates.
         cross_validation: every log against the others.
         held_out: logs that were kept as test data, or None.
         own: the logs themselves where there are no others to judge by, or None.
@@ -67,6 +67,7 @@ class Calibration(Brief, Renamed):
     logs: tuple[Log, ...]
     diagnostics: tuple[Diagnostic, ...]
     weak_directions: tuple[str, ...]
+    doubts: tuple[Doubt, ...]
     cross_validation: tuple[HeldOut, ...]
     held_out: HeldOut | None
     own: HeldOut | None
@@ -184,7 +185,6 @@ class _Work:
         covariances = self._covariances(fit, segmenting)
         if len(covariances) == 1 and (fit.motions or (segmenting is not None and segmenting.drifts)):
             notes.append(TOO_SHORT)
-        notes += _odd_wheels(fit)
         self.announce("checks")
         logs = _with_clocks(found.logs, fit)
         alone = len(logs) == 1 and _has_positions(logs)
@@ -196,6 +196,7 @@ class _Work:
             logs=logs,
             diagnostics=diagnostics(fit, specified_noise(self.problem.measurement, logs[0].averaged)),
             weak_directions=weak_directions(fit, covariances[0].matrix),
+            doubts=plausibility_doubts(fit, covariances[0].matrix),
             cross_validation=cross_validated(fit) if _has_positions(logs) else (),
             held_out=None if other is None else held_out(fit, fit.values, other.logs, other.clocks),
             own=held_out(fit, fit.values, logs, fit.clocks_of(logs)) if alone else None,
@@ -253,18 +254,6 @@ class _Work:
             )
             raise ProblemError.about(("calibration", "covariance"), text)
         return tuple(sorted(found, key=lambda one: one.name != wanted))
-
-
-def _odd_wheels(fit: Fit) -> list[str]:
-    # Nobody measures a wheel that wrongly; a gear or a unit is soon forgotten.
-    table = {parameter.name: parameter.nominal for parameter in fit.unknowns.robot.parameters}
-    found = zip(fit.unknowns.parameters, fit.values, strict=False)
-    changes = {name: value / table[name] - 1 for name, value in found if name.startswith("wheel_radius")}
-    return [
-        f"{name} is {change:+.0%} off its nominal value: check ticks_per_turn, gear and units"
-        for name, change in changes.items()
-        if abs(change) > ODD_WHEEL
-    ]
 
 
 def _has_positions(logs: Sequence[Log]) -> bool:

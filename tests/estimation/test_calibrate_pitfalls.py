@@ -200,13 +200,6 @@ def test_poses_too_small_for_their_squares_stand_still():
             calibrate(logged_problem(), [small], options(segment="log"))
 
 
-def test_a_wheel_far_off_its_nominal_size_is_asked_about():
-    log = log_of(course(seconds=10.0), noise=NOISE)
-    geared = replace(log, integrals=log.integrals * 2)
-    found = calibrate(logged_problem(), [geared], options(segment="log"))
-    assert sum("check ticks_per_turn, gear and units" in note for note in found.notes) == 2
-
-
 def test_a_single_log_is_reckoned_by_its_own_estimate():
     found = calibrate(logged_problem(), [log_of(course(seconds=10.0), noise=NOISE)], options(segment="log"))
     (before,), (after,) = found.own.before, found.own.after

@@ -145,3 +145,50 @@ def test_starts_of_segments_are_found_as_if_they_were_common():
     assert found.arrived
     assert expected.arrived
     np.testing.assert_allclose([*found.values, *found.starts.ravel()], expected.values, rtol=1e-9)
+
+
+def kinked(seed: int):
+    """Readings with outliers of what speeds add up to, by stamps far apart: piecewise linear in the clock."""
+    rng = np.random.default_rng(seed)
+    stamps, times = np.arange(0.0, 20.0, 0.05), np.arange(1.0, 19.0, 0.05)
+    turned = np.concatenate([[0.0], np.cumsum(0.05 * rng.choice([-4.0, 0.0, 2.0, 4.0], len(stamps) - 1))])
+    wrong = np.where(rng.random(len(times)) < 0.1, 10.0, 1.0)
+    measured = 1.03 * np.interp(times + 0.05, stamps, turned) + 0.2
+    measured += 0.1 * wrong * rng.standard_normal(len(times))
+
+    def rows(values: np.ndarray, _: np.ndarray) -> Rows:
+        gain, level, clock = values
+        found, after, before = (np.interp(times + clock + off, stamps, turned) for off in (0, 1e-3, -1e-3))
+        slopes = np.column_stack([found, np.ones_like(times), gain * (after - before) / 2e-3])
+        return Rows.of((measured - gain * found - level) / 0.02, slopes / 0.02)
+
+    return rows
+
+
+@pytest.mark.parametrize("seed", [1, 17])
+def test_a_slow_search_in_kinks_of_a_clock_has_arrived(seed: int):
+    known = Knowledge(np.diag([1e-4, 1e-4, 4.0]), np.zeros(3))
+    search = LeastSquares(np.array([1.0, 1.0, 0.1]), known, "cauchy", clocks=1, close=1e-6, flat=1.0)
+    found = search.solved(kinked(seed), np.array([1.0, 0.0, 0.0]))
+    assert found.arrived
+    np.testing.assert_allclose(found.values, [1.03, 0.2, 0.05], atol=0.02)
+
+
+def test_a_search_that_runs_away_has_not_arrived():
+    # Nothing but an exponent without end explains readings of 0: it grows twentyfold in every step.
+    def rows(values: np.ndarray, _: np.ndarray) -> Rows:
+        fading = np.maximum(values, 1.0) ** -0.05 * np.ones_like(TIMES) / NOISE
+        return Rows.of(-fading, -0.05 * (fading / values)[:, None])
+
+    found = LeastSquares(np.ones(1), Knowledge.nothing(1)).solved(rows, np.ones(1))
+    assert found.values > 1e6
+    assert not found.arrived
+
+
+def test_clocks_that_are_held_stay():
+    rows, known = kinked(0), Knowledge.nothing(3)
+    search = LeastSquares(np.array([1.0, 1.0, 0.1]), known, clocks=1)
+    found = search.solved(rows, np.array([1.0, 0.0, 0.03]), hold_clocks=True)
+    assert found.arrived
+    assert found.values[2] == 0.03
+    assert found.values[0] != 1.0

@@ -15,7 +15,7 @@ from oed.cli.terminal.console import WIDTH, print_estimate
 from oed.foundation.text import decimals_of, error_text, size_text, to_error
 from oed.report import write_estimate
 from oed.report.estimate import estimate_sections
-from oed.report.estimate.parameters import estimate_rows, gains, warnings
+from oed.report.estimate.parameters import estimate_lines, estimate_rows, gains, warnings
 from oed.report.figures.calibration import residuals_of
 from oed.report.figures.reckoned import LOOKS
 from oed.report.parts.section import Section, Table, lasting, span_text
@@ -419,3 +419,13 @@ def test_what_is_nominally_0_but_for_rounding_has_no_change_in_percent(nominal: 
     record = read({**alone(), "parameters": [offset, *others], "paths": []})
     assert estimate_rows(record)[0][-1] == "-"
     assert "steering offset" not in section(record.plain(), "Summary").paragraphs[0]
+
+
+def test_doubts_of_single_estimates_are_said_first():
+    text = "track is -83.0 mm, and no robot of this kind has that: look at the columns"
+    record = read({**estimate(), "doubts": [{"parameter": "track", "name": "sign", "message": text}]})
+    assert warnings(record)[0].startswith("Track is")
+    assert "83.0 mm, and no robot of this kind" in estimate_lines(record)[0]
+    assert sum("no robot of this kind" in line for line in estimate_lines(record)) == 1
+    notices = section(record.plain(), "Summary").notices
+    assert notices[0] == warnings(record)[0]

@@ -199,6 +199,10 @@ class Fitting:
         if chosen == "auto":
             segmenting = longest_without_drift(layout, fit)
             return segmenting, segmenting.fit
+        # Over a long drive a wrong size turns the robot anywhere: from there no derivative leads back.
+        short = next(_lengths(layout(math.inf)))
+        if short < seconds:
+            fit(layout(short))
         return None, fit(layout(seconds))
 
     def _over_windows(self, windows: Windows) -> Fit:

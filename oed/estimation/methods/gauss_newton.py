@@ -36,6 +36,10 @@ FAR = 10.0
 NEAR = 0.05
 """Share of its standard error that an unknown may be off where no step makes the misfit smaller: motion is
 piecewise linear in a clock's offset, and the least squares may lie in a corner."""
+AT_REST = 1e-3
+"""Change of the unknowns in the last of all steps, in units of their size, that is still an arrival."""
+PATIENCE = 3
+"""Steps in a row whose halves gain next to nothing of what they promise, after which clocks are held."""
 CLOSE = 1e-7
 """Change of the unknowns, in units of their size, at which the search has arrived."""
 SURE = 1e-9
@@ -140,17 +144,25 @@ class LeastSquares:
         values: Array,
         starts: Array | None = None,
         renewed: Callable[[Any, Array, Array], HasRows] | None = None,
+        *,
+        hold_clocks: bool = False,
     ) -> Found:
         """The least squares.
+
+        After all steps it has arrived, too, where the last of them was small beside the standard errors and
+        beside the unknowns' sizes, and made the misfit hardly better: robust losses converge slowly. Unknowns
+        that run away move on by their size, however unsure they are.
 
         Args:
             rows: of unknowns.
             values: where the search begins, (q,).
             starts: the segments' own unknowns there, (S, c); one segment without any by default.
             renewed: rows in units of the noise that those at a point show; as they are by default.
+            hold_clocks: whether clocks stay where they are.
         """
         point = _Point(self, rows, values, np.zeros((1, 0)) if starts is None else starts)
-        free, damped = np.ones(len(values), dtype=bool), 0
+        clocks = np.arange(len(values)) >= len(values) - self.clocks
+        free, damped, creeping, idle = ~clocks | (not hold_clocks), 0, 0, False
         for number in range(STEPS):
             if renewed is not None and number < RENEWALS:
                 point = replace(point, at=renewed(point.at, point.values, point.starts))
@@ -161,15 +173,21 @@ class LeastSquares:
             if following is point and not early:
                 if np.all(np.abs(step.values) <= NEAR * step.errors):
                     return point.found(arrived=True)
-                if not self.clocks or not free.all():
+                if not np.any(free & clocks):
                     return point.found(arrived=False)
-                free[len(values) - self.clocks :] = False
+                free &= ~clocks
                 continue
-            change = float((np.abs(following.values - point.values) / self.scale).max(initial=0.0))
+            moved, gain = np.abs(following.values - point.values), point.misfit - following.misfit
+            sizes = np.minimum(NEAR * step.errors, AT_REST * self.scale)
+            idle = bool(gain < NEAR**2 and np.all(moved <= sizes))
+            creeping = creeping + 1 if gain < NEAR**2 <= step.length**2 else 0
             point = following
-            if not early and (change < self.close or step.length < SURE):
+            if not early and ((moved / self.scale).max(initial=0.0) < self.close or step.length < SURE):
                 return point.found(arrived=True)
-        return point.found(arrived=False)
+            if not early and creeping >= PATIENCE:
+                # Along a corner of the clocks parts of steps gain something for ever.
+                free &= ~clocks
+        return point.found(arrived=idle)
 
     def _following(self, point: _Point, step: _Step, free: Bools, damped: int) -> tuple[_Point, int]:
         # Where a step leads to, and by which of the dampings.

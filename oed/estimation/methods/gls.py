@@ -22,6 +22,9 @@ from oed.robots.sensors.logged import Noise
 
 ROUNDS = 15
 """How often parameters and variances are found in turn at most."""
+HELD = 8
+"""Rounds after which clocks stay where they are: motion is piecewise linear in their offsets, and these and
+the variances may lead each other from one side of a corner to the other for ever."""
 CLOSE = 0.01
 """Change of the unknowns, in standard errors, at which they have settled."""
 
@@ -52,21 +55,27 @@ class WeightedWindows:
         rough = banded(np.tile(np.eye(3) * ROUGH**2, (self.windows.layout.count, 1, 1)))
         values, _ = self._solved(self.windows.unknowns.nominal, factor(rough))
         fit, variances = self._round(values, None)
-        for _ in range(ROUNDS):
+        hold = False
+        for number in range(ROUNDS):
             before = fit
-            fit, variances = self._round(fit.values, variances)
+            fit, variances = self._round(fit.values, variances, hold_clocks=hold)
             change = fit.values - before.values
             if change @ fit.total @ change < CLOSE**2:
                 return fit
+            # A clock that goes on by more than it is uncertain is in no corner.
+            near = np.abs(change) <= np.sqrt(np.diag(fit.inverse))
+            hold = number >= HELD and bool(near[len(near) - self.windows.unknowns.clocks :].all())
         return replace(fit, converged=False)
 
-    def _round(self, values: Array, variances: Array | None) -> tuple[Fit, Array]:
+    def _round(
+        self, values: Array, variances: Array | None, *, hold_clocks: bool = False
+    ) -> tuple[Fit, Array]:
         found, covariance = self._noise(values, variances)
         root = factor(covariance)
-        following, arrived = self._solved(values, root)
+        following, arrived = self._solved(values, root, hold_clocks=hold_clocks)
         return self._fit(following, root, found, arrived), found
 
-    def _solved(self, values: Array, root: Array) -> tuple[Array, bool]:
+    def _solved(self, values: Array, root: Array, *, hold_clocks: bool = False) -> tuple[Array, bool]:
         def rows(tried: Array, _: Array) -> Rows:
             motions = self.windows.motions(tried)
             white = whitened(root, np.column_stack([motions.residuals.ravel(), _flat(motions.slopes)]))
@@ -74,7 +83,7 @@ class WeightedWindows:
 
         unknowns = self.windows.unknowns
         search = LeastSquares(unknowns.scale, self.known, clocks=unknowns.clocks)
-        found = search.solved(rows, values)
+        found = search.solved(rows, values, hold_clocks=hold_clocks)
         return found.values, found.arrived
 
     def _noise(self, values: Array, first: Array | None) -> tuple[Array, Array]:

@@ -140,6 +140,14 @@ class Diagnostic(Stored):
     p_value: Maybe = None
 
 
+class Doubt(Stored):
+    """Why an estimate may not be what it seems."""
+
+    parameter: str
+    name: str
+    message: str
+
+
 class Finding(Stored):
     """What was noticed about a log."""
 
@@ -296,6 +304,7 @@ class EstimateRecord(Presented, SavedFile):
     noise: Entries[FoundNoise]
     converged: bool | None = None
     not_identifiable: Annotated[Entries[str], Field(alias="untold")]
+    doubts: Entries[Doubt]
     notes: Entries[str]
     diagnostics: Entries[Diagnostic]
     logs: Entries[ReadLog]
@@ -350,6 +359,7 @@ class EstimateRecord(Presented, SavedFile):
             ("logs", count(len(self.logs), "log") if self.logs else ""),
             ("method", words(self.method or "")),
             ("converged", "" if self.converged is None else "yes" if self.converged else "no"),
+            ("doubts", " ".join(one.message for one in self.doubts)),
             ("not identifiable", listing(self.not_identifiable)),
             ("notes", " ".join(self.notes)),
         )

@@ -172,14 +172,17 @@ def estimate_rows(record: EstimateRecord) -> list[list[str]]:
 
 
 def estimate_lines(record: EstimateRecord) -> list[str]:
-    """For a terminal: what the errors rest on, clocks, dead reckoning, models compared, warnings."""
-    offset = offset_clocks(record, WORTH_A_LINE)
+    """For a terminal: doubts of single estimates, what the errors rest on, clocks, dead reckoning, models
+    compared, other warnings.
+    """
+    offset, warned, first = offset_clocks(record, WORTH_A_LINE), warnings(record), len(record.doubts)
     return [
+        *(f"warning: {text}" for text in warned[:first]),
         error_line(record),
         *([f"wheels' clock ahead of the poses': {offset}"] if offset else []),
         *gains(record),
         *model_lines(record),
-        *(f"warning: {text}" for text in warnings(record)),
+        *(f"warning: {text}" for text in warned[first:]),
         *(f"note: {_doubt(group)}" for (one, _), group in findings(record).items() if one in SKIPPED),
         *(f"note: {sentence(text)}" for text in record.notes),
     ]
@@ -205,7 +208,8 @@ def _fell(name: str, before: float, after: float, unit: str) -> tuple[str, str, 
 
 def warnings(record: EstimateRecord) -> list[str]:
     """What must not be overlooked, the gravest first."""
-    found = [SAY("not_converged")] if record.converged is False else []
+    found = [sentence(one.message) for one in record.doubts]
+    found += [SAY("not_converged")] if record.converged is False else []
     found += [sentence(text) for text in record.not_identifiable]
     return list(filter(None, [*found, *_doubts(record), _worse(record), *_failed(record)]))
 

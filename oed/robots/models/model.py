@@ -353,6 +353,10 @@ class CoefficientRobot(Model):
         """Forward speed, 0, yaw rate [Choi, eq. 5]."""
         return coefficient_twist(self, inputs, parameters)
 
+    def allows(self, values: Mapping[str, float]) -> bool:
+        """Any coefficients are those of some robot."""
+        return True
+
     def estimating(self, names: Collection[str]) -> Model:
         """The robot that has the parameters `names`: this one, unless they are the base robot's own."""
         known = {parameter.name for parameter in self.parameters}

@@ -1,0 +1,104 @@
+"""Estimates that no robot has are doubted: their signs, their sizes, what the study knew of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated import ROBOT, TRUTH, course, fit_of, log_of, logged_problem, options, truth_of, unknowns_of
+
+from oed.estimation import Calibration, calibrate
+from oed.estimation.assessment.doubts import Doubt, plausibility_doubts
+from oed.estimation.methods.fit import Fit
+from oed.estimation.setup.unknowns import Knowledge
+from oed.robots.models import Model, SkidSteerIcr, Tricycle
+
+NOISE = (0.002, 0.005)
+ICR = SkidSteerIcr(wheel_radius=0.05, y_icr_left=0.2, y_icr_right=-0.25, x_icr=0.05)
+
+
+def doubts_at(model: Model = ROBOT, error: float = 1e-3, **values: float) -> tuple[Doubt, ...]:
+    """Of a fit that ended at these values, nominal ones but for them."""
+    drive = course(model, truth_of(model), seconds=4.0)
+    fit = fit_of([log_of(drive, noise=NOISE)], unknowns_of(model))
+    return plausibility_doubts(
+        replace(fit, values=truth_of(model, **values)), error**2 * np.eye(fit.unknowns.size)
+    )
+
+
+def names(doubts: tuple[Doubt, ...]) -> list[tuple[str, str]]:
+    return [(one.parameter, one.name) for one in doubts]
+
+
+def test_nominal_values_are_not_doubted():
+    assert doubts_at() == doubts_at(ICR) == ()
+
+
+@pytest.mark.parametrize(
+    ("model", "values", "expected"),
+    [
+        (ROBOT, {"track": -0.083}, ("track", "sign")),
+        (ROBOT, {"wheel_radius_left": -0.05}, ("wheel_radius_left", "sign")),
+        (ROBOT, {"track": 0.32}, ("track", "size")),
+        (ROBOT, {"wheel_radius_left": 0.07}, ("wheel_radius_left", "size")),
+        (ROBOT.by_coefficients, {"c12": 0.25}, ("c12", "sign")),
+        (ROBOT.by_coefficients, {"c11": 0.9}, ("c11", "size")),
+        (ICR, {"y_icr_right": 0.25}, ("y_icr_right", "sign")),
+        (ICR, {"alpha_left": 0.2}, ("alpha_left", "size")),
+        (ICR, {"x_icr": 3.0}, ("x_icr", "size")),
+        (Tricycle(wheel_radius=0.05, wheelbase=0.3), {"wheelbase": 0.15}, ("wheelbase", "size")),
+        (Tricycle(wheel_radius=0.05, wheelbase=0.3), {"steering_offset": -4.0}, ("steering_offset", "size")),
+    ],
+    ids=str,
+)
+def test_a_sign_or_a_size_that_no_robot_has(model, values, expected):
+    (one,) = doubts_at(model, **values)
+    assert (one.parameter, one.name) == expected
+
+
+@pytest.mark.parametrize(
+    ("model", "values"),
+    [
+        # A robot that skids turns as if it were wider; what is around 0 has either sign.
+        (ICR, {"y_icr_left": 0.5, "x_icr": -0.1, "alpha_left": 0.6}),
+        (Tricycle(wheel_radius=0.05, wheelbase=0.3), {"wheelbase": 0.22, "steering_offset": -0.4}),
+        (ROBOT, {"wheel_radius_left": 0.06, "track": 0.27}),
+    ],
+    ids=str,
+)
+def test_what_robots_have_is_not_doubted(model, values):
+    assert doubts_at(model, **values) == ()
+
+
+def test_what_is_not_known_well_enough_is_not_doubted_for_its_size():
+    assert doubts_at(track=0.32, error=0.1) == ()
+    assert names(doubts_at(track=-0.02, error=0.1)) == [("track", "sign")]
+
+
+def test_an_estimate_that_contradicts_the_prior():
+    known = Knowledge(np.diag([0.0, 0.0, 0.004**-2.0]), np.array(ROBOT.nominal))
+    known = Knowledge(known.information + np.diag(np.array(ROBOT.nominal) ** -2.0), known.centre)
+
+    def fit(track: float) -> Fit:
+        drive = course(parameters=truth_of(ROBOT, **{**TRUTH, "track": track}), seconds=8.0)
+        return fit_of([log_of(drive, noise=NOISE)], known=known)
+
+    def doubts(track: float) -> list[tuple[str, str]]:
+        found = fit(track)
+        return names(plausibility_doubts(found, found.inverse))
+
+    assert doubts(0.23) == [("track", "prior")]
+    assert doubts(0.205) == []
+
+
+@pytest.mark.parametrize(("seconds", "seed"), [(8.0, 0), (10.0, 2)])
+def test_whole_logs_of_wheels_half_as_large_are_fitted_all_the_same(seconds: float, seed: int):
+    # From nominal sizes the search ended at a track of -687 mm, or at residuals of 3 rad.
+    log = log_of(course(seconds=seconds, seed=seed), noise=NOISE)
+    geared = replace(log, integrals=2 * log.integrals)
+    found: Calibration = calibrate(logged_problem(), [geared], options(segment="log"))
+    assert found.fit.converged
+    assert found.values == pytest.approx([0.0515 / 2, 0.0492 / 2, 0.213], rel=0.01)
+    assert names(found.doubts) == [("wheel_radius_right", "size"), ("wheel_radius_left", "size")]
+    assert all("check ticks_per_turn, gear and units" in one.message for one in found.doubts)
