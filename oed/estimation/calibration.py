@@ -193,7 +193,7 @@ class _Work:
             diagnostics=diagnostics(fit, specified_noise(self.problem.measurement, logs[0].averaged)),
             weak_directions=weak_directions(fit, covariances[0].matrix),
             cross_validation=cross_validated(fit) if _has_positions(logs) else (),
-            held_out=None if other is None else held_out(fit, fit.values, other.logs, other.clocks),
+            held_out=None if other is None else held_out(fit, fit.values, other.logs, _clocks(fit, other)),
             own=held_out(fit, fit.values, logs, fit.clocks_of(logs)) if alone else None,
             comparison=self._comparison(found, fit, segmenting),
             notes=(*notes, *fit.notes),
@@ -261,6 +261,12 @@ def _odd_wheels(fit: Fit) -> list[str]:
         for name, change in changes.items()
         if abs(change) > ODD_WHEEL
     ]
+
+
+def _clocks(fit: Fit, other: PreparedLogs) -> list[float]:
+    # Of logs from a file of the fit as that has them.
+    known = dict(zip(fit.layout.clocks, map(float, fit.clock_offsets), strict=True))
+    return [known.get(log.file, own) for log, own in zip(other.logs, other.clocks, strict=True)]
 
 
 def _has_positions(logs: Sequence[Log]) -> bool:

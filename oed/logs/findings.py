@@ -127,6 +127,11 @@ def held(kept: Series, stale: int, rows: int) -> Finding:
     return Finding("held_poses", text)
 
 
+def thinned(poses: int, kept: int, each: int) -> Finding:
+    """Poses left out because the study asks for one in `each`."""
+    return Finding("thinned_poses", f"{kept} of {poses} poses are used, one in {each}, as the study asks")
+
+
 def skipped_rows(series: Series, what: str) -> Finding | None:
     """Rows left out because they have no finite number; `what` of them, for the message."""
     count, first = len(series.skipped), min(series.skipped, default=0)
