@@ -175,7 +175,7 @@ def _thinned(drive: RecordedDrive, each: int) -> RecordedDrive:
         left = f"one in {each} of {len(drive.poses)} poses leaves {len(kept)}"
         text = f"{drive.name}: {left}; at least {FEWEST} are needed"
         raise LogError([NotInLog(drive.poses.file, 0, 0, "thin", text, ("log", "thin"))])
-    return replace(drive, poses=kept).with_found(findings.thinned(len(drive.poses), len(kept), each))
+    return replace(drive, poses=kept).with_found(findings.thinned(len(drive.poses), each))
 
 
 def _with_gaps_found(drive: RecordedDrive, gap: float | None) -> RecordedDrive:

@@ -127,9 +127,9 @@ def held(kept: Series, stale: int, rows: int) -> Finding:
     return Finding("held_poses", text)
 
 
-def thinned(poses: int, kept: int, each: int) -> Finding:
-    """Poses left out because the study asks for one in `each`."""
-    return Finding("thinned_poses", f"{kept} of {poses} poses are used, one in {each}, as the study asks")
+def thinned(poses: int, each: int) -> Finding:
+    """That of so many poses the study asks for one in `each`."""
+    return Finding("thinned_poses", f"of {poses} poses one in {each} is used, as the study asks")
 
 
 def skipped_rows(series: Series, what: str) -> Finding | None:
