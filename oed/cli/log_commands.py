@@ -12,6 +12,7 @@ from oed.cli.terminal.arguments import (
     add_working,
     duration,
     pair,
+    part,
     share,
     whole,
     workers_of,
@@ -33,6 +34,13 @@ def _estimate_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="test logs, which nothing is estimated from: dead reckoning is tried on them",
     )
+    parser.add_argument(
+        "--hold-out",
+        metavar="SHARE",
+        type=part,
+        default=0.0,
+        help="the last part of every log is a test log, too, e.g. '25 %%' of its duration",
+    )
     parser.add_argument("--out", metavar="DIR", help="where to write (default: reports/<file stem>/)")
     parser.add_argument("--seed", type=whole, help="seed of the bootstrap, instead of the study's")
     add_quiet(parser)
@@ -46,7 +54,7 @@ def _estimate(options: argparse.Namespace) -> int:
 
     out = Path(options.out) if options.out else Path("reports") / Path(options.study).stem
     study = load_study(options.study)
-    more = {"apart": options.apart, "out": out, "seed": options.seed}
+    more = {"apart": options.apart, "hold_out": options.hold_out, "out": out, "seed": options.seed}
     with progress(options.quiet) as listener:
         record, trouble = saved(lambda: estimate(study, options.logs, progress=listener, **more))
     outcome = CommandResult(None if trouble else out, out, trouble)

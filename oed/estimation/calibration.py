@@ -198,7 +198,7 @@ class _Work:
             weak_directions=weak_directions(fit, covariances[0].matrix),
             doubts=plausibility_doubts(fit, covariances[0].matrix),
             cross_validation=cross_validated(fit) if _has_positions(logs) else (),
-            held_out=None if other is None else held_out(fit, fit.values, other.logs, other.clocks),
+            held_out=None if other is None else held_out(fit, fit.values, other.logs, _clocks(fit, other)),
             own=held_out(fit, fit.values, logs, fit.clocks_of(logs)) if alone else None,
             comparison=self._comparison(found, fit, segmenting),
             notes=(*notes, *fit.notes),
@@ -254,6 +254,12 @@ class _Work:
             )
             raise ProblemError.about(("calibration", "covariance"), text)
         return tuple(sorted(found, key=lambda one: one.name != wanted))
+
+
+def _clocks(fit: Fit, other: PreparedLogs) -> list[float]:
+    # Of logs from a file of the fit as that has them.
+    known = dict(zip(fit.layout.clocks, map(float, fit.clock_offsets), strict=True))
+    return [known.get(log.file, own) for log, own in zip(other.logs, other.clocks, strict=True)]
 
 
 def _has_positions(logs: Sequence[Log]) -> bool:

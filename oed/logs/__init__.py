@@ -12,6 +12,7 @@ from pydantic import BeforeValidator
 from oed.foundation.component import OneOf
 from oed.logs.bag_form import BagForm
 from oed.logs.form import LogForm, read_logs
+from oed.logs.hold_out import last_held_out
 from oed.logs.log import Finding, Log
 from oed.logs.series import NotInLog
 from oed.logs.tables.csv_form import CsvForm
@@ -35,5 +36,6 @@ __all__ = [
     "Log",
     "LogForm",
     "NotInLog",
+    "last_held_out",
     "read_logs",
 ]

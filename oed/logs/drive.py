@@ -83,6 +83,8 @@ def _to_log(drive: RecordedDrive, form: LogForm, held: Repeats) -> Log:
         drive = _without_held(drive)
     if form.skip_stationary:
         drive = _without_standing(drive)
+    if form.thin > 1:
+        drive = _thinned(drive, form.thin)
     drive = _with_poses_checked(_with_running_heading(_with_gaps_found(drive, form.gap)))
     return Log(
         name=drive.name,
@@ -180,6 +182,15 @@ def _without_standing(drive: RecordedDrive) -> RecordedDrive:
         return drive
     from_start = inputs.with_values(inputs.values - inputs.values[:1])
     return replace(drive, inputs=from_start, poses=poses)
+
+
+def _thinned(drive: RecordedDrive, each: int) -> RecordedDrive:
+    kept = drive.poses.rows(slice(None, None, each))
+    if len(kept) < FEWEST:
+        left = f"one in {each} of {len(drive.poses)} poses leaves {len(kept)}"
+        text = f"{drive.name}: {left}; at least {FEWEST} are needed"
+        raise LogError([NotInLog(drive.poses.file, 0, 0, "thin", text, ("log", "thin"))])
+    return replace(drive, poses=kept).with_found(findings.thinned(len(drive.poses), each))
 
 
 def _with_gaps_found(drive: RecordedDrive, gap: float | None) -> RecordedDrive:

@@ -161,6 +161,11 @@ def tracker_lost(poses: Series, lost: Bools) -> Finding:
     return Finding("tracker_lost", text)
 
 
+def thinned(poses: int, each: int) -> Finding:
+    """That of so many poses the study asks for one in `each`."""
+    return Finding("thinned_poses", f"of {poses} poses one in {each} is used, as the study asks")
+
+
 def skipped_rows(series: Series, what: str) -> Finding | None:
     """Rows left out because they have no finite number; `what` of them, for the message."""
     count, first = len(series.skipped), min(series.skipped, default=0)

@@ -39,12 +39,14 @@ class LogForm(Component, ABC):
         skip_stationary: whether to cut off standing before and after the drive, but for a second.
         skip_invalid_rows: whether inputs and poses of rows (in a bag: messages) that have no finite number
             there are left out, and counted, instead of refused.
+        thin: of the poses one in so many is used, of those that are not left out for another reason.
     """
 
     kind: str
     gap: Annotated[Duration, Field(gt=0)] | None = None
     skip_stationary: bool = False
     skip_invalid_rows: bool = False
+    thin: Annotated[int, Field(ge=1)] = 1
 
     @abstractmethod
     def read(self, file: Path, model: System) -> list[Log]:

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from oed.estimation import calibrate
 from oed.foundation.arguments import typed
-from oed.foundation.errors import FileFlaw, LogError, ProblemError
+from oed.foundation.errors import FileFlaw, LogError, ProblemError, UserMistake
 from oed.foundation.extras import package_version
 from oed.foundation.text import listing
 from oed.foundation.work.folders import require_usable
-from oed.logs import Log, NotInLog, read_logs
+from oed.logs import Log, NotInLog, last_held_out, read_logs
 from oed.optimize import Progress, Silent
 from oed.records.calibration_outcome import estimate_of
 from oed.records.outcomes import provenance
@@ -55,6 +55,7 @@ def estimate(
     logs: Sequence[str | Path] | str | Path,
     *,
     apart: Sequence[str | Path] = (),
+    hold_out: float = 0.0,
     out: str | Path | None = None,
     seed: int | None = None,
     progress: Progress | None = None,
@@ -65,6 +66,7 @@ def estimate(
         study: names the robot, what to estimate, and how logs are read (keys `log`, `calibration`).
         logs: files to estimate from, or one of them.
         apart: files that only dead reckoning is tried on.
+        hold_out: share of each log's duration, at its end, that only dead reckoning is tried on, too.
         out: folder for estimate.json; nothing is written without it.
         seed: of the bootstrap, instead of the study's.
         progress: informed how far the work is.
@@ -72,17 +74,23 @@ def estimate(
     Raises:
         LogError: logs that cannot be read, do not fit the robot, or are given twice.
         StudyError: options that do not suit the robot or the logs, models that cannot be compared.
+        UserMistake: a share to hold out that is none.
         WrongKind: no study.
     """
     if isinstance(logs, str | Path):
         logs = [logs]
     if out is not None:
         require_usable(out)
+    if not 0 <= hold_out < 1:
+        raise UserMistake(f"hold_out: expected a share of each log, at least 0 and below 1, got {hold_out:g}")
     _require_different([*logs, *apart])
     chosen = study.seed if seed is None else seed
     stage = _Stages(progress or Silent())
     stage("reading logs")
-    kept, other = _read(study, logs), _read(study, apart) if apart else ()
+    kept, other = _read(study, logs), _read(study, apart) if apart else []
+    if hold_out:
+        kept, held = last_held_out(kept, hold_out)
+        other += held
     try:
         found = calibrate(
             study.problem, kept, study.calibration, test_logs=other, seed=chosen, announce=stage

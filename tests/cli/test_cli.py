@@ -639,3 +639,11 @@ def test_what_is_found_late_is_told_by_its_line(capsys, folder: Path, monkeypatc
 def test_null_characters_are_in_no_name(capsys, arguments: list[str]):
     assert main(arguments) == 2
     assert capsys.readouterr().err == "no name of a file has the character '\\x00', got 'a\\x00b'\n"
+
+
+@pytest.mark.parametrize("given", ["0", "0%", "100%", "1.5", "-5%", "25 s", "a quarter", "nan"])
+def test_what_is_no_part_of_a_log_to_hold_out(capsys, folder: Path, given: str):
+    with pytest.raises(SystemExit) as caught:
+        main(["estimate", "study.yaml", "log.csv", f"--hold-out={given}"])
+    assert caught.value.code == 2
+    assert "--hold-out: " in capsys.readouterr().err

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from studies import saved_study
 
-from oed.foundation.errors import LogError
+from oed.foundation.errors import LogError, UserMistake
 from oed.records.record import EstimateRecord, load_estimate
 from oed.report.estimate.logs import findings
 from oed.report.estimate.parameters import estimate_lines
@@ -121,6 +121,19 @@ class TestEstimate:
         assert one.data["covariance_kind"] == "bootstrap"
         assert one.values == other.values
         assert one.data["covariance"] != other.data["covariance"]
+
+    @pytest.mark.slow
+    def test_the_last_part_of_logs_is_only_reckoned(self, study: Study, folder: Path):
+        files = [folder / "drive_0.csv", folder / "drive_1.csv"]
+        found = estimate(study, files, apart=[folder / "drive_2.csv"], hold_out=0.25)
+        names = found.data["held_out"]["logs"]
+        assert names == ["drive_2", "drive_0 (last 25 %)", "drive_1 (last 25 %)"]
+        assert "the last 25 % of each drive is test data" in str(found.data["logs"][0]["findings"])
+
+    @pytest.mark.parametrize("share", [-0.1, 1.0, float("nan")])
+    def test_a_share_to_hold_out_that_is_none(self, study: Study, folder: Path, share: float):
+        with pytest.raises(UserMistake, match="hold_out: expected a share of each log"):
+            estimate(study, [folder / "drive_0.csv"], hold_out=share)
 
     def test_logs_apart_are_only_reckoned(self, record: EstimateRecord, study: Study, folder: Path):
         held = record.data["held_out"]

@@ -118,6 +118,19 @@ def share(text: str) -> float:
     return value
 
 
+def part(text: str) -> float:
+    """A share above 0 and below 1, `25%` or `0.25`."""
+    from oed.foundation.quantities import parse_quantity
+
+    try:
+        value = parse_quantity(text, "")
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    if not 0 < value < 1:
+        raise argparse.ArgumentTypeError(f"expected more than 0 % and less than 100 %, got {text}")
+    return value
+
+
 def pair(text: str) -> tuple[str, str]:
     """`KEY=VALUE`, as its two sides."""
     key, equals, value = text.partition("=")
