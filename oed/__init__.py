@@ -23,13 +23,14 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
         Baseline, Move, Drive, Space, SignalSpace, Spline, System, Input, Parameter
     Robots
         DifferentialDrive, SkidSteer, SkidSteerIcr, SkidSteerSlip, Tricycle, Ackermann, Mecanum, OmniThree,
-        OffsetDrive, TractorTrailer, Model, DesignSpace, StartPose
+        OffsetDrive, TractorTrailer, Unicycle, Model, DesignSpace, StartPose
     Sensors
         Poses, Displacements, Ranges, YawRate, TrailerAngle, Several, AbsoluteNoise, PoseNoise, LeverArm,
         PosePrior, Prior, regression, Sensor, Measurement, Moment, Block, Nuisance
     Limits
         WheelSpeed, WheelAcceleration, WheelJerk, BodySpeed, YawRateLimit, LateralAcceleration, TurningRadius,
-        SteeringAngle, SteeringRate, TrailerAngleLimit, InputLimit, Workspace, Rectangle, Circle, Polygon,
+        SteeringAngle, SteeringRate, CommandedSpeed, CommandedAcceleration, CommandedYawRate,
+        CommandedYawAcceleration, TrailerAngleLimit, InputLimit, Workspace, Rectangle, Circle, Polygon,
         Obstacles, Obstacle, CircularObstacle, PolygonalObstacle, EndPosition, EndHeading, PathLength,
         Limit, BareLimit, PathLimit, Rows
     Criteria

@@ -28,7 +28,12 @@ from oed.robots.models.plausibility import size_flaws
 if TYPE_CHECKING:
     from oed.kernel.problem import Problem
 
-RATES = {"wheel_speed": "wheel_acceleration", "steering_angle": "steering_rate"}
+RATES = {
+    "wheel_speed": "wheel_acceleration",
+    "steering_angle": "steering_rate",
+    "commanded_speed": "commanded_acceleration",
+    "commanded_yaw_rate": "commanded_yaw_acceleration",
+}
 """Quantity of an input -> what its rate is called, where that has a name of its own."""
 ROUNDING = 1e-12
 """Share of the largest coefficient of its row below which one is rounding of the geometry."""
