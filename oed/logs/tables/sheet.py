@@ -15,8 +15,9 @@ from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import FileFlaw, LogError
 from oed.foundation.files import no_such_file
 from oed.kernel.dynamics.system import System
+from oed.logs.input_forms import unit_factor
 from oed.logs.series import NotInLog, Rows, Series, together
-from oed.logs.tables.columns import Column, PoseColumn, PoseColumns, TimeColumn, unit_factor
+from oed.logs.tables.columns import Column, PoseColumn, PoseColumns, TimeColumn
 from oed.logs.tables.input_columns import InputColumn, input_columns
 from oed.logs.tables.table import Table, read_table
 from oed.logs.tables.tum import read_tum
