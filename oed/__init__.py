@@ -23,14 +23,15 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
         Baseline, Move, Drive, Space, SignalSpace, Spline, System, Input, Parameter
     Robots
         DifferentialDrive, SkidSteer, SkidSteerIcr, SkidSteerSlip, Tricycle, Ackermann, Mecanum, OmniThree,
-        OffsetDrive, TractorTrailer, Model, DesignSpace, StartPose
+        OffsetDrive, TractorTrailer, Unicycle, Model, DesignSpace, StartPose
     Sensors
         Poses, RelativePoses, Displacements, Ranges, Landmarks, Tags, YawRate, TrailerAngle, Several,
         AbsoluteNoise, PoseNoise, SightNoise, LeverArm, Mounting, PosePrior, Prior, regression, Sensor,
         Measurement, Moment, Block, Nuisance
     Limits
         WheelSpeed, WheelAcceleration, WheelJerk, BodySpeed, YawRateLimit, LateralAcceleration, TurningRadius,
-        SteeringAngle, SteeringRate, TrailerAngleLimit, InputLimit, Workspace, Rectangle, Circle, Polygon,
+        SteeringAngle, SteeringRate, CommandedSpeed, CommandedAcceleration, CommandedYawRate,
+        CommandedYawAcceleration, TrailerAngleLimit, InputLimit, Workspace, Rectangle, Circle, Polygon,
         Obstacles, Obstacle, CircularObstacle, PolygonalObstacle, EndPosition, EndHeading, PathLength,
         Limit, BareLimit, PathLimit, Rows
     Criteria

@@ -72,6 +72,10 @@ from .robots.limits import BareLimit as BareLimit
 from .robots.limits import BodySpeed as BodySpeed
 from .robots.limits import Circle as Circle
 from .robots.limits import CircularObstacle as CircularObstacle
+from .robots.limits import CommandedAcceleration as CommandedAcceleration
+from .robots.limits import CommandedSpeed as CommandedSpeed
+from .robots.limits import CommandedYawAcceleration as CommandedYawAcceleration
+from .robots.limits import CommandedYawRate as CommandedYawRate
 from .robots.limits import EndHeading as EndHeading
 from .robots.limits import EndPosition as EndPosition
 from .robots.limits import InputLimit as InputLimit
@@ -105,6 +109,7 @@ from .robots.models import SkidSteerIcr as SkidSteerIcr
 from .robots.models import SkidSteerSlip as SkidSteerSlip
 from .robots.models import TractorTrailer as TractorTrailer
 from .robots.models import Tricycle as Tricycle
+from .robots.models import Unicycle as Unicycle
 from .robots.sensors import AbsoluteNoise as AbsoluteNoise
 from .robots.sensors import Block as Block
 from .robots.sensors import Displacements as Displacements

@@ -15,7 +15,14 @@ from oed.robots.baselines.fitting import largest
 from oed.robots.baselines.paths import largest_size, placed
 from oed.robots.baselines.patterns import PATTERNS
 from oed.robots.baselines.placing import Placement, start_of
-from oed.robots.limits import Rectangle, SteeringAngle, WheelAcceleration, WheelSpeed
+from oed.robots.limits import (
+    CommandedSpeed,
+    CommandedYawRate,
+    Rectangle,
+    SteeringAngle,
+    WheelAcceleration,
+    WheelSpeed,
+)
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Displacements
 from oed.robots.space import DesignSpace
@@ -26,6 +33,13 @@ RADIUS, TRACK = 0.049, 0.18
 
 SPEED = WheelSpeed(bounds=10)
 STEERING = SteeringAngle(bounds=0.6)
+LIMIT_OF = {
+    "wheel_speed": SPEED,
+    "steering_angle": STEERING,
+    "commanded_speed": CommandedSpeed(bounds=0.5),
+    "commanded_yaw_rate": CommandedYawRate(bounds=2.0),
+}
+"""What bounds inputs, by their quantity."""
 ACCELERATION = WheelAcceleration(bounds=20)
 BOX = Rectangle(x=(-1, 1), y=(-1, 1))
 
@@ -69,8 +83,7 @@ def design_space(given: dict[str, Any]) -> DesignSpace:
 
 def input_limits(model) -> tuple:
     """Limits that bound a robot's inputs, and no more."""
-    steered = any(entry.quantity == "steering_angle" for entry in model.inputs)
-    return (SPEED, STEERING) if steered else (SPEED,)
+    return tuple(LIMIT_OF[quantity] for quantity in dict.fromkeys(entry.quantity for entry in model.inputs))
 
 
 def make_flagship(**overrides: Any) -> Problem:

@@ -26,6 +26,7 @@ from oed.robots.models import (
     SkidSteerSlip,
     TractorTrailer,
     Tricycle,
+    Unicycle,
 )
 
 RADIUS, TRACK = 0.049, 0.18
@@ -68,7 +69,7 @@ def _two_sided(name: str, model: Model, radii: tuple[float, float], slips=(0.0, 
     )
 
 
-def _wheels_twist(rolling: np.ndarray, radius: float) -> Callable[[np.ndarray], np.ndarray]:
+def _wheels_twist(rolling: np.ndarray, radius: float | np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """The twist that fits wheels best whose rolling speed is rolling @ (forward, lateral, yaw rate)."""
     return lambda speeds: np.linalg.lstsq(rolling, radius * np.asarray(speeds), rcond=None)[0]
 
@@ -95,9 +96,9 @@ def _icr_twist(speeds: np.ndarray, left: float, right: float, ahead: float, alph
     return np.array([forward, -ahead * yaw_rate, yaw_rate])
 
 
-def _tricycle_twist(inputs: np.ndarray, radius: float, wheelbase: float, offset: float) -> np.ndarray:
+def _tricycle_twist(inputs: np.ndarray, radius: float, wheelbase: float, offset, gain=1.0) -> np.ndarray:
     # The velocity of the steered wheel, seen from the free axle's middle.
-    velocity = radius * inputs[0] * np.exp(1j * (inputs[1] + offset))
+    velocity = radius * inputs[0] * np.exp(1j * (gain * inputs[1] + offset))
     return np.array([velocity.real, 0.0, velocity.imag / wheelbase])
 
 
@@ -146,15 +147,13 @@ def _slid(speed: float, yaw_rate: float, parameters: np.ndarray) -> np.ndarray:
     return np.array([speed + beside * yaw_rate, -ahead * yaw_rate - outwards, yaw_rate])
 
 
-def _lagging(
-    state: np.ndarray, twist: np.ndarray, period: float, lag: float, steps: int
-) -> tuple[float, float]:
-    """Yaw rate after a period, and the angle turned in it, by small steps of its differential equation."""
-    rate, turned, step = float(state[3]), 0.0, period / steps
+def _lagging(begin: float, asked: float, period: float, lag: float, steps: int) -> tuple[float, float]:
+    """A rate after a period, and its integral over it, by small steps of its differential equation."""
+    rate, turned, step = float(begin), 0.0, period / steps
     for _ in range(steps):
-        slopes = [(twist[2] - rate) / lag]
+        slopes = [(asked - rate) / lag]
         for share in (step / 2, step / 2, step):
-            slopes.append((twist[2] - rate - share * slopes[-1]) / lag)
+            slopes.append((asked - rate - share * slopes[-1]) / lag)
         turned += step * (rate + step / 6 * (slopes[0] + slopes[1] + slopes[2]))
         rate += step / 6 * (slopes[0] + 2 * slopes[1] + 2 * slopes[2] + slopes[3])
     return rate, turned
@@ -163,15 +162,37 @@ def _lagging(
 def _lagging_yaw_rate(
     state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 400
 ) -> np.ndarray:
-    return np.array([_lagging(state, twist, period, parameters[3], steps)[0]])
+    return np.array([_lagging(state[3], twist[2], period, parameters[3], steps)[0]])
 
 
 def _lagging_twist(
     state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 100
 ) -> np.ndarray:
-    turned = _lagging(state, twist, period, parameters[3], steps)[1]
+    turned = _lagging(state[3], twist[2], period, parameters[3], steps)[1]
     mean = turned / period if period else state[3]
     return _slid(twist[0] - parameters[-2] * twist[2], mean, parameters)
+
+
+def _lagging_commands(
+    state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 400
+) -> np.ndarray:
+    rates = zip(state[3:], twist[[0, 2]], parameters[-2:], strict=True)
+    return np.array([_lagging(begin, asked, period, lag, steps)[0] for begin, asked, lag in rates])
+
+
+def _lagging_commands_twist(
+    state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 400
+) -> np.ndarray:
+    rates = zip(state[3:], twist[[0, 2]], parameters[-2:], strict=True)
+    ways = [_lagging(begin, asked, period, lag, steps)[1] for begin, asked, lag in rates]
+    speed, yaw_rate = np.array(ways) / period if period else state[3:]
+    return np.array([speed, 0.0, yaw_rate])
+
+
+def _commanded_twist(inputs: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    """Speed and yaw rate are [[gain_v, v_per_omega], [omega_per_v, gain_omega]] @ what is asked for."""
+    speed, yaw_rate = gains @ inputs
+    return np.array([speed, 0.0, yaw_rate])
 
 
 SLIP = {
@@ -184,6 +205,20 @@ SLIP = {
     "y_icr": 0.02,
     "drift": 0.03,
 }
+
+RADII_OF_FOUR = {
+    "wheel_radius_front_left": 0.05,
+    "wheel_radius_front_right": 0.052,
+    "wheel_radius_rear_left": 0.049,
+    "wheel_radius_rear_right": 0.047,
+}
+RADII_OF_THREE = {
+    "wheel_radius_front_left": 0.04,
+    "wheel_radius_rear": 0.043,
+    "wheel_radius_front_right": 0.038,
+}
+COMMANDED = {"gain_v": 0.95, "gain_omega": 0.85, "omega_per_v": 0.06, "v_per_omega": -0.02}
+GAINS = np.array([[0.95, -0.02], [0.06, 0.85]])
 
 EXAMPLES: dict[str, tuple[Example, ...]] = {
     "differential_drive": (
@@ -244,6 +279,11 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
             Tricycle(wheel_radius=0.1, wheelbase=0.4, steering_offset=0.03),
             lambda inputs: _tricycle_twist(inputs, 0.1, 0.4, 0.03),
         ),
+        Example(
+            "tricycle_with_gain",
+            Tricycle(wheel_radius=0.1, wheelbase=0.4, steering_offset=0.03, steering_gain=0.93),
+            lambda inputs: _tricycle_twist(inputs, 0.1, 0.4, 0.03, 0.93),
+        ),
     ),
     "ackermann": (
         Example(
@@ -258,12 +298,36 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
             Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.3),
             _wheels_twist(_mecanum(0.3), 0.05),
         ),
+        Example(
+            "mecanum_unequal",
+            Mecanum(**RADII_OF_FOUR, half_wheelbase_plus_half_track=0.3),
+            _wheels_twist(_mecanum(0.3), np.array(list(RADII_OF_FOUR.values()))),
+        ),
     ),
     "omni_three": (
         Example(
             "omni",
             OmniThree(wheel_radius=0.04, centre_distance=0.2),
             _wheels_twist(_omni(0.2), 0.04),
+        ),
+        Example(
+            "omni_unequal",
+            OmniThree(**RADII_OF_THREE, centre_distance=0.2),
+            _wheels_twist(_omni(0.2), np.array(list(RADII_OF_THREE.values()))),
+        ),
+    ),
+    "unicycle": (
+        Example(
+            "unicycle",
+            Unicycle(gain_v=0.95, gain_omega=0.85),
+            lambda inputs: _commanded_twist(inputs, np.diag([0.95, 0.85])),
+        ),
+        Example(
+            "unicycle_with_lags",
+            Unicycle(**COMMANDED, lag_v=0.2, lag_omega=0.35),
+            lambda inputs: _commanded_twist(inputs, GAINS),
+            internal=_lagging_commands,
+            mean=_lagging_commands_twist,
         ),
     ),
     "tractor_trailer": tuple(
@@ -307,7 +371,7 @@ def cases(examples: list[Example]) -> list:
     ]
 
 
-LARGEST = {"wheel_speed": 10.0, "steering_angle": 0.5}
+LARGEST = {"wheel_speed": 10.0, "steering_angle": 0.5, "commanded_speed": 0.5, "commanded_yaw_rate": 2.0}
 """Magnitude of the inputs drawn, by quantity."""
 
 

@@ -147,6 +147,10 @@ def test_the_keys_for_robots_and_limits_are_accepted():
         "steering_rate",
         "trailer_angle",
         "end_heading",
+        "commanded_speed",
+        "commanded_acceleration",
+        "commanded_yaw_rate",
+        "commanded_yaw_acceleration",
     }
 
 

@@ -9,7 +9,7 @@ import pytest
 from oed.kernel.dynamics.enclosures import Enclosure, NotEnclosed, enclosed
 from oed.kernel.dynamics.intervals import ONE, Interval, number
 from oed.robots.models.arcs import sinc
-from oed.robots.models.skid_steer_slip import _means
+from oed.robots.models.lag import lag_shares
 
 FUNCTIONS = {
     "polynomial": lambda x, a: x**3 - a * x**2 + (x - 1) ** 5 + (x + 9) ** -3,
@@ -34,7 +34,7 @@ FUNCTIONS = {
     ),
     "roots of what may be negative": lambda x, a: ca.fmin(ca.sqrt(x), a) + ca.fmax(ca.log(a - x), -1),
     "series": lambda x, a: sinc(a * x),
-    "lag": lambda x, a: _means(a, ca.fabs(x))[0],
+    "lag": lambda x, a: lag_shares(a, ca.fabs(x))[0],
     "guards": lambda x, a: ca.if_else(x < a, 2 * x, a / ca.if_else(x < a, 1.0, x)) + ca.if_else(x <= a, x, 0),
     "other guards": lambda x, a: ca.if_else(a < x, ca.log(ca.if_else(a < x, x, a)), ca.if_else(x <= 0, x, 1)),
 }

@@ -402,17 +402,21 @@ class TestForms:
         [
             ({"wheel": 1}, "the robot has no input wheel; it has wheel_speed, steering_angle"),
             ({"wheel_speed": {"column": 1, "form": "value"}}, "its form is speed, got 'value'"),
-            ({"wheel_speed": {"column": 1, "unit": "m/s"}}, "whose unit is of another kind"),
+            ({"wheel_speed": {"column": 1, "unit": "m/s^2"}}, "whose unit is of another kind"),
+            ({"wheel_speed": {"column": 1, "radius": "5 cm"}}, "give the rim's `unit`, e.g. m/s"),
+            ({"wheel_speed": {"column": 1, "unit": "rpm", "radius": 5}}, "give the rim's `unit`, e.g. m/s"),
+            ({"wheel_speed": {"column": 1, "form": "angle", "zero": 1}}, "is that of a steered wheel"),
             ({"wheel_speed": {"column": 1, "form": "angle", "unit": "deg/s"}}, "of another kind"),
             ({"steering_angle": {"column": 1, "form": "speed"}}, "its form is value, got 'speed'"),
-            ({"steering_angle": {"column": 1, "form": "angle"}}, "its form is value, got 'angle'"),
+            ({"steering_angle": {"column": 1, "form": "angle", "unit": "mm"}}, "of another kind"),
+            ({"steering_angle": {"column": 1, "unit": "deg/s"}}, "of another kind"),
             (
-                {"steering_angle": {"column": 1, "form": "ticks", "ticks_per_turn": 8}},
-                "its form is value, got 'ticks'",
+                {"steering_angle": {"column": 1, "form": "ticks", "ticks_per_turn": 8, "zero": 3}},
+                "`zero` is of a cumulative counter; add `cumulative: true`",
             ),
             (
                 {"wheel_speed": {"column": 1, "form": "ticks", "ticks_per_turn": 8, "wrap": 9}},
-                "add `cumulative: true`",
+                "`wrap` is of a cumulative counter; add `cumulative: true`",
             ),
         ],
     )

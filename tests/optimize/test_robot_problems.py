@@ -30,6 +30,7 @@ NAMES = (
     "three_runs",
     "tractor_trailer",
     "tricycle",
+    "unicycle",
 )
 
 

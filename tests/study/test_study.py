@@ -157,7 +157,7 @@ BROKEN = {
         "hovercraft",
         "kind: hovercraft",
         "robot.kind",
-        "'tractor_trailer', 'tricycle', got 'hovercraft'",
+        "'tricycle', 'unicycle', got 'hovercraft'",
     ),
     "wrong kind of solver": (
         "kind: genetic",

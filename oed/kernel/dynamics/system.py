@@ -159,6 +159,12 @@ class System(ABC):
         found = self.signals(ca.DM.zeros(len(self.states)), ca.DM(inputs), ca.DM(self.nominal), ca.DM(0))
         return float(ca.norm_2(found[self.velocity_signal][:2]))
 
+    def lever(self, entry: Input) -> float:
+        """The length [m] by which a speed in m/s is one of its inputs in rad/s, nominal: of a wheel its
+        radius; 0 where none is known.
+        """
+        return 0.0
+
     def allows(self, values: Mapping[str, float]) -> bool:
         """Whether it can have these values of parameters, SI."""
         return True

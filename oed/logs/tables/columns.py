@@ -22,10 +22,10 @@ from pydantic_core import CoreSchema, core_schema
 
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
-from oed.foundation.quantities import parse_quantity
 from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import System
 from oed.logs.form import Repeats
+from oed.logs.input_forms import unit_reason
 from oed.logs.tables.table import Delimiter
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -95,25 +95,6 @@ class PoseColumn(Column):
     """
 
     unit: str | None = None
-
-
-def unit_factor(unit: str | None, si: str) -> float:
-    """SI units in one `unit`; 1 where none is given.
-
-    Raises:
-        ValueError: unknown, or of another kind.
-    """
-    return 1.0 if unit is None else parse_quantity(f"1 {unit}", si)
-
-
-def unit_reason(unit: str | None, si: str) -> str:
-    """Why a unit is not one of the kind of `si`; "" where it is."""
-    try:
-        unit_factor(unit, si)
-    except ValueError as error:
-        # As the study has it, without the number that it was tried with.
-        return str(error).replace(f"'1 {unit}'", f"{unit!r}")
-    return ""
 
 
 def _pose_column(value: Any) -> str:

@@ -15,6 +15,7 @@ from oed.foundation.errors import LogError
 from oed.kernel.dynamics.system import System
 from oed.logs.drive import FEWEST, MARGIN, RecordedDrive
 from oed.logs.findings import gap_limit
+from oed.logs.input_forms import rims
 from oed.logs.log import Finding
 from oed.logs.series import Rows, Series, together
 from oed.logs.tables.sheet import Sheet, distinct_rows
@@ -117,13 +118,17 @@ class _Run:
         sheet, model = self.sheet, self.model
         # Without rows there is nothing to integrate.
         entries = enumerate(zip(sheet.columns, model.inputs, strict=True)) if len(inputs) else ()
-        turned = [column.turned(inputs, place, entry) for place, (column, entry) in entries]
+        turned = [
+            column.turned(inputs, place, entry, model.lever(entry), str(column.column))
+            for place, (column, entry) in entries
+        ]
         flaws = inputs.clock_flaws() + [flaw for one in turned for flaw in one.flaws]
         if flaws:
             raise LogError(flaws)
         values = np.column_stack([one.integral for one in turned]) if turned else inputs.values
         wraps = sum(one.wraps for one in turned)
         found = (Finding("counter_wrapped", f"counters began anew {wraps} times; unwrapped"),)
+        by_rim = rims(zip(model.inputs, sheet.columns, strict=True), model)
         return RecordedDrive(
             name=self.name,
             names=model.input_names,
@@ -134,7 +139,7 @@ class _Run:
             bridged=np.array([one.bridges for one in turned] or [False] * len(model.inputs)),
             one_clock=not sheet.own_clock,
             found=found if wraps else (),
-        )
+        ).with_found(by_rim)
 
     def _stretches(self, whole: RecordedDrive, gap: float | None) -> list[RecordedDrive]:
         # What is left out for a while is not driven across: what comes after it is a drive of its own.

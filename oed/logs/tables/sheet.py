@@ -15,6 +15,7 @@ from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import FileFlaw, LogError
 from oed.foundation.files import no_such_file
 from oed.kernel.dynamics.system import System
+from oed.logs.input_forms import unit_factor
 from oed.logs.series import NotInLog, Rows, Series, together
 from oed.logs.tables.chosen_rows import kept_rows, of_type, without
 from oed.logs.tables.columns import (
@@ -23,7 +24,6 @@ from oed.logs.tables.columns import (
     PoseColumn,
     PoseColumns,
     TimeColumn,
-    unit_factor,
 )
 from oed.logs.tables.input_columns import InputColumn, input_columns
 from oed.logs.tables.stamps import read_times

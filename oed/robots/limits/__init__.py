@@ -16,6 +16,10 @@ from oed.robots.limits.body_motion import TurningRadius as TurningRadius
 from oed.robots.limits.body_motion import YawRateLimit as YawRateLimit
 from oed.robots.limits.end_pose import EndHeading as EndHeading
 from oed.robots.limits.end_pose import EndPosition as EndPosition
+from oed.robots.limits.inputs import CommandedAcceleration as CommandedAcceleration
+from oed.robots.limits.inputs import CommandedSpeed as CommandedSpeed
+from oed.robots.limits.inputs import CommandedYawAcceleration as CommandedYawAcceleration
+from oed.robots.limits.inputs import CommandedYawRate as CommandedYawRate
 from oed.robots.limits.inputs import SteeringAngle as SteeringAngle
 from oed.robots.limits.inputs import SteeringRate as SteeringRate
 from oed.robots.limits.inputs import WheelAcceleration as WheelAcceleration
@@ -43,6 +47,10 @@ LIMITS: dict[str, Any] = {
         WheelJerk,
         SteeringAngle,
         SteeringRate,
+        CommandedSpeed,
+        CommandedAcceleration,
+        CommandedYawRate,
+        CommandedYawAcceleration,
         BodySpeed,
         YawRateLimit,
         LateralAcceleration,

@@ -1,4 +1,4 @@
-"""Limits on the inputs: wheels' speeds and steered wheels' angles, and how fast these change."""
+"""Limits on the inputs: wheels' speeds, steered wheels' angles, commands, and how fast these change."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ AccelerationPair = Annotated[tuple[float, float], TwoSided("rad/s^2", "20 rad/s^
 JerkPair = Annotated[tuple[float, float], TwoSided("rad/s^3", "100 rad/s^3")]
 AnglePair = Annotated[tuple[float, float], TwoSided("rad", "40 deg")]
 RatePair = Annotated[tuple[float, float], TwoSided("rad/s", "60 deg/s")]
+CommandPair = Annotated[tuple[float, float], TwoSided("m/s", "0.5 m/s")]
+CommandRatePair = Annotated[tuple[float, float], TwoSided("m/s^2", "1 m/s^2")]
+YawAccelerationPair = Annotated[tuple[float, float], TwoSided("rad/s^2", "3 rad/s^2")]
 
 
 class DerivativeLimit(InputLimit):
@@ -102,3 +105,37 @@ class SteeringRate(DerivativeLimit):
     in_degrees = True
     bounds: RatePair | None = None
     each: Mapping[str, RatePair] | None = None
+
+
+class CommandedSpeed(DerivativeLimit):
+    """The speed that a robot is asked for within its bounds [m/s]."""
+
+    name, quantity, unit, order = "commanded_speed", "commanded_speed", "m/s", 0
+    bounds: CommandPair | None = None
+    each: Mapping[str, CommandPair] | None = None
+
+
+class CommandedAcceleration(DerivativeLimit):
+    """The rate of the speed that a robot is asked for within its bounds [m/s^2]."""
+
+    name, quantity, unit, order = "commanded_acceleration", "commanded_speed", "m/s^2", 1
+    bounds: CommandRatePair | None = None
+    each: Mapping[str, CommandRatePair] | None = None
+
+
+class CommandedYawRate(DerivativeLimit):
+    """The yaw rate that a robot is asked for within its bounds [rad/s]."""
+
+    name, quantity, unit, order = "commanded_yaw_rate", "commanded_yaw_rate", "rad/s", 0
+    in_degrees = True
+    bounds: RatePair | None = None
+    each: Mapping[str, RatePair] | None = None
+
+
+class CommandedYawAcceleration(DerivativeLimit):
+    """The rate of the yaw rate that a robot is asked for within its bounds [rad/s^2]."""
+
+    name, quantity, unit, order = "commanded_yaw_acceleration", "commanded_yaw_rate", "rad/s^2", 1
+    in_degrees = True
+    bounds: YawAccelerationPair | None = None
+    each: Mapping[str, YawAccelerationPair] | None = None

@@ -28,7 +28,12 @@ from oed.robots.models.plausibility import size_flaws
 if TYPE_CHECKING:
     from oed.kernel.problem import Problem
 
-RATES = {"wheel_speed": "wheel_acceleration", "steering_angle": "steering_rate"}
+RATES = {
+    "wheel_speed": "wheel_acceleration",
+    "steering_angle": "steering_rate",
+    "commanded_speed": "commanded_acceleration",
+    "commanded_yaw_rate": "commanded_yaw_acceleration",
+}
 """Quantity of an input -> what its rate is called, where that has a name of its own."""
 ROUNDING = 1e-12
 """Share of the largest coefficient of its row below which one is rounding of the geometry."""
@@ -209,6 +214,14 @@ class Model(Component, System):
         reason = own if motion is None else f"{motion} does not, for the motion does not follow linearly"
         return f"{reason}: make it a wheel_speed and add that"
 
+    def lever(self, entry: Input) -> float:
+        """The nominal radius [m] of the wheel that an input turns, by its place's name or that of all."""
+        if entry.quantity != "wheel_speed":
+            return 0.0
+        place = entry.name.removeprefix("wheel_speed")
+        radii = (getattr(self, name, None) for name in (f"wheel_radius{place}", "wheel_radius"))
+        return next((one for one in radii if one), 0.0)
+
     def allows(self, values: Mapping[str, float]) -> bool:
         """Whether there is a robot with these values of parameters, SI."""
         try:
@@ -332,6 +345,10 @@ class CoefficientRobot(Model):
         """The parameters as the matrix c."""
         rows, columns = len(self.coefficient_names), len(self.coefficient_names[0])
         return ca.reshape(parameters, columns, rows).T
+
+    def lever(self, entry: Input) -> float:
+        """The base robot's."""
+        return self.base.lever(entry)
 
     def effective_inputs(self, inputs: Expression, parameters: Expression) -> Expression:
         """Inputs as they act on the ground at the base robot's nominal constants."""

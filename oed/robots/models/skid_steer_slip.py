@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from oed.foundation.quantities import Duration, Length, LengthPerYawRate, Unit
 from oed.kernel.dynamics.expression import Expression
+from oed.robots.models.lag import after_lag, mean_of_lag
 from oed.robots.models.model import Model
 from oed.robots.models.wheels import Constant, TwoSidedRobot, matrix_names
 
@@ -22,12 +23,6 @@ SOFT_DRIFT = 0.01
 """Yaw rate [rad/s] over which that corner is rounded where it drives a drift."""
 SOFT_WHEEL_SPEED = 0.1
 """Wheel speed [rad/s] over which the measure of curvature, which rest leaves open, is rounded."""
-INSTANT = 0.8
-"""Periods per lag below which series stand for exponentials."""
-TERMS = 16
-"""Of these series: their rest is below rounding."""
-LONG = 500.0
-"""Lags after which nothing is left of how a period began."""
 
 
 class SkidSteerSlip(TwoSidedRobot):
@@ -139,7 +134,7 @@ class SkidSteerSlip(TwoSidedRobot):
         lag = self._value("yaw_lag", parameters)
         if lag is None:
             return twist
-        mean = twist[2] + (state[3] - twist[2]) * _means(lag, period)[0]
+        mean = mean_of_lag(state[3], twist[2], lag, period)
         return self._slid(twist[0] - self._or_zero("y_icr", parameters) * twist[2], mean, parameters)
 
     def internal_step(
@@ -149,7 +144,7 @@ class SkidSteerSlip(TwoSidedRobot):
         lag = self._value("yaw_lag", parameters)
         if lag is None:
             return super().internal_step(state, twist, parameters, period)
-        return state[3] + (twist[2] - state[3]) * _means(lag, period)[1]
+        return after_lag(state[3], twist[2], lag, period)
 
     def _effective_track(self, inputs: Expression, parameters: Expression) -> Expression:
         track = parameters[2]
@@ -176,26 +171,3 @@ class SkidSteerSlip(TwoSidedRobot):
         # Of a parameter that may be absent.
         names = [entry.name for entry in self.parameters]
         return parameters[names.index(name)] if name in names else None
-
-
-def _means(lag: Expression, period: Expression) -> tuple[Expression, Expression]:
-    """Mean p of e^(-t / tau) over a period, and by how many times the mean's change the end has changed.
-
-    With r = T / tau these are (1 - e^-r) / r and (1 - e^-r) / (1 - p); by series for a period of little time
-    or none. For lags down to and below 0, where a search may stray, p = tau / T: what it tends to.
-    """
-    lasting = LONG * lag > period
-    gone = ca.logic_and(ca.logic_not(lasting), period > 0)
-    ratio = period / ca.if_else(lasting, lag, 1.0)
-    short = ratio < INSTANT
-    # 1 - p = r / 2 (1 - r / 3 (1 - r / 4 ...)), with products: quotients take several times as long.
-    small, half = ca.if_else(short, ratio, 0.0), 1.0
-    for term in range(TERMS, 2, -1):
-        half = 1 - small * (1 / term) * half
-    series = 1 - 0.5 * small * half
-    inside = ca.if_else(short, 1.0, ratio)
-    whole = -ca.expm1(-inside) / inside
-    mean = ca.if_else(short, series, whole)
-    change = ca.if_else(short, 2 * series / half, inside * whole / (1 - whole))
-    left = ca.if_else(gone, lag, 0.0) / ca.if_else(gone, period, 1.0)
-    return ca.if_else(gone, left, mean), ca.if_else(gone, 1 / (1 - left), change)

@@ -13,20 +13,31 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input
 from oed.robots.models.wheels import Constant, PositiveLength, WheeledRobot
 
+Gain = Annotated[Ratio, Field(gt=0)]
+
 
 class Steered(WheeledRobot):
-    """A wheel of `wheel_radius` [m], a steered axle `wheelbase` [m] ahead of one that is not, and by how much
-    the steering is off, `steering_offset` [rad].
+    """A wheel of `wheel_radius` [m], and a steered axle `wheelbase` [m] ahead of one that is not.
+
+    The steering angle that acts is `steering_gain` times the commanded (or logged) one plus `steering_offset`
+    [rad]; a gain that is not given is 1, and no parameter.
     """
 
     wheel_radius: PositiveLength
     wheelbase: PositiveLength
     steering_offset: Angle = 0.0
+    steering_gain: Gain | None = None
     constants: ClassVar[tuple[Constant, ...]] = (
         Constant("wheel_radius", "m"),
         Constant("wheelbase", "m"),
         Constant("steering_offset", "rad", size=1.0),
+        Constant("steering_gain"),
     )
+
+    def steered(self, angle: Expression, parameters: Expression) -> Expression:
+        """The steering angle [rad] that acts of a commanded one."""
+        gain = 1.0 if self.steering_gain is None else parameters[3]
+        return gain * angle + parameters[2]
 
     @property
     def body_width(self) -> float:
@@ -42,8 +53,7 @@ class Ackermann(Steered):
     """
 
     kind: Literal["ackermann"] = "ackermann"
-    steering_gain: Annotated[Ratio, Field(gt=0)] = 1.0
-    constants: ClassVar[tuple[Constant, ...]] = (*Steered.constants, Constant("steering_gain"))
+    steering_gain: Gain = 1.0
 
     @property
     def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]
@@ -57,16 +67,15 @@ class Ackermann(Steered):
 
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
         """Forward speed V = r w, 0, yaw rate V tan(delta) / L [Rajamani, Vehicle Dynamics, 2.2]."""
-        speed = parameters[0] * inputs[0]
-        steered = parameters[3] * inputs[1] + parameters[2]
+        speed, steered = parameters[0] * inputs[0], self.steered(inputs[1], parameters)
         return ca.vertcat(speed, 0, speed * ca.tan(steered) / parameters[1])
 
 
 class Tricycle(Steered):
     """A wheel of `wheel_radius` [m], driven and steered, `wheelbase` [m] ahead of the free wheels' axle.
 
-    The origin is the middle of that axle. The steering angle that acts is the commanded one plus
-    `steering_offset` [rad].
+    The origin is the middle of that axle. The steering angle that acts is the commanded one, times
+    `steering_gain` where that is given, plus `steering_offset` [rad].
     """
 
     kind: Literal["tricycle"] = "tricycle"
@@ -79,5 +88,5 @@ class Tricycle(Steered):
         """Forward speed r w cos(delta), 0, yaw rate r w sin(delta) / L, of the steered wheel's velocity
         along and across the robot, L ahead of its origin.
         """
-        speed, steered = parameters[0] * inputs[0], inputs[1] + parameters[2]
+        speed, steered = parameters[0] * inputs[0], self.steered(inputs[1], parameters)
         return ca.vertcat(speed * ca.cos(steered), 0, speed * ca.sin(steered) / parameters[1])

@@ -136,6 +136,11 @@ def _slip(rng: Rng, size: float) -> dict[str, Any]:
     return {**_geometry(rng, size), **taken}
 
 
+def _tricycle(rng: Rng, size: float) -> dict[str, Any]:
+    gain = {"steering_gain": float(rng.uniform(0.8, 1.2))} if rng.random() < 0.5 else {}
+    return {**_steered(rng, size), **gain}
+
+
 def _steered(rng: Rng, size: float) -> dict[str, Any]:
     offset = Quantity(one_of(rng, (0.0, rng.uniform(-0.1, 0.1))), "rad")
     return {
@@ -150,14 +155,20 @@ def _ackermann(rng: Rng, size: float) -> dict[str, Any]:
 
 
 def _mecanum(rng: Rng, size: float) -> dict[str, Any]:
-    return {
-        "wheel_radius": _length(size * rng.uniform(0.1, 0.5)),
-        "half_wheelbase_plus_half_track": _length(size),
-    }
+    places = ("front_left", "front_right", "rear_left", "rear_right")
+    return {**_rollers(rng, size, places), "half_wheelbase_plus_half_track": _length(size)}
 
 
 def _omni(rng: Rng, size: float) -> dict[str, Any]:
-    return {"wheel_radius": _length(size * rng.uniform(0.1, 0.5)), "centre_distance": _length(size)}
+    places = ("front_left", "rear", "front_right")
+    return {**_rollers(rng, size, places), "centre_distance": _length(size)}
+
+
+def _rollers(rng: Rng, size: float, places: tuple[str, ...]) -> dict[str, Any]:
+    radius = size * rng.uniform(0.1, 0.5)
+    if rng.random() < 0.7:
+        return {"wheel_radius": _length(radius)}
+    return {f"wheel_radius_{place}": _length(radius * rng.uniform(0.9, 1.1)) for place in places}
 
 
 def _trailer(rng: Rng, size: float) -> dict[str, Any]:
@@ -185,7 +196,7 @@ _KINDS: dict[str, Callable[[Rng, float], dict[str, Any]]] = {
     "skid_steer": _skid_steer,
     "skid_steer_icr": _icr,
     "skid_steer_slip": _slip,
-    "tricycle": _steered,
+    "tricycle": _tricycle,
     "ackermann": _ackermann,
     "mecanum": _mecanum,
     "omni_three": _omni,

@@ -252,13 +252,15 @@ def _slip(spec: Mapping[str, Any]) -> Robot:
 def _tricycle(spec: Mapping[str, Any]) -> Robot:
     def asked(u: Array, p: Sequence[Array]) -> Twist:
         # The steered wheel's velocity along and across the robot, a wheelbase ahead of its origin.
-        speed, steered = p[0] * u[:, 0], u[:, 1] + p[2]
+        gain = p[3] if len(p) > 3 else 1.0
+        speed, steered = p[0] * u[:, 0], gain * u[:, 1] + p[2]
         return speed * np.cos(steered), 0.0 * speed * steered, speed * np.sin(steered) / p[1]
 
     own = [
         ("wheel_radius", spec["wheel_radius"], 0),
         ("wheelbase", spec["wheelbase"], 0),
         ("steering_offset", spec.get("steering_offset", 0.0), 1.0),
+        *([("steering_gain", spec["steering_gain"], 0)] if "steering_gain" in spec else []),
     ]
     return _made(spec, ("wheel_speed", "steering_angle"), own, asked)
 
@@ -278,14 +280,25 @@ def _ackermann(spec: Mapping[str, Any]) -> Robot:
     return _made(spec, ("wheel_speed", "steering_angle"), own, asked)
 
 
-def _rolling(rows: Callable[[Array], Array], radius: Array, arm: Array, u: Array) -> Twist:
+def _rolling(rows: Callable[[Array], Array], p: Sequence[Array], u: Array) -> Twist:
     # Least squares of every wheel's rolling, r w = J (forward, lateral, yaw), by its normal equations: their
-    # transpose is not the conjugate one, for parameters are complex.
-    matrix = np.stack([rows(value) for value in np.ravel(arm)])
+    # transpose is not the conjugate one, for parameters are complex. Of one radius for all wheels, or each.
+    *radii, arm = p
+    radii = radii if len(radii) > 1 else radii * u.shape[1]
+    copies = max(np.size(one) for one in p)
+    rolled = np.stack(
+        [np.broadcast_to(one * u[:, at], (copies, len(u))) for at, one in enumerate(radii)], axis=1
+    )
+    matrix = np.stack([rows(value) for value in np.broadcast_to(np.ravel(arm), copies)])
     turned = np.swapaxes(matrix, 1, 2)
-    twists = np.linalg.solve(turned @ matrix, turned @ np.broadcast_to(u.T, (len(matrix), *u.T.shape)))
-    forward, lateral, yaw = (radius * twists[:, row] for row in range(3))
+    twists = np.linalg.solve(turned @ matrix, turned @ rolled)
+    forward, lateral, yaw = (twists[:, row] for row in range(3))
     return forward, lateral, yaw
+
+
+def _radii(spec: Mapping[str, Any], places: Sequence[str]) -> list[tuple[str, float, float]]:
+    names = ["wheel_radius", *(f"wheel_radius_{place}" for place in places)]
+    return [(name, spec[name], 0) for name in names if name in spec]
 
 
 def _mecanum(spec: Mapping[str, Any]) -> Robot:
@@ -293,12 +306,11 @@ def _mecanum(spec: Mapping[str, Any]) -> Robot:
         # Front left, front right, rear left, rear right [Muir and Neuman, 1987].
         return np.array([[1, -1, -arm], [1, 1, arm], [1, 1, -arm], [1, -1, arm]])
 
-    names = tuple(
-        f"wheel_speed_{corner}" for corner in ("front_left", "front_right", "rear_left", "rear_right")
-    )
+    places = ("front_left", "front_right", "rear_left", "rear_right")
+    names = tuple(f"wheel_speed_{place}" for place in places)
     arm = "half_wheelbase_plus_half_track"
-    own = [("wheel_radius", spec["wheel_radius"], 0), (arm, spec[arm], 0)]
-    return _made(spec, names, own, lambda u, p: _rolling(rows, p[0], p[1], u), linear=4, sideways=True)
+    own = [*_radii(spec, places), (arm, spec[arm], 0)]
+    return _made(spec, names, own, lambda u, p: _rolling(rows, p, u), linear=4, sideways=True)
 
 
 def _omni(spec: Mapping[str, Any]) -> Robot:
@@ -307,9 +319,10 @@ def _omni(spec: Mapping[str, Any]) -> Robot:
     def rows(distance: Array) -> Array:
         return np.array([[-sin(angle), cos(angle), distance] for angle in angles])
 
-    names = tuple(f"wheel_speed_{place}" for place in ("front_left", "rear", "front_right"))
-    own = [("wheel_radius", spec["wheel_radius"], 0), ("centre_distance", spec["centre_distance"], 0)]
-    return _made(spec, names, own, lambda u, p: _rolling(rows, p[0], p[1], u), linear=3, sideways=True)
+    places = ("front_left", "rear", "front_right")
+    names = tuple(f"wheel_speed_{place}" for place in places)
+    own = [*_radii(spec, places), ("centre_distance", spec["centre_distance"], 0)]
+    return _made(spec, names, own, lambda u, p: _rolling(rows, p, u), linear=3, sideways=True)
 
 
 def _trailer(spec: Mapping[str, Any]) -> Robot:

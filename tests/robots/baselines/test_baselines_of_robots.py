@@ -75,8 +75,12 @@ def steers(model: Model) -> bool:
     return any(entry.quantity == "steering_angle" for entry in model.inputs)
 
 
+def turns_wheels(model: Model) -> bool:
+    return any(entry.quantity == "wheel_speed" for entry in model.inputs)
+
+
 def usual_limits(model: Model) -> tuple:
-    limits = (*input_limits(model), ACCELERATION, ROOM)
+    limits = (*input_limits(model), *((ACCELERATION,) if turns_wheels(model) else ()), ROOM)
     limits += (SteeringRate(bounds=STEERING_RATE),) if steers(model) else ()
     return limits + ((TrailerAngle(bounds=1.0),) if "trailer_angle" in model.states else ())
 

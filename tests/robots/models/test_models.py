@@ -69,7 +69,16 @@ def test_names_and_units(example: Example):
     names = [*model.input_names, *(parameter.name for parameter in model.parameters)]
     assert len(set(names)) == len(names)
     assert {entry.unit for entry in model.inputs} <= {"rad/s", "rad", "m/s"}
-    assert {parameter.unit for parameter in model.parameters} <= {"m", "rad", "s", "s^2", "m*s/rad", ""}
+    assert {parameter.unit for parameter in model.parameters} <= {
+        "m",
+        "rad",
+        "s",
+        "s^2",
+        "m*s/rad",
+        "rad/m",
+        "m/rad",
+        "",
+    }
     assert len(model.state_units) == len(model.states)
     assert len(model.nominal) == len(model.parameters)
     assert model.states[:3] == ("x", "y", "heading")
@@ -129,6 +138,29 @@ def test_coefficients_that_are_0_by_geometry_are_exactly_0(model, zeros: list[st
     for measurement in (poses, regression):
         parts = {"limits": (SPEED,), "estimate": tuple(one.name for one in found), "criterion": E()}
         problem_of(model=model, measurement=measurement, **parts)
+
+
+@pytest.mark.parametrize("kind", [Mecanum, OmniThree])
+def test_wheels_with_rollers_have_one_radius_or_each_its_own(kind):
+    arm = {"half_wheelbase_plus_half_track": 0.3} if kind is Mecanum else {"centre_distance": 0.2}
+    each = {f"wheel_radius_{place}": 0.05 for place in kind.places}
+    assert [one.name for one in kind(wheel_radius=0.05, **arm).parameters] == ["wheel_radius", *arm]
+    assert [one.name for one in kind(**each, **arm).parameters] == [*each, *arm]
+    three = dict(list(each.items())[1:])
+    for radii in ({}, three, {"wheel_radius": 0.05, **three}):
+        with pytest.raises(PartError, match="either wheel_radius, or all of wheel_radius_front_left, "):
+            kind(**radii, **arm)
+
+
+def test_a_steering_gain_is_a_parameter_where_it_is_given():
+    sizes = {"wheel_radius": 0.1, "wheelbase": 0.4}
+    plain, geared = oed.Tricycle(**sizes), oed.Tricycle(**sizes, steering_gain=1)
+    assert [one.name for one in plain.parameters] == ["wheel_radius", "wheelbase", "steering_offset"]
+    assert [one.name for one in geared.parameters][3:] == ["steering_gain"]
+    np.testing.assert_array_equal(twist_of(plain, [3.0, 0.4]), twist_of(geared, [3.0, 0.4]))
+    assert oed.Ackermann(**sizes).parameters[3].nominal == 1.0
+    with pytest.raises(PartError, match="steering_gain: expected more than 0"):
+        oed.Tricycle(**sizes, steering_gain=0)
 
 
 @robots

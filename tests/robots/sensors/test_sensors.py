@@ -191,8 +191,10 @@ class TestOracle:
             by_coefficients = motion_by_coefficients(robot)(
                 inputs, np.array(robot.model.coefficients(robot.model.nominal))
             )
-            np.testing.assert_allclose(by_parameters, robot.twist(inputs), rtol=1e-14)
-            np.testing.assert_allclose(by_coefficients, robot.twist(inputs), rtol=1e-14)
+            # Wheels of unequal size may all but cancel: what is left is rounded as its parts are.
+            expected, rounding = robot.twist(inputs), 1e-16
+            np.testing.assert_allclose(by_parameters, expected, rtol=1e-14, atol=rounding)
+            np.testing.assert_allclose(by_coefficients, expected, rtol=1e-14, atol=rounding)
 
     @pairs_and_rules
     def test_readings_and_information(self, example: Example, robot: Robot, rule: str):
