@@ -15,7 +15,7 @@ from oed.logs.form import LogForm, is_bag
 from oed.logs.log import Log
 from oed.logs.tables.columns import Column, PoseColumns, Short, TimeColumn
 from oed.logs.tables.csv_drives import drives_in
-from oed.logs.tables.input_columns import AnyInputColumn, input_flaws
+from oed.logs.tables.input_columns import AnyInputColumns, InputColumns, OdometryColumns
 from oed.logs.tables.sheet import Wanted, read_sheet
 from oed.logs.tables.table import Delimiter, read_table
 
@@ -41,14 +41,19 @@ class CsvForm(LogForm):
     delimiter: Delimiter | None = None
     header: bool | None = None
     time: Annotated[TimeColumn, Short("column")] = TimeColumn(column="t")
-    inputs: dict[str, AnyInputColumn] = {}  # noqa: RUF012
+    inputs: AnyInputColumns = {}  # noqa: RUF012
     poses: PoseColumns = PoseColumns()
     runs: Annotated[Column, Short("column")] | None = None
     keep: Annotated[dict[str, Wanted], BeforeValidator(_names)] = {}  # noqa: RUF012
 
     def flaws(self, model: System) -> list[Flaw]:
         """Inputs and states the robot does not have, units and forms that do not fit."""
-        return [*input_flaws(self.inputs, model), *self.poses.flaws(model)]
+        return [*self.input_columns.flaws(model), *self.poses.flaws(model)]
+
+    @property
+    def input_columns(self) -> InputColumns | OdometryColumns:
+        """The columns of the inputs."""
+        return InputColumns(self.inputs) if isinstance(self.inputs, dict) else self.inputs
 
     def read(self, file: Path, model: System) -> list[Log]:
         """The drives in a CSV, one for each run.

@@ -18,7 +18,7 @@ from oed.kernel.dynamics.system import System
 from oed.logs.input_forms import unit_factor
 from oed.logs.series import NotInLog, Rows, Series, together
 from oed.logs.tables.columns import Column, PoseColumn, PoseColumns, TimeColumn
-from oed.logs.tables.input_columns import InputColumn, input_columns
+from oed.logs.tables.input_columns import InputColumns, OdometryColumns
 from oed.logs.tables.table import Table, read_table
 from oed.logs.tables.tum import read_tum
 
@@ -69,10 +69,10 @@ class Sheet:
     """A log's table as numbers.
 
     Attributes:
-        inputs: as logged, one column per input of the robot.
+        inputs: as logged: a column for each input of the robot, or for each of x, y and heading.
         poses: of the same table or of a file of their own, SI.
         quantities: the states that the poses are.
-        columns: of the inputs, which know how to integrate them.
+        columns: of the inputs, which know how to integrate them; as logged, one of `inputs` each.
         same_rows: whether the poses are columns of the same table.
         own_clock: whether the poses have a clock of their own.
         kept: rows of the table whose poses are wanted.
@@ -82,7 +82,7 @@ class Sheet:
     inputs: ColumnBlock
     poses: ColumnBlock
     quantities: tuple[str, ...]
-    columns: tuple[InputColumn, ...]
+    columns: InputColumns | OdometryColumns
     same_rows: bool
     own_clock: bool
     kept: Bools
@@ -101,7 +101,7 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
         LogError: columns that are not there, and cells that are no numbers.
     """
     beside = form.poses.beside(Path(table.file))
-    columns = dict(zip(model.input_names, input_columns(form.inputs, model), strict=True))
+    columns = form.input_columns.columns(model)
     own_clock = _skipping(form.skip_invalid_rows, beside is None and form.poses.time is not None)
     inputs, (quantities, poses), kept = together(
         [
@@ -114,7 +114,7 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
         inputs=inputs,
         poses=poses,
         quantities=quantities,
-        columns=tuple(columns.values()),
+        columns=form.input_columns,
         same_rows=beside is None,
         own_clock=beside is not None or form.poses.time is not None,
         kept=kept,
