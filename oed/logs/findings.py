@@ -214,13 +214,27 @@ def heading_in_degrees(times: Array, heading: Array) -> Finding | None:
 
 def pose_jump(poses: Series, positions: Array) -> Finding | None:
     """Steps of the position (m, 2) that no drive explains: the reference lost track."""
+    lengths, far = _leaps(poses, positions)
+    return _jump(poses, lengths, far, "pose", "m")
+
+
+def odometry_jump(poses: Series, positions: Array) -> Finding | None:
+    """Steps of the position (n, 2) that odometry has summed up and no drive explains: it began anew."""
+    lengths, far = _leaps(poses, positions)
+    if not far.any():
+        return None
+    row = int(np.argmax(np.where(far, lengths, 0)))
+    text = f"the odometry jumps by {lengths[row]:.3g} m after {poses.at(row)}: cut where it began anew"
+    return Finding("odometry_jump", text, doubtful=True)
+
+
+def _leaps(poses: Series, positions: Array) -> tuple[Array, Bools]:
+    # Lengths of the steps, and which are far longer than usual ones.
     lengths = np.hypot(*np.diff(positions, axis=0).T)
     speeds = lengths / np.diff(poses.times)
     moving = speeds[speeds > 0]
-    if not len(moving):
-        return None
-    far = (speeds > JUMP * np.median(moving)) & (lengths > SMALLEST_JUMP)
-    return _jump(poses, lengths, far, "pose", "m")
+    usual = float(np.median(moving)) if len(moving) else np.inf
+    return lengths, (speeds > JUMP * usual) & (lengths > SMALLEST_JUMP)
 
 
 def heading_jump(poses: Series, heading: Array) -> Finding | None:

@@ -15,7 +15,6 @@ from oed.foundation.errors import LogError
 from oed.kernel.dynamics.system import System
 from oed.logs.drive import FEWEST, MARGIN, RecordedDrive
 from oed.logs.findings import gap_limit
-from oed.logs.input_forms import rims
 from oed.logs.log import Finding
 from oed.logs.series import Rows, Series, together
 from oed.logs.tables.sheet import Sheet, distinct_rows
@@ -117,18 +116,15 @@ class _Run:
     def _integrated(self, inputs: Series, poses: Series) -> RecordedDrive:
         sheet, model = self.sheet, self.model
         # Without rows there is nothing to integrate.
-        entries = enumerate(zip(sheet.columns, model.inputs, strict=True)) if len(inputs) else ()
-        turned = [
-            column.turned(inputs, place, entry, model.lever(entry), str(column.column))
-            for place, (column, entry) in entries
-        ]
+        turned, said = sheet.columns.turned(inputs, model) if len(inputs) else ([], ())
         flaws = inputs.clock_flaws() + [flaw for one in turned for flaw in one.flaws]
         if flaws:
             raise LogError(flaws)
-        values = np.column_stack([one.integral for one in turned]) if turned else inputs.values
+        values = np.zeros((0, len(model.inputs)))
+        if turned:
+            values = np.column_stack([one.integral for one in turned])
         wraps = sum(one.wraps for one in turned)
         found = (Finding("counter_wrapped", f"counters began anew {wraps} times; unwrapped"),)
-        by_rim = rims(zip(model.inputs, sheet.columns, strict=True), model)
         return RecordedDrive(
             name=self.name,
             names=model.input_names,
@@ -139,7 +135,7 @@ class _Run:
             bridged=np.array([one.bridges for one in turned] or [False] * len(model.inputs)),
             one_clock=not sheet.own_clock,
             found=found if wraps else (),
-        ).with_found(by_rim)
+        ).with_found(*said)
 
     def _stretches(self, whole: RecordedDrive, gap: float | None) -> list[RecordedDrive]:
         # What is left out for a while is not driven across: what comes after it is a drive of its own.
@@ -150,7 +146,7 @@ class _Run:
         timed = ~np.isnan(times)
         times, before = times[timed], before[timed]
         lost = np.diff(before) > 0
-        if not any(column.needs_every_row for column in self.sheet.columns):
+        if not self.sheet.columns.needs_every_row:
             lost &= np.diff(times) > gap_limit(whole.inputs.times, gap)
         spans = [(own[0], own[-1]) for own in np.split(times, np.flatnonzero(lost) + 1)]
         many = len(spans) > 1
@@ -166,8 +162,7 @@ def _with_anything(series: Series, rows: Rows) -> Rows:
 
 
 def _ends_needed(sheet: Sheet, model: System) -> tuple[Bools, Bools]:
-    needed = [column.ends_needed(entry) for column, entry in zip(sheet.columns, model.inputs, strict=True)]
-    first, last = np.array(needed, dtype=bool).T
+    first, last = np.array(sheet.columns.ends_needed(model), dtype=bool).T
     return first, last
 
 

@@ -13,7 +13,7 @@ from oed.logs.log import Log
 from oed.logs.tables.chosen_rows import Records
 from oed.logs.tables.columns import Column, Kept, PoseColumns, Short, TimeColumn
 from oed.logs.tables.csv_drives import drives_in
-from oed.logs.tables.input_columns import AnyInputColumn, input_flaws
+from oed.logs.tables.input_columns import AnyInputColumns, InputColumns, OdometryColumns
 from oed.logs.tables.sheet import read_sheet
 from oed.logs.tables.table import Delimiter, read_table
 
@@ -37,7 +37,7 @@ class CsvForm(LogForm):
     delimiter: Delimiter | None = None
     header: bool | None = None
     time: Annotated[TimeColumn, Short("column")] = TimeColumn(column="t")
-    inputs: dict[str, AnyInputColumn] = {}  # noqa: RUF012
+    inputs: AnyInputColumns = {}  # noqa: RUF012
     poses: PoseColumns = PoseColumns()
     runs: Annotated[Column, Short("column")] | None = None
     records: Records | None = None
@@ -50,11 +50,16 @@ class CsvForm(LogForm):
 
     def flaws(self, model: System) -> list[Flaw]:
         """Inputs and states the robot does not have, units and forms that do not fit."""
-        flaws = [*self.time.flaws("time"), *input_flaws(self.inputs, model), *self.poses.flaws(model)]
+        flaws = [*self.time.flaws("time"), *self.input_columns.flaws(model), *self.poses.flaws(model)]
         if self.types_of_poses is not None and self.poses.file is not None:
             text = "the poses are in a file of their own (`poses.file`); leave one of the two out"
             flaws.append(Flaw(("log", "records", "poses"), text))
         return flaws
+
+    @property
+    def input_columns(self) -> InputColumns | OdometryColumns:
+        """The columns of the inputs."""
+        return InputColumns(self.inputs) if isinstance(self.inputs, dict) else self.inputs
 
     def read(self, file: Path, model: System) -> list[Log]:
         """The drives in a CSV, one for each run.

@@ -25,7 +25,7 @@ from oed.logs.tables.columns import (
     PoseColumns,
     TimeColumn,
 )
-from oed.logs.tables.input_columns import InputColumn, input_columns
+from oed.logs.tables.input_columns import InputColumns, OdometryColumns
 from oed.logs.tables.stamps import read_times
 from oed.logs.tables.table import Table, read_table
 from oed.logs.tables.tum import read_tum
@@ -76,10 +76,10 @@ class Sheet:
     """A log's table as numbers.
 
     Attributes:
-        inputs: as logged, one column per input of the robot.
+        inputs: as logged: a column for each input of the robot, or for each of x, y and heading.
         poses: of the same table or of a file of their own, SI.
         quantities: the states that the poses are.
-        columns: of the inputs, which know how to integrate them.
+        columns: of the inputs, which know how to integrate them; as logged, one of `inputs` each.
         same_rows: whether the poses are columns of the same table.
         own_clock: whether the poses have a clock of their own.
         kept: rows of the poses' table whose poses are wanted.
@@ -88,7 +88,7 @@ class Sheet:
     inputs: ColumnBlock
     poses: ColumnBlock
     quantities: tuple[str, ...]
-    columns: tuple[InputColumn, ...]
+    columns: InputColumns | OdometryColumns
     same_rows: bool
     own_clock: bool
     kept: Bools
@@ -120,7 +120,7 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
         )
         raise
     beside = form.poses.beside(Path(table.file))
-    columns = dict(zip(model.input_names, input_columns(form.inputs, model), strict=True))
+    columns = form.input_columns.columns(model)
     same_rows = beside is None and form.types_of_poses is None
     own_clock = _skipping(form.skip_invalid_rows, same_rows and form.poses.time is not None)
     inputs, (quantities, poses, kept) = together(
@@ -133,7 +133,7 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
         inputs=inputs,
         poses=poses,
         quantities=quantities,
-        columns=tuple(columns.values()),
+        columns=form.input_columns,
         same_rows=same_rows,
         own_clock=not same_rows or form.poses.time is not None,
         kept=kept,
