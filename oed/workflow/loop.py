@@ -16,7 +16,8 @@ from oed.foundation.arguments import typed
 from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.extras import package_version
 from oed.foundation.presenting import Brief
-from oed.foundation.work.folders import require_usable
+from oed.foundation.work.folders import INSIDE, require_usable
+from oed.foundation.work.locks import held
 from oed.foundation.work.progress import announce
 from oed.optimize import Progress, Silent, Workers
 from oed.records.record import LOOP_FILE, EstimateRecord, load_estimate, load_loop
@@ -115,37 +116,42 @@ def loop(
         written: called with each folder that has new results.
 
     Raises:
-        UserMistake: no such folder or format, targets for what is not estimated, `out` of another loop.
+        UserMistake: no such folder or format, targets for what is not estimated, `out` of another study's
+            loop, or of one that is at work.
         Failure: the command failed, or left no log.
     """
-    _require(study, targets or {}, to, least_gain, most)
+    _require(study, targets or {}, to, least_gain, most, poll, settle)
     place, folder = Path(out), LogFolder(Path(logs), study.log, pattern)
     if not folder.folder.is_dir():
         raise UserMistake(f"{folder.folder}: no such folder; logs are to come into it")
     require_usable(place)
+    drives = command_line(command) if isinstance(command, str) else command
     asked = _asked(targets or {}, least_gain, duration, most)
     listener = progress or Silent()
+    said = tell or partial(announce, listener)
     search = {"seed": seed, "workers": workers, "progress": listener}
-    rounds = Rounds(
-        study=study,
-        place=place,
-        folder=folder,
-        found=_begun(study, place, folder, asked),
-        to=to,
-        command=command_line(command) if isinstance(command, str) else command,
-        search=search,
-        next={"targets": targets, "least_gain": least_gain, "duration": duration, **search},
-        most=most,
-        waiting=(poll, settle),
-        tell=tell or partial(announce, listener),
-        written=written,
-    )
-    try:
-        while not rounds.found.finished:
-            rounds.go_on()
-    except KeyboardInterrupt:
-        return Loop(rounds.found, _estimate(place), place, interrupted=True)
-    return Loop(rounds.found, _estimate(place), place)
+    with held(place / f"{INSIDE}-loop", place, wait=False):
+        rounds = Rounds(
+            study=study,
+            place=place,
+            folder=folder,
+            found=_begun(study, place, folder, asked, said),
+            to=to,
+            command=drives,
+            search=search,
+            next={"targets": targets, "least_gain": least_gain, "duration": duration, **search},
+            most=most,
+            waiting=(poll, settle),
+            tell=said,
+            written=written,
+        )
+        interrupted = False
+        try:
+            while not rounds.found.finished:
+                rounds.go_on()
+        except KeyboardInterrupt:
+            interrupted = True
+    return Loop(rounds.found, _estimate(place), place, interrupted)
 
 
 def _estimate(place: Path) -> EstimateRecord | None:
@@ -154,7 +160,15 @@ def _estimate(place: Path) -> EstimateRecord | None:
     return None
 
 
-def _require(study: Study, targets: Mapping[str, str], to: str, least_gain: float, most: int) -> None:
+def _require(
+    study: Study,
+    targets: Mapping[str, str],
+    to: str,
+    least_gain: float,
+    most: int,
+    poll: float,
+    settle: float,
+) -> None:
     # What would fail after the first drive is better known before.
     drives = [name for name in EXPORTERS if name != "ros2_yaml"]
     if to not in drives:
@@ -162,6 +176,8 @@ def _require(study: Study, targets: Mapping[str, str], to: str, least_gain: floa
         raise UserMistake(f"expected a format of {', '.join(drives)}; got {to!r}{why}")
     if not 0 <= least_gain < 1:
         raise UserMistake(f"least gain: expected a share from 0 to 1, got {least_gain:g}")
+    if not (poll > 0 and settle >= 0):
+        raise UserMistake(f"poll and settle: expected times above 0 s, got {poll:g} and {settle:g}")
     if most < 1:
         raise UserMistake(f"most drives: expected 1 or more, got {most}")
     aims_of(study, targets, "--target")
@@ -177,7 +193,9 @@ def _asked(
     return {**wanted, **kept, **({} if duration is None else {"duration": f"{duration:g} s"})}
 
 
-def _begun(study: Study, place: Path, folder: LogFolder, asked: dict[str, str]) -> StoredLoop:
+def _begun(
+    study: Study, place: Path, folder: LogFolder, asked: dict[str, str], tell: Callable[[str], object]
+) -> StoredLoop:
     digest = _digest(study)
     if not (place / LOOP_FILE).is_file():
         there = folder.found().items()
@@ -201,7 +219,9 @@ def _begun(study: Study, place: Path, folder: LogFolder, asked: dict[str, str]) 
             "changed in more than how logs are read; name another folder"
         )
     rounds = [one.model_copy(update={"logs": _there(one, folder)}) for one in found.rounds]
-    lost = rounds != found.rounds
+    lost = [name for name in found.logs if not folder.path(name).exists()]
+    for name in lost:
+        tell(f"{folder.path(name)} is there no more: its drive does not count")
     if found.asked != asked or lost:
         # The last decision is made anew, by what is asked for now and of the logs there are.
         rounds = rounds[:-1] if len(rounds) > 1 and not rounds[-1].logs and not lost else rounds

@@ -16,7 +16,7 @@ from oed.exporters import export
 from oed.foundation.errors import Failure, LogError, OedError, UserMistake
 from oed.foundation.files import inside, write_text
 from oed.foundation.text import count, error_text, own_unit, quantity, to_error, words
-from oed.logs import read_logs
+from oed.logs import BagForm, read_logs
 from oed.records.record import LOOP_FILE, load_record
 from oed.records.stored.loop import KnownParameter, LoopRound, SeenLog, StoredLoop, round_folder
 from oed.study.study import Study
@@ -130,7 +130,9 @@ class Rounds:
         if current.logs and self._covered() >= wanted:
             return
         file = export(at, self.to, force=True)
-        self._say(_what_to_do(number, file, self.to, at, self.folder.folder, by=self.command is None))
+        self._say([f"Drive {number}: {file}"])
+        if self.command is None:
+            self._say(_what_to_do(file, self.to, at, self.folder))
         listener = self.search["progress"]
         listener.begin(f"log of drive {number}", 1)
         known = self._known()
@@ -182,6 +184,9 @@ class Rounds:
 
     def _refuse(self, error: LogError) -> None:
         # Logs that can be read, and yet say nothing that an estimate can be made of.
+        last = {str(self.folder.path(name)) for name in self.found.rounds[-1].logs}
+        if last.isdisjoint(flaw.file for flaw in error.flaws):
+            raise error
         self.refused += 1
         if self.command is not None and self.refused == TRIES:
             raise error
@@ -250,21 +255,22 @@ class Rounds:
             self._say([f"{error}; `oed report {folder}` makes the page"])
 
 
-def _what_to_do(number: int, file: Path, to: str, at: Path, logs: Path, *, by: bool) -> list[str]:
+def _what_to_do(file: Path, to: str, at: Path, logs: LogFolder) -> list[str]:
     # For who drives: what, from where, and where the log goes.
     best = load_record(at).best
     assert best is not None
     assert best.drive is not None
-    drive = best.drive.trajectory
-    lasting = quantity(drive.duration / drive.runs, "s")
-    lines = [f"Drive {number}: {file} ({count(drive.runs, 'run')} of {lasting})"]
-    if not by:
-        return lines
+    drive, lines = best.drive.trajectory, []
     if to == "ros2_node":
-        lines.append(f"  python3 {shlex.join([str(file), '--out', str(logs)])}")
-    for x, y, heading in drive.starts[:, :3].tolist():
-        lines.append(f"  from x {x:.4g} m, y {y:.4g} m, heading {degrees(heading):.4g} deg")
-    lines.append(f"  its log into {logs}; Ctrl-C ends, and the same command goes on")
+        lines.append(f"  python3 {shlex.join([str(file), '--out', str(logs.folder)])}")
+        if not isinstance(logs.form, BagForm):
+            lines.append("  its bags are no logs of this study: the key `log: {kind: rosbag}` reads them")
+    else:
+        lasting = quantity(drive.duration / drive.runs, "s")
+        lines.append(f"  {count(drive.runs, 'run')} of {lasting}, from")
+        for x, y, heading in drive.starts[:, :3].tolist():
+            lines.append(f"    x {x:.4g} m, y {y:.4g} m, heading {degrees(heading):.4g} deg")
+    lines.append(f"  its log into {logs.folder}; Ctrl-C ends, and the same command goes on")
     return lines
 
 

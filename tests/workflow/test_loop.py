@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from driven_robot import ROOM_STUDY, write_log
+from fake_ros import Ros, play
 
 import oed
 from oed.cli import main
@@ -413,7 +414,8 @@ class TestMistakes:
             oed.loop(study, logs, logs.parent / "out")
 
     @pytest.mark.parametrize(
-        ("options", "said"), [({"most": 0}, "most drives"), ({"least_gain": 1.0}, "least gain")]
+        ("options", "said"),
+        [({"most": 0}, "most drives"), ({"least_gain": 1.0}, "least gain"), ({"poll": 0.0}, "above 0 s")],
     )
     def test_in_python(self, study, logs, options: dict[str, float], said: str):
         with pytest.raises(UserMistake, match=said):
@@ -441,6 +443,19 @@ class TestMistakes:
         monkeypatch.setattr(module, "run", designed)
         assert oed.loop(other, logs, tmp_path / "out").interrupted
 
+    def test_two_at_once(self, study, logs, tmp_path, monkeypatch):
+        seen = []
+
+        def designed(*_: object, **__: object) -> None:
+            with pytest.raises(UserMistake, match="is writing there") as found:
+                oed.loop(study, logs, tmp_path / "out")
+            seen.append(found)
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(module, "run", designed)
+        assert oed.loop(study, logs, tmp_path / "out").interrupted
+        assert seen
+
     @pytest.mark.parametrize("damage", ["{", '{"format": 1}', '{"format": 2}', "[]"])
     def test_a_damaged_file(self, study, logs, tmp_path, damage: str):
         (tmp_path / "out").mkdir()
@@ -448,6 +463,46 @@ class TestMistakes:
         with pytest.raises(RecordError, match=r"loop\.json"):
             oed.loop(study, logs, tmp_path / "out")
         assert (tmp_path / "out" / "loop.json").read_text() == damage
+
+
+@pytest.mark.slow
+def test_a_drive_that_its_node_plays(study: Study, logs: Path, monkeypatch: pytest.MonkeyPatch):
+    """The file for ROS commands a controller that knows nominal radii and track; the robot has others."""
+    rng = np.random.default_rng(5)
+
+    def drive(file: Path, logs: Path) -> None:
+        ros = Ros()
+        assert play(file, "--yes", "--no-record", "--rate", "20", ros=ros, patch=monkeypatch) == 0
+        sent = np.array([(at, one.twist.linear.x, one.twist.angular.z) for at, one in ros.sent])
+        sent = sent[np.diff(sent[:, 0], append=np.inf) > 0]
+        wheels = sent[:, 1:] @ np.array([[1, 1], [0.08, -0.08]]) / 0.033
+        right, left = wheels.T * [[TRUTH["wheel_radius_right"]], [TRUTH["wheel_radius_left"]]]
+        steps = np.diff(sent[:, 0], append=sent[-1, 0])
+        turns = steps * (right - left) / TRUTH["track"]
+        headings = np.cumsum(turns) - turns
+        chords = steps * (right + left) / 2 * np.sinc(turns / (2 * np.pi))
+        along = chords[:, None] * np.column_stack(
+            [np.cos(headings + turns / 2), np.sin(headings + turns / 2)]
+        )
+        poses = np.column_stack([np.cumsum(along, axis=0) - along, headings])
+        poses += rng.normal(size=poses.shape) * [0.01, 0.01, 0.0175]
+        rows = [",".join(map(str, row)) for row in np.column_stack([sent[:, 0], wheels, poses])]
+        text = "\n".join(["t,wheel_speed_right,wheel_speed_left,x,y,heading", *rows]) + "\n"
+        (logs / f"{file.parent.name}.csv").write_text(text)
+
+    found = oed.loop(
+        study,
+        logs,
+        logs.parent / "out",
+        targets=TARGETS,
+        to="ros2_node",
+        command=drive,
+        least_gain=0.0,
+        **SOON,
+    )
+    assert found.reached
+    for one in found.found.driven[-1].known:
+        assert abs(one.value - TRUTH[one.name]) < 4 * one.now
 
 
 @pytest.mark.slow
@@ -459,7 +514,7 @@ class TestCommand:
         script = tmp_path / "drive.py"
         tests = Path(__file__).parent
         script.write_text(
-            f"import sys; sys.path.insert(0, {str(tests)!r})\n"
+            f"import sys; sys.path[:0] = {[str(tests), str(tests.parent)]!r}\n"
             "from pathlib import Path\n"
             "import test_loop as t\n"
             "print('driving')\n"
