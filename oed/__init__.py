@@ -16,8 +16,8 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
 `help(oed.solve)` and the like say more:
 
     Studies, runs and records
-        load_study, parse_study, Study, run, Record, load_record, save_record, next_drive, NextDrive,
-        estimate, EstimateRecord, load_estimate, score_path, read_trajectory, write_trajectory
+        load_study, parse_study, Study, run, Record, load_record, save_record, next_drive, NextDrive, loop,
+        Loop, estimate, EstimateRecord, load_estimate, score_path, read_trajectory, write_trajectory
     Problems, drives and their score
         Problem, evaluate, Evaluation, Margin, ambiguities, Trajectory, Solution, Status, Violation,
         Baseline, Move, Drive, Space, SignalSpace, Spline, System, Input, Parameter

@@ -141,6 +141,8 @@ from .uncertainty.robust import Robust as Robust
 from .uncertainty.uncertainty import Uncertainty as Uncertainty
 from .workflow.driven import score_path as score_path
 from .workflow.estimate_logs import estimate as estimate
+from .workflow.loop import Loop as Loop
+from .workflow.loop import loop as loop
 from .workflow.next_drive import NextDrive as NextDrive
 from .workflow.next_drive import next_drive as next_drive
 from .workflow.runner import run as run

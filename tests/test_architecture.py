@@ -26,9 +26,9 @@ HOUSE: dict[str, str] = {
     "simulation": "foundation kernel optimize robots logs estimation",
     "study": "foundation kernel uncertainty optimize robots bounds logs estimation simulation",
     "records": "foundation kernel bounds estimation simulation study",
-    "workflow": "foundation kernel uncertainty optimize robots bounds logs estimation simulation "
-    "study records",
     "exporters": "foundation kernel robots logs records",
+    "workflow": "foundation kernel uncertainty optimize robots bounds logs estimation simulation "
+    "study records exporters",
     "report": "foundation kernel robots simulation records",
     "cli": "foundation kernel bounds study records workflow exporters report",
 }

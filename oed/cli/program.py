@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from oed.cli.design_commands import PLAN, RUN, SOLVE, SWEEP
 from oed.cli.log_commands import ESTIMATE, NEXT
+from oed.cli.loop_command import LOOP
 from oed.cli.record_commands import ANIMATE, EXPORT, REPORT, VALIDATE
 from oed.cli.study_commands import BOUND, CHECK, EVALUATE, INIT, SCHEMA
 from oed.cli.terminal.command import FAILED, MISTAKE, Command
@@ -34,6 +35,7 @@ COMMANDS: tuple[Command, ...] = (
     EVALUATE,
     ESTIMATE,
     NEXT,
+    LOOP,
     REPORT,
     VALIDATE,
     EXPORT,

@@ -51,20 +51,24 @@ def _page_of(options: argparse.Namespace) -> Path | None:
     from oed.records.record import ESTIMATE_FILE as ESTIMATE
     from oed.records.record import (
         FILE,
+        LOOP_FILE,
         PLAN_FILE,
         SWEEP_FILE,
         load_estimate,
+        load_loop,
         load_plan,
         load_record,
         load_sweep,
     )
-    from oed.report import write_estimate, write_plan, write_report, write_sweep
+    from oed.report import write_estimate, write_loop, write_plan, write_report, write_sweep
 
     folder, out, figures = options.folders[0], options.out, options.figures
     first, page = in_order(folder), None
     estimated, swept = (first / ESTIMATE).is_file(), (first / SWEEP_FILE).is_file()
     if estimated:
         page = write_estimate(load_estimate(first), out or first, figures)
+    if (first / LOOP_FILE).is_file():
+        return write_loop(load_loop(first), out or first, figures)
     if (first / PLAN_FILE).is_file():
         return write_plan(load_plan(first), out or first, figures)
     if swept:

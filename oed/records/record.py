@@ -15,18 +15,19 @@ from oed.foundation.work.folders import in_order, interrupted_runs
 from oed.records.stored.consistency import require_one_study
 from oed.records.stored.door import checked, read_echo, read_file
 from oed.records.stored.estimate import EstimateRecord as EstimateRecord
+from oed.records.stored.loop import StoredLoop
 from oed.records.stored.plan import PlannedPoint, StoredPlan
 from oed.records.stored.study_record import Record as Record
 from oed.records.stored.sweep import StoredSweep
 
 FILE, ESTIMATE_FILE = "record.json", "estimate.json"
-SWEEP_FILE, PLAN_FILE = "sweep.json", "plan.json"
+SWEEP_FILE, PLAN_FILE, LOOP_FILE = "sweep.json", "plan.json", "loop.json"
 REPORT, ESTIMATE = "report", "estimate"
 """Names, without suffix, of the pages on a design and on an estimate; the latter's figures begin with it."""
 FIGURE_FORMATS = ("pdf", "png")
 """In which figures may be had beside the SVG of each."""
-RESULTS = (FILE, ESTIMATE_FILE, SWEEP_FILE, PLAN_FILE)
-"""Names of the files that hold what a run, an estimate, a sweep and a plan found."""
+RESULTS = (FILE, ESTIMATE_FILE, SWEEP_FILE, PLAN_FILE, LOOP_FILE)
+"""Names of the files that hold what a run, an estimate, a sweep, a plan and a loop found."""
 
 
 @typed
@@ -117,6 +118,16 @@ def load_plan(folder: str | Path) -> StoredPlan:
     """
     path = saved_file(folder, PLAN_FILE)
     return checked(StoredPlan, read_file(path, "a plan", "oed plan", "aims"), path)
+
+
+def load_loop(folder: str | Path) -> StoredLoop:
+    """The loop in `folder`.
+
+    Raises:
+        RecordError: none there, or not one of this format.
+    """
+    path = saved_file(folder, LOOP_FILE)
+    return checked(StoredLoop, read_file(path, "a loop", "oed loop", "rounds"), path)
 
 
 def point_folder(folder: str | Path, point: PlannedPoint) -> Path:

@@ -16,6 +16,7 @@ from oed.records.record import (
     ESTIMATE,
     ESTIMATE_FILE,
     FILE,
+    LOOP_FILE,
     PLAN_FILE,
     REPORT,
     RESULTS,
@@ -23,6 +24,7 @@ from oed.records.record import (
     Record,
     beside,
     load_estimate,
+    load_loop,
     load_plan,
     load_record,
     load_sweep,
@@ -58,7 +60,7 @@ class Run:
 
     Attributes:
         folder: of the run, relative to the folder that the index is of.
-        kind: design, estimate, sweep or plan; and whether it was cut short.
+        kind: design, estimate, sweep, plan or loop; and whether it was cut short.
         study: its name.
         robot: its kind; "" where it is not known.
         precision: standard errors of the parameters, shares of their values [%]; of a sweep its best's, of
@@ -148,7 +150,8 @@ def _nothing(source: Path, unreadable: Sequence[tuple[str, str]]) -> str:
 def runs_in(folder: Path) -> tuple[list[Run], list[tuple[str, str]]]:
     """The runs in a folder and in folders in it, and those that cannot be read, by name, each with why.
 
-    The points of sweeps and plans are not runs of their own; hidden folders and links are left alone.
+    The points of sweeps and plans, and the rounds of loops, are no runs of their own; hidden folders and
+    links are left alone.
     """
     runs: list[Run] = []
     unreadable: list[tuple[str, str]] = []
@@ -172,12 +175,16 @@ def _found(folder: Path) -> Iterator[tuple[Path, Reader]]:
         folders[:] = sorted(
             one for one in folders if deep < DEEPEST and not one.startswith(".") and one not in points
         )
-        yield from ((place, read) for name, read in READERS.items() if name in files)
+        # A loop's estimate is what the loop says.
+        own = [name for name in files if name != ESTIMATE_FILE or LOOP_FILE not in files]
+        yield from ((place, read) for name, read in READERS.items() if name in own)
 
 
 def _points(place: Path, files: Sequence[str]) -> set[str]:
     try:
         points: list[SweptPoint | PlannedPoint] = []
+        if LOOP_FILE in files:
+            return set(load_loop(place).folders)
         if SWEEP_FILE in files:
             points += load_sweep(place).points
         if PLAN_FILE in files:
@@ -250,11 +257,21 @@ def _plan(place: Path, name: str) -> Run:
     return replace(run, robot=own.robot, precision=own.precision, errors=own.errors, date=own.date)
 
 
+def _loop(place: Path, name: str) -> Run:
+    found = load_loop(place)
+    kind = "loop" if found.finished else "loop, not finished"
+    page = _page(place, REPORT)
+    if not found.driven:
+        return Run(name, kind, found.name, "", {}, page=page)
+    return replace(_estimate(place, name), kind=kind, study=found.name, page=page)
+
+
 READERS: Mapping[str, Reader] = {
     FILE: _design,
     ESTIMATE_FILE: _estimate,
     SWEEP_FILE: _sweep,
     PLAN_FILE: _plan,
+    LOOP_FILE: _loop,
 }
 """By the names of the files that they read."""
 

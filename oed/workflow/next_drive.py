@@ -136,7 +136,48 @@ def next_drive(
     study = recorded_study(saved, trust=trust)
     if not trust:
         _refuse_outside(saved, logs)
-    _require_own_parameters(study)
+    return next_drive_of(
+        study,
+        logs,
+        targets=targets,
+        least_gain=least_gain,
+        duration=duration,
+        out=out,
+        seed=seed,
+        workers=workers,
+        progress=progress,
+    )
+
+
+def next_drive_of(
+    study: Study,
+    logs: Sequence[str | Path],
+    *,
+    targets: Mapping[str, str] | None = None,
+    least_gain: float = LEAST_GAIN,
+    duration: float | None = None,
+    out: str | Path | None = None,
+    seed: int | None = None,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+) -> NextDrive:
+    """What `next_drive` does, for the study of the design that was driven instead of its record.
+
+    Args:
+        study: of that design, and of how logs are read. Where it has a prior, that counts.
+        logs: of all drives since.
+        targets: standard errors wanted, by parameter, with a unit or relative.
+        least_gain: share of the worst standard error that another drive has to take away.
+        duration: of each run of the next drive [s]; that of the last one if None.
+        out: folder for the next study, its record and designs, and the estimate; nothing is written without.
+        seed: of every random draw, instead of the study's.
+        workers: processes, or a cluster; does not change the result.
+        progress: informed how far the work is.
+
+    Raises:
+        UserMistake, StudyError, LogError, NotSaved: as `next_drive` does.
+    """
+    require_own_parameters(study)
     with run_folder(out) as folder:
         aims = aims_of(study, targets or {}, "--target")
         found = estimate(study, logs, seed=seed, progress=progress)
@@ -184,7 +225,12 @@ def _decided(
     return NextDrive(found, study, record, precision, float(gain), bool(stop), reason)
 
 
-def _require_own_parameters(study: Study) -> None:
+def require_own_parameters(study: Study) -> None:
+    """Refuse a study whose parameters are not the robot's, so that no nominal values can stand for them.
+
+    Raises:
+        UserMistake: it estimates others.
+    """
     known = {parameter.name for parameter in study.problem.model.parameters}
     strangers = [
         name for one in study.problem.any_estimations for name in one.parameters if name not in known

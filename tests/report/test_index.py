@@ -144,7 +144,11 @@ def test_the_command_makes_one_where_there_is_no_record(
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ({}, "no run in it or in its folders: expected record.json, estimate.json, sweep.json or plan.json"),
+        (
+            {},
+            "no run in it or in its folders: expected record.json, estimate.json, sweep.json, plan.json or "
+            "loop.json",
+        ),
         ({"format": 1}, "none of its 1 runs can be read:\nrun: "),
     ],
 )

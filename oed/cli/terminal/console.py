@@ -22,13 +22,14 @@ from oed.foundation.work.progress import Progress, Silent
 
 if TYPE_CHECKING:
     from oed.records.record import EstimateRecord
+    from oed.records.stored.loop import KnownParameter
     from oed.records.stored.result import Result
     from oed.records.stored.simulation import StoredRobustness
     from oed.records.stored.study_record import StoredCertificate
     from oed.records.stored.sweep import StoredSweep
     from oed.report.answer import Answer, Estimated
     from oed.workflow.driven import DrivenPaths
-    from oed.workflow.next_drive import NextDrive
+    from oed.workflow.next_drive import NextDrive, Precision
 
 HELD = "\0"
 """Stands for a space that lines do not end at; what is shown has none."""
@@ -225,14 +226,19 @@ def print_worth(found: DrivenPaths) -> None:
 
 def print_next(found: NextDrive) -> None:
     """Standard errors now, wanted and after the next drive, and whether to drive it."""
+    print_precision(found.precision)
+    tell(found.reason)
+
+
+def print_precision(known: Iterable[Precision | KnownParameter]) -> None:
+    """What is known of parameters, what is wanted, and what another drive would bring."""
     headings = ("parameter", "unit", "estimate", "std. error", "wanted", "after the next drive")
     table = _table(headings, ("parameter", "unit"))
-    for one in found.precision:
+    for one in known:
         unit, factor = own_unit(one.unit)
         errors = (error_text(error, factor) for error in (one.now, one.wanted, one.next))
         table.add_row(_cell(words(one.name)), _cell(unit), to_error(one.value, one.now, factor), *errors)
     _console().print(table)
-    tell(found.reason)
 
 
 def print_certificate(certificate: StoredCertificate) -> None:
