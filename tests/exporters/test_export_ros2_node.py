@@ -309,6 +309,12 @@ class TestStopping:
     def test_feedback_arrives(self, run, file: Path):
         assert run(file, *QUIET, "--feedback", "/odom") == 0
 
+    def test_feedback_is_waited_for_before_every_run(self, run, ros: Ros, file: Path, capsys):
+        """However long somebody thinks before Enter."""
+        ros.events.append((104.0, lambda: setattr(ros, "hearing", False)))
+        assert run(file, *QUIET, "--feedback", "/odom", "--repeat", "2") == 1
+        assert "nothing comes on /odom" in capsys.readouterr().err
+
     def test_the_recorder_ends(self, run, ros: Ros, file: Path, capsys):
         ros.events.append((102.0, lambda: setattr(ros.recorders[0], "code", 1)))
         assert run(file, "--yes") == 1
