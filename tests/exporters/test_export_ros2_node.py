@@ -102,6 +102,7 @@ def smooth(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class TestFile:
+    @pytest.mark.slow
     def test_is_clean(self, tmp_path: Path):
         for robot in ROBOTS:
             folder = saved(tmp_path / robot, study_of(*ROBOTS[robot]))
