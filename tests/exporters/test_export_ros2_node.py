@@ -206,12 +206,18 @@ class TestPlaying:
 
     def test_wheels_are_steered_before_they_roll(self, tmp_path: Path, run, ros: Ros):
         folder = saved(tmp_path, study_of(TRICYCLE, f"{STEERED}\n  steering_rate: 10 deg/s"))
-        assert run(export(folder, "ros2_node"), *QUIET) == 0
+        file = export(folder, "ros2_node")
+        assert run(file, *QUIET, "--repeat", "2") == 0
+        half = len(ros.sent) // 2
         table = np.array([(one.drive.speed, one.drive.steering_angle) for _, one in ros.sent])
+        assert table[half:] == pytest.approx(table[:half])
+        table = table[:half]
         rolling = np.flatnonzero(table[:, 0])[0]
         first = winding(study_of(TRICYCLE, STEERED)).inputs[0, 1]
         assert table[rolling - 1] == pytest.approx([0.0, first])
         assert np.abs(np.diff(table[:rolling, 1])).max() <= np.radians(10) * 0.25 * (1 + 1e-6)
+        # From straight ahead, whatever was before.
+        assert table[0, 1] == 0.0
         # Steered wheels stay where they are when the robot stands.
         assert table[-1, 0] == 0.0
         assert table[-1, 1] != 0.0
@@ -281,6 +287,12 @@ class TestStopping:
         # No wheel brakes harder than the study allows.
         assert np.abs(np.diff(wheels, axis=0)).max() <= 20 * 0.05 * (1 + 1e-6)
         assert len(ros.recorders) == 1
+
+    @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+    def test_ended_or_cut_off(self, run, ros: Ros, file: Path, capsys, number: int):
+        ros.events.append((102.0, lambda: ros.handlers[number](number, None)))
+        assert run(file, *QUIET) == 1
+        assert "interrupted" in capsys.readouterr().err
 
     def test_interrupted_again_it_stops_at_once(self, run, ros: Ros, file: Path):
         def strike() -> None:
