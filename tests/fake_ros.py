@@ -43,6 +43,8 @@ class Ros:
         stall: time from which on the timer comes late, and by how much.
         events: what happens at times: called once.
         recorders: command lines of processes begun, and what they were sent.
+        asked: questions to who drives.
+        handlers: of signals.
     """
 
     def __init__(self) -> None:
@@ -60,6 +62,7 @@ class Ros:
         self.recorders: list[Recorder] = []
         self.initialised = 0
         self.asked: list[str] = []
+        self.handlers: dict[int, Callable[..., None]] = {}
 
     def pass_time(self, seconds: float) -> None:
         self.now += seconds
@@ -160,7 +163,7 @@ def play(file: Path, *arguments: str, ros: Ros, patch: pytest.MonkeyPatch) -> in
 
     patch.setattr(module.subprocess, "Popen", begun)
     patch.setattr("builtins.input", lambda question="": ros.asked.append(question) or "")
-    patch.setattr(module.signal, "signal", lambda *_: None)
+    patch.setattr(module.signal, "signal", ros.handlers.__setitem__)
     return module.main()
 
 

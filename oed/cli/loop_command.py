@@ -88,7 +88,9 @@ def _run(options: argparse.Namespace) -> int:
     outcome = CommandResult(done.folder, out, None, done.interrupted, GOES_ON)
     outcome.report(lambda: write_loop(done.found, out))
     outcome.show(options, {**done.data, **outcome.place}, lambda: _print(done))
-    return DONE if done.reached and not (done.interrupted or outcome.trouble) else FAILED
+    # Where nothing is wanted, it ends when another drive gains little.
+    enough = done.reached or (done.found.finished and not options.target)
+    return DONE if enough and not (done.interrupted or outcome.trouble) else FAILED
 
 
 def _pages(folder: Path) -> None:

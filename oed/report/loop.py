@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 from pathlib import Path
 
 from oed.foundation.text import error_text, fixed, own_unit, shown_unit, size_text, to_error, words
@@ -35,8 +36,8 @@ def write_loop(found: StoredLoop, folder: str | Path, figures: Sequence[str] = (
 
 def _summary(found: StoredLoop) -> Section:
     last = found.driven[-1].known if found.driven else []
-    title = SAY("title", len(found.driven), found.reached, found.finished)
     wanted = [(words(one.name), size_text(one.wanted, one.unit or "", 2)) for one in last if one.wanted]
+    title = SAY("title", len(found.driven), found.reached, found.finished, bool(wanted))
     paragraphs = [SAY("reason", found.reason), SAY("wanted", wanted) if wanted else ""]
     drawn = _chart(found)
     figure = None
@@ -81,17 +82,22 @@ def _parameters(found: StoredLoop, target: Path) -> Section | None:
     if not found.driven:
         return None
     page = (target / ESTIMATE).is_file()
+    known = found.driven[-1].known
+
+    def error(name: str) -> Column | None:
+        # None of what no parameter has.
+        title = {"now": "standard error", "wanted": "wanted", "next": "after another drive"}[name]
+        cell = attrgetter(name)
+        shown = Column(title, cell=lambda one: error_text(cell(one), own_unit(one.unit)[1]))
+        return shown if any(cell(one) is not None for one in known) else None
+
     columns = (
         Column("parameter", cell=lambda one: Link(words(one.name), ESTIMATE) if page else words(one.name)),
         Column("unit", cell=lambda one: shown_unit(one.unit)),
         Column("estimate", cell=lambda one: to_error(one.value, one.now, own_unit(one.unit)[1])),
-        Column("standard error", cell=lambda one: error_text(one.now, own_unit(one.unit)[1])),
-        Column("wanted", cell=lambda one: error_text(one.wanted, own_unit(one.unit)[1])),
-        Column("after another drive", cell=lambda one: error_text(one.next, own_unit(one.unit)[1])),
+        *map(error, ("now", "wanted", "next")),
     )
-    known = found.driven[-1].known
-    kept = columns if any(one.next is not None for one in known) else columns[:-1]
-    return Section.of(SAY("known"), Table.of(known, kept))
+    return Section.of(SAY("known"), Table.of(known, columns))
 
 
 def _rounds(found: StoredLoop, target: Path) -> Section | None:

@@ -102,6 +102,7 @@ def smooth(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class TestFile:
+    @pytest.mark.slow
     def test_is_clean(self, tmp_path: Path):
         for robot in ROBOTS:
             folder = saved(tmp_path / robot, study_of(*ROBOTS[robot]))
@@ -205,12 +206,18 @@ class TestPlaying:
 
     def test_wheels_are_steered_before_they_roll(self, tmp_path: Path, run, ros: Ros):
         folder = saved(tmp_path, study_of(TRICYCLE, f"{STEERED}\n  steering_rate: 10 deg/s"))
-        assert run(export(folder, "ros2_node"), *QUIET) == 0
+        file = export(folder, "ros2_node")
+        assert run(file, *QUIET, "--repeat", "2") == 0
+        half = len(ros.sent) // 2
         table = np.array([(one.drive.speed, one.drive.steering_angle) for _, one in ros.sent])
+        assert table[half:] == pytest.approx(table[:half])
+        table = table[:half]
         rolling = np.flatnonzero(table[:, 0])[0]
         first = winding(study_of(TRICYCLE, STEERED)).inputs[0, 1]
         assert table[rolling - 1] == pytest.approx([0.0, first])
         assert np.abs(np.diff(table[:rolling, 1])).max() <= np.radians(10) * 0.25 * (1 + 1e-6)
+        # From straight ahead, whatever was before.
+        assert table[0, 1] == 0.0
         # Steered wheels stay where they are when the robot stands.
         assert table[-1, 0] == 0.0
         assert table[-1, 1] != 0.0
@@ -281,6 +288,12 @@ class TestStopping:
         assert np.abs(np.diff(wheels, axis=0)).max() <= 20 * 0.05 * (1 + 1e-6)
         assert len(ros.recorders) == 1
 
+    @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+    def test_ended_or_cut_off(self, run, ros: Ros, file: Path, capsys, number: int):
+        ros.events.append((102.0, lambda: ros.handlers[number](number, None)))
+        assert run(file, *QUIET) == 1
+        assert "interrupted" in capsys.readouterr().err
+
     def test_interrupted_again_it_stops_at_once(self, run, ros: Ros, file: Path):
         def strike() -> None:
             raise KeyboardInterrupt
@@ -308,6 +321,12 @@ class TestStopping:
 
     def test_feedback_arrives(self, run, file: Path):
         assert run(file, *QUIET, "--feedback", "/odom") == 0
+
+    def test_feedback_is_waited_for_before_every_run(self, run, ros: Ros, file: Path, capsys):
+        """However long somebody thinks before Enter."""
+        ros.events.append((104.0, lambda: setattr(ros, "hearing", False)))
+        assert run(file, *QUIET, "--feedback", "/odom", "--repeat", "2") == 1
+        assert "nothing comes on /odom" in capsys.readouterr().err
 
     def test_the_recorder_ends(self, run, ros: Ros, file: Path, capsys):
         ros.events.append((102.0, lambda: setattr(ros.recorders[0], "code", 1)))

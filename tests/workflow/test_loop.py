@@ -19,7 +19,8 @@ from fake_ros import Ros, play
 import oed
 from oed.cli import main
 from oed.foundation.errors import Failure, RecordError, UserMistake
-from oed.records.record import load_record
+from oed.records.record import load_loop, load_record
+from oed.records.stored.loop import KnownParameter, LoopRound, StoredLoop
 from oed.report import write_loop
 from oed.study.study import Study
 from oed.workflow import rounds as module
@@ -156,6 +157,43 @@ class TestLoop:
         (row,) = (line for line in index.splitlines() if line.startswith("| A robot in a room"))
         assert "| loop |" in row
         capsys.readouterr()
+
+
+def rounds_of(count: int, wanted: float | None, **changes: Any) -> StoredLoop:
+    known = {"name": "track", "unit": "m", "value": 0.16, "size": 0.16, "wanted": wanted}
+    rounds = [
+        LoopRound(
+            folder=f"round{n}",
+            logs=[f"{n}.csv"],
+            known=[KnownParameter(**known, now=1e-3 / n, next=1e-3 / (n + 1))],
+        )
+        for n in range(1, count + 1)
+    ]
+    state = {"seen": [], "reached": False, "finished": False, "reason": "drive it"} | changes
+    return StoredLoop(format=1, oed_version="0", name="Mine", study="0", asked={}, rounds=rounds, **state)
+
+
+@pytest.mark.slow
+class TestPage:
+    """Of a single parameter: its own unit."""
+
+    @pytest.mark.parametrize(
+        ("loop", "title"),
+        [
+            (rounds_of(2, 1e-4), "## After 2 drives; the next one is to be driven"),
+            (rounds_of(1, 1e-4, finished=True), "## Ended after 1 drive, short of what is wanted"),
+            (rounds_of(2, None, finished=True), "## Ended after 2 drives"),
+            (rounds_of(2, 1e-2, finished=True, reached=True), "## Enough after 2 drives"),
+            (rounds_of(0, None), "## The first drive is to be driven"),
+        ],
+    )
+    def test_says_how_it_stands(self, tmp_path: Path, loop: StoredLoop, title: str):
+        write_loop(loop, tmp_path)
+        page = (tmp_path / "report.md").read_text()
+        assert title in page.splitlines()
+        wanted = any(one.wanted for each in loop.rounds for one in each.known)
+        assert ("| wanted |" in page) == wanted
+        assert (tmp_path / "figures" / "precision.svg").exists() == (len(loop.rounds) > 1)
 
 
 @pytest.mark.slow
@@ -422,7 +460,7 @@ class TestMistakes:
             oed.loop(study, logs, logs.parent / "out", **options)
 
     def a_loop(self, digest: str, out: Path, **changes: object) -> None:
-        out.mkdir()
+        out.mkdir(exist_ok=True)
         kept = {"format": 1, "oed_version": "0", "name": "mine", "study": digest, "asked": {}}
         state = {"rounds": [], "seen": [], "reached": False, "finished": True, "reason": ""}
         (out / "loop.json").write_text(json.dumps({**kept, **state, **changes}))
@@ -456,6 +494,17 @@ class TestMistakes:
         assert oed.loop(study, logs, tmp_path / "out").interrupted
         assert seen
 
+    def test_names_of_logs(self, study, logs, tmp_path):
+        """Any that files have, and none that leads elsewhere."""
+        rounds = [{"folder": "round1", "logs": ["-1.csv", "aux.csv", "a b.csv"], "known": []}]
+        self.a_loop(_digest(study), tmp_path / "out", rounds=rounds)
+        assert load_loop(tmp_path / "out").logs == rounds[0]["logs"]
+        for name in ("../a.csv", "..", "", "a/b.csv", "a\\b.csv"):
+            rounds[0]["logs"] = [name]
+            self.a_loop(_digest(study), tmp_path / "out", rounds=rounds)
+            with pytest.raises(RecordError, match=r"rounds\.0\.logs\.0: expected the name of a file"):
+                load_loop(tmp_path / "out")
+
     @pytest.mark.parametrize("damage", ["{", '{"format": 1}', '{"format": 2}', "[]"])
     def test_a_damaged_file(self, study, logs, tmp_path, damage: str):
         (tmp_path / "out").mkdir()
@@ -465,14 +514,46 @@ class TestMistakes:
         assert (tmp_path / "out" / "loop.json").read_text() == damage
 
 
+def recorded(bag: Path, times: np.ndarray, wheels: np.ndarray, poses: np.ndarray) -> None:
+    """Write what a robot's joints and a tracker say, as the recorder does: the metadata last."""
+    library, typesys = pytest.importorskip("rosbags.rosbag2"), pytest.importorskip("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    kinds = {"/joint_states": "sensor_msgs/msg/JointState", "/mocap": "geometry_msgs/msg/PoseStamped"}
+
+    def make(kind: str, *values: Any) -> Any:
+        return store.types[kind](*values)
+
+    with library.Writer(bag, version=8) as writer:
+        topics = {name: writer.add_connection(name, kind, typestore=store) for name, kind in kinds.items()}
+        for time_, speeds, (x, y, heading) in zip(times, wheels, poses, strict=True):
+            stamp = round(time_ * 1e9)
+            header = make(
+                "std_msgs/msg/Header", make("builtin_interfaces/msg/Time", *divmod(stamp, 10**9)), "odom"
+            )
+            turn = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2))
+            pose = make("geometry_msgs/msg/Pose", make("geometry_msgs/msg/Point", x, y, 0.0), turn)
+            names = ["right_wheel_joint", "left_wheel_joint"]
+            messages = {
+                "/joint_states": (header, names, np.zeros(0), np.asarray(speeds), np.zeros(0)),
+                "/mocap": (header, pose),
+            }
+            for topic, parts in messages.items():
+                data = store.serialize_cdr(make(kinds[topic], *parts), kinds[topic])
+                writer.write(topics[topic], stamp, data)
+
+
 @pytest.mark.slow
-def test_a_drive_that_its_node_plays(study: Study, logs: Path, monkeypatch: pytest.MonkeyPatch):
-    """The file for ROS commands a controller that knows nominal radii and track; the robot has others."""
-    rng = np.random.default_rng(5)
+def test_drives_that_their_nodes_play(logs: Path, monkeypatch: pytest.MonkeyPatch):
+    """The file for ROS commands a controller that knows nominal radii and track; the robot has others. What
+    is recorded where the file says is the log.
+    """
+    held = "inputs: {wheel_speed_right: {held: next}, wheel_speed_left: {held: next}}"
+    study = parse_study(f"{STUDY}log: {{kind: rosbag, poses: /mocap, {held}}}\n")
+    rng, recorders = np.random.default_rng(5), []
 
     def drive(file: Path, logs: Path) -> None:
         ros = Ros()
-        assert play(file, "--yes", "--no-record", "--rate", "20", ros=ros, patch=monkeypatch) == 0
+        assert play(file, "--yes", "--out", str(logs), ros=ros, patch=monkeypatch) == 0
         sent = np.array([(at, one.twist.linear.x, one.twist.angular.z) for at, one in ros.sent])
         sent = sent[np.diff(sent[:, 0], append=np.inf) > 0]
         wheels = sent[:, 1:] @ np.array([[1, 1], [0.08, -0.08]]) / 0.033
@@ -480,27 +561,20 @@ def test_a_drive_that_its_node_plays(study: Study, logs: Path, monkeypatch: pyte
         steps = np.diff(sent[:, 0], append=sent[-1, 0])
         turns = steps * (right - left) / TRUTH["track"]
         headings = np.cumsum(turns) - turns
-        chords = steps * (right + left) / 2 * np.sinc(turns / (2 * np.pi))
-        along = chords[:, None] * np.column_stack(
-            [np.cos(headings + turns / 2), np.sin(headings + turns / 2)]
+        along = (
+            steps * (right + left) / 2 * np.sinc(turns / (2 * np.pi)) * np.exp(1j * (headings + turns / 2))
         )
-        poses = np.column_stack([np.cumsum(along, axis=0) - along, headings])
+        places = np.cumsum(along) - along
+        poses = np.column_stack([places.real, places.imag, headings])
         poses += rng.normal(size=poses.shape) * [0.01, 0.01, 0.0175]
-        rows = [",".join(map(str, row)) for row in np.column_stack([sent[:, 0], wheels, poses])]
-        text = "\n".join(["t,wheel_speed_right,wheel_speed_left,x,y,heading", *rows]) + "\n"
-        (logs / f"{file.parent.name}.csv").write_text(text)
+        (recorder,) = ros.recorders
+        recorders.append(recorder)
+        recorded(Path(recorder.command[4]), sent[:, 0], wheels, poses)
 
-    found = oed.loop(
-        study,
-        logs,
-        logs.parent / "out",
-        targets=TARGETS,
-        to="ros2_node",
-        command=drive,
-        least_gain=0.0,
-        **SOON,
-    )
+    out, more = logs.parent / "out", {"to": "ros2_node", "least_gain": 0.0}
+    found = oed.loop(study, logs, out, targets=TARGETS, command=drive, **more, **SOON)
     assert found.reached
+    assert recorders[0].command[-1] == "^(/cmd_vel|/joint_states|/mocap)$"
     for one in found.found.driven[-1].known:
         assert abs(one.value - TRUTH[one.name]) < 4 * one.now
 

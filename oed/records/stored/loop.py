@@ -4,9 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from oed.records.stored.parts import Entries, Name, Number, Positive, Stored, require_different
+
+
+def _one_part(name: str) -> str:
+    # Of whatever name somebody's logger gives, as long as it leads out of no folder.
+    if not name or name in (".", "..") or set(name) & set("/\\\0"):
+        raise ValueError(f"expected the name of a file, got {name!r}")
+    return name
+
+
+LogName = Annotated[str, AfterValidator(_one_part)]
 
 
 def round_folder(number: int) -> str:
@@ -34,7 +44,7 @@ class LoopRound(Stored):
     """A drive: the folder of its design, the logs of it, and what is known of all drives up to this one."""
 
     folder: Name
-    logs: list[Name]
+    logs: list[LogName]
     known: Entries[KnownParameter]
     reason: str = ""
 
@@ -47,7 +57,7 @@ class LoopRound(Stored):
 class SeenLog(Stored):
     """A file of the logs' folder that is no log of a round: its size [bytes], and when it changed [ns]."""
 
-    name: Name
+    name: LogName
     size: Annotated[int, Field(ge=0)]
     changed: int
 

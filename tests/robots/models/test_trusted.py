@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import sys
@@ -156,6 +157,16 @@ class TestCode:
 
 
 class TestExportOfSomebodysRobot:
+    def test_a_node_is_written_without_the_code(self, folder: Path):
+        file = export(saved(folder), "ros2_node")
+        assert not (folder / "was_run").exists()
+        played, trusted = (
+            np.array(ast.literal_eval(one.read_text().partition("\nRUNS = ")[2].partition("# fmt: on")[0]))
+            for one in (file, export(folder, "ros2_node", trust=True, out=folder / "by_code.py"))
+        )
+        assert (folder / "was_run").exists()
+        assert played == pytest.approx(trusted, abs=1e-7)
+
     @pytest.mark.parametrize("rule", ["arc", "midpoint"])
     @pytest.mark.parametrize("sideways", [0.0, 0.4])
     @pytest.mark.parametrize("rate", [None, 6.0])
