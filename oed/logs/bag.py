@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +31,18 @@ POSES = (
     TRANSFORM,
     TRANSFORMS,
 )
-"""Types of those that have the reference poses."""
+"""Types of those that have poses."""
+IMU = "sensor_msgs/msg/Imu"
+"""Type of those that have a heading alone."""
+CAR = "ackermann_msgs/msg/AckermannDrive"
+CARS = {
+    CAR: "\n".join(
+        f"float32 {name}"
+        for name in ("steering_angle", "steering_angle_velocity", "speed", "acceleration", "jerk")
+    ),
+    f"{CAR}Stamped": "std_msgs/Header header\nackermann_msgs/AckermannDrive drive",
+}
+"""Messages that the library does not know, where a bag does not say what its own look like."""
 NEEDED_FOR = "reading ROS bags"
 
 
@@ -59,37 +70,69 @@ class Bag:
         """
         return LogError([NotInLog(self.file, 0, 0, key, message, ("log", *named) if named else ())])
 
-    def topic(self, given: str | None, types: Sequence[str], key: str) -> str:
+    def topic(
+        self,
+        given: str | None,
+        types: Sequence[str],
+        key: str,
+        *named: str,
+        taken: Collection[str] = (),
+    ) -> str:
         """The topic given, or the only one of one of the types.
 
         Args:
             given: the topic's name, or None.
             types: message types that fit.
             key: of the study, for errors.
+            named: path of the study's key that names the topic; `key` and topic by default.
+            taken: topics that are something else, and are not found by themselves.
 
         Raises:
             LogError: there is none, or there are several.
         """
-        fitting = sorted(topic for topic, of_type in self.types.items() if of_type in types)
+        named = named or (key, "topic")
+        every = {topic: of_type for topic, of_type in self.types.items() if topic not in taken}
+        fitting = sorted(topic for topic, of_type in every.items() if of_type in types)
         words = " or ".join(name.rpartition("/")[2] for name in types)
         there = f"of type {words} it has {', '.join(fitting) or 'none'}"
         if given is not None and given not in self.types:
             hint = did_you_mean(given, fitting) or ";"
-            raise self.flaw(key, f"the bag has no topic {given}{hint} {there}", key, "topic")
-        if given is not None and given not in fitting:
-            raise self.flaw(key, f"{given} is of type {self.types[given]}; {there}", key, "topic")
+            raise self.flaw(key, f"the bag has no topic {given}{hint} {there}", *named)
+        if given is not None and self.types[given] not in types:
+            raise self.flaw(key, f"{given} is of type {self.types[given]}; {there}", *named)
         if given is None and len(fitting) != 1:
             raise self.flaw(key, f"expected one topic to choose from; {there}")
         return given or fitting[0]
 
+    def any_topic(self, given: str, key: str, *named: str) -> str:
+        """A topic of any type.
+
+        Args:
+            given: its name.
+            key: of the study, for errors.
+            named: path of the study's key that names it.
+
+        Raises:
+            LogError: there is no such topic.
+        """
+        if given not in self.types:
+            known = ", ".join(sorted(self.types)) or "none"
+            hint = did_you_mean(given, self.types) or ";"
+            raise self.flaw(key, f"the bag has no topic {given}{hint} it has {known}", *named)
+        return given
+
     def messages(self, topic: str, clock: Clock) -> Iterator[tuple[float, Any]]:
-        """Time [s] and content of each message of a topic, in the order of recording."""
+        """Time [s] and content of each message of a topic, in the order of recording.
+
+        The time is the stamp in the message's header, or that of its recording where it has none.
+        """
         wanted = [one for one in self.reader.connections if one.topic == topic]
         for connection, received, data in self.reader.messages(connections=wanted):
             message = self.reader.deserialize(data, connection.msgtype)
             parts = getattr(message, "transforms", [message])
             for part in parts:
-                yield (received * 1e-9 if clock == "received" else _stamp(part)), part
+                stamped = clock == "header" and hasattr(part, "header")
+                yield (_stamp(part) if stamped else received * 1e-9), part
 
 
 def _stamp(message: Any) -> float:
@@ -117,6 +160,8 @@ def open_bag(file: Path) -> Iterator[Bag]:
     typesys = extra("rosbags.typesys", "ros", NEEDED_FOR)
     # Bags before ROS 2 Iron do not say what their messages look like.
     known = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    for name, text in CARS.items():
+        known.register(typesys.get_types_from_msg(text, name))
     try:
         with highlevel.AnyReader([file], default_typestore=known) as reader:
             types = {one.topic: one.msgtype for one in reader.connections}
@@ -163,7 +208,7 @@ def read_joints(bag: Bag, topic: str, clock: Clock) -> Joints:
             for name, value in zip(message.name, values, strict=False):
                 found.setdefault(name, []).append((time, float(value), number))
     positions, speeds = (
-        {name: _series(bag, topic, found) for name, found in of_joints.items()} for of_joints in rows.values()
+        {name: series_of(bag, topic, own) for name, own in found.items()} for found in rows.values()
     )
     return Joints(tuple(dict.fromkeys([*positions, *speeds])), _known(positions), _known(speeds))
 
@@ -173,7 +218,12 @@ def _known(readings: dict[str, Series]) -> dict[str, Series]:
     return {name: series for name, series in readings.items() if np.isfinite(series.values).any()}
 
 
-def _series(bag: Bag, topic: str, rows: Sequence[Sequence[float]]) -> Series:
+def series_of(bag: Bag, topic: str, rows: Sequence[Sequence[float]]) -> Series:
+    """The rows of a topic: time [s], values, number of the message from 1.
+
+    Raises:
+        LogError: stamps that are all zero.
+    """
     table = np.array(rows, dtype=float)
     lines = table[:, -1].astype(np.intp)
     series = Series(bag.file, topic, table[:, 0], table[:, 1:-1], lines, counted="message")
@@ -197,7 +247,7 @@ def read_poses(
         bag: open.
         topic: of odometry, poses or transforms.
         clock: that of the messages' headers, or of their recording.
-        frame: which transforms: from this frame ...
+        frame: which of them: from this frame ...
         child: ... to this one.
         skip: whether messages without finite numbers are left out instead of refused.
 
@@ -207,19 +257,19 @@ def read_poses(
     rows, pairs = [], set[tuple[str, str]]()
     of_transforms = bag.types[topic] in (TRANSFORM, TRANSFORMS)
     for number, (time, message) in enumerate(bag.messages(topic, clock), start=1):
-        if of_transforms:
-            pair = (message.header.frame_id.lstrip("/"), message.child_frame_id.lstrip("/"))
+        if of_transforms or frame is not None or child is not None:
+            pair = _frames(message)
             pairs.add(pair)
             if frame not in (None, pair[0]) or child not in (None, pair[1]):
                 continue
         rows.append((time, *_pose(message), number))
     chosen = {pair for pair in pairs if frame in (None, pair[0]) and child in (None, pair[1])}
-    if len(chosen) > 1:
+    if of_transforms and len(chosen) > 1:
         text = f"{topic} has several transforms; give `frame` and `child`: {_pairs(pairs)}"
         raise bag.flaw("poses", text, "poses")
     if not rows:
         raise _no_pose(bag, topic, pairs, frame, child)
-    return _planar(_series(bag, topic, rows).finite(skip).without_repeats())
+    return planar(series_of(bag, topic, rows).finite(skip).without_repeats())
 
 
 def _no_pose(
@@ -233,11 +283,19 @@ def _no_pose(
     return bag.flaw("poses", f"{text}; it has {known}" if known else text)
 
 
+def _frames(message: Any) -> tuple[str, str]:
+    # That a pose is seen from, and that it is the pose of, where the message says so.
+    return message.header.frame_id.lstrip("/"), getattr(message, "child_frame_id", "").lstrip("/")
+
+
 def _pairs(pairs: Iterable[tuple[str, str]]) -> str:
-    return ", ".join(f"{parent} -> {own}" for parent, own in sorted(pairs))
+    return ", ".join(f"{parent} -> {own}" if own else parent for parent, own in sorted(pairs))
 
 
 def _pose(message: Any) -> tuple[float, ...]:
+    if hasattr(message, "orientation"):
+        turned = message.orientation
+        return (0.0, 0.0, turned.x, turned.y, turned.z, turned.w)
     if hasattr(message, "transform"):
         place, turned = message.transform.translation, message.transform.rotation
     else:
@@ -246,8 +304,13 @@ def _pose(message: Any) -> tuple[float, ...]:
     return (place.x, place.y, turned.x, turned.y, turned.z, turned.w)
 
 
-def _planar(series: Series) -> Series:
-    turned = series.values[:, 2:]
+def planar(series: Series) -> Series:
+    """Values whose last four columns are quaternions, with headings [rad] in their place.
+
+    Raises:
+        LogError: quaternions that are none.
+    """
+    turned = series.values[:, -4:]
     sizes = np.linalg.norm(turned, axis=1)
     flaws = [
         series.flaw(row, series.clock, "expected a unit quaternion")
@@ -255,4 +318,4 @@ def _planar(series: Series) -> Series:
     ]
     if flaws:
         raise LogError(flaws)
-    return series.with_values(np.column_stack([series.values[:, :2], heading_of(turned)]))
+    return series.with_values(np.column_stack([series.values[:, :-4], heading_of(turned)]))

@@ -2,90 +2,63 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
 
-from oed.foundation.component import Component
 from oed.foundation.errors import Flaw, LogError
-from oed.foundation.text import did_you_mean
-from oed.kernel.dynamics.system import Input, System
-from oed.logs.bag import JOINTS, POSES, Bag, Clock, Joints, open_bag, read_joints, read_poses
+from oed.kernel.dynamics.system import System
+from oed.logs.bag import Bag, Clock, open_bag
+from oed.logs.bag_inputs import AnyBagInputs, OdometryTopic, meant
+from oed.logs.bag_poses import PoseTopic
+from oed.logs.bag_reading import BagReading, Reading
 from oed.logs.drive import RecordedDrive, to_logs
-from oed.logs.form import LogForm, Repeats
-from oed.logs.integrals import Held, Turned, counted, held_integral, on_one_clock
+from oed.logs.form import LogForm
+from oed.logs.integrals import on_one_clock
 from oed.logs.log import Finding, Log
 from oed.logs.series import Series, together
 from oed.logs.tables.columns import Short
 from oed.logs.tables.input_columns import unknown_input
 
-QUANTITIES = ("x", "y", "heading")
-"""What the poses of all those types have."""
-
-
-class JointInput(Component):
-    """The joint that is one of the robot's inputs.
-
-    Attributes:
-        joint: its name in the joint states; by default the only joint that has the words of the input's
-            name ("right", "left", "steering", ...).
-        form: from its "angle" (a wheel's, unwrapped) or its "speed"; the angle where it is logged. A
-            steering angle is read as it is.
-        sign: -1 where the joint turns the other way round.
-        wrap: full range where the angle begins anew [rad].
-        held: how speeds hold; "between" for straight lines between messages.
-    """
-
-    joint: str | None = None
-    form: Literal["angle", "speed"] | None = None
-    sign: Literal[1, -1] = 1
-    wrap: Annotated[float, Field(gt=0)] | None = None
-    held: Held = "between"
-
-
-class PoseTopic(Component):
-    """The topic of the reference poses.
-
-    Attributes:
-        topic: of odometry, poses or transforms; the only one of such a type by default.
-        frame, child: which transforms, where the topic has several.
-        held: "drop" poses that repeat the one before while the wheels turn, or "keep" them.
-    """
-
-    topic: str | None = None
-    frame: str | None = None
-    child: str | None = None
-    held: Repeats = "drop"
-
 
 class BagForm(LogForm):
-    """Joint states and poses in a ROS 1 or ROS 2 bag.
+    """Inputs and poses in a ROS 1 or ROS 2 bag.
 
     Attributes:
         joint_states: topic of the wheels' joints; the only one of its type by default.
-        inputs: joints of the robot's inputs by their names.
+        commands: topic of a robot's speed and yaw rate (Twist, TwistStamped, TwistWithCovarianceStamped, or
+            the twist of Odometry), or of a car's speed and steering (AckermannDrive, stamped or not); by
+            default the only one that fits, where these are not joints'.
+        inputs: joints or fields of the robot's inputs by their names; or the poses of odometry.
         poses: topic of the reference.
-        clock: stamps of the messages' "header", or times at which they were "received".
+        clock: stamps of the messages' "header", or times at which they were "received"; of messages
+            without a header these.
     """
 
     kind: Literal["rosbag"] = "rosbag"
     joint_states: str | None = None
-    inputs: dict[str, Annotated[JointInput, Short("joint")]] = {}  # noqa: RUF012
+    commands: str | None = None
+    inputs: AnyBagInputs = {}  # noqa: RUF012
     poses: Annotated[PoseTopic, Short("topic")] = PoseTopic()
     clock: Clock = "header"
 
     def flaws(self, model: System) -> list[Flaw]:
-        """Inputs the robot does not have."""
-        return [
+        """Inputs the robot does not have, keys that exclude each other, forms and units that do not fit."""
+        if isinstance(self.inputs, OdometryTopic):
+            return [*self.inputs.flaws(model), *self.poses.flaws()]
+        entries = {entry.name: entry for entry in model.inputs}
+        unknown = [
             Flaw(("log", "inputs", name), unknown_input(name, model.input_names))
             for name in self.inputs
-            if name not in model.input_names
+            if name not in entries
         ]
+        known = [one.flaws(entries[name], model) for name, one in self.inputs.items() if name in entries]
+        if self.commands is not None and not any(meant(entry, model) for entry in model.inputs):
+            text = f"no message has {', '.join(entries)} as commands; a unicycle and an ackermann take them"
+            unknown.append(Flaw(("log", "commands"), text))
+        return [*unknown, *(flaw for flaws in known for flaw in flaws), *self.poses.flaws()]
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -105,82 +78,54 @@ class BagForm(LogForm):
             LogError: every mistake in the bag.
             UserMistake: the library that reads bags is not installed.
         """
+        own = (self.inputs, self.joint_states, self.commands, self.clock, self.skip_invalid_rows)
         with open_bag(file) as bag:
-            inputs, poses = together([lambda: self._inputs(bag, model), lambda: self._poses(bag)])
-        drive = self._drive(file, model, inputs, poses)
-        return to_logs([drive], self, self.poses.held)
+            inputs = BagReading(bag, model, *own, self.poses.topic)
+            (turned, said), (quantities, poses) = together([inputs.read, lambda: self._poses(bag, inputs)])
+        drive = _drive(file, model, turned, poses, quantities)
+        return to_logs([drive.with_found(*said)], self, self.poses.held)
 
-    def _poses(self, bag: Bag) -> Series:
-        topic = bag.topic(self.poses.topic, POSES, "poses")
-        frames = self.poses.frame, self.poses.child
-        return read_poses(bag, topic, self.clock, *frames, skip=self.skip_invalid_rows)
+    def _poses(self, bag: Bag, inputs: BagReading) -> tuple[tuple[str, ...], Series]:
+        own = inputs.odometry if self._alike else set()
+        topic = self.poses.found(bag, own)
+        if topic in own:
+            text = f"{topic} is the robot's own odometry, which its inputs are; the reference is another"
+            raise bag.flaw("poses", text, "poses", "topic")
+        series = self.poses.read(bag, topic, self.clock, skip=self.skip_invalid_rows)
+        return self.poses.quantities(bag, topic), series
 
-    def _inputs(self, bag: Bag, model: System) -> list[tuple[Series, Turned]]:
-        topic = bag.topic(self.joint_states, (JOINTS,), "joint_states")
-        joints = read_joints(bag, topic, self.clock)
-        if not joints.names:
-            raise bag.flaw(topic, "no joint states")
-        return together(partial(self._input, bag, joints, entry) for entry in model.inputs)
-
-    def _input(self, bag: Bag, joints: Joints, entry: Input) -> tuple[Series, Turned]:
-        given = self.inputs.get(entry.name) or JointInput()
-        name = given.joint or _named_like(entry.name, joints.names)
-        if name not in joints.names:
-            hint = (name and did_you_mean(name, joints.names)) or ";"
-            missing = f"no joint {name}" if name else "it is not clear which joint this is"
-            text = f"{missing}{hint} the bag has {', '.join(joints.names)}"
-            raise bag.flaw(entry.name, text, "inputs", entry.name, "joint")
-        by_angle = given.form != "speed" if name in joints.positions else False
-        series = (joints.positions if by_angle or not entry.drives else joints.speeds).get(name)
-        if series is None or (given.form == "angle" and not by_angle):
-            wanted = "speeds" if entry.drives and given.form != "angle" else "positions"
-            text = f"the joint {name} has no {wanted} in the bag"
-            raise bag.flaw(entry.name, text, "inputs", entry.name, "form")
-        series = series.finite(self.skip_invalid_rows).without_repeats()
-        turned = _turned(series, given, entry, by_angle)
-        flaws = [*series.clock_flaws(), *turned.flaws]
-        if flaws:
-            raise LogError(flaws)
-        return series, turned
-
-    def _drive(
-        self, file: Path, model: System, inputs: list[tuple[Series, Turned]], poses: Series
-    ) -> RecordedDrive:
-        times, values = on_one_clock([(series.times, turned.integral) for series, turned in inputs])
-        if not len(times):
-            text = "the joints of the inputs were logged one after the other, not at the same time"
-            raise LogError.about(file, text, "inputs")
-        first = inputs[0][0]
-        lines = first.lines[np.clip(np.searchsorted(first.times, times), 0, len(first) - 1)]
-        skipped = {line for series, _ in inputs for line in series.skipped}
-        arrived = {line for series, _ in inputs for line in series.lines.tolist()} | skipped
-        wraps = sum(turned.wraps for _, turned in inputs)
-        integrals = replace(
-            first, times=times, values=values, lines=lines, skipped=tuple(skipped), arrived=len(arrived)
-        )
-        text = f"joint angles began anew {wraps} times; unwrapped"
-        return RecordedDrive(
-            name=file.stem,
-            names=model.input_names,
-            inputs=integrals,
-            poses=poses,
-            quantities=QUANTITIES,
-            driving=np.array([entry.drives for entry in model.inputs]),
-            bridged=np.array([turned.bridges for _, turned in inputs]),
-            one_clock=False,
-            found=(Finding("counter_wrapped", text),) if wraps else (),
-        )
+    @property
+    def _alike(self) -> bool:
+        # Transforms of one topic may be those of odometry, and of others the reference.
+        if not isinstance(self.inputs, OdometryTopic):
+            return True
+        return (self.inputs.frame, self.inputs.child) == (self.poses.frame, self.poses.child)
 
 
-def _named_like(name: str, joints: tuple[str, ...]) -> str:
-    # The words by which the robot's inputs differ are in the names of its joints.
-    words = set(name.split("_")) - {"wheel", "speed", "angle"}
-    fitting = [joint for joint in joints if words <= set(re.split(r"[\W_]+", joint.lower()))]
-    return fitting[0] if len(fitting) == 1 else ""
-
-
-def _turned(series: Series, given: JointInput, entry: Input, by_angle: bool) -> Turned:
-    if entry.drives and by_angle:
-        found = counted(series, 0, str(given.joint or entry.name), given.wrap)
-        return Turned(given.sign * found.integral, True, found.wraps, found.flaws)
-    return Turned(given.sign * held_integral(series.times, series.values[:, 0], given.held))
+def _drive(
+    file: Path, model: System, inputs: list[Reading], poses: Series, quantities: tuple[str, ...]
+) -> RecordedDrive:
+    times, values = on_one_clock([(series.times, turned.integral) for series, turned in inputs])
+    if not len(times):
+        text = "the inputs were logged one after the other, not at the same time"
+        raise LogError.about(file, text, "inputs")
+    first = inputs[0][0]
+    lines = first.lines[np.clip(np.searchsorted(first.times, times), 0, len(first) - 1)]
+    skipped = {line for series, _ in inputs for line in series.skipped}
+    arrived = {line for series, _ in inputs for line in series.lines.tolist()} | skipped
+    wraps = sum(turned.wraps for _, turned in inputs)
+    integrals = replace(
+        first, times=times, values=values, lines=lines, skipped=tuple(skipped), arrived=len(arrived)
+    )
+    text = f"angles began anew {wraps} times; unwrapped"
+    return RecordedDrive(
+        name=file.stem,
+        names=model.input_names,
+        inputs=integrals,
+        poses=poses,
+        quantities=quantities,
+        driving=np.array([entry.drives for entry in model.inputs]),
+        bridged=np.array([turned.bridges for _, turned in inputs]),
+        one_clock=False,
+        found=(Finding("counter_wrapped", text),) if wraps else (),
+    )

@@ -9,32 +9,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bags import ODOMETRY, START, STORES, TYPES, Message, header, quaternion, write_bag, write_bag_1
 from logged import INPUTS, ROBOT, doubtful, drive, flaws_of, found, read_one
-from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.rosbag2 import StoragePlugin
 
 from oed.foundation.errors import ProblemError
 from oed.logs import BagForm, read_logs
 from oed.robots.models import Tricycle
 
 TABLE = drive(60)
-START = 1_700_000_000.0
 ANGLES = np.vstack([np.zeros(2), np.cumsum(TABLE[:-1, 1:3] * np.diff(TABLE[:, 0])[:, None], axis=0)])
-TYPES = get_typestore(Stores.ROS2_HUMBLE).types
-STORES = {"ros2": get_typestore(Stores.ROS2_HUMBLE), "ros1": get_typestore(Stores.ROS1_NOETIC)}
 JOINTS = ("base_wheel_right_joint", "base_wheel_left_joint")
-ODOMETRY = "nav_msgs/msg/Odometry"
-
-Message = tuple[str, float, Any]
-"""Topic, seconds of recording, message."""
-
-
-def header(time: float, frame: str = "odom", types: Any = TYPES) -> Any:
-    nanoseconds = round(time * 1e9)
-    stamp = types["builtin_interfaces/msg/Time"](sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
-    extra = {"seq": 0} if types is not TYPES else {}
-    return types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame, **extra)
 
 
 def joints(
@@ -54,10 +39,6 @@ def joints(
 def pose_of(row: np.ndarray, types: Any = TYPES) -> Any:
     point = types["geometry_msgs/msg/Point"](x=row[3], y=row[4], z=0.2)
     return types["geometry_msgs/msg/Pose"](position=point, orientation=quaternion(row[5], types))
-
-
-def quaternion(heading: float, types: Any = TYPES) -> Any:
-    return types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=np.sin(heading / 2), w=np.cos(heading / 2))
 
 
 def poses(kind: str, topic: str = "/pose", types: Any = TYPES, frames=("odom", "base_link")) -> list[Message]:
@@ -86,17 +67,6 @@ def _pose_message(make: Any, kind: str, row: np.ndarray, frames: tuple[str, str]
         twist=types["geometry_msgs/msg/Twist"](linear=zero, angular=zero), covariance=np.zeros(36)
     )
     return make(header=head, child_frame_id=frames[1], pose=covariance, twist=twist)
-
-
-def write_bag(path: Path, messages: list[Message], plugin: StoragePlugin = StoragePlugin.SQLITE3) -> Path:
-    store = STORES["ros2"]
-    with Writer(path, version=9, storage_plugin=plugin) as writer:
-        topics = {topic: message.__msgtype__ for topic, _, message in messages}
-        known = {topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in topics.items()}
-        for topic, time, message in sorted(messages, key=lambda one: one[1]):
-            data = store.serialize_cdr(message, message.__msgtype__)
-            writer.write(known[topic], round(time * 1e9), data)
-    return path
 
 
 def read(path: Path, **keys: Any):
@@ -128,14 +98,7 @@ class TestRoundTrip:
     def test_ros_1(self, tmp_path: Path):
         store = STORES["ros1"]
         messages = [*joints(TABLE[:, 0], ANGLES, types=store.types), *poses(ODOMETRY, types=store.types)]
-        with Writer1(tmp_path / "drive.bag") as writer:
-            topics = {topic: message.__msgtype__ for topic, _, message in messages}
-            known = {
-                topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in topics.items()
-            }
-            for topic, time, message in messages:
-                data = store.serialize_ros1(message, message.__msgtype__)
-                writer.write(known[topic], round(time * 1e9), data)
+        write_bag_1(tmp_path / "drive.bag", messages)
         require_alike(read(tmp_path / "drive.bag"))
 
     @pytest.mark.parametrize(

@@ -1,0 +1,109 @@
+"""Numbers in the messages of a ROS bag by the path of their field: `wheel.left.velocity`, `data[2]`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import StringConstraints
+
+from oed.foundation.text import did_you_mean
+from oed.logs.bag import Bag, Clock, series_of
+from oed.logs.series import Series
+
+_NAME = r"[A-Za-z_]\w*(\[\d+\])*"
+FieldPath = Annotated[str, StringConstraints(pattern=rf"^{_NAME}(\.{_NAME})*$", max_length=200)]
+"""Names with dots between, and indices from 0 of what has several entries."""
+_STEP = re.compile(r"[A-Za-z_]\w*|\[\d+\]")
+QUATERNION = ("x", "y", "z", "w")
+
+
+class _NoNumber(Exception):
+    """Why a path leads to no number."""
+
+
+def read_fields(
+    bag: Bag, topic: str, paths: Sequence[str], clock: Clock, *named: str, turned: bool = False
+) -> Series:
+    """The numbers that stand at `paths` in every message of a topic, (n, numbers).
+
+    Args:
+        bag: open.
+        topic: that is there.
+        paths: of the fields.
+        clock: that of the messages' headers, or of their recording.
+        named: path of the key in the study's key `log` that names the fields.
+        turned: whether the last path may be that of a quaternion: four numbers, x, y, z, w.
+
+    Raises:
+        LogError: no messages, and paths that lead to no number in one of them.
+    """
+    rows = []
+    for number, (time, message) in enumerate(bag.messages(topic, clock), start=1):
+        try:
+            values = [_number(message, path) for path in paths[: len(paths) - turned]]
+            values += _numbers(message, paths[-1]) if turned else []
+        except _NoNumber as error:
+            raise bag.flaw(topic, f"message {number}: {error}", *named) from None
+        rows.append((time, *values, number))
+    if not rows:
+        raise bag.flaw(topic, "the topic has no messages", *named)
+    return series_of(bag, topic, rows)
+
+
+def _numbers(message: Any, path: str) -> list[float]:
+    value = _at(message, path)
+    if all(hasattr(value, name) for name in QUATERNION):
+        return [float(getattr(value, name)) for name in QUATERNION]
+    return [_number(message, path)]
+
+
+def _number(message: Any, path: str) -> float:
+    value = _at(message, path)
+    if isinstance(value, float | int | np.number) and not isinstance(value, bool):
+        return float(value)
+    raise _NoNumber(f"{path} is no number{_inside(value)}")
+
+
+def _at(message: Any, path: str) -> Any:
+    value, passed = message, ""
+    for step in _STEP.findall(path):
+        value = _entry(value, passed, int(step[1:-1])) if step[0] == "[" else _field(value, passed, step)
+        passed += step if step[0] == "[" or not passed else f".{step}"
+    return value
+
+
+def _field(value: Any, passed: str, name: str) -> Any:
+    known = _fields(value)
+    if name in known:
+        return getattr(value, name)
+    where = f"{passed or 'the message'} has no field {name}"
+    if not known:
+        raise _NoNumber(f"{where}{_inside(value)}")
+    raise _NoNumber(f"{where}{did_you_mean(name, known) or ';'} it has {', '.join(known)}")
+
+
+def _entry(value: Any, passed: str, index: int) -> Any:
+    if not _is_list(value):
+        raise _NoNumber(f"{passed} has no entries, of which [{index}] would be one{_inside(value)}")
+    if index >= len(value):
+        raise _NoNumber(f"{passed} has {len(value)} entries, from [0] on; there is no [{index}]")
+    return value[index]
+
+
+def _inside(value: Any) -> str:
+    # What there is instead.
+    if _is_list(value):
+        return f": it has {len(value)} entries; say which, e.g. [0]"
+    known = _fields(value)
+    return f": it has {', '.join(known)}" if known else f", but {type(value).__name__}"
+
+
+def _is_list(value: Any) -> bool:
+    return isinstance(value, list | tuple | np.ndarray)
+
+
+def _fields(value: Any) -> list[str]:
+    return [name for name in getattr(value, "__dataclass_fields__", {}) if not name.startswith("__")]

@@ -1,0 +1,165 @@
+"""A robot's inputs read from a ROS bag, by what the study says of them and what the bag has."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+from oed.foundation.errors import LogError
+from oed.foundation.text import did_you_mean
+from oed.kernel.dynamics.system import Input, System
+from oed.logs.bag import JOINTS, POSES, Bag, Clock, Joints, read_joints, read_poses
+from oed.logs.bag_fields import read_fields
+from oed.logs.bag_inputs import ODOMETRY, BagInput, OdometryTopic, meant
+from oed.logs.input_forms import InputForm, rims
+from oed.logs.integrals import Turned
+from oed.logs.log import Finding
+from oed.logs.odometry import rolled
+from oed.logs.series import Series, together
+
+Reading = tuple[Series, Turned]
+
+
+@dataclass
+class BagReading:
+    """The inputs of a robot in an open bag.
+
+    Attributes:
+        bag: open.
+        model: the robot.
+        given: what the study says of its inputs.
+        joint_states: topic of the joints, where it is given.
+        commands: topic of the commands, where it is given.
+        clock: that of the messages' headers, or of their recording.
+        skip: whether messages without finite numbers are left out instead of refused.
+        reference: topic of the reference, where it is given.
+    """
+
+    bag: Bag
+    model: System
+    given: dict[str, BagInput] | OdometryTopic
+    joint_states: str | None
+    commands: str | None
+    clock: Clock
+    skip: bool
+    reference: str | None
+
+    def read(self) -> tuple[list[Reading], tuple[Finding, ...]]:
+        """Each input's messages and time integral, and what is to be said of them.
+
+        Raises:
+            LogError: every mistake in them.
+        """
+        if isinstance(self.given, OdometryTopic):
+            return self._odometry(self.given)
+        found = together(partial(self._input, entry) for entry in self.model.inputs)
+        forms = zip(self.model.inputs, (form for _, _, form in found), strict=True)
+        by_rim = rims(forms, self.model)
+        return [(series, turned) for series, turned, _ in found], () if by_rim is None else (by_rim,)
+
+    @cached_property
+    def odometry(self) -> set[str]:
+        """Topics of which the inputs are read, and which have poses, too: the robot's own odometry."""
+        if isinstance(self.given, OdometryTopic):
+            return {self.given.topic}
+        topics = {self._place(entry)[0] or "" for entry in self.model.inputs}
+        return {topic for topic in topics if self.bag.types.get(topic) in POSES}
+
+    def _odometry(self, given: OdometryTopic) -> tuple[list[Reading], tuple[Finding, ...]]:
+        topic = self.bag.topic(given.topic, POSES, "inputs", "inputs", "topic")
+        poses = read_poses(self.bag, topic, self.clock, given.frame, given.child, skip=self.skip)
+        flaws = poses.clock_flaws()
+        if flaws:
+            raise LogError(flaws)
+        poses = poses.without_slips()
+        turned, said = rolled(poses, self.model)
+        return [(poses, one) for one in turned], said
+
+    def _input(self, entry: Input) -> tuple[Series, Turned, InputForm]:
+        given, label = self._of(entry), entry.name
+        topic, path, usual = self._place(entry)
+        if topic is None:
+            series, form, label = self._joint(entry)
+        else:
+            if path is None:
+                text = f"{self.bag.types[topic]} has no {entry.name} by itself; say in which `field` it is"
+                raise self.bag.flaw(entry.name, text, "inputs", entry.name)
+            series = read_fields(self.bag, topic, [path], self.clock, "inputs", entry.name)
+            form = given.made(given.form or ("speed" if entry.drives else "value"), **usual)
+        key, reason = form.reason_against(entry, self.model.lever(entry))
+        if reason:
+            raise self.bag.flaw(entry.name, reason, "inputs", entry.name, key)
+        series = series.finite(self.skip).without_repeats()
+        turned = form.turned(series, 0, entry, self.model.lever(entry), label)
+        flaws = [*series.clock_flaws(), *turned.flaws]
+        if flaws:
+            raise LogError(flaws)
+        return series, turned, form
+
+    def _of(self, entry: Input) -> BagInput:
+        assert isinstance(self.given, dict)
+        return self.given.get(entry.name) or BagInput()
+
+    def _place(self, entry: Input) -> tuple[str | None, str | None, dict[str, object]]:
+        # Topic (None for a joint), path of the field, and what is usual of its form.
+        given, known = self._of(entry), meant(entry, self.model)
+        if given.topic is not None:
+            topic = self.bag.any_topic(given.topic, entry.name, "inputs", entry.name, "topic")
+        elif self._is_joint(given, known):
+            return None, None, {}
+        else:
+            topic = self._commands(known)
+        place = known.get(self.bag.types[topic])
+        if given.field is not None or place is None:
+            return topic, given.field, {"held": "between"}
+        unit = {} if place.unit is None else {"unit": place.unit}
+        return topic, place.path, {"held": place.held, **unit}
+
+    def _is_joint(self, given: BagInput, known: Collection[str]) -> bool:
+        # A speed and a yaw rate are no joint's, and what no message of commands has is one's.
+        if given.joint is not None or not known:
+            return True
+        if self.commands is not None or ODOMETRY in known:
+            return False
+        return self.joint_states is not None or JOINTS in self.bag.types.values()
+
+    def _commands(self, known: Collection[str]) -> str:
+        find = partial(self.bag.topic, self.commands)
+        plain = [kind for kind in known if kind != ODOMETRY]
+        if self.commands is not None or any(kind in plain for kind in self.bag.types.values()):
+            return find(list(known) if self.commands else plain, "commands", "commands")
+        return find(list(known), "commands", "commands", taken=[self.reference or ""])
+
+    @cached_property
+    def _joints(self) -> Joints:
+        topic = self.bag.topic(self.joint_states, (JOINTS,), "joint_states")
+        joints = read_joints(self.bag, topic, self.clock)
+        if not joints.names:
+            raise self.bag.flaw(topic, "no joint states")
+        return joints
+
+    def _joint(self, entry: Input) -> tuple[Series, InputForm, str]:
+        given, joints = self._of(entry), self._joints
+        name = given.joint or _named_like(entry.name, joints.names)
+        if name not in joints.names:
+            hint = (name and did_you_mean(name, joints.names)) or ";"
+            missing = f"no joint {name}" if name else "it is not clear which joint this is"
+            text = f"{missing}{hint} the bag has {', '.join(joints.names)}"
+            raise self.bag.flaw(entry.name, text, "inputs", entry.name, "joint")
+        usual = "speed" if entry.drives and name not in joints.positions else "angle"
+        form = given.form or (usual if entry.drives else "value")
+        series = (joints.speeds if form == "speed" else joints.positions).get(name)
+        if series is None:
+            text = f"the joint {name} has no {'speeds' if form == 'speed' else 'positions'} in the bag"
+            raise self.bag.flaw(entry.name, text, "inputs", entry.name, "form")
+        made = given.made(form, held="between", cumulative=True)
+        return series, made, str(given.joint or entry.name)
+
+
+def _named_like(name: str, joints: tuple[str, ...]) -> str:
+    # The words by which the robot's inputs differ are in the names of its joints.
+    words = set(name.split("_")) - {"wheel", "speed", "angle"}
+    fitting = [joint for joint in joints if words <= set(re.split(r"[\W_]+", joint.lower()))]
+    return fitting[0] if len(fitting) == 1 else ""
