@@ -17,7 +17,7 @@ from oed.estimation.methods.gls import WeightedWindows
 from oed.estimation.methods.joint import JointSearch
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows
-from oed.estimation.prediction.layout import SegmentLayout, cut
+from oed.estimation.prediction.layout import FEWEST, SegmentLayout, cut, shortest_seconds, usual_step
 from oed.estimation.preprocessing.preprocess import PreparedLogs
 from oed.estimation.setup.noise import LEAST, group_of, groups, places_of, specified_noise
 from oed.estimation.setup.options import CalibrationOptions
@@ -39,10 +39,6 @@ ASKEW = 0.5
 """Angle by which a sensor has to be turned on the robot for the search to start from there [rad]."""
 USUAL = 2.0
 """Length of a window, where none is given [s]: drift hardly shows, and pose noise is small beside motion."""
-SHORTEST = 1.0
-"""Length of the shortest segments tried [s]."""
-FEWEST = 8
-"""Steps that the shortest segments have at least."""
 GROWTH = 2.0
 """Factor by which the residuals' variance may grow with the length of segments before it counts as drift."""
 
@@ -102,8 +98,7 @@ def spread(fit: Fit) -> dict[str, float]:
 
 
 def _lengths(whole: SegmentLayout) -> Iterator[float]:
-    steps = whole.steps[whole.steps > 0]
-    seconds = max(SHORTEST, FEWEST * float(np.median(steps)))
+    seconds = shortest_seconds(whole)
     longest = float((whole.times[:, -1] - whole.times[:, 0]).max())
     while seconds < longest / 1.5:
         yield seconds
@@ -275,4 +270,4 @@ def _require_enough(fit: Fit) -> None:
 
 def usual_seconds(layout: SegmentLayout) -> float:
     """The length of windows where none is given [s], for logs of such steps."""
-    return max(USUAL, FEWEST * float(np.median(layout.steps[layout.steps > 0])))
+    return max(USUAL, FEWEST * usual_step(layout))

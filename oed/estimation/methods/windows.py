@@ -93,7 +93,12 @@ class Windows:
     def measured(self) -> Array:
         """The motion of each window, (S, 3)."""
         last = self.layout.valid.sum(axis=1) - 1
-        return np.asarray(relative_to_first(self._poses)[np.arange(self.layout.count), last])
+        return np.asarray(self.relative[np.arange(self.layout.count), last])
+
+    @cached_property
+    def relative(self) -> Array:
+        """Measured poses, seen from the window's first, (S, n + 1, 3)."""
+        return relative_to_first(self._poses)
 
     @cached_property
     def linked(self) -> Bools:

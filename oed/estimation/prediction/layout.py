@@ -26,6 +26,8 @@ BEFORE, PARTS = 5.0, 50
 """Time that is looked back on before a segment [s], and in how many periods: longer than any lag lasts."""
 GAP = 5.0
 """How many times the usual period a step in time has to be to count as a gap."""
+SHORTEST, FEWEST = 1.0, 8
+"""Length of the shortest segments that are tried [s], and how many steps they have at least."""
 
 
 @dataclass(frozen=True)
@@ -176,6 +178,16 @@ def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> Segmen
         valid[row, : len(part)] = True
     owner = np.array([number for number, _ in pieces])
     return SegmentLayout(tuple(logs), owner, times, readings, valid, seconds)
+
+
+def shortest_seconds(layout: SegmentLayout) -> float:
+    """Length of the shortest segments worth trying, for logs of such steps [s]."""
+    return max(SHORTEST, FEWEST * usual_step(layout))
+
+
+def usual_step(layout: SegmentLayout) -> float:
+    """The median of the steps [s]."""
+    return float(np.median(layout.steps[layout.steps > 0]))
 
 
 def stretches(log: Log, offset: float) -> list[Places]:
