@@ -232,6 +232,8 @@ def print_next(found: NextDrive) -> None:
         errors = (error_text(error, factor) for error in (one.now, one.wanted, one.next))
         table.add_row(_cell(words(one.name)), _cell(unit), to_error(one.value, one.now, factor), *errors)
     _console().print(table)
+    if found.basis:
+        tell(found.basis)
     tell(found.reason)
 
 

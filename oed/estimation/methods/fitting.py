@@ -6,7 +6,7 @@ Segments are as long as no drift shows in them beside the sensor's noise.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,6 +18,7 @@ from oed.estimation.methods.joint import JointSearch
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows
 from oed.estimation.prediction.layout import FEWEST, SegmentLayout, cut, shortest_seconds, usual_step
+from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.preprocessing.preprocess import PreparedLogs
 from oed.estimation.setup.noise import LEAST, group_of, groups, places_of, specified_noise
 from oed.estimation.setup.options import CalibrationOptions
@@ -157,6 +158,31 @@ class Fitting:
             unknowns = replace(unknowns, place=tuple(name for name in unknowns.place if name not in hidden))
             segmenting, fit = self._solved(prepared, unknowns)
         return Fitted(fit, segmenting, tuple(notes))
+
+    def planned(self, logs: Sequence[Log], seconds: float, noises: Mapping[str, Noise]) -> Fit:
+        """What the joint fit will be to readings of such noise, by logs without any error of the robot at its
+        nominal parameters.
+
+        Args:
+            logs: of the drives.
+            seconds: length of the segments; infinite for whole logs.
+            noises: of the readings.
+        """
+        prepared = PreparedLogs(tuple(logs), np.zeros(len({log.file for log in logs})), 0.0)
+        unknowns = self._unknowns(prepared)
+        fit = self._at_nominal(prepared, unknowns, seconds, noises)
+        shown = tuple(name for name in unknowns.place if name not in _hidden_by_place(fit))
+        if shown == unknowns.place:
+            return fit
+        return self._at_nominal(prepared, replace(unknowns, place=shown), seconds, noises)
+
+    def _at_nominal(
+        self, prepared: PreparedLogs, unknowns: Unknowns, seconds: float, noises: Mapping[str, Noise]
+    ) -> Fit:
+        layout = cut(prepared.logs, seconds, prepared.clocks)
+        search = JointSearch(layout, unknowns, prepared.offsets, self._known(unknowns), specified=noises)
+        starts = LoggedReadings.of(layout, unknowns, prepared.offsets).first_starts(unknowns.nominal)
+        return search.at_first.fit(unknowns.nominal, starts)
 
     @cached_property
     def _mount(self) -> Mount:
