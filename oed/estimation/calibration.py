@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from oed.estimation.assessment.covariance import (
+    Blocks,
     Covariance,
     blocks_of,
     bootstrap,
@@ -19,12 +20,14 @@ from oed.estimation.assessment.covariance import (
 from oed.estimation.assessment.dead_reckoning import HeldOut, cross_validated, held_out
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
 from oed.estimation.assessment.doubts import Doubt, plausibility_doubts
+from oed.estimation.assessment.drift import drift
 from oed.estimation.assessment.model_selection import Comparison, ModelSelection
+from oed.estimation.methods.drift_rates import DriftRates, drift_rates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting, Segmenting
 from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess, thinned, thinning_notes
 from oed.estimation.setup.noise import specified_noise
-from oed.estimation.setup.options import CalibrationOptions, alternative_flaws
+from oed.estimation.setup.options import CalibrationOptions, CovarianceName, alternative_flaws
 from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
 from oed.foundation.moved import Renamed
@@ -49,6 +52,7 @@ class Calibration(Brief, Renamed):
         fit: the solution.
         covariances: by the ways that apply, the chosen one first.
         segmenting: how the length of segments was found, None where it was given.
+        drift: how fast the robot drifts, None of methods that compare windows.
         logs: that were used, with what was found in them.
         diagnostics: tests of what the fit leaves.
         weak_directions: what is not identifiable from the logs.
@@ -64,6 +68,7 @@ class Calibration(Brief, Renamed):
     fit: Fit
     covariances: tuple[Covariance, ...]
     segmenting: Segmenting | None
+    drift: DriftRates | None
     logs: tuple[Log, ...]
     diagnostics: tuple[Diagnostic, ...]
     weak_directions: tuple[str, ...]
@@ -73,6 +78,13 @@ class Calibration(Brief, Renamed):
     own: HeldOut | None
     comparison: Comparison | None
     notes: tuple[str, ...]
+
+    @property
+    def drifts(self) -> bool | None:
+        """Whether the logs show drift; None where they leave it open, or it was not asked."""
+        if self.segmenting is None or self.segmenting.drifts or self.drift is None:
+            return None if self.segmenting is None else self.segmenting.drifts
+        return self.drift.shown
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -182,9 +194,12 @@ class _Work:
         segmenting, fit = fitted.segmenting, fitted.fit
         notes = [*thinning_notes(self.logs, found.logs), *fitted.notes]
         self.announce("error bars")
-        covariances = self._covariances(fit, segmenting)
-        if len(covariances) == 1 and (fit.motions or (segmenting is not None and segmenting.drifts)):
+        rates = None if fit.motions else drift_rates(fit)
+        covariances = self._covariances(fit, segmenting, rates)
+        if len(covariances) == 1:
             notes.append(TOO_SHORT)
+        if rates is not None and covariances[0].name == "drift":
+            notes.append(rates.words)
         self.announce("checks")
         logs = _with_clocks(found.logs, fit)
         alone = len(logs) == 1 and _has_positions(logs)
@@ -193,6 +208,7 @@ class _Work:
             fit=fit,
             covariances=covariances,
             segmenting=segmenting,
+            drift=rates,
             logs=logs,
             diagnostics=diagnostics(fit, specified_noise(self.problem.measurement, logs[0].averaged)),
             weak_directions=weak_directions(fit, covariances[0].matrix),
@@ -209,7 +225,8 @@ class _Work:
             return None
 
         def covariance(other: Fit) -> Covariance:
-            return self._covariances(other, segmenting)[0]
+            rates = None if other.motions else drift_rates(other)
+            return self._covariances(other, segmenting, rates)[0]
 
         return ModelSelection(self._fitting, found, covariance, self.announce).compared(fit)
 
@@ -237,22 +254,23 @@ class _Work:
                 matrix[np.ix_(places, places)] += one.prior[np.ix_(own, own)]
         return matrix
 
-    def _covariances(self, fit: Fit, segmenting: Segmenting | None) -> tuple[Covariance, ...]:
+    def _covariances(
+        self, fit: Fit, segmenting: Segmenting | None, rates: DriftRates | None
+    ) -> tuple[Covariance, ...]:
         block = None if self.options.block == "auto" else float(self.options.block)
         blocks, rng = blocks_of(fit, block), np.random.default_rng(self.seed)
         found = [information(fit)]
+        if rates is not None:
+            found.append(drift(fit, rates))
         # From very few parts their disagreement cannot be judged.
         if judgeable(fit, blocks):
             found += [sandwich(fit, blocks), bootstrap(fit, blocks, self.options.replicates, rng)]
-        wanted = self.options.covariance
+        names, wanted = [one.name for one in found], self.options.covariance
         if wanted == "auto":
-            drifts = segmenting is None or segmenting.drifts
-            wanted = "bootstrap" if drifts and len(found) > 1 else "information"
-        if wanted not in [one.name for one in found]:
-            text = (
-                f"the logs are too short for {wanted}: {blocks.independent} blocks; log more, or information"
-            )
-            raise ProblemError.about(("calibration", "covariance"), text)
+            drifts = segmenting is not None and segmenting.drifts
+            wanted = _most_trusted(names, blocks, rates, drifts)
+        if wanted not in names:
+            raise ProblemError.about(("calibration", "covariance"), _missing(wanted, blocks))
         return tuple(sorted(found, key=lambda one: one.name != wanted))
 
 
@@ -260,6 +278,28 @@ def _clocks(fit: Fit, other: PreparedLogs) -> list[float]:
     # Of logs from a file of the fit as that has them.
     known = dict(zip(fit.layout.clocks, map(float, fit.clock_offsets), strict=True))
     return [known.get(log.file, own) for log, own in zip(other.logs, other.clocks, strict=True)]
+
+
+def _most_trusted(
+    names: Sequence[CovarianceName], blocks: Blocks, rates: DriftRates | None, drifts: bool
+) -> CovarianceName:
+    # How much whole logs disagree shows whatever goes wrong; parts of a log share what is wrong with all of
+    # it, so that their disagreement says too little, and less than a random walk whose rates logs show.
+    if rates is None:
+        return "bootstrap" if "bootstrap" in names else "information"
+    if rates.shown is False and not drifts:
+        return "information"
+    if "bootstrap" in names and (blocks.whole_logs or rates.seconds is None):
+        return "bootstrap"
+    return "drift"
+
+
+def _missing(wanted: CovarianceName, blocks: Blocks) -> str:
+    if wanted == "drift":
+        return "drift is judged beside all poses of segments; use method: joint, or bootstrap"
+    return (
+        f"the logs are too short for {wanted}: {blocks.independent} blocks; log more, or information or drift"
+    )
 
 
 def _has_positions(logs: Sequence[Log]) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from oed.foundation.errors import Flaw, LogError
 from oed.kernel.dynamics.system import System
-from oed.logs.bag import Bag, Clock, open_bag
+from oed.logs.bag import JOINTS, POSES, Bag, Clock, open_bag
 from oed.logs.bag_inputs import AnyBagInputs, OdometryTopic, meant
 from oed.logs.bag_poses import PoseTopic
 from oed.logs.bag_reading import BagReading, Reading
@@ -63,7 +63,10 @@ class BagForm(LogForm):
     @property
     def topics(self) -> tuple[str, ...]:
         """The topics that it names."""
-        return tuple(one for one in (self.joint_states, self.poses.topic) if one is not None)
+        inputs = [self.inputs] if isinstance(self.inputs, OdometryTopic) else self.inputs.values()
+        own = [getattr(one, "topic", None) for one in inputs]
+        named = (self.joint_states, self.commands, *own, self.poses.topic)
+        return tuple(dict.fromkeys(one for one in named if one is not None))
 
     @property
     def types(self) -> tuple[str, ...]:

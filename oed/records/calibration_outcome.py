@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from oed.estimation import Calibration, Compared, Comparison, DeadReckoning, HeldOut, correlations
+from oed.estimation.methods.drift_rates import DriftRates
 from oed.estimation.setup.noise import group_of, groups, places_of
 from oed.foundation.arrays import Array
 from oed.records.stored.compared import ComparedModel, FittedParameter, Models
@@ -16,6 +17,7 @@ from oed.records.stored.estimate import (
     Correlations,
     Estimated,
     EstimateRecord,
+    FoundDrift,
     FoundNoise,
     ReadLog,
     Reckoned,
@@ -50,6 +52,7 @@ def estimate_of(found: Calibration, **origin: Any) -> EstimateRecord:
         coefficients=_coefficients(found),
         nuisances=_nuisances(found),
         segments=_segments(found),
+        drift=_drift(found.drift),
         noise=[
             FoundNoise.of(noise, about=name, unit=_unit_of(name)) for name, noise in found.fit.noises.items()
         ],
@@ -128,13 +131,27 @@ def _segments(found: Calibration) -> Segments:
     return Segments.of(
         layout,
         chosen=chosen is not None,
-        drifts=None if chosen is None else chosen.drifts,
+        drifts=found.drifts,
         tried=[]
         if chosen is None
         else [
             TriedLength.of(seconds=length).model_copy(update=dict(sizes))
             for length, sizes in chosen.tried.items()
         ],
+    )
+
+
+def _drift(rates: DriftRates | None) -> FoundDrift | None:
+    if rates is None:
+        return None
+    ahead, sideways, by_path, by_turning = np.sqrt(rates.values)
+    return FoundDrift.of(
+        ahead=ahead,
+        sideways=sideways,
+        turn_by_path=by_path,
+        turn_by_turning=by_turning,
+        shown=rates.shown,
+        seconds=rates.seconds,
     )
 
 

@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 
 from oed.foundation.arguments import typed
@@ -26,6 +25,7 @@ from oed.study.yaml_source import plain_source
 from oed.uncertainty.uncertainty import Uncertainty
 from oed.workflow.aims import aims_of, stretch
 from oed.workflow.estimate_logs import estimate
+from oed.workflow.next_precision import predicted
 from oed.workflow.runner import run
 from oed.workflow.saving import RunFolder, outdated, run_folder
 
@@ -71,6 +71,7 @@ class NextDrive(Brief):
         gain: share by which the worst standard error falls, in units of what is wanted or of the value.
         stop: whether to stop driving.
         reason: why, or why not.
+        basis: what the standard errors after the next drive rest on, in words; "" where there are none.
         folder: where it is saved, None where it is not.
     """
 
@@ -81,6 +82,7 @@ class NextDrive(Brief):
     gain: float | None
     stop: bool
     reason: str
+    basis: str = ""
     folder: Path | None = None
 
     @property
@@ -90,6 +92,7 @@ class NextDrive(Brief):
         return {
             "stop": self.stop,
             "reason": self.reason,
+            "basis": self.basis,
             "gain": self.gain,
             "precision": [asdict(one) for one in self.precision],
             "design": best,
@@ -209,9 +212,9 @@ def _refuse_outside(record: Record, logs: Iterable[str | Path]) -> None:
 def _decided(
     found: EstimateRecord, study: Study, record: Record, wanted: Mapping[str, float], least_gain: float
 ) -> NextDrive:
-    predicted = _predicted(record, found)
-    precision = _precision(found, wanted, predicted)
-    if record.interrupted or not predicted:
+    after = predicted(record, found, study)
+    precision = _precision(found, wanted, after.errors)
+    if record.interrupted or not after.errors:
         missing = "no feasible drive was found; the record says which limit is in the way"
         reason = "the search was interrupted; run it again" if record.interrupted else missing
         return NextDrive(found, study, record, precision, None, False, reason)
@@ -222,7 +225,7 @@ def _decided(
     stop = gain < least_gain
     reason = f"another drive takes {100 * gain:.1f} % off the worst standard error"
     reason += f", less than {100 * least_gain:.1f} %: stop" if stop else ": drive it"
-    return NextDrive(found, study, record, precision, float(gain), bool(stop), reason)
+    return NextDrive(found, study, record, precision, float(gain), bool(stop), reason, basis=after.basis)
 
 
 def require_own_parameters(study: Study) -> None:
@@ -272,33 +275,8 @@ def _narrow(data: dict[str, Any], study: Study, values: Mapping[str, float]) -> 
         data["robust"]["kind"] = "chance" if data["robust"]["kind"] == "scenarios" else data["robust"]["kind"]
 
 
-def _predicted(record: Record, found: EstimateRecord) -> dict[str, float]:
-    """Standard errors after the best drive, what is known now included.
-
-    The design takes noise for white. Where error bars are wider than F^-1 makes them, the next drive will
-    have as much less information as these logs had.
-    """
-    best = record.best
-    if best is None or not best.covariances:
-        return {}
-    names, known = list(found.values), np.array(found.covariance, dtype=float)
-    gained = np.zeros_like(known)
-    for one in best.covariances:
-        places = [names.index(name) for name in one.parameters]
-        own, then = np.ix_(places, places), np.array(one.covariance, dtype=float)
-        gained[own] += np.linalg.inv(then) - np.linalg.inv(known[own])
-    after = np.linalg.inv(np.linalg.inv(known) + gained / _excess(found))
-    return dict(zip(names, map(float, np.sqrt(np.diag(after))), strict=True))
-
-
-def _excess(found: EstimateRecord) -> float:
-    # How many times the variances are what F^-1 says.
-    pairs = [(found.errors[one.name], one.error("information")) for one in found.parameters]
-    return max(1.0, float(np.mean([(error / predicted) ** 2 for error, predicted in pairs if predicted])))
-
-
 def _precision(
-    found: EstimateRecord, wanted: Mapping[str, float], predicted: Mapping[str, float]
+    found: EstimateRecord, wanted: Mapping[str, float], after: Mapping[str, float]
 ) -> tuple[Precision, ...]:
     return tuple(
         Precision(
@@ -308,7 +286,7 @@ def _precision(
             now=one.standard_error,
             size=one.size,
             wanted=wanted.get(one.name),
-            next=predicted.get(one.name),
+            next=after.get(one.name),
         )
         for one in found.parameters
     )

@@ -40,19 +40,22 @@ class TestOptions:
     def test_defaults(self):
         found = calibrate(logged_problem(), [LOG])
         assert within(found)
-        assert found.covariances[0].name == "information"
+        # Six seconds are too short to show whether the robot drifts.
+        assert [one.name for one in found.covariances] == ["drift", "information"]
+        assert found.drifts is None
         assert found.segmenting is not None
         assert found.segmenting.seconds == np.inf
         assert found.fit.converged
-        assert found.notes == ()
+        (note,) = found.notes
+        assert note.startswith("drift, as windows of 1 s show it beside the noise of poses: ")
         assert by_name(found.fit)["sensor_x"] == pytest.approx(0.1, abs=0.002)
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("way", ["information", "sandwich", "bootstrap"])
+    @pytest.mark.parametrize("way", ["information", "drift", "sandwich", "bootstrap"])
     def test_covariance(self, way):
         found = found_by(MANY, covariance=way, segment=1.0, replicates=200)
         assert found.covariances[0].name == way
-        assert {one.name for one in found.covariances} == {"information", "sandwich", "bootstrap"}
+        assert {one.name for one in found.covariances} == {"information", "drift", "sandwich", "bootstrap"}
         assert within(found)
         assert found.standard_deviations == pytest.approx(
             dict(zip(found.parameters, found.covariances[0].deviations[:3], strict=True))

@@ -12,7 +12,7 @@ from oed.estimation import calibrate
 from oed.estimation.preprocessing.moves import Moves
 from oed.estimation.preprocessing.wiring_checks import frozen
 from oed.estimation.setup.unknowns import specified_mount
-from oed.foundation.errors import LogError
+from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.dynamics.system import Parameter
 from oed.robots.models import OmniThree
 from oed.robots.sensors import Poses
@@ -60,7 +60,8 @@ def test_one_log_that_drifts_has_wide_error_bars():
         log = log_of(course(seconds=60.0, seed=seed, drift=0.001), noise=NOISE)
         found = calibrate(logged_problem(), [log], options(clock_offset=False))
         errors = {one.name: one.deviations[:3] for one in found.covariances}
-        assert next(iter(errors)) == "bootstrap"
+        assert next(iter(errors)) == "drift"
+        assert np.all(errors["drift"] > 2 * errors["information"])
         assert np.all(errors["bootstrap"] > 2 * errors["information"])
 
 
@@ -76,12 +77,27 @@ def test_logs_are_blocks_by_themselves_where_there_are_enough():
     assert 0.4 < np.sqrt(np.mean(np.square(scores))) < 2.2
 
 
-def test_a_short_log_that_drifts_says_that_its_error_bars_are_too_small():
+def test_a_short_log_that_drifts_has_error_bars_of_drift():
     log = log_of(course(seconds=3.5, drift=0.05), noise=(0.0002, 0.0005))
     found = calibrate(logged_problem(), [log])
     assert found.segmenting.drifts
+    assert found.drifts
+    drift, information = found.covariances
+    assert (drift.name, information.name) == ("drift", "information")
+    assert np.all(drift.deviations[:3] > 1.3 * information.deviations[:3])
+
+
+def test_of_few_windows_there_is_f_alone_and_a_warning():
+    chosen = options(method="two_stage", block=5.0, clock_offset=False, sensor_place=())
+    found = calibrate(logged_problem(), [log_of(course(seconds=10.0), noise=(0.0002, 0.0005))], chosen)
     assert [one.name for one in found.covariances] == ["information"]
     assert any("true errors are several times as large" in note for note in found.notes)
+
+
+def test_drift_is_judged_by_all_poses():
+    log = log_of(course(seconds=20.0), noise=(0.0002, 0.0005))
+    with pytest.raises(ProblemError, match=r"calibration\.covariance: .*use method: joint"):
+        calibrate(logged_problem(), [log], options(method="gls", covariance="drift"))
 
 
 @pytest.mark.parametrize(

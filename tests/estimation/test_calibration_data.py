@@ -51,8 +51,14 @@ class TestData:
             assert (low + high) / 2 == pytest.approx(entry["value"])
             assert (high - low) / 2 == pytest.approx(data["half_width"] * entry["standard_error"])
             assert abs(entry["value"] - TRUTH[entry["name"]]) < high - low
-            assert set(entry["standard_errors"]) == {"information", "sandwich", "bootstrap"}
+            assert set(entry["standard_errors"]) == {"information", "drift", "sandwich", "bootstrap"}
         assert EstimateRecord.model_validate(data).values == dict(zip(TRUTH, calibration.values, strict=True))
+
+    def test_drift(self, calibration: Calibration, data: dict):
+        found = data["drift"]
+        rates = [found[name] ** 2 for name in ("ahead", "sideways", "turn_by_path", "turn_by_turning")]
+        assert rates == pytest.approx(calibration.drift.values)
+        assert found["seconds"] == calibration.drift.seconds
 
     def test_correlation_is_the_covariances(self, data: dict):
         covariance, correlation = np.array(data["covariance"]), np.array(data["correlation"])

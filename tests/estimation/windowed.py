@@ -59,13 +59,17 @@ def drifting(drive: Course, parameters: np.ndarray, drift: Sequence[float], seed
     Args:
         drive: without them.
         parameters: true ones.
-        drift: deviations ahead, sideways [m] and of the heading [rad] after 1 m of path, white.
+        drift: deviations ahead, sideways [m] and of the heading [rad] after 1 m of path, white, and perhaps
+            of the heading after 1 rad of turning.
         seed: of the errors.
     """
     rng, steps = np.random.default_rng([seed, 3]), np.diff(drive.times)
     twists = twists_of(drive.model, drive.inputs, parameters)
-    sizes = np.sqrt(np.abs(twists[:, 0]) * steps)[:, None] * np.array(drift) / steps[:, None]
-    return replace(drive, states=arcs(ORIGIN, twists + sizes * rng.normal(size=twists.shape), steps))
+    variances = np.abs(twists[:, :1]) * steps[:, None] * np.square(drift[:3])
+    for by_turning in drift[3:]:
+        variances[:, 2] += np.abs(twists[:, 2]) * steps * by_turning**2
+    errors = np.sqrt(variances) / steps[:, None] * rng.normal(size=twists.shape)
+    return replace(drive, states=arcs(ORIGIN, twists + errors, steps))
 
 
 def misses(fit: Callable[[int], Fit], truth: np.ndarray, count: int) -> tuple[np.ndarray, list[Fit]]:

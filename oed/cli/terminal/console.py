@@ -227,6 +227,8 @@ def print_worth(found: DrivenPaths) -> None:
 def print_next(found: NextDrive) -> None:
     """Standard errors now, wanted and after the next drive, and whether to drive it."""
     print_precision(found.precision)
+    if found.basis:
+        tell(found.basis)
     tell(found.reason)
 
 

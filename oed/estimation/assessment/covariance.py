@@ -91,9 +91,13 @@ def judgeable(fit: Fit, blocks: Blocks) -> bool:
 
 def information(fit: Fit) -> Covariance:
     """F^-1, of robust losses H^-1 M H^-1: right where the noise is as modelled, white and without drift."""
-    spread = fit.swing * fit.information.sum(axis=0) + fit.knowledge
-    matrix = fit.response @ spread @ fit.response
+    matrix = fit.response @ white_scores(fit) @ fit.response
     return Covariance(matrix, float(fit.redundancy.sum()), "information")
+
+
+def white_scores(fit: Fit) -> Array:
+    """Covariance (q, q) of the scores where the noise is as modelled, what was known before included."""
+    return np.asarray(fit.swing * fit.information.sum(axis=0) + fit.knowledge)
 
 
 def sandwich(fit: Fit, blocks: Blocks) -> Covariance:

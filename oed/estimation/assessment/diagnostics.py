@@ -118,7 +118,7 @@ def _whiteness(fit: Fit, group: str, places: list[int]) -> Diagnostic:
     else:
         text = (
             f"{group} residuals are not white (correlation {values[0]:.2f} from one reading to the next): "
-            "F^-1 is too small; trust the bootstrap or the sandwich"
+            "F^-1 is too small; trust the bootstrap, the sandwich or drift"
         )
     return Diagnostic("whiteness", group, statistic, p_value, p_value > ALPHA, text)
 

@@ -61,7 +61,7 @@ def weighted(root: Array, white: Array) -> Array:
 def product(left: Array, right: Array) -> Array:
     """The band of left @ right.T, both (3 S, k), where that is symmetric."""
     band = np.zeros((ROWS, len(left)))
-    for off in range(ROWS):
+    for off in range(min(ROWS, len(left))):
         band[off, : len(left) - off] = (left[off:] * right[: len(left) - off]).sum(axis=1)
     return band
 

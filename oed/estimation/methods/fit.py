@@ -43,6 +43,8 @@ class Fit(Brief):
         swing: how much less than `information` says the scores vary with a robust loss; 1 for least squares.
         volumes: logarithm of the determinant of the noise's covariance, window by window given those before,
             (S,), where windows' noise is correlated; None where every reading's is its own.
+        by_reading: derivatives of every segment's scores by its readings, 1/SI, (S, n + 1, quantities, q);
+            None of windows and of designed drives.
     """
 
     unknowns: Unknowns
@@ -66,6 +68,7 @@ class Fit(Brief):
     bend: float = 1.0
     swing: float = 1.0
     volumes: Array | None = None
+    by_reading: Array | None = None
 
     @property
     def misfit(self) -> float:

@@ -6,7 +6,7 @@ Segments are as long as no drift shows in them beside the sensor's noise.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,7 +17,8 @@ from oed.estimation.methods.gls import WeightedWindows
 from oed.estimation.methods.joint import JointSearch
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows
-from oed.estimation.prediction.layout import SegmentLayout, cut
+from oed.estimation.prediction.layout import FEWEST, SegmentLayout, cut, shortest_seconds, usual_step
+from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.preprocessing.preprocess import PreparedLogs
 from oed.estimation.setup.noise import LEAST, group_of, groups, places_of, specified_noise
 from oed.estimation.setup.options import CalibrationOptions
@@ -39,10 +40,6 @@ ASKEW = 0.5
 """Angle by which a sensor has to be turned on the robot for the search to start from there [rad]."""
 USUAL = 2.0
 """Length of a window, where none is given [s]: drift hardly shows, and pose noise is small beside motion."""
-SHORTEST = 1.0
-"""Length of the shortest segments tried [s]."""
-FEWEST = 8
-"""Steps that the shortest segments have at least."""
 GROWTH = 2.0
 """Factor by which the residuals' variance may grow with the length of segments before it counts as drift."""
 
@@ -103,8 +100,7 @@ def spread(fit: Fit) -> dict[str, float]:
 
 
 def _lengths(whole: SegmentLayout) -> Iterator[float]:
-    steps = whole.steps[whole.steps > 0]
-    seconds = max(SHORTEST, FEWEST * float(np.median(steps)))
+    seconds = shortest_seconds(whole)
     longest = float((whole.times[:, -1] - whole.times[:, 0]).max())
     while seconds < longest / 1.5:
         yield seconds
@@ -163,6 +159,31 @@ class Fitting:
             unknowns = replace(unknowns, place=tuple(name for name in unknowns.place if name not in hidden))
             segmenting, fit = self._solved(prepared, unknowns)
         return Fitted(fit, segmenting, tuple(notes))
+
+    def planned(self, logs: Sequence[Log], seconds: float, noises: Mapping[str, Noise]) -> Fit:
+        """What the joint fit will be to readings of such noise, by logs without any error of the robot at its
+        nominal parameters.
+
+        Args:
+            logs: of the drives.
+            seconds: length of the segments; infinite for whole logs.
+            noises: of the readings.
+        """
+        prepared = PreparedLogs(tuple(logs), np.zeros(len({log.file for log in logs})), 0.0)
+        unknowns = self._unknowns(prepared)
+        fit = self._at_nominal(prepared, unknowns, seconds, noises)
+        shown = tuple(name for name in unknowns.place if name not in _hidden_by_place(fit))
+        if shown == unknowns.place:
+            return fit
+        return self._at_nominal(prepared, replace(unknowns, place=shown), seconds, noises)
+
+    def _at_nominal(
+        self, prepared: PreparedLogs, unknowns: Unknowns, seconds: float, noises: Mapping[str, Noise]
+    ) -> Fit:
+        layout = cut(prepared.logs, seconds, prepared.clocks)
+        search = JointSearch(layout, unknowns, prepared.offsets, self._known(unknowns), specified=noises)
+        starts = LoggedReadings.of(layout, unknowns, prepared.offsets).first_starts(unknowns.nominal)
+        return search.at_first.fit(unknowns.nominal, starts)
 
     @cached_property
     def _mount(self) -> Mount:
@@ -278,4 +299,4 @@ def _require_enough(fit: Fit) -> None:
 
 def usual_seconds(layout: SegmentLayout) -> float:
     """The length of windows where none is given [s], for logs of such steps."""
-    return max(USUAL, FEWEST * float(np.median(layout.steps[layout.steps > 0])))
+    return max(USUAL, FEWEST * usual_step(layout))

@@ -14,7 +14,7 @@ from oed.estimation.methods.bands import banded, factor, whitened
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gauss_newton import LeastSquares, Rows
 from oed.estimation.methods.joint import ROUGH
-from oed.estimation.methods.window_noise import OF_POSES, PARTS, TIMING, Course, Likelihood
+from oed.estimation.methods.window_noise import OF_POSES, PARTS, TIMING, Course, Likelihood, drift_in_words
 from oed.estimation.methods.windows import Motions, Windows, pose_variances, require_windows
 from oed.estimation.setup.unknowns import Knowledge, inverse_of_sum
 from oed.foundation.arrays import Array
@@ -136,13 +136,9 @@ class WeightedWindows:
         return {"position": Noise(position, timing), "heading": Noise(heading, per_yaw_rate=timing)}
 
     def _drift(self, variances: Array, motions: Motions) -> tuple[str, ...]:
-        ahead, sideways, by_path, by_turning = np.sqrt(variances[-(len(PARTS) - OF_POSES) :])
+        rates = variances[-(len(PARTS) - OF_POSES) :]
         length = np.hypot(*np.moveaxis(np.diff(motions.path, axis=1)[..., :2], -1, 0)).sum()
-        text = (
-            f"drift, as the windows show it beside the noise of poses: {1e3 * ahead:.1f} mm ahead, "
-            f"{1e3 * sideways:.1f} mm sideways and {np.degrees(by_path):.2f} deg after 1 m, "
-            f"{np.degrees(by_turning):.2f} deg after 1 rad of turning; it grows with the root of either"
-        )
+        text = f"drift, as the windows show it beside the noise of poses: {drift_in_words(rates)}"
         return (text,) if length > 0 else ()
 
 

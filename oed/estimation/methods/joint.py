@@ -174,6 +174,7 @@ class _Weighted:
         information = across @ left
         leverage = np.einsum("sia,sia->si", left @ inverse_of_sum(information.sum(axis=0), known), left)
         pulls = weights * white / np.where(root > 0, root, 1.0)
+        weighted = left.reshape(found.slopes.shape) * root[..., None]
         return Fit(
             unknowns=search.unknowns,
             values=values,
@@ -193,6 +194,7 @@ class _Weighted:
             converged=False,
             bend=bend,
             swing=swing,
+            by_reading=None if search.drive else self._white(weighted, found.rates),
         )
 
     def _weights(self, white: Array) -> tuple[Array, Array, float, float]:

@@ -40,11 +40,13 @@ class Course:
         path: predicted poses, seen from the first, (S, n + 1, 3).
         steps: time between them, (S, n) [s].
         linked: whether a window begins where the one before it ends, (S - 1,).
+        counts: of how many poses the first and the last one are the mean, (S, 2) or 1.
     """
 
     path: Array
     steps: Array
     linked: Bools
+    counts: Array | float = 1.0
 
     def of_poses(self, variances: Array) -> Array:
         """Covariance of the motions, as a band, by noise of the poses at their ends.
@@ -52,7 +54,7 @@ class Course:
         Args:
             variances: (S, 2, 3, 3), each along its own heading.
         """
-        before, after = _effects(self.path[:, -1])
+        before, after = effects_of_ends(self.path[:, -1])
         own = before @ variances[:, 0] @ _turned(before) + after @ variances[:, 1] @ _turned(after)
         shared = before[1:] @ variances[:-1, 1] @ _turned(after[:-1])
         return banded(own, shared * self.linked[:, None, None])
@@ -60,10 +62,10 @@ class Course:
     @property
     def parts(self) -> Array:
         """Covariance of the motions, as a band, by every one of `PARTS` of variance 1, (parts, 6, 3 S)."""
-        rates = self._shared_rates
-        position, heading = np.diag([1.0, 1.0, 0.0]), np.diag([0.0, 0.0, 1.0])
+        rates, shares = self._shared_rates, np.broadcast_to(1.0 / self.counts, (len(self.path), 2))
+        each = shares[..., None, None]
         timing = rates[..., :, None] * rates[..., None, :]
-        poses = [np.broadcast_to(position, timing.shape), np.broadcast_to(heading, timing.shape), timing]
+        poses = [each * np.diag([1.0, 1.0, 0.0]), each * np.diag([0.0, 0.0, 1.0]), each * timing]
         return np.stack([*map(self.of_poses, poses), *map(banded, self._drifts)])
 
     @property
@@ -101,12 +103,15 @@ class Likelihood:
         fixed: band of the noise that is known, (6, 3 S).
         rows: residuals, then their derivatives by the unknowns in units of the unknowns' size, (3 S, 1 + q).
         known: information on those from before, (q, q), and what it pulls with, (q,).
+        prior: means and standard deviations of the variances' logarithms, thought normal, (parts,) each; None
+            of variances of which nothing is known.
     """
 
     parts: Array
     fixed: Array
     rows: Array
     known: tuple[Array, Array]
+    prior: tuple[Array, Array] | None = None
 
     def greatest(self, first: Array | None = None) -> Array:
         """The variances (parts,) that make it greatest; the search may begin with those given."""
@@ -135,7 +140,9 @@ class Likelihood:
         return unit
 
     def surprise(self, variances: Array) -> tuple[float, Array]:
-        """Twice its negative logarithm, but for a constant, and the derivatives by the variances."""
+        """Twice its negative logarithm, but for a constant, and the derivatives by the variances; of those
+        that are not 0 the prior's is counted in.
+        """
         root = factor(self.covariance(variances))
         white = whitened(root, self.rows)
         residuals, slopes = white[:, 0], white[:, 1:]
@@ -146,7 +153,15 @@ class Likelihood:
         # What a change of the covariance does is what it makes of this.
         back = weighted(root, np.column_stack([residuals - slopes @ (inverse @ right), slopes]))
         left = np.column_stack([back[:, 0], back[:, 1:] @ inverse])
-        return float(value), traces(self.parts, bands.inverse(root) - product(left, back))
+        slope = traces(self.parts, bands.inverse(root) - product(left, back))
+        if self.prior is None:
+            return float(value), slope
+        mean, deviation = self.prior
+        there = variances > 0
+        off = np.log(variances, out=mean.copy(), where=there) - mean
+        pull = 2 * off / deviation**2
+        slope += np.divide(pull, variances, out=np.zeros_like(pull), where=there)
+        return float(value + ((off / deviation) ** 2).sum()), slope
 
     def covariance(self, variances: Array) -> Array:
         """Band (6, 3 S) of the motions' covariance."""
@@ -173,8 +188,20 @@ def _inverse(normal: Array) -> tuple[Array, float]:
     return identified @ identified.T, -float(np.linalg.slogdet(identified.T @ identified)[1])
 
 
-def _effects(motion: Array) -> tuple[Array, Array]:
-    # What errors of the first and the last pose, each along its own heading, do to a motion, (S, 3, 3).
+def drift_in_words(rates: Array) -> str:
+    """Variances (4,) of drift, as the last of `PARTS`, in words as standard deviations."""
+    ahead, sideways, by_path, by_turning = np.sqrt(rates)
+    by_path, by_turning = np.degrees([by_path, by_turning])
+    return (
+        f"{1e3 * ahead:.1f} mm ahead, {1e3 * sideways:.1f} mm sideways and {by_path:.2f} deg after 1 m, "
+        f"{by_turning:.2f} deg after 1 rad of turning; it grows with the root of either"
+    )
+
+
+def effects_of_ends(motion: Array) -> tuple[Array, Array]:
+    """What errors of the first and the last pose, each along its own heading, do to motions (S, 3), each
+    (S, 3, 3).
+    """
     ahead, left, turn = motion.T
     before = np.broadcast_to(-np.eye(3), (len(motion), 3, 3)).copy()
     before[:, 0, 2], before[:, 1, 2] = left, -ahead

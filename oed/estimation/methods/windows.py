@@ -92,8 +92,12 @@ class Windows:
     @cached_property
     def measured(self) -> Array:
         """The motion of each window, (S, 3)."""
-        rows = np.arange(self.layout.count)
-        return np.asarray(relative_to_first(self._poses)[rows, self.layout.last])
+        return np.asarray(self.relative[np.arange(self.layout.count), self.layout.last])
+
+    @cached_property
+    def relative(self) -> Array:
+        """Measured poses, seen from the window's first, (S, n + 1, 3)."""
+        return relative_to_first(self._poses)
 
     @cached_property
     def linked(self) -> Bools:

@@ -29,6 +29,8 @@ GAP = 5.0
 STEPS = (0.02, 0.1)
 """Shortest and longest steps of the grid through a gap of the poses [s]: shorter ones show no more of a
 robot's motion."""
+SHORTEST, FEWEST = 1.0, 8
+"""Length of the shortest segments that are tried [s], and how many steps they have at least."""
 
 
 @dataclass(frozen=True)
@@ -195,6 +197,16 @@ def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> Segmen
         readings[row, read], valid[row, read] = logs[number].poses[part], True
     owner = np.array([number for number, *_ in pieces])
     return SegmentLayout(tuple(logs), owner, times, readings, valid, seconds)
+
+
+def shortest_seconds(layout: SegmentLayout) -> float:
+    """Length of the shortest segments worth trying, for logs of such steps [s]."""
+    return max(SHORTEST, FEWEST * usual_step(layout))
+
+
+def usual_step(layout: SegmentLayout) -> float:
+    """The median of the steps [s]."""
+    return float(np.median(layout.steps[layout.steps > 0]))
 
 
 def stretches(log: Log, offset: float, seconds: float = math.inf) -> list[Places]:

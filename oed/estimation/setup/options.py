@@ -18,7 +18,7 @@ from oed.robots.models import MODELS, Model
 
 Method = Literal["joint", "gls", "two_stage"]
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
-CovarianceName = Literal["information", "sandwich", "bootstrap"]
+CovarianceName = Literal["information", "drift", "sandwich", "bootstrap"]
 
 
 class Alternative(Component):
@@ -124,8 +124,10 @@ class CalibrationOptions(Component):
             the headings, then the positions, unweighted).
         segment: length of a segment or window [s]; "log" takes whole logs; auto takes the longest in which no
             drift shows, of windows 2 s.
-        covariance: information (F^-1), sandwich, or moving-block bootstrap; auto takes F^-1 where whole logs
-            are free of drift or there are too few parts to compare, the bootstrap else.
+        covariance: information (F^-1), drift (of a fit to a robot whose pose is a random walk about what its
+            inputs say, at the rates that the logs show, or that are usual where they show none), sandwich, or
+            moving-block bootstrap; auto takes F^-1 where the logs show that there is no drift, the bootstrap
+            of eight or more whole logs, drift else; of windows the bootstrap where there are enough.
         block: length of the bootstrap's blocks and of the sandwich's correlations [s]; auto takes whole
             logs where there are eight or more, a fifth of each else.
         replicates: of the bootstrap.

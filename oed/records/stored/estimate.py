@@ -129,6 +129,21 @@ class FoundNoise(Stored):
     per_yaw_rate: Maybe = None
 
 
+class FoundDrift(Stored):
+    """Drift beside what the inputs say, as standard deviations after 1 m of path or 1 rad of turning; SI.
+
+    It grows with the root of either. `shown` is false where the logs show that there is none, null where they
+    leave it open; `seconds` the length of the windows that it was found from, null of what is only usual.
+    """
+
+    ahead: Positive
+    sideways: Positive
+    turn_by_path: Positive
+    turn_by_turning: Positive
+    shown: bool | None = None
+    seconds: Positive | None = None
+
+
 class Diagnostic(Stored):
     """A test of the fit."""
 
@@ -301,6 +316,7 @@ class EstimateRecord(Presented, SavedFile):
     coefficients: Entries[Unknown]
     nuisances: Entries[Unknown]
     segments: Segments | None = None
+    drift: FoundDrift | None = None
     noise: Entries[FoundNoise]
     converged: bool | None = None
     not_identifiable: Annotated[Entries[str], Field(alias="untold")]

@@ -13,7 +13,7 @@ from oed.report.parts.prose import Prose
 from oed.report.parts.section import Column, Picture, Section, Table, probability, sized
 
 SAY = Prose("estimate/fit")
-KINDS = ("information", "sandwich", "bootstrap")
+KINDS = ("information", "drift", "sandwich", "bootstrap")
 """Ways to a covariance, the most trusting first."""
 UNEQUAL = 1.1
 """Ratio of standard errors from which on they are worth comparing in words."""

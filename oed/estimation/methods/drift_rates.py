@@ -1,0 +1,195 @@
+"""How fast a robot drifts beside what its inputs say: rates of a random walk, from the motions of windows.
+
+Short logs cannot show them. Then they are thought to be what they are of robots whose logs did.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.window_noise import (
+    OF_POSES,
+    PARTS,
+    TIMING,
+    Course,
+    Likelihood,
+    drift_in_words,
+    effects_of_ends,
+)
+from oed.estimation.methods.windows import READ, Motions, Windows
+from oed.estimation.prediction.layout import SegmentLayout, cut, shortest_seconds
+from oed.foundation.arrays import Array, Bools, Places
+from oed.kernel.dynamics.system import follows_state
+from oed.logs.log import Log
+
+USUAL = np.array([0.003**2, 0.001**2, np.radians(0.15) ** 2, np.radians(0.4) ** 2])
+"""Rates that are usual: ahead and sideways per path [m^2/m], turn per path [rad^2/m] and per turning
+[rad^2/rad]. Those that windows of 4 s show of a differential drive in a laboratory, in five sessions of
+github.com/sousarbarb/optiodom: 0.6 to 4 mm ahead and 1 to 2 mm sideways after 1 m, 0.05 to 0.3 deg after 1 m
+and 0.25 to 0.8 deg after 1 rad of turning. What slips or steers drifts more, and shows it: a tricycle there
+20 to 110 mm ahead, a Husky outdoors (github.com/norlab-ulaval/DRIVE) 300 mm."""
+USUAL_SPREAD = 1.5
+"""Standard deviation of their logarithms: of a drift after 1 m a factor of 2."""
+POSE_SPREAD = 1.0
+"""The same of the variance of poses, about that of the fit's residuals."""
+ENOUGH, LONGEST = 10, 4
+"""How many windows are enough, and how long they are at most, in units of the shortest segments: what shows
+in shorter ones cancels within seconds."""
+NEAR = 1 / 8
+"""Share of a window over which poses are averaged to either side of its ends."""
+BEYOND_DOUBT = 2 * np.log(1000.0)
+"""Twice the logarithm of the odds from which on there is no drift [Kass, Raftery: Bayes factors, 1995]."""
+OUTLYING = 4.0
+"""Residuals beyond that many standard deviations are outliers where the loss is a robust one."""
+STEP = 0.05
+"""Of difference quotients by logarithms of variances."""
+
+
+@dataclass(frozen=True)
+class DriftRates:
+    """Of a random walk of the pose about what the inputs say.
+
+    Attributes:
+        values: variances ahead and sideways per path [m^2/m], of the turn per path [rad^2/m] and per turning
+            [rad^2/rad], (4,).
+        spread: covariance of their logarithms, (4, 4).
+        shown: whether drift shows; False where logs show that there is none, None where they leave it open.
+        seconds: length of the windows that they were found from [s]; None of what is only usual.
+    """
+
+    values: Array
+    spread: Array
+    shown: bool | None = None
+    seconds: float | None = None
+
+    @classmethod
+    def usual(cls) -> DriftRates:
+        """Of robots in general."""
+        return cls(USUAL, np.diag(np.full(len(USUAL), USUAL_SPREAD**2)))
+
+    @property
+    def words(self) -> str:
+        """Where they come from, and how large they are."""
+        origin = (
+            "such as robots usually have"
+            if self.seconds is None
+            else (f"as windows of {self.seconds:.3g} s show it beside the noise of poses")
+        )
+        return f"drift, {origin}: {drift_in_words(self.values)}"
+
+
+def drift_rates(fit: Fit) -> DriftRates:
+    """The most likely rates at a joint fit's solution, given how large they usually are."""
+    if set(fit.layout.quantities) != set(READ) or follows_state(fit.unknowns.robot):
+        return DriftRates.usual()
+    layout = _layout(fit)
+    likelihood = _likelihood(fit, Windows(layout, fit.unknowns, fit.offsets))
+    assert likelihood.prior is not None
+    begin = np.exp(likelihood.prior[0])
+    # A drift that windows cannot show at all, of turning where there is none, is as usual.
+    found = likelihood.greatest(begin)
+    logs = np.log(np.where(found > 0, found, begin))
+    without = likelihood.parts.copy()
+    without[OF_POSES:] = 0.0
+    none = replace(likelihood, parts=without)
+    odds = likelihood.surprise(found)[0] - none.surprise(none.greatest(begin))[0]
+    shown = None if 0 < odds < BEYOND_DOUBT else bool(odds <= 0)
+    return DriftRates(np.exp(logs[OF_POSES:]), _spread(likelihood, logs), shown, layout.seconds)
+
+
+def _layout(fit: Fit) -> SegmentLayout:
+    # Windows as long as whole segments that were tried are, whose functions there are already.
+    logs = tuple(_without_outliers(fit, number) for number in range(len(fit.layout.logs)))
+    shortest = shortest_seconds(fit.layout)
+    driven = sum(float(log.pose_times[-1] - log.pose_times[0]) for log in logs)
+    doublings = np.floor(np.log2(max(driven / (ENOUGH * shortest), 1.0)))
+    seconds = shortest * float(min(2.0**doublings, LONGEST))
+    return cut(logs, seconds, [float(fit.offsets[fit.layout.clocks.index(log.file)]) for log in logs])
+
+
+def _without_outliers(fit: Fit, number: int) -> Log:
+    # Poses that a robust loss gives little weight would be mistaken for drift.
+    layout, log = fit.layout, fit.layout.logs[number]
+    far = (fit.weights < 1) & (np.abs(fit.white) > OUTLYING)
+    doubtful = (layout.valid & far).any(axis=-1) & (layout.owner == number)[:, None]
+    if not doubtful.any():
+        return log
+    kept = ~np.isin(log.pose_times, layout.times[doubtful])
+    return replace(log, pose_times=log.pose_times[kept], poses=log.poses[kept])
+
+
+def _likelihood(fit: Fit, windows: Windows) -> Likelihood:
+    motions, layout = windows.motions(fit.values), windows.layout
+    residuals, counts = averaged(windows, motions)
+    course = Course(motions.path, layout.steps, windows.linked, counts)
+    parts = course.parts
+    # Jitter of the poses' times is averaged along with them.
+    parts[TIMING] = 0.0
+    scale = fit.unknowns.scale
+    slopes = motions.slopes.reshape(-1, len(scale)) * scale
+    # At the solution what was known before pulls as hard as all scores together.
+    known = fit.knowledge * np.outer(scale, scale), -fit.scores.sum(axis=0) * scale
+    sizes = [fit.noises[name].at_rest ** 2 for name in PARTS[:TIMING]]
+    means = np.log([*sizes, sizes[0], *USUAL])
+    deviations = np.array([POSE_SPREAD] * OF_POSES + [USUAL_SPREAD] * len(USUAL))
+    rows = np.column_stack([residuals.ravel(), slopes])
+    return Likelihood(parts, np.zeros(parts.shape[1:]), rows, known, (means, deviations))
+
+
+def _spread(likelihood: Likelihood, logs: Array) -> Array:
+    # The inverse of half the curvature of what is least, by differences of its slope.
+    def slope(at: Array) -> Array:
+        return likelihood.surprise(np.exp(at))[1] * np.exp(at)
+
+    units = STEP * np.eye(len(logs))
+    half = np.array([slope(logs + unit) - slope(logs - unit) for unit in units]) / (4 * STEP)
+    values, vectors = np.linalg.eigh((half + half.T) / 2)
+    # Nothing is known less well than the prior has it.
+    assert likelihood.prior is not None
+    values = np.maximum(values, 1 / likelihood.prior[1].max() ** 2)
+    return np.asarray(((vectors / values) @ vectors.T)[OF_POSES:, OF_POSES:])
+
+
+def averaged(windows: Windows, motions: Motions) -> tuple[Array, Array]:
+    """Residuals (S, 3) of motions between ends that are means of the poses around, dead reckoning carrying
+    these there, and of how many poses each is the mean, (S, 2).
+    """
+    layout, path = windows.layout, motions.path
+    rows, last = np.arange(layout.count), layout.last
+    off = np.where(_read(layout)[..., None], windows.relative - path, 0.0)
+    sums, counts = zip(
+        *(_around(layout, path, off, node) for node in (np.zeros_like(last), last)), strict=True
+    )
+    total, number = np.stack(sums, axis=1), np.stack(counts, axis=1).astype(float)
+    # Both windows that share a pose have poses around it.
+    linked = windows.linked
+    for each in (total, number):
+        both = each[:-1, 1] + each[1:, 0]
+        each[:-1, 1][linked] = both[linked]
+        each[1:, 0][linked] = both[linked]
+    mean = total / (number + 1)[..., None]
+    before, after = effects_of_ends(path[rows, last])
+    moved = np.einsum("sij,sj->si", before, mean[:, 0]) + np.einsum("sij,sj->si", after, mean[:, 1])
+    return motions.residuals + moved, number + 1
+
+
+def _read(layout: SegmentLayout) -> Bools:
+    # When there is a whole pose, (S, n + 1).
+    return layout.read_together(range(len(READ)))
+
+
+def _around(layout: SegmentLayout, path: Array, off: Array, node: Places) -> tuple[Array, Array]:
+    # Sum of how far poses around a window's end are off it, along its heading, and their number.
+    rows, times = np.arange(layout.count), layout.times
+    apart = np.abs(times - times[rows, node][:, None])
+    near = _read(layout) & (apart <= NEAR * (times[:, -1:] - times[:, :1]) + 1e-9)
+    near[rows, node] = False
+    here, way = path[rows, node], path[rows, node][:, None, :2] - path[..., :2]
+    x, y, turn = np.moveaxis(off, -1, 0)
+    carried = np.stack([x - turn * way[..., 1], y + turn * way[..., 0], turn], axis=-1)
+    total = ((carried - off[rows, node][:, None]) * near[..., None]).sum(axis=1)
+    along = (total[:, 0] + 1j * total[:, 1]) * np.exp(-1j * here[:, 2])
+    return np.column_stack([along.real, along.imag, total[:, 2]]), near.sum(axis=1)

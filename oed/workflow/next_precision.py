@@ -1,0 +1,157 @@
+"""How precise an estimate will be after a drive that is designed, under the drift that logs show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from oed.estimation.assessment.drift import drift
+from oed.estimation.methods.drift_rates import DriftRates
+from oed.estimation.methods.fitting import Fitting
+from oed.estimation.methods.window_noise import drift_in_words
+from oed.estimation.methods.windows import READ
+from oed.estimation.prediction.layout import cut
+from oed.estimation.prediction.logged_readings import LoggedReadings
+from oed.estimation.setup.unknowns import Unknowns
+from oed.foundation.arrays import Array
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.logs.log import Log
+from oed.records.record import EstimateRecord, Record
+from oed.robots.models.model import Model, robot_of
+from oed.robots.sensors.logged import Noise
+from oed.study.study import Study
+
+MOST = 4000
+"""Readings of the next drive that are looked at, at most."""
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Standard errors after a drive, what is known before it included.
+
+    Attributes:
+        errors: by parameter, SI; {} where there is no drive.
+        basis: what they rest on, in words.
+    """
+
+    errors: Mapping[str, float]
+    basis: str = ""
+
+
+def predicted(record: Record, found: EstimateRecord, study: Study) -> Predicted:
+    """Those after a record's best drive.
+
+    Args:
+        record: of the next drive's design, which takes noise for white.
+        found: the estimate so far.
+        study: of the next drive: of the robot as it is known now.
+    """
+    best = record.best
+    if best is None or not best.covariances:
+        return Predicted({})
+    known = np.array(found.covariance, dtype=float)
+    if found.covariance_kind == "information" or found.drift is None or best.drive is None:
+        gained, base, basis = white_information(record, found), "information", _ratio_in_words(found)
+    else:
+        gained, base = drifting_information(best.drive.trajectory, found, study), "drift"
+        basis = f"the next drive is thought to drift {_rates_in_words(found)}"
+    # Where parts of the logs disagree more than that, so will those of the next drive.
+    kind = found.covariance_kind or base
+    more = np.array([_ratio(one.error(kind), one.error(base)) for one in found.parameters])
+    after = np.linalg.inv(np.linalg.inv(known) + gained / np.outer(more, more))
+    errors = dict(zip(found.values, map(float, np.sqrt(np.diag(after))), strict=True))
+    return Predicted(errors, f"standard errors after it: {basis}")
+
+
+def _ratio(error: float | None, base: float | None) -> float:
+    return max(1.0, error / base) if error and base else 1.0
+
+
+def _ratio_in_words(found: EstimateRecord) -> str:
+    if found.covariance_kind == "information":
+        return "the logs show no drift, and readings are as independent as the design takes them to be"
+    return "as much larger than F^-1 as those of the logs so far"
+
+
+def _rates_in_words(found: EstimateRecord) -> str:
+    assert found.drift is not None
+    origin = "as robots usually do" if found.drift.seconds is None else "as the logs so far show"
+    return f"{origin}, {drift_in_words(_rates(found).values)}"
+
+
+def _rates(found: EstimateRecord) -> DriftRates:
+    one = found.drift
+    assert one is not None
+    sizes = np.array([one.ahead, one.sideways, one.turn_by_path, one.turn_by_turning], dtype=float)
+    return DriftRates(sizes**2, np.zeros((len(sizes), len(sizes))))
+
+
+def white_information(record: Record, found: EstimateRecord) -> Array:
+    """Information (p, p) that a design's best drive adds to what is known, by white noise."""
+    names, known = list(found.values), np.array(found.covariance, dtype=float)
+    gained = np.zeros_like(known)
+    for one in record.best.covariances if record.best else ():
+        places = [names.index(name) for name in one.parameters]
+        own, then = np.ix_(places, places), np.array(one.covariance, dtype=float)
+        gained[own] += np.linalg.inv(then) - np.linalg.inv(known[own])
+    return gained
+
+
+def drifting_information(trajectory: Trajectory, found: EstimateRecord, study: Study) -> Array:
+    """Information (p, p) that a fit like an estimate's will have of a drive, logged alike and drifting alike.
+
+    Args:
+        trajectory: of the drive.
+        found: the estimate, with the drift that it found.
+        study: of the robot as it is known.
+    """
+    robot, names = robot_of(study.problem.system), tuple(found.values)
+    fitting = Fitting(robot, names, study.problem.measurement, study.calibration)
+    seconds = None if found.segments is None else found.segments.seconds
+    noises = {one.about: _noise(one.at_rest, one.per_speed, one.per_yaw_rate) for one in found.noise}
+    quantities = tuple(found.logs[0].quantities or READ)
+    logs = planned_logs(robot, trajectory, _step(found, trajectory), quantities)
+    fit = fitting.planned(logs, math.inf if seconds is None else seconds, noises)
+    return np.linalg.inv(drift(fit, _rates(found)).matrix[: len(names), : len(names)])
+
+
+def _noise(*parts: float | None) -> Noise:
+    return Noise(*(float(part or 0.0) for part in parts))
+
+
+def _step(found: EstimateRecord, trajectory: Trajectory) -> float:
+    # Time between readings, as logged so far.
+    readings = sum(one.poses or 0 for one in found.logs)
+    usual = sum(one.seconds or 0.0 for one in found.logs) / max(readings, 1)
+    return max(usual, trajectory.duration * trajectory.runs / MOST)
+
+
+def planned_logs(
+    robot: Model, trajectory: Trajectory, step: float, quantities: Sequence[str]
+) -> tuple[Log, ...]:
+    """Logs of a drive as it is planned, run by run, without any error.
+
+    Args:
+        robot: at the parameters that it has.
+        trajectory: of all runs.
+        step: time between readings, about [s].
+        quantities: the states that are read.
+    """
+    return tuple(
+        _planned(robot, run, step, tuple(quantities), f"run {number}")
+        for number, run in enumerate(trajectory.each, 1)
+    )
+
+
+def _planned(robot: Model, run: Trajectory, step: float, quantities: tuple[str, ...], name: str) -> Log:
+    parts = max(1, round(run.period / step))
+    inputs, each = np.repeat(run.inputs, parts, axis=0), run.period / parts
+    times = np.linspace(0.0, len(inputs) * each, len(inputs) + 1)
+    turned = np.vstack([np.zeros((1, inputs.shape[1])), np.cumsum(inputs * each, axis=0)])
+    log = Log(name, name, times, turned, times, np.zeros((len(times), len(quantities))), quantities)
+    unknowns, start = Unknowns(robot, (), (), 0), np.reshape(run.start, (1, -1))
+    readings = LoggedReadings(cut([log], math.inf, [0.0]), unknowns, np.zeros(1), quantities)
+    return Log(name, name, times, turned, times, readings(np.zeros(0), start)[0], quantities)

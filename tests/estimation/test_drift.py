@@ -1,0 +1,232 @@
+"""Error bars of robots that drift: what a random walk makes of estimates, and how fast logs show it to be."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated import (
+    ORIGIN,
+    ROBOT,
+    TRUTH,
+    arcs,
+    course,
+    fit_of,
+    log_of,
+    logged_problem,
+    loosely,
+    options,
+    truth_of,
+    twists_of,
+    unknowns_of,
+)
+from windowed import drifting
+
+from oed.estimation import calibrate
+from oed.estimation.assessment.covariance import Covariance, information
+from oed.estimation.assessment.drift import drift, drifting_scores
+from oed.estimation.methods.drift_rates import USUAL, DriftRates, drift_rates
+from oed.estimation.methods.fit import Fit
+from oed.logs.log import Log
+
+TRUE = truth_of(ROBOT, **TRUTH)
+NOISE = (0.0005, 0.003)
+USUALLY = np.sqrt(USUAL)
+SITS = (0.1, -0.05, 0.2)
+
+
+def driven(
+    seed: int, seconds: float, factor: float = 1.0, inputs: np.ndarray | None = None, **keys: float
+) -> Log:
+    """A log of a robot that drifts `factor` times as far as usual."""
+    drive = course(seconds=seconds, seed=seed, inputs=inputs, **keys)
+    return log_of(drifting(drive, TRUE, factor * USUALLY, seed), noise=NOISE, seed=seed, name=str(seed))
+
+
+Pose = tuple[complex, float]
+
+
+def after(pose: Pose, move: Pose) -> Pose:
+    """A motion seen from a pose, carried out from there."""
+    return pose[0] + move[0] * np.exp(1j * pose[1]), pose[1] + move[1]
+
+
+def as_pose(numbers: np.ndarray) -> Pose:
+    return complex(numbers[0], numbers[1]), float(numbers[2])
+
+
+def slopes(what: Callable[[np.ndarray], np.ndarray], size: int) -> np.ndarray:
+    """Derivatives at 0 by differences, (n, size)."""
+    units = 1e-6 * np.eye(size)
+    return np.column_stack([(what(unit) - what(-unit)) / 2e-6 for unit in units])
+
+
+def dense(fit: Fit, sits: Sequence[float]) -> Callable[[np.ndarray], np.ndarray]:
+    """Covariance (p, p), by rates, of least squares whose readings move with every step's error: by full
+    matrices and difference quotients of arcs, the start as unknown as the parameters.
+    """
+    (log,), names = fit.layout.logs, fit.layout.quantities
+    steps = np.diff(log.pose_times)
+    speeds = np.diff(log.integrals_at(log.pose_times, 0.0), axis=0) / steps[:, None]
+    mount, back = as_pose(np.array(sits)), (-complex(*sits[:2]) * np.exp(-1j * sits[2]), -sits[2])
+
+    def path(values: np.ndarray, start: np.ndarray, errors: np.ndarray) -> np.ndarray:
+        twists = twists_of(ROBOT, speeds, fit.values[:3] + values)
+        found = [after(as_pose(fit.starts[0][:3] + start), mount)]
+        for index, (ahead, left, turn) in enumerate(errors.reshape(-1, 3)):
+            move = as_pose(arcs(ORIGIN, twists[[index]], steps[[index]])[1])
+            (here, before), (there, turned) = found[-1], after(found[-1], after(after(back, move), mount))
+            middle, way = (here + there) / 2, np.exp(0.5j * (before + turned))
+            off = middle + (there - middle) * np.exp(1j * turn) + (ahead + 1j * left) * way
+            found.append((off, turned + turn))
+        return np.array([(place.real, place.imag, heading) for place, heading in found])
+
+    def read(values: np.ndarray, start: np.ndarray, errors: np.ndarray) -> np.ndarray:
+        return path(values, start, errors)[:, [("x", "y", "heading").index(name) for name in names]].ravel()
+
+    none, still = np.zeros(3), np.zeros(3 * len(steps))
+    sizes = [fit.noises["heading" if name == "heading" else "position"].at_rest for name in names]
+    weight = np.tile(1 / np.array(sizes), len(steps) + 1)[:, None]
+    by_values = weight * slopes(lambda off: read(off, none, still), 3)
+    by_start = weight * slopes(lambda off: read(none, off, still), 3)
+    by_errors = weight * slopes(lambda off: read(none, none, off), len(still))
+    moves = np.diff(path(none, none, still), axis=0)
+    length, turning = np.hypot(*moves[:, :2].T), np.abs(moves[:, 2])
+    solve = np.linalg.pinv(np.hstack([by_values, by_start]))
+
+    def covariance(rates: np.ndarray) -> np.ndarray:
+        turns = rates[2] * length + rates[3] * turning
+        variances = np.column_stack([rates[0] * length, rates[1] * length, turns]).ravel()
+        of_readings = np.eye(len(weight)) + by_errors @ np.diag(variances) @ by_errors.T
+        return (solve @ of_readings @ solve.T)[:3, :3]
+
+    return covariance
+
+
+@pytest.mark.parametrize("quantities", [("x", "y", "heading"), ("x", "y")], ids=len)
+@pytest.mark.parametrize("sits", [ORIGIN, SITS], ids=["centred", "off"])
+def test_is_what_full_matrices_say(quantities: tuple[str, ...], sits: tuple[float, float, float]):
+    log = log_of(course(seconds=4.0, period=0.4), place=sits, noise=NOISE, quantities=quantities)
+    fit = fit_of([log], unknowns_of(sits=sits))
+    expected = dense(fit, sits)
+    for kind in np.eye(4):
+        rates = 1e-4 * kind + 1e-6
+        found = drift(fit, DriftRates(rates, np.zeros((4, 4))))
+        np.testing.assert_allclose(found.matrix, expected(rates), rtol=1e-4)
+        assert found.half_width == pytest.approx(1.96, abs=0.001)
+
+
+def test_segments_drift_apart_from_each_other():
+    # Each has a start of its own: what happened before it is no matter.
+    log = log_of(course(seconds=6.0), noise=NOISE)
+    fit = fit_of([log], seconds=3.0)
+    layout, each = fit.layout, []
+    for row in range(layout.count):
+        one = replace(layout, owner=layout.owner[[row]], times=layout.times[[row]])
+        one = replace(one, readings=layout.readings[[row]], valid=layout.valid[[row]])
+        own = {"residuals": fit.residuals[[row]], "by_reading": fit.by_reading[[row]]}
+        each.append(drifting_scores(replace(fit, layout=one, **own)))
+    np.testing.assert_allclose(drifting_scores(fit), sum(each), rtol=1e-9)
+
+
+def test_costs_no_more_than_a_pass_along_the_log():
+    fit = fit_of([log_of(course(seconds=2.0), noise=NOISE)])
+    count = 50_000
+    times = np.linspace(0.0, 1e3, count)[None]
+    path = np.stack([np.cos(times), np.sin(times), times], axis=-1)
+    layout = replace(fit.layout, times=times, readings=path, valid=np.ones(times.shape, dtype=bool))
+    long = replace(fit, layout=layout, residuals=np.zeros_like(path), by_reading=np.ones((*path.shape, 3)))
+    began = time.process_time()
+    assert np.isfinite(drifting_scores(long)).all()
+    # A matrix of all readings by all steps would fill 20 gigabytes.
+    assert time.process_time() - began < 3.0
+
+
+class TestRates:
+    def test_are_those_that_the_robot_drifts_with(self):
+        logs = [driven(seed, 30.0, 3.0) for seed in range(3)]
+        found = drift_rates(fit_of(logs, seconds=2.0))
+        assert found.shown
+        assert found.seconds == 4.0
+        errors = (np.log(found.values) - 2 * np.log(3 * USUALLY))[[0, 3]]
+        assert np.abs(errors / np.sqrt(np.diag(found.spread))[[0, 3]]).max() < 3
+        assert np.abs(errors).max() < 0.8
+
+    def test_of_too_short_a_log_are_about_the_usual_ones(self):
+        found = drift_rates(fit_of([driven(0, 2.0)]))
+        assert np.abs(np.log(found.values / USUAL)).max() < 2.5
+        assert drift(fit_of([driven(0, 2.0)]), found).degrees < 10
+
+    def test_of_no_drift_are_next_to_nothing_and_said_so(self):
+        logs = [
+            log_of(course(seconds=30.0, seed=seed), noise=NOISE, seed=seed, name=str(seed)) for seed in (0, 1)
+        ]
+        found = drift_rates(fit_of(logs))
+        assert found.shown is False
+        assert np.all(np.sqrt(found.values) < 0.4 * USUALLY)
+
+    def test_of_positions_alone_are_the_usual_ones(self):
+        found = drift_rates(fit_of([log_of(course(seconds=8.0), noise=NOISE, quantities=("x", "y"))]))
+        np.testing.assert_array_equal(found.values, USUAL)
+        assert (found.shown, found.seconds) == (None, None)
+        assert found.words.startswith(
+            "drift, such as robots usually have: 3.0 mm ahead, 1.0 mm sideways and 0.15 deg"
+        )
+
+    def test_outliers_are_no_drift(self):
+        drives = [course(seconds=20.0, seed=seed) for seed in (0, 1)]
+        logs = [log_of(one, noise=NOISE, outliers=0.02, name=str(k)) for k, one in enumerate(drives)]
+        found = drift_rates(fit_of(logs, loss="huber"))
+        assert np.all(np.sqrt(found.values) < 0.6 * USUALLY)
+
+
+def test_residuals_that_grow_less_than_twofold_are_drift_all_the_same():
+    # Too little for shorter segments, and much for error bars.
+    found = calibrate(logged_problem(), [driven(3, 30.0, 0.15)], options(clock_offset=False, sensor_place=()))
+    assert found.segmenting.seconds == np.inf
+    assert not found.segmenting.drifts
+    assert found.drifts
+    assert found.covariances[0].name == "drift"
+    assert found.covariances[0].deviations[2] > 2 * found.covariances[-1].deviations[2]
+
+
+def said(fit: Fit) -> Covariance:
+    """What `calibrate` takes for a fit to few logs."""
+    rates, white = drift_rates(fit), information(fit)
+    return white if rates.shown is False else drift(fit, rates)
+
+
+def covered(logs: Callable[[int], list[Log]], seconds: float) -> list[np.ndarray]:
+    """Shares (3,) of the parameters' 95 % intervals of 200 estimates that hold the truth; and of F^-1's."""
+    nothing = loosely(unknowns_of())
+    fits = [fit_of(logs(seed), seconds=seconds, known=nothing) for seed in range(200)]
+    shares = []
+    for way in (said, information):
+        each = [(np.abs(fit.values - TRUE), way(fit)) for fit in fits]
+        shares.append(np.mean([off < one.half_width * one.deviations for off, one in each], axis=0))
+    return shares
+
+
+@pytest.mark.slow
+class TestCoverage:
+    """Of 200 logs each; 88 % are 4.5 standard deviations off 95 %, and 99 % are 2.6."""
+
+    def test_two_short_logs(self):
+        own, white = covered(lambda seed: [driven(10 * seed + k, 5.0) for k in range(2)], np.inf)
+        assert np.all((own >= 0.88) & (own <= 0.99))
+        assert np.all(white < 0.6)
+
+    def test_a_single_log_of_circles_in_one_direction(self):
+        times = 0.2 * np.arange(150)
+        wheels = np.column_stack([4 + 0.4 * np.sin(0.4 * times), 2.5 + 0.25 * np.sin(0.23 * times)])
+        own, white = covered(lambda seed: [driven(seed, 30.0, inputs=wheels, period=0.2)], 4.0)
+        assert np.all((own >= 0.88) & (own <= 0.99))
+        assert np.all(white < 0.6)
+
+    def test_no_drift_at_all(self):
+        own, white = covered(lambda seed: [driven(seed, 50.0, 0.0, period=0.25)], np.inf)
+        assert np.all((own >= 0.88) & (own <= 0.99))
+        assert np.all((white >= 0.88) & (white <= 0.99))

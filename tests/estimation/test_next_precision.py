@@ -1,0 +1,106 @@
+"""The precision that is predicted for a drive, against estimates from logs of robots that drift."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from simulated import Course, arcs, course, fit_of, log_of, twists_of, unknowns_of
+from windowed import drifting
+
+from oed.estimation.methods.drift_rates import USUAL
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.logs.log import Log
+from oed.records.record import EstimateRecord
+from oed.robots.models import DifferentialDrive
+from oed.study.study import Study
+from oed.workflow.estimate_logs import estimate
+from oed.workflow.next_precision import drifting_information, planned_logs
+from oed.workflow.studies import parse_study
+
+STUDY = """
+format: 1
+name: A robot in a room
+robot: {kind: differential_drive, wheel_radius: 33 mm, track: 160 mm}
+trajectory: {duration: 20 s, samples: 40}
+measurement: {kind: poses, noise: {position: 1 mm, heading: 0.3 deg}}
+limits: {wheel_speed: 6 rad/s}
+calibration: {sensor_place: [], clock_offset: false}
+"""
+ROBOT = DifferentialDrive(wheel_radius=0.033, track=0.16)
+TRUE = np.array(ROBOT.nominal)
+NOISE = (0.001, 0.005)
+STEP = 0.1
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    return parse_study(STUDY)
+
+
+@pytest.fixture(scope="module")
+def trajectory() -> Trajectory:
+    knots = np.concatenate([np.zeros(3), np.linspace(0, 20, 8), np.full(3, 20.0)])
+    speeds = np.random.default_rng(4).uniform(-5, 5, (10, 2)) * np.r_[0.0, np.ones(8), 0.0][:, None]
+    return Trajectory(knots, 3, speeds, np.array([0.1, -0.2, 0.3]), 40)
+
+
+def driven(drive: Course, seed: int) -> Log:
+    return log_of(drifting(drive, TRUE, np.sqrt(USUAL), seed), noise=NOISE, seed=seed, name=str(seed))
+
+
+def as_course(log: Log) -> Course:
+    inputs = np.diff(log.integrals, axis=0) / np.diff(log.input_times)[:, None]
+    return Course(ROBOT, log.input_times, inputs, log.poses)
+
+
+def as_csv(drive: Course, log: Log, path: Path) -> Path:
+    held = [*drive.inputs.tolist(), ["", ""]]
+    rows = [[time, *inputs, *pose] for time, inputs, pose in zip(drive.times, held, log.poses, strict=True)]
+    text = "\n".join(",".join(map(str, row)) for row in rows)
+    path.write_text(f"t,wheel_speed_right,wheel_speed_left,x,y,heading\n{text}\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def found(study: Study, tmp_path_factory: pytest.TempPathFactory) -> EstimateRecord:
+    folder = tmp_path_factory.mktemp("drifting")
+    drives = [course(ROBOT, TRUE, seconds=20.0, seed=seed) for seed in range(3)]
+    logs = [as_csv(one, driven(one, seed), folder / f"{seed}.csv") for seed, one in enumerate(drives)]
+    return estimate(study, logs)
+
+
+def test_a_planned_log_is_what_the_robot_would_log(trajectory):
+    (log,) = planned_logs(ROBOT, trajectory, STEP, ("heading", "x", "y"))
+    assert len(log.pose_times) == 201
+    held = np.repeat(trajectory.inputs, 5, axis=0)
+    path = arcs(trajectory.start, twists_of(ROBOT, held, TRUE), np.diff(log.pose_times))
+    np.testing.assert_allclose(log.poses, path[:, [2, 0, 1]], atol=1e-12)
+    np.testing.assert_allclose(np.diff(log.integrals, axis=0), 0.1 * held, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_more_drift_is_less_information(study, trajectory, found):
+    worse = found.model_copy(
+        update={"drift": found.drift.model_copy(update={"ahead": 3 * found.drift.ahead})}
+    )
+    less = np.linalg.inv(drifting_information(trajectory, found, study))
+    more = np.linalg.inv(drifting_information(trajectory, worse, study))
+    assert np.linalg.eigvalsh(more - less).min() > -1e-9 * np.trace(less)
+    assert more[0, 0] > 2 * less[0, 0]
+
+
+@pytest.mark.slow
+def test_errors_are_as_large_as_predicted_where_robots_drift(study, trajectory, found):
+    predicted = np.linalg.inv(drifting_information(trajectory, found, study))
+    (planned,) = planned_logs(ROBOT, trajectory, STEP, ("x", "y", "heading"))
+    drive, unknowns = as_course(planned), unknowns_of(ROBOT)
+    seconds = found.segments.seconds or np.inf
+    fits = [fit_of([driven(drive, seed)], unknowns, seconds) for seed in range(200)]
+    errors = np.abs([one.values - TRUE for one in fits])
+    held = np.mean(errors < 1.96 * np.sqrt(np.diag(predicted)), axis=0)
+    assert np.all((held >= 0.88) & (held <= 0.99))
+    # By white noise alone the same drive would be thought far better than it is.
+    white = np.mean([errors[k] < 1.96 * np.sqrt(np.diag(one.inverse)) for k, one in enumerate(fits)], axis=0)
+    assert np.all(white < 0.7)
