@@ -5,6 +5,7 @@ from .assessment.dead_reckoning import dead_reckoned as dead_reckoned
 from .assessment.diagnostics import Diagnostic as Diagnostic
 from .assessment.diagnostics import correlations as correlations
 from .assessment.doubts import Doubt as Doubt
+from .assessment.input_noise import Dilution as Dilution
 from .assessment.model_selection import Compared as Compared
 from .assessment.model_selection import Comparison as Comparison
 from .assessment.model_selection import Score as Score

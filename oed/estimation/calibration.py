@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +21,7 @@ from oed.estimation.assessment.dead_reckoning import HeldOut, cross_validated, h
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
 from oed.estimation.assessment.doubts import Doubt, plausibility_doubts
 from oed.estimation.assessment.drift import drift
+from oed.estimation.assessment.input_noise import Dilution, dilution_doubts, dilution_of
 from oed.estimation.assessment.model_selection import Comparison, ModelSelection
 from oed.estimation.methods.drift_rates import DriftRates, drift_rates
 from oed.estimation.methods.fit import Fit
@@ -57,6 +58,8 @@ class Calibration(Brief, Renamed):
         diagnostics: tests of what the fit leaves.
         weak_directions: what is not identifiable from the logs.
         doubts: of single estimates.
+        dilution: what noise of the inputs may have done to the estimates, for which the covariances allow;
+            None of methods that it is not known for.
         cross_validation: every log against the others.
         held_out: logs that were kept as test data, or None.
         own: the logs themselves where there are no others to judge by, or None.
@@ -73,6 +76,7 @@ class Calibration(Brief, Renamed):
     diagnostics: tuple[Diagnostic, ...]
     weak_directions: tuple[str, ...]
     doubts: tuple[Doubt, ...]
+    dilution: Dilution | None
     cross_validation: tuple[HeldOut, ...]
     held_out: HeldOut | None
     own: HeldOut | None
@@ -196,6 +200,10 @@ class _Work:
         self.announce("error bars")
         rates = None if fit.motions else drift_rates(fit)
         covariances = self._covariances(fit, segmenting, rates)
+        doubts, dilution = plausibility_doubts(fit, covariances[0].matrix), dilution_of(fit, self.seed)
+        if dilution is not None:
+            doubts += dilution_doubts(fit, dilution, covariances[0].matrix)
+            covariances = tuple(replace(one, matrix=dilution.widened(one.matrix)) for one in covariances)
         if len(covariances) == 1:
             notes.append(TOO_SHORT)
         if rates is not None and covariances[0].name == "drift":
@@ -212,7 +220,8 @@ class _Work:
             logs=logs,
             diagnostics=diagnostics(fit, specified_noise(self.problem.measurement, logs[0].averaged)),
             weak_directions=weak_directions(fit, covariances[0].matrix),
-            doubts=plausibility_doubts(fit, covariances[0].matrix),
+            doubts=doubts,
+            dilution=dilution,
             cross_validation=cross_validated(fit) if _has_positions(logs) else (),
             held_out=None if other is None else held_out(fit, fit.values, other.logs, _clocks(fit, other)),
             own=held_out(fit, fit.values, logs, fit.clocks_of(logs)) if alone else None,

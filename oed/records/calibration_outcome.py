@@ -87,6 +87,8 @@ def _parameters(found: Calibration) -> list[Estimated]:
             standard_error=error,
             interval=[value - width * error, value + width * error],
             standard_errors={one.name: one.deviations[index] for one in found.covariances},
+            bias=None if found.dilution is None else found.dilution.bias[index],
+            input_noise=None if found.dilution is None else found.dilution.shares[index],
         )
         entries.append(one)
     return entries

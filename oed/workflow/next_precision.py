@@ -115,7 +115,7 @@ def drifting_information(trajectory: Trajectory, found: EstimateRecord, study: S
     quantities = tuple(found.logs[0].quantities or READ)
     logs = planned_logs(robot, trajectory, _step(found, trajectory), quantities)
     fit = fitting.planned(logs, math.inf if seconds is None else seconds, noises)
-    return np.linalg.inv(drift(fit, _rates(found)).matrix[: len(names), : len(names)])
+    return np.asarray(np.linalg.inv(drift(fit, _rates(found)).matrix[: len(names), : len(names)]))
 
 
 def _noise(*parts: float | None) -> Noise:

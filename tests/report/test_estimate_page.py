@@ -429,3 +429,15 @@ def test_doubts_of_single_estimates_are_said_first():
     assert sum("no robot of this kind" in line for line in estimate_lines(record)) == 1
     notices = section(record.plain(), "Summary").notices
     assert notices[0] == warnings(record)[0]
+
+
+def test_bias_by_noise_of_the_inputs_stands_beside_the_number():
+    first, *others = estimate()["parameters"]
+    record = read({**estimate(), "parameters": [{**first, "bias": 0.0012, "input_noise": 0.3}, *others]})
+    assert record.diluted == ()
+    assert len(estimate_rows(record)[0]) == 6
+    doubt = {"parameter": first["name"], "name": "input_noise", "message": "may be too large by up to 1.2 mm"}
+    record = read({**record.plain(), "doubts": [doubt]})
+    assert [row[-1] for row in estimate_rows(record)] == ["+1.2", *[""] * len(others)]
+    (brief,) = section(record.plain(), "Summary").tables
+    assert [row[-1] for row in brief.cells] == ["+1.2 mm", *[""] * len(others)]

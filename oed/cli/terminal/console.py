@@ -285,7 +285,8 @@ def print_estimate(record: EstimateRecord) -> None:
     """Estimates as a table, what their errors rest on, what they are worth, and warnings."""
     from oed.report.estimate.parameters import estimate_lines, estimate_rows
 
-    headings = ("parameter", "unit", "nominal", "estimate", "standard error", "change [%]")
+    headings = ["parameter", "unit", "nominal", "estimate", "standard error", "change [%]"]
+    headings += ["bias, at most"] if record.diluted else []
     table = _table(headings, ("parameter", "unit"), kept=headings[1:])
     for row in estimate_rows(record):
         table.add_row(*map(_cell, row))

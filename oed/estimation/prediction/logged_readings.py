@@ -70,6 +70,18 @@ class LoggedReadings:
         """Which quantities jump by full turns as they are predicted, (quantities,): no states."""
         return np.zeros(len(self.quantities), dtype=bool)
 
+    def disturbed(self, values: Array, starts: Array, noise: Array) -> tuple[Array, Array]:
+        """The readings with `noise` (S, n, inputs) in the inputs, and their derivatives by the unknowns, with
+        those by clocks as if they were none.
+        """
+        parameters, place, clocks = self.unknowns.parts(values)
+        inputs = self.layout.inputs(self._offsets(clocks)) + noise
+        found, slopes = self._segments.derivatives(
+            Driven(starts, inputs, self.layout.steps, parameters, place)
+        )
+        own = self.unknowns.slopes(slopes)
+        return found, np.pad(own, (*[(0, 0)] * (own.ndim - 1), (0, len(clocks))))
+
     def first_starts(self, values: Array) -> Array:
         """Starts (S, states) near enough for a search to begin from, at unknowns (q,)."""
         parameters, place, clocks = self.unknowns.parts(values)

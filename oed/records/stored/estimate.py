@@ -52,7 +52,11 @@ class Estimates(Stored):
 
 
 class Estimated(Stored):
-    """A parameter with its estimate; SI."""
+    """A parameter with its estimate; SI.
+
+    Noise of the inputs may be a share `input_noise` of what identifies it, and the estimate too large by up
+    to `bias`, for which its standard errors allow.
+    """
 
     name: str
     value: Maybe
@@ -62,6 +66,8 @@ class Estimated(Stored):
     standard_error: Positive | None = None
     interval: Interval | None = None
     standard_errors: dict[str, Positive | None] | None = None
+    bias: Maybe = None
+    input_noise: Maybe = None
 
     @property
     def ends(self) -> tuple[float | None, float | None]:
@@ -342,6 +348,11 @@ class EstimateRecord(Presented, SavedFile):
     def values(self) -> dict[str, float]:
         """Estimates by name, SI; NaN where there is none."""
         return {one.name: math.nan if one.value is None else one.value for one in self.parameters}
+
+    @property
+    def diluted(self) -> tuple[str, ...]:
+        """Names of the parameters that noise of the inputs may have moved by much of a standard error."""
+        return tuple(one.parameter for one in self.doubts if one.name == "input_noise")
 
     @property
     def errors(self) -> dict[str, float]:

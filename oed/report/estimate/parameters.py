@@ -53,6 +53,10 @@ WORSE = 1.05
 """Ratio of errors after and before from which on the estimate has made dead reckoning worse."""
 SKIPPED = ("skipped_inputs", "skipped_poses")
 """Findings that a terminal names though they cast no doubt: what of a log was left out."""
+BIAS = "bias, at most"
+"""Heading of what noise of the inputs may do."""
+INTERVAL = 5
+"""Place of the column of intervals."""
 WORTH_A_LINE = 0.02
 """Offset of two clocks that is worth a line in a terminal [s]."""
 
@@ -107,6 +111,7 @@ def _brief(record: EstimateRecord) -> Table:
         Column("nominal", "", significant(5), nominal),
         Column("estimate ± standard error", "", significant(5), estimate),
         Column("change", "%", significant(3), _change),
+        *_bias(record, with_unit=True),
     )
     return Table.of(record.parameters, columns)
 
@@ -143,6 +148,7 @@ def estimates(record: EstimateRecord) -> Table:
         error,
         Column("95 % interval", "", significant(5), _interval),
         Column("change", "% of nominal", significant(3), _change),
+        *_bias(record),
     )
     return Table.of(record.parameters, columns, "Estimates, rounded to their errors' second digit")
 
@@ -153,6 +159,17 @@ def _nominal(one: Estimated) -> str:
 
 def _interval(one: Estimated) -> str:
     return span_text(*one.ends, one.standard_error, own_unit(one.unit)[1])
+
+
+def _bias(record: EstimateRecord, *, with_unit: bool = False) -> list[Column]:
+    # By how much noise of the inputs may have moved estimates, where it may have moved any by much.
+    def size(one: Estimated) -> str:
+        if one.bias is None or one.name not in record.diluted:
+            return ""
+        unit, factor = own_unit(one.unit)
+        return f"{one.bias * factor:+.2g} {unit_text(unit) if with_unit else ''}".strip()
+
+    return [Column(BIAS, "", significant(2), size)] if record.diluted else []
 
 
 def _change(one: Estimated) -> str:
@@ -167,7 +184,7 @@ def _change(one: Estimated) -> str:
 
 def estimate_rows(record: EstimateRecord) -> list[list[str]]:
     """The table of estimates for a terminal, which has no room for their intervals."""
-    rows = ([*row[:-2], row[-1]] for row in estimates(record).cells)
+    rows = ([*row[:INTERVAL], *row[INTERVAL + 1 :]] for row in estimates(record).cells)
     return [[cell.replace(MISSING, "-") for cell in row] for row in rows]
 
 

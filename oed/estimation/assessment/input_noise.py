@@ -1,0 +1,240 @@
+"""How far noise of the inputs may have pulled estimates away: errors in variables, regression dilution.
+
+A fit takes inputs as they were logged. Noise in them (ticks, jitter of their times, commands that the robot
+does not follow) moves the predicted motion, and correlates with what this motion is compared with: the less a
+log drives what identifies a parameter, the more of that is noise, and the smaller its effect seems [Fuller,
+Measurement Error Models, 1987; Carroll et al., Measurement Error in Nonlinear Models, 2006]. How large the
+noise is no log says for sure; but it shows in residuals that are larger than the noise of the poses alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import scipy
+
+from oed.estimation.assessment.doubts import Doubt
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.gauss_newton import projected
+from oed.estimation.prediction.logged_readings import LoggedReadings
+from oed.estimation.setup.noise import group_of, groups, places_of
+from oed.foundation.arrays import Array, Bools
+from oed.foundation.text import significant, size_text, words
+
+DRAWS = 4
+"""Of noise, that its effects are averaged over: a log has many readings."""
+SMALL = 1e-3
+"""Least noise that is drawn, relative to the inputs' root mean square: effects are then in proportion."""
+MOST = 0.9
+"""Share of the information in any direction that noise of the inputs is taken to make up at most."""
+OUTLYING = 10.0
+"""Times their median that third differences are jumps, not noise."""
+WORTH_SAYING = 1.0
+"""Bias in standard errors from which on it is said."""
+BEYOND_HELP = 0.5
+"""Share of noise from which on the nominal value may be nearer than the estimate."""
+STENCIL = np.array([1.0, -3.0, 3.0, -1.0])
+"""Third differences: smooth motion leaves next to nothing in them, white noise 20 times its variance."""
+SPREAD = 2.15
+"""Standard error of a variance by third differences, relative to it, times the root of their number."""
+
+
+Kind = Literal["rates", "readings"]
+"""Of noise: of each period's input, or of what the inputs have added up to."""
+
+
+@dataclass(frozen=True)
+class Dilution:
+    """What noise of the inputs may have done to estimates.
+
+    Attributes:
+        bias: estimates less what they would be without it, at most, (q,), SI.
+        shares: of the information on each unknown that may be noise, (q,).
+    """
+
+    bias: Array
+    shares: Array
+
+    def widened(self, matrix: Array) -> Array:
+        """A covariance (q, q) that allows for the bias, whose sign is believed and whose size is not."""
+        return np.asarray(matrix + np.outer(self.bias, self.bias))
+
+
+def dilution_of(fit: Fit, seed: int = 0) -> Dilution | None:
+    """The most that noise of the inputs can have done to a fit over segments.
+
+    The noise is white, of each input as large as its high frequencies say beside the others', and as large as
+    the residuals leave room for beside the poses' own noise. None of fits that hold no readings of segments.
+
+    Args:
+        fit: of all logs.
+        seed: of the noise that is drawn.
+    """
+    if fit.motions or not fit.layout.logs:
+        return None
+    effects, count = _Effects(fit), fit.unknowns.size
+    noise, slope, rng = np.zeros((count, count)), np.zeros(count), np.random.default_rng([seed, DRAWS])
+    for kind, room in effects.room().items():
+        made, turned, along = 0.0, np.zeros((count, count)), np.zeros(count)
+        for _ in range(DRAWS):
+            moved, slopes = effects.of(kind, rng)
+            made += effects.judged(moved**2)
+            turned += np.einsum("sia,sib->ab", slopes, slopes)
+            along += np.einsum("sia,si->a", slopes, moved)
+        if made > 0:
+            noise, slope = noise + room / made * turned, slope + room / made * along
+    found = _dilution(fit.total, noise, slope)
+    # Beyond its own size nobody looks for a parameter.
+    return replace(found, bias=found.bias / max(1.0, float(np.abs(found.bias / fit.unknowns.scale).max())))
+
+
+def _dilution(total: Array, noise: Array, slope: Array) -> Dilution:
+    # The root of the corrected score, with the share of noise in every direction held below 1.
+    root = np.linalg.cholesky(total)
+    across = scipy.linalg.solve_triangular(root, noise, lower=True)
+    shares, vectors = np.linalg.eigh(scipy.linalg.solve_triangular(root, across.T, lower=True))
+    back = scipy.linalg.solve_triangular(root.T, vectors)
+    left = 1 - np.clip(shares, 0.0, MOST)
+    bias = -back @ ((back.T @ slope) / left)
+    return Dilution(bias, 1 - (back**2).sum(axis=1) / (back**2 / left).sum(axis=1))
+
+
+@dataclass(frozen=True)
+class _Effects:
+    # Of noise in the inputs on the readings of a fit, and on their derivatives.
+    fit: Fit
+
+    def of(self, kind: Kind, rng: np.random.Generator) -> tuple[Array, Array]:
+        # Of one draw: what it adds to predicted readings (S, m) and to their derivatives (S, m, q), in units
+        # of their noise, each segment's start eliminated. Errors of rates add up, those of readings do not.
+        fit, (found, slopes) = self.fit, self._undisturbed
+        steps = fit.layout.steps[..., None]
+        if kind == "rates":
+            added = np.sqrt(steps) * rng.standard_normal(self._inputs.shape)
+        else:
+            added = np.diff(
+                rng.standard_normal((steps.shape[0], steps.shape[1] + 1, len(self._sizes))), axis=1
+            )
+        noise = self._sizes * np.divide(added, steps, out=np.zeros_like(added), where=steps > 0)
+        there, turned = self._readings.disturbed(fit.values, fit.starts, noise)
+        both = np.concatenate([(there - found)[..., None], turned - slopes], axis=-1)
+        left, _ = projected(self._white(both), self._own)
+        return left[..., 0], left[..., 1:]
+
+    def judged(self, each: Array) -> float:
+        # The sum of what every reading has (S, m), of the readings that the noise is judged by.
+        return float(each.reshape(*self.fit.white.shape)[..., self._judges].sum())
+
+    def room(self) -> dict[Kind, float]:
+        # The most that residuals hold besides the poses' own noise, summed in units of the noise. What is
+        # rough in them is noise of readings, what is not is noise of rates. The poses' own noise is rough,
+        # too, and shows in the poses themselves.
+        fit, own, valid = self.fit, self._judges, self.fit.layout.valid
+        total = float((fit.weights * fit.white**2)[..., own][valid].sum())
+        degrees = float(fit.redundancy[..., own][valid].sum())
+        poses, left = (
+            _rough(one[..., own] / self._deviations[..., own], valid)
+            for one in (fit.layout.readings, fit.residuals)
+        )
+        unsure = left[0] * SPREAD / np.sqrt(max(left[1], 1))
+        rough, smooth = left[0] - min(poses[0], left[0]), total / max(degrees, 1e-9) - left[0]
+        return {
+            "readings": degrees * (max(rough, 0.0) + unsure),
+            "rates": degrees * (max(smooth, 0.0) + unsure),
+        }
+
+    @cached_property
+    def _judges(self) -> list[int]:
+        # Headings show turns that the inputs do not explain; positions show slip of all kinds besides.
+        kinds = groups(self.fit.layout.quantities)
+        return places_of("heading" if "heading" in kinds else kinds[0], self.fit.layout.quantities)
+
+    @cached_property
+    def _undisturbed(self) -> tuple[Array, Array]:
+        return self._readings.disturbed(self.fit.values, self.fit.starts, np.zeros_like(self._inputs))
+
+    @cached_property
+    def _own(self) -> Array:
+        # Derivatives by each segment's start.
+        return self._white(self._readings.derivatives(self.fit.values, self.fit.starts)[2])
+
+    @cached_property
+    def _readings(self) -> LoggedReadings:
+        return LoggedReadings.of(self.fit.layout, self.fit.unknowns, self.fit.offsets)
+
+    @cached_property
+    def _inputs(self) -> Array:
+        return self.fit.layout.inputs(self.fit.clock_offsets)
+
+    @cached_property
+    def _sizes(self) -> Array:
+        # Of the noise that is drawn, at one second, (inputs,): inputs of a kind alike, and all of them small.
+        fit, inputs, driven = self.fit, self._inputs, self.fit.layout.steps > 0
+        rough = np.array([_rough(inputs[..., [place]], driven)[0] for place in range(inputs.shape[-1])])
+        whole = (inputs[driven] ** 2).mean(axis=0)
+        kinds = np.array([entry.quantity for entry in fit.unknowns.robot.inputs])
+        rough, whole = (np.array([one[kinds == kind].mean() for kind in kinds]) for one in (rough, whole))
+        shares = np.maximum(rough, SMALL**2 * whole)
+        largest = (shares / np.where(whole > 0, whole, 1.0)).max()
+        usual = float(np.median(fit.layout.steps[driven]))
+        return np.asarray(SMALL * np.sqrt(shares * usual / (largest or 1.0)))
+
+    @cached_property
+    def _deviations(self) -> Array:
+        fit = self.fit
+        each = [
+            fit.noises[group_of(name)].deviation(fit.speeds, fit.yaw_rates) for name in fit.layout.quantities
+        ]
+        return np.stack(each, axis=-1)
+
+    def _white(self, values: Array) -> Array:
+        # Of readings (S, K, k, c) in units of their noise, below each other, (S, m, c).
+        fit = self.fit
+        scale = np.where(fit.layout.valid[..., None], np.sqrt(fit.weights) / self._deviations, 0.0)
+        return np.asarray((values * scale[..., None]).reshape(len(values), -1, values.shape[-1]))
+
+
+def _rough(values: Array, valid: Bools) -> tuple[float, int]:
+    # The variance (S, K, c) by third differences along segments, outliers left out, and how many there are.
+    length = len(STENCIL)
+    if valid.shape[1] < length:
+        return 0.0, 0
+    count = valid.shape[1] - length + 1
+    found = sum(weight * values[:, first : first + count] for first, weight in enumerate(STENCIL))
+    there = np.logical_and.reduce([valid[:, first : first + count] for first in range(length)])
+    sizes = np.abs(np.asarray(found)[there]).ravel()
+    kept = sizes[sizes <= OUTLYING * np.median(sizes)] if sizes.size else sizes
+    return (float((kept**2).mean() / (STENCIL @ STENCIL)), kept.size) if kept.size else (0.0, 0)
+
+
+def dilution_doubts(fit: Fit, found: Dilution, covariance: Array) -> tuple[Doubt, ...]:
+    """Parameters whose estimates noise of the inputs may have moved by much of their standard errors.
+
+    Args:
+        fit: of all logs.
+        found: what the noise may have done.
+        covariance: of all unknowns without that, (q, q), SI.
+    """
+    unknowns, errors = fit.unknowns, np.sqrt(np.diag(covariance))
+    each = zip(
+        unknowns.parameters, unknowns.units, fit.values, errors, found.bias, found.shares, strict=False
+    )
+    return tuple(
+        Doubt(name, "input_noise", _sentence(name, unit, value, bias, share))
+        for name, unit, value, error, bias, share in each
+        if abs(bias) > WORTH_SAYING * error
+    )
+
+
+def _sentence(name: str, unit: str, value: float, bias: float, share: float) -> str:
+    larger = "large" if abs(value) > abs(value - bias) else "small"
+    text = (
+        f"{words(name)} may be too {larger} by up to {size_text(abs(bias), unit, 2)}, for which its standard "
+        f"error allows: noise of the inputs can be {significant(2)(100 * share)} % of the motion that "
+        "identifies it, which the logs hardly drive"
+    )
+    nearer = " (until then the nominal value may be nearer)" if share > BEYOND_HELP else ""
+    return f"{text}; drive more of it, such as `oed next` designs{nearer}"

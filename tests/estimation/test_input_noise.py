@@ -1,0 +1,140 @@
+"""Noise of the inputs makes what logs hardly drive look small; error bars allow for it, and it is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated import ROBOT, TRUTH, Course, course, fit_of, log_of, logged_problem, options
+
+from oed.estimation import calibrate
+from oed.estimation.assessment.input_noise import MOST, Dilution, dilution_doubts, dilution_of
+from oed.logs.log import Log
+
+NOISE = (0.002, 0.003)
+TRUE = np.array([*TRUTH.values()])
+PERIOD, SECONDS = 0.05, 20.0
+
+
+def straight(seed: int) -> Course:
+    """A straight block: both wheels forward, and hardly any turning, slowly to and fro."""
+    rng, times = np.random.default_rng([seed, 7]), PERIOD * np.arange(round(SECONDS / PERIOD))
+    waves = zip(rng.uniform(0.3, 2.0, 3), rng.uniform(0.0, 6.3, 3), strict=True)
+    turning = 0.15 * sum(np.sin(rate * times + phase) for rate, phase in waves)
+    ahead = 4 * np.minimum(1.0, np.minimum(times, SECONDS - times) / 2 + 0.05)
+    inputs = np.column_stack([ahead + turning, ahead - turning])
+    return course(seconds=SECONDS, period=PERIOD, inputs=inputs, seed=seed)
+
+
+def clean(seed: int) -> Log:
+    return log_of(straight(seed), noise=NOISE, seed=seed)
+
+
+def ticked(seed: int) -> Log:
+    """By encoders of 31 ticks a turn."""
+    return log_of(straight(seed), noise=NOISE, seed=seed, quantum=0.2)
+
+
+def unsteady(seed: int) -> Log:
+    """By speeds that are off by half a rad/s, each on its own."""
+    log, rng = clean(seed), np.random.default_rng([seed, 8])
+    errors = np.cumsum(PERIOD * rng.normal(0.0, 0.5, (len(log.integrals) - 1, 2)), axis=0)
+    return replace(log, integrals=log.integrals + np.vstack([np.zeros((1, 2)), errors]))
+
+
+def commanded(seed: int) -> Log:
+    """By speeds that are commanded, of which the robot follows the slow part."""
+    wanted = straight(seed).inputs + np.random.default_rng([seed, 5]).normal(0.0, 1.0, (400, 2))
+    driven, kept = wanted.copy(), np.exp(-PERIOD / 0.25)
+    for row in range(1, len(wanted)):
+        driven[row] = kept * driven[row - 1] + (1 - kept) * wanted[row]
+    drive = course(seconds=SECONDS, period=PERIOD, inputs=driven)
+    return log_of(replace(drive, inputs=wanted), noise=NOISE, seed=seed)
+
+
+def turning(seed: int) -> Log:
+    """Of a drive that excites everything, by exact encoders."""
+    return log_of(course(seconds=SECONDS, period=PERIOD, seed=seed), noise=NOISE, seed=seed)
+
+
+def diluted(log: Log, seconds: float = 2.0) -> Dilution:
+    found = dilution_of(fit_of([log], seconds=seconds))
+    assert found is not None
+    return found
+
+
+def test_of_a_straight_block_with_coarse_ticks_the_track_may_be_far_too_large():
+    fit = fit_of([ticked(1)], seconds=2.0)
+    found = dilution_of(fit)
+    assert found is not None
+    # It is too large, and by no more than it may be.
+    off = fit.values[2] - TRUE[2]
+    assert 0.1 * TRUE[2] < off < found.bias[2] < 4 * off
+    assert 0.1 < found.shares[2] < MOST
+    (one,) = (one for one in dilution_doubts(fit, found, fit.inverse) if one.parameter == "track")
+    assert one.name == "input_noise"
+    assert "track may be too large by up to" in one.message
+    assert "hardly drive" in one.message
+
+
+@pytest.mark.parametrize("make", [clean, turning])
+def test_where_the_poses_own_noise_explains_the_residuals_there_is_none(make):
+    fit = fit_of([make(1)], seconds=2.0)
+    found = dilution_of(fit)
+    assert found is not None
+    errors = np.sqrt(np.diag(fit.inverse))
+    assert np.all(np.abs(found.bias) < 0.6 * errors)
+    assert dilution_doubts(fit, found, fit.inverse) == ()
+
+
+def test_bias_of_more_than_noise_is_bounded_by_the_parameters_size():
+    # Of a robot that does not turn at all its wheels' noise alone says how wide it is.
+    still = course(seconds=8.0, inputs=np.full((80, 2), 4.0))
+    rng = np.random.default_rng(0)
+    log = log_of(still, noise=(0.002, 0.03))
+    log = replace(log, integrals=log.integrals + np.cumsum(rng.normal(0.0, 0.05, (81, 2)), axis=0))
+    found = diluted(log, np.inf)
+    assert np.all(np.abs(found.bias) <= np.array(ROBOT.nominal) * (1 + 1e-9))
+    assert found.shares[2] > 0.5
+
+
+def test_a_covariance_allows_for_it_in_its_direction_only():
+    found = Dilution(np.array([0.3, 0.0]), np.array([0.1, 0.0]))
+    np.testing.assert_allclose(found.widened(np.diag([0.16, 0.04])), np.diag([0.25, 0.04]))
+
+
+@pytest.mark.slow
+def test_it_is_said_beside_the_number():
+    found = calibrate(logged_problem(), [ticked(1)], options(segment=2.0, replicates=100))
+    assert any((one.parameter, one.name) == ("track", "input_noise") for one in found.doubts)
+    assert found.dilution is not None
+    assert found.standard_deviations["track"] > abs(found.dilution.bias[2])
+    ends = found.values[2] + found.covariances[0].half_width * found.standard_deviations["track"] * np.array(
+        [-1, 1]
+    )
+    assert ends[0] < TRUE[2] < ends[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [ticked, unsteady, commanded])
+def test_intervals_of_straight_blocks_cover(make):
+    held = []
+    for seed in range(5):
+        asked = options(segment=2.0, replicates=100, clock_offset=False, sensor_place=())
+        found = calibrate(logged_problem(), [make(seed)], asked)
+        reach = found.covariances[0].half_width * np.sqrt(np.diag(found.covariance))
+        held.append(np.abs(found.values - TRUE) < reach)
+    assert np.mean(held) > 0.88
+
+
+@pytest.mark.slow
+def test_intervals_of_logs_that_excite_everything_stay_as_they_were():
+    ratios = []
+    for seed in range(6):
+        fit = fit_of([turning(seed)])
+        found = dilution_of(fit)
+        assert found is not None
+        ratios.append(np.diag(found.widened(fit.inverse)) / np.diag(fit.inverse))
+    assert np.sqrt(np.max(ratios)) < 1.3
+    assert np.sqrt(np.mean(ratios)) < 1.05
