@@ -90,10 +90,13 @@ def judgeable(fit: Fit, blocks: Blocks) -> bool:
 
 
 def information(fit: Fit) -> Covariance:
-    """F^-1, of robust losses H^-1 M H^-1: right where the noise is as modelled, white and without drift."""
+    """F^-1, of robust losses H^-1 M H^-1: right where the noise is as modelled and without drift."""
     spread = fit.swing * fit.information.sum(axis=0) + fit.knowledge
     matrix = fit.response @ spread @ fit.response
-    return Covariance(matrix, float(fit.redundancy.sum()), "information")
+    degrees = float(fit.redundancy.sum())
+    if fit.correlated is not None:
+        degrees = min(degrees, fit.correlated.independent(fit.layout))
+    return Covariance(matrix, degrees, "information")
 
 
 def sandwich(fit: Fit, blocks: Blocks) -> Covariance:
