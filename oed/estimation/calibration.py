@@ -198,13 +198,13 @@ class _Work:
         segmenting, fit = fitted.segmenting, fitted.fit
         notes = [*thinning_notes(self.logs, found.logs), *fitted.notes]
         self.announce("error bars")
-        rates = None if fit.motions else drift_rates(fit)
+        rates = None if fit.by_reading is None else drift_rates(fit)
         covariances = self._covariances(fit, segmenting, rates)
         doubts, dilution = plausibility_doubts(fit, covariances[0].matrix), dilution_of(fit, self.seed)
         if dilution is not None:
             doubts += dilution_doubts(fit, dilution, covariances[0].matrix)
             covariances = tuple(replace(one, matrix=dilution.widened(one.matrix)) for one in covariances)
-        if len(covariances) == 1:
+        if len(covariances) == 1 and not fit.correlated:
             notes.append(TOO_SHORT)
         if rates is not None and covariances[0].name == "drift":
             notes.append(rates.words)
@@ -234,7 +234,7 @@ class _Work:
             return None
 
         def covariance(other: Fit) -> Covariance:
-            rates = None if other.motions else drift_rates(other)
+            rates = None if other.by_reading is None else drift_rates(other)
             return self._covariances(other, segmenting, rates)[0]
 
         return ModelSelection(self._fitting, found, covariance, self.announce).compared(fit)
@@ -277,7 +277,7 @@ class _Work:
         names, wanted = [one.name for one in found], self.options.covariance
         if wanted == "auto":
             drifts = segmenting is not None and segmenting.drifts
-            wanted = _most_trusted(names, blocks, rates, drifts)
+            wanted = "information" if fit.correlated else _most_trusted(names, blocks, rates, drifts)
         if wanted not in names:
             raise ProblemError.about(("calibration", "covariance"), _missing(wanted, blocks))
         return tuple(sorted(found, key=lambda one: one.name != wanted))

@@ -280,6 +280,25 @@ def with_losses(log: Log, seed: int = 0, share: float = 0.3, seconds: float = 0.
     return replace(log, pose_times=times[~lost], poses=log.poses[~lost])
 
 
+def lasting(log: Log, size: float, seconds: float, seed: int = 0) -> Log:
+    """The same with errors of the positions that last, as those by satellites do: a Gauss-Markov process.
+
+    Args:
+        log: with x and y.
+        size: standard deviation [m].
+        seconds: after which the correlation has fallen to 1/e [s].
+        seed: of the errors.
+    """
+    new = np.random.default_rng([seed, 5]).normal(size=(len(log.pose_times), 2))
+    left = np.exp(-np.diff(log.pose_times, prepend=-np.inf) / seconds)
+    errors = np.zeros(2)
+    poses = log.poses.copy()
+    for row, share in enumerate(left):
+        errors = share * errors + size * np.sqrt(1 - share**2) * new[row]
+        poses[row, :2] += errors
+    return replace(log, poses=poses)
+
+
 def exchanged(log: Log, first: int = 0, second: int = 1) -> Log:
     """The same with two inputs' columns exchanged."""
     order = list(range(log.integrals.shape[1]))

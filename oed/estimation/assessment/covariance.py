@@ -90,9 +90,11 @@ def judgeable(fit: Fit, blocks: Blocks) -> bool:
 
 
 def information(fit: Fit) -> Covariance:
-    """F^-1, of robust losses H^-1 M H^-1: right where the noise is as modelled, white and without drift."""
-    matrix = fit.response @ white_scores(fit) @ fit.response
-    return Covariance(matrix, float(fit.redundancy.sum()), "information")
+    """F^-1, of robust losses H^-1 M H^-1: right where the noise is as modelled and without drift."""
+    matrix, degrees = fit.response @ white_scores(fit) @ fit.response, float(fit.redundancy.sum())
+    if fit.correlated is not None:
+        degrees = min(degrees, fit.correlated.independent(fit.layout))
+    return Covariance(matrix, degrees, "information")
 
 
 def white_scores(fit: Fit) -> Array:

@@ -82,7 +82,7 @@ class FittedReadings:
         noise = 0
         if fit.volumes is not None:
             each = _correlated(fit, free=options.noise != "stated")
-            noise = len(PARTS) - (OF_POSES if options.noise == "stated" else options.noise == "constant")
+            noise = _noise_parts(fit, options)
         else:
             each = np.zeros(fit.layout.count)
             for group in groups(fit.layout.quantities):
@@ -122,14 +122,19 @@ def _greatest(residuals: Array, shares: Array, rates: Array, parts: Sequence[int
 
 
 def _correlated(fit: Fit, *, free: bool) -> Array:
-    # Windows whose noise is correlated, its size free unless it is specified.
-    white = fit.white[:, -1]
-    square = fit.misfit if free else 1.0
+    # Readings whose noise is correlated, its size free unless it is specified.
+    squares = np.where(fit.layout.valid, fit.white**2, 0.0).sum(axis=(1, 2))
+    count = fit.layout.valid.sum(axis=(1, 2)) - (0 if fit.motions else fit.starts.shape[1])
+    square = float(squares.sum() / count.sum()) if free else 1.0
     assert fit.volumes is not None
-    rows = white.shape[-1]
-    return np.asarray(
-        -0.5 * ((white**2).sum(axis=-1) / square + fit.volumes + rows * np.log(2 * np.pi * square))
-    )
+    return np.asarray(-0.5 * (squares / square + fit.volumes + count * np.log(2 * np.pi * square)))
+
+
+def _noise_parts(fit: Fit, options: CalibrationOptions) -> int:
+    # How many numbers a correlated noise has that were estimated.
+    if fit.correlated is not None:
+        return (0 if options.noise == "stated" else len(fit.noises)) + len(fit.correlated.lasting) + 1
+    return len(PARTS) - (OF_POSES if options.noise == "stated" else options.noise == "constant")
 
 
 def inflation(fit: Fit, block: float | None) -> tuple[float, Way]:

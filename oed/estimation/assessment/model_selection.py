@@ -306,10 +306,13 @@ class ModelSelection:
 
 def _with_segments(options: CalibrationOptions, fit: Fit) -> CalibrationOptions:
     # Those that the study's own robot was fitted over.
-    if options.method != "joint":
+    if fit.motions:
         return options
     seconds = fit.layout.seconds
-    return options.model_copy(update={"segment": seconds if math.isfinite(seconds) else "log"})
+    update: dict[str, object] = {"segment": seconds if math.isfinite(seconds) else "log"}
+    if fit.correlated is not None and options.noise != "stated":
+        update["noise"] = "correlated"
+    return options.model_copy(update=update)
 
 
 def _why_not(fit: Fit) -> str:

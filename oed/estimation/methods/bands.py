@@ -1,4 +1,4 @@
-"""Symmetric matrices kept as their lower band; that of windows, (6, 3 S), is of 3 x 3 blocks.
+"""Symmetric matrices kept as their lower band; that of S blocks of side m is (2 m, m S), of windows (6, 3 S).
 
 Entry (j + d, j) of the matrix is entry (d, j) of the band. What is beyond the matrix's end is 0.
 """
@@ -22,15 +22,16 @@ def banded(own: Array, below: Array | None = None) -> Array:
     """The band of a matrix.
 
     Args:
-        own: blocks on its diagonal, (S, 3, 3).
-        below: those below them, (S - 1, 3, 3); 0 by default.
+        own: blocks on its diagonal, (S, m, m).
+        below: those below them, (S - 1, m, m); 0 by default.
     """
-    band = np.zeros((ROWS, SIDE * len(own)))
-    for row, column in np.ndindex(SIDE, SIDE):
+    side = own.shape[-1]
+    band = np.zeros((2 * side, side * len(own)))
+    for row, column in np.ndindex(side, side):
         if row >= column:
-            band[row - column, column::SIDE] = own[:, row, column]
+            band[row - column, column::side] = own[:, row, column]
         if below is not None:
-            band[SIDE + row - column, column:-SIDE:SIDE] = below[:, row, column]
+            band[side + row - column, column:-side:side] = below[:, row, column]
     return band
 
 

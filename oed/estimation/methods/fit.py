@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from oed.estimation.methods.gauss_markov import GaussMarkov
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.unknowns import Unknowns, inverse_of_sum
 from oed.foundation.arrays import Array
@@ -42,9 +43,10 @@ class Fit(Brief):
         bend: how much flatter than `information` says a robust loss makes the misfit; 1 for least squares.
         swing: how much less than `information` says the scores vary with a robust loss; 1 for least squares.
         volumes: logarithm of the determinant of the noise's covariance, window by window given those before,
-            (S,), where windows' noise is correlated; None where every reading's is its own.
+            (S,), where noise is correlated, starts taken out; None where every reading's is its own.
         by_reading: derivatives of every segment's scores by its readings, 1/SI, (S, n + 1, quantities, q);
-            None of windows and of designed drives.
+            None of windows, of designed drives and where noise is correlated.
+        correlated: noise of the readings that lasts, of which `noises` are the white part; None of others.
     """
 
     unknowns: Unknowns
@@ -69,6 +71,7 @@ class Fit(Brief):
     swing: float = 1.0
     volumes: Array | None = None
     by_reading: Array | None = None
+    correlated: GaussMarkov | None = None
 
     @property
     def misfit(self) -> float:

@@ -12,9 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
+from oed.estimation.methods.correlated_readings import CorrelatedReadings
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gls import WeightedWindows
 from oed.estimation.methods.joint import JointSearch
+from oed.estimation.methods.noise_selection import bounded_errors, has_lasting_form
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows
 from oed.estimation.prediction.layout import FEWEST, SegmentLayout, cut, shortest_seconds, usual_step
@@ -106,6 +108,21 @@ def _lengths(whole: SegmentLayout) -> Iterator[float]:
         yield seconds
         seconds *= 2
     yield math.inf
+
+
+def if_bounded(short: Segmenting, whole: JointSearch) -> Segmenting:
+    """Whole logs, where their errors last but do not grow; else the segments that show no drift.
+
+    Args:
+        short: segments beyond whose length residuals grow.
+        whole: the search over whole logs.
+    """
+    fit = short.fit
+    noise = bounded_errors(whole, fit.values, fit.noises)
+    if noise is None:
+        return short
+    found = CorrelatedReadings(whole).fit(fit.values, noise)
+    return replace(short, seconds=math.inf, fit=found, drifts=False)
 
 
 @dataclass(frozen=True)
@@ -214,23 +231,54 @@ class Fitting:
 
         chosen = self.options.segment
         seconds = math.inf if isinstance(chosen, str) else chosen
-        if self.options.method != "joint":
+        if self.options.method != "joint" and not self._of_readings(logs):
             length = usual_seconds(layout(math.inf)) if chosen == "auto" else seconds
             return None, self._over_windows(Windows(layout(length), unknowns, offsets))
         if chosen == "auto":
             segmenting = longest_without_drift(layout, fit)
-            return segmenting, segmenting.fit
+            if segmenting.drifts and self._may_last(logs):
+                whole = self._search(layout(math.inf), unknowns, offsets)
+                segmenting = if_bounded(segmenting, whole)
+            return segmenting, self._correlated(segmenting.fit, unknowns)
         # Over a long drive a wrong size turns the robot anywhere: from there no derivative leads back.
         short = next(_lengths(layout(math.inf)))
         if short < seconds:
             fit(layout(short))
-        return None, fit(layout(seconds))
+        return None, self._correlated(fit(layout(seconds)), unknowns)
+
+    def _of_readings(self, logs: Sequence[Log]) -> bool:
+        # Whether gls weights readings: windows of positions alone show no turn.
+        return self.options.method == "gls" and set(logs[0].quantities) == {"x", "y"}
+
+    def _may_last(self, logs: Sequence[Log]) -> bool:
+        # Whether noise that lasts is looked for.
+        options = self.options
+        return options.loss == "linear" and options.noise != "stated" and has_lasting_form(logs[0].quantities)
+
+    def _correlated(self, fit: Fit, unknowns: Unknowns) -> Fit:
+        # With noise that lasts, where it is asked for.
+        logs = fit.layout.logs
+        if fit.correlated or not (self.options.noise == "correlated" or self._of_readings(logs)):
+            return fit
+        self._require_lasting_form(logs[0])
+        return CorrelatedReadings(self._search(fit.layout, unknowns, fit.offsets)).fit(fit.values)
+
+    def _require_lasting_form(self, log: Log) -> None:
+        if self.options.loss != "linear":
+            text = f"correlated noise takes every reading for what it is, not loss: {self.options.loss}"
+            raise ProblemError.about(("calibration", "loss"), f"{text}; use linear")
+        if not has_lasting_form(log.quantities):
+            text = f"correlated noise is that of x, y and heading; the logs hold {', '.join(log.quantities)}"
+            raise ProblemError.about(("calibration", "noise"), f"{text}; use noise: estimated")
 
     def _over_windows(self, windows: Windows) -> Fit:
         options, known = self.options, self._known(windows.unknowns)
         if options.loss != "linear":
             text = f"loss: {options.loss} bounds single readings, of which windows are made up"
             raise ProblemError.about(("calibration", "loss"), f"{text}; use method: joint")
+        if options.noise == "correlated":
+            text = f"{options.method} has a noise of its own between windows; use method: joint"
+            raise ProblemError.about(("calibration", "noise"), text)
         specified = self._specified(windows.layout.logs[0])
         if options.method == "gls":
             return WeightedWindows(windows, known, specified, grows=options.noise != "constant").fit()

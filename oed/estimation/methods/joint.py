@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.gauss_markov import GaussMarkov
 from oed.estimation.methods.gauss_newton import (
     FLAT,
     Found,
@@ -30,6 +31,7 @@ from oed.estimation.setup.noise import estimated, group_of, groups, jumps, of_re
 from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Knowledge, Unknowns, inverse_of_sum
 from oed.foundation.arrays import Array
+from oed.kernel.measurement.square_root import SquareRoot
 from oed.robots.sensors.logged import Noise
 
 CLOSE = 1e-6
@@ -64,6 +66,7 @@ class JointSearch:
         grows: whether noise may grow with speed and yaw rate.
         specified: noise that is not to be estimated.
         drive: what sensors read of a designed drive, whose noise is specified; None of logs.
+        correlated: noise of logs that lasts, whose white part is `specified`.
     """
 
     layout: SegmentLayout
@@ -74,6 +77,7 @@ class JointSearch:
     grows: bool = True
     specified: Mapping[str, Noise] | None = None
     drive: DriveReadings | None = None
+    correlated: GaussMarkov | None = None
 
     def fit(self, values: Array | None = None) -> Fit:
         """The solution, from the nominal values or those given."""
@@ -89,7 +93,7 @@ class JointSearch:
         search = LeastSquares(unknowns.scale, self.known, self.loss, unknowns.clocks, close, flat)
         # Noise and weights follow the residuals, so they converge along with the unknowns.
         renewed = None if exact or self.specified is not None else _Weighted.renewed
-        return search.solved(self.at_first, begin, self._predicted.first_starts(begin), renewed)
+        return search.solved(self.at_first, begin, self.first_starts(begin), renewed)
 
     @property
     def at_first(self) -> _Weighted:
@@ -101,6 +105,10 @@ class JointSearch:
     @cached_property
     def _predicted(self) -> LoggedReadings | DriveReadings:
         return self.drive or LoggedReadings.of(self.layout, self.unknowns, self.offsets)
+
+    def first_starts(self, values: Array) -> Array:
+        """Where the segments begin, (S, c), near enough for a search, at unknowns (q,)."""
+        return self._predicted.first_starts(values)
 
     def linearised(self, values: Array, starts: Array) -> _Linearised:
         """Residuals and derivatives at unknowns (q,) and the segments' own (S, c)."""
@@ -143,7 +151,9 @@ class _Weighted:
         each = [self.noises[group_of(name)].deviation(*rates) for name in layout.quantities]
         size = np.stack(each, axis=-1)
         present = layout.valid.reshape(*layout.valid.shape, *further)
-        return np.where(present, values / size.reshape(*size.shape, *further), 0.0)
+        white = np.where(present, values / size.reshape(*size.shape, *further), 0.0)
+        lasting = self.search.correlated
+        return white if lasting is None else lasting.whitened(layout, white)
 
     def renewed(self, values: Array, starts: Array) -> _Weighted:
         """In units of the noise that residuals show."""
@@ -194,8 +204,18 @@ class _Weighted:
             converged=False,
             bend=bend,
             swing=swing,
-            by_reading=None if search.drive else self._white(weighted, found.rates),
+            by_reading=None if search.drive or search.correlated else self._white(weighted, found.rates),
+            correlated=search.correlated,
+            volumes=self._volumes(_flat(own)),
         )
+
+    def _volumes(self, own: Array) -> Array | None:
+        # Of correlated noise, with what starts take out of the readings.
+        noise = self.search.correlated
+        if noise is None:
+            return None
+        taken = SquareRoot.of_matrix(own.transpose(0, 2, 1) @ own).log_determinant
+        return noise.volumes(self.search.layout) + taken
 
     def _weights(self, white: Array) -> tuple[Array, Array, float, float]:
         # Residuals (S, K, k) in units of the noise, their weights, bend and swing of the loss. Of specified

@@ -120,8 +120,9 @@ class CalibrationOptions(Component):
 
     Attributes:
         method: joint (nonlinear least squares on all poses of each segment, its start unknown), gls (motion
-            between the ends of windows, weighted by their correlated noise) or two_stage (the paper's: first
-            the headings, then the positions, unweighted).
+            between the ends of windows, weighted by their correlated noise; of logs of x and y alone, all
+            positions of each segment so weighted) or two_stage (the paper's: first the headings, then the
+            positions, unweighted).
         segment: length of a segment or window [s]; "log" takes whole logs; auto takes the longest in which no
             drift shows, of windows 2 s.
         covariance: information (F^-1), drift (of a fit to a robot whose pose is a random walk about what its
@@ -136,7 +137,9 @@ class CalibrationOptions(Component):
         noise: estimated from the residuals as sigma^2 = sigma0^2 + (k_v V)^2 + (k_w Omega)^2 at speed V and
             yaw rate Omega, each growth only where the likelihood leaves no doubt (that with Omega only
             where it shows from reading to reading as well); estimated as constant
-            (where what grows is the model's error, not the sensor's), or as the measurement specifies.
+            (where what grows is the model's error, not the sensor's), as correlated (white noise and a
+            Gauss-Markov process beside it, as positions by satellites have), or as the measurement specifies.
+            Where whole logs are likelier to have correlated noise than drift, auto segments find that.
         loss: of a residual in units of the noise; other than "linear" it bounds the influence of outliers.
         models: other robots, fitted to the same logs and compared with the study's own.
     """
@@ -148,7 +151,7 @@ class CalibrationOptions(Component):
     replicates: Annotated[int, Field(ge=100, le=10_000_000)] = 2000
     sensor_place: tuple[PlaceName, ...] = PLACE
     clock_offset: bool = True
-    noise: Literal["estimated", "constant", "stated"] = "estimated"
+    noise: Literal["estimated", "constant", "correlated", "stated"] = "estimated"
     loss: Loss = "linear"
     models: tuple[Alternative, ...] = ()
 
