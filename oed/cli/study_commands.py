@@ -81,7 +81,10 @@ def _check(options: argparse.Namespace) -> int:
         else:
             entries.append({"file": file, "ok": True, "name": study.name, "flaws": []})
             if not options.json:
-                tell(shown(f"{file}: ok ({study.name})"))
+                only = (
+                    "" if study.problem.designed else "; without `trajectory`: for estimates from logs alone"
+                )
+                tell(shown(f"{file}: ok ({study.name}{only})"))
     if options.json:
         print_json({"studies": entries})
     return MISTAKE if flawed else DONE
@@ -113,6 +116,7 @@ def _bound(options: argparse.Namespace) -> int:
     from oed.workflow.studies import load_study
 
     study = load_study(options.study)
+    study.require_designed()
     certificate = bound(study.problem, nodes=options.nodes, time_limit=options.time_limit)
     drives = [] if certificate.drive is None else [scored(study.problem, certificate.drive, LATTICE)]
     found = certified(study, certificate, drives)
