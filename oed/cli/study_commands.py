@@ -31,6 +31,9 @@ def _init_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="a constant of the robot, e.g. 'track=18 cm'; may be given again",
     )
+    parser.add_argument(
+        "--only-estimate", action="store_true", help="for estimates from logs alone: no room, no drive"
+    )
     parser.add_argument("--duration", help="of one run, e.g. '20 s'")
     parser.add_argument("--runs", type=positive, help="separate drives designed together (default: 1)")
     parser.add_argument("--force", action="store_true", help="write over a file that exists")
@@ -52,7 +55,8 @@ def _init(options: argparse.Namespace) -> int:
     if options.json:
         print_json({"study": str(file)})
     else:
-        say(f"wrote {file}{made}; change what is yours, then: oed run {file}")
+        then = f"oed run {file}" if choice.designs else f"oed estimate {file} LOG..."
+        say(f"wrote {file}{made}; change what is yours, then: {then}")
     return DONE
 
 
