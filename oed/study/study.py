@@ -9,7 +9,15 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Optional
 
 import yaml
-from pydantic import BeforeValidator, Field, ValidationError, create_model
+from pydantic import (
+    BeforeValidator,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    create_model,
+    field_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from oed.estimation import CalibrationOptions, alternative_flaws
 from oed.foundation.component import Component, OneOf
@@ -80,7 +88,7 @@ class StudyFile(Component):
     prior: AnyPrior | None = None
     uncertainty: Uncertainty | None = None
     robust: Robust | None = None
-    limits: _Limits | None = None  # type: ignore[valid-type]
+    limits: Annotated[_Limits | None, Field(validate_default=True)] = None  # type: ignore[valid-type]
     criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] = E()
     solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
     baselines: tuple[AnyBaseline, ...] = ()
@@ -91,6 +99,13 @@ class StudyFile(Component):
     calibration: CalibrationOptions | None = None
     physics: Trial | None = None
     seed: Annotated[int, Field(ge=0)] = 0
+
+    @field_validator("limits")
+    @classmethod
+    def _limits_of_a_drive(cls, limits: Any, info: ValidationInfo) -> Any:
+        if limits is None and info.data.get("trajectory") is not None:
+            raise PydanticCustomError("missing", "Field required")
+        return limits
 
     def __repr__(self) -> str:
         """Its name, its robot and the keys that were given."""
