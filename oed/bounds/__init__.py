@@ -67,9 +67,11 @@ def bound(
         gap: at which that search ends.
 
     Raises:
+        ProblemError: a problem without a drive to be designed.
         WrongKind: no problem.
     """
     began = time.perf_counter()
+    problem.require_designed()
     if problem.robust is not None and problem.robust.objective == "mean":
         # A bound is of the nominal robot, which limits the worst of several, but not their mean.
         return Certificate(np.inf, MEAN, (), wall_seconds=time.perf_counter() - began)

@@ -34,6 +34,9 @@ def _init_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="a constant of the robot, e.g. 'track=18 cm'; may be given again",
     )
+    parser.add_argument(
+        "--only-estimate", action="store_true", help="for estimates from logs alone: no room, no drive"
+    )
     parser.add_argument("--duration", help="of one run, e.g. '20 s'")
     parser.add_argument("--runs", type=positive, help="separate drives designed together (default: 1)")
     parser.add_argument("--force", action="store_true", help="write over a file that exists")
@@ -55,7 +58,8 @@ def _init(options: argparse.Namespace) -> int:
     if options.json:
         print_json({"study": str(file)})
     else:
-        say(f"wrote {file}{made}; change what is yours, then: oed run {file}")
+        then = f"oed run {file}" if choice.designs else f"oed estimate {file} LOG..."
+        say(f"wrote {file}{made}; change what is yours, then: {then}")
     return DONE
 
 
@@ -84,7 +88,10 @@ def _check(options: argparse.Namespace) -> int:
         else:
             entries.append({"file": file, "ok": True, "name": study.name, "flaws": []})
             if not options.json:
-                tell(shown(f"{file}: ok ({study.name})"))
+                only = (
+                    "" if study.problem.designed else "; without `trajectory`: for estimates from logs alone"
+                )
+                tell(shown(f"{file}: ok ({study.name}{only})"))
     if options.json:
         print_json({"studies": entries})
     return MISTAKE if flawed else DONE
@@ -116,6 +123,7 @@ def _bound(options: argparse.Namespace) -> int:
     from oed.workflow.studies import load_study
 
     study = load_study(options.study)
+    study.require_designed()
     certificate = bound(study.problem, nodes=options.nodes, time_limit=options.time_limit)
     drives = [] if certificate.drive is None else [scored(study.problem, certificate.drive, LATTICE)]
     found = certified(study, certificate, drives)

@@ -106,7 +106,7 @@ class Request:
             raise UserMistake(f"rate: {self.rate:g} Hz would be {text}")
         model = self.vehicle.model
         if model is not None:
-            return commands(model.system(self.record.study.trajectory.integration), drive, self.rate)
+            return commands(model.system(self.record.study.space.integration), drive, self.rate)
         motions = [one.driven for one in motions_of(self.record, self.drive, drive.period)]
         return commands_along(self.vehicle.inputs, motions, drive, self.rate)
 

@@ -123,7 +123,7 @@ def problem_flaws(problem: Problem) -> list[Flaw]:
     names = [limit.name for limit in problem.limits]
     for name in sorted({name for name in names if names.count(name) > 1}):
         flaws.append(Flaw(("limits", name), "given twice; a limit is known by its name"))
-    flaws += _unbounded(problem)
+    flaws += unbounded(problem) if problem.designed else []
     flaws += problem.measurement.flaws(model, space.samples)
     flaws += _name_flaws(problem)
     # What widens a problem by a tolerance is nobody's mistake.
@@ -132,8 +132,8 @@ def problem_flaws(problem: Problem) -> list[Flaw]:
     return flaws or _estimation_flaws(problem) or _uncertainty_flaws(problem)
 
 
-def _unbounded(problem: Problem) -> list[Flaw]:
-    # Inputs that no limit bounds, with the limits that would.
+def unbounded(problem: Problem) -> list[Flaw]:
+    """Inputs that no limit bounds, with the limits that would."""
     names = [limit.name for limit in problem.limits]
     found = zip(problem.model.inputs, problem.input_bounds, strict=True)
     return [

@@ -23,6 +23,8 @@ from oed.kernel.problem import Estimation, Problem
 
 DRIVES = 6
 """Random drives whose information is added up: what none of them identifies, no drive does."""
+ANY = 1.0
+"""Size of an input that nothing bounds, where no drive is designed, SI: any will do."""
 STEP = 0.01
 """Change of the first parameter, relative to its nominal value, by which a combination is described."""
 NEGLIGIBLE = 1e-5
@@ -158,7 +160,8 @@ def _ambiguity(one: Estimation, changes: Array) -> Ambiguity:
 
 def _random_drive(problem: Problem, rng: np.random.Generator) -> Trajectory:
     # Whether it keeps to the room does not matter here.
-    space, bounds = problem.design, problem.input_bounds
+    space, own = problem.design, problem.input_bounds
+    bounds = np.where(np.isfinite(own), own, [-ANY, ANY])
     coefficients = np.clip(np.zeros((space.all_coefficients, len(bounds))), bounds[:, 0], bounds[:, 1])
     shape = (len(space.free_rows), len(bounds))
     coefficients[space.free_rows] = rng.uniform(bounds[:, 0], bounds[:, 1], shape)

@@ -12,11 +12,11 @@ import numpy.typing as npt
 
 from oed.foundation.arguments import called_in_words
 from oed.foundation.arrays import Array
-from oed.foundation.errors import ProblemError
+from oed.foundation.errors import Flaw, ProblemError
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Card, Fact, Presented, given
 from oed.foundation.text import given_text, words
-from oed.kernel.consistency import parts_of, problem_flaws
+from oed.kernel.consistency import parts_of, problem_flaws, unbounded
 from oed.kernel.criteria import Criterion, Subject
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, drive_shape
@@ -109,6 +109,8 @@ class Problem(Presented, Renamed):
         robust: how limits are satisfied all the same; by the nominal system alone if None.
         excess: share of its size by which every limit, and what the design space asks, may be exceeded; see
             `widened`.
+        designed: whether drives are designed. Else parameters are only estimated, inputs need no bounds, and
+            the design space is any.
 
     Raises:
         ProblemError: the parts do not fit together; every reason is listed.
@@ -125,6 +127,7 @@ class Problem(Presented, Renamed):
     uncertainty: Uncertain | None
     robust: Tightening | None
     excess: float
+    designed: bool
 
     @called_in_words
     def __init__(
@@ -140,6 +143,7 @@ class Problem(Presented, Renamed):
         uncertainty: Uncertain | None = None,
         robust: Tightening | None = None,
         excess: float = 0.0,
+        designed: bool = True,
     ) -> None:
         """Take lists and names for what they stand for, and check that the parts fit together."""
         given = locals()
@@ -151,6 +155,16 @@ class Problem(Presented, Renamed):
         flaws = problem_flaws(self)
         if flaws:
             raise ProblemError(flaws)
+
+    def require_designed(self) -> None:
+        """Refuse a problem of which no drive can be designed.
+
+        Raises:
+            ProblemError: says what is missing.
+        """
+        if not self.designed:
+            text = "missing, and so no drive is designed: say how long it takes, e.g. {duration: 20 s}"
+            raise ProblemError([Flaw(("trajectory",), text), *unbounded(self)])
 
     @cached_property
     def system(self) -> System:
@@ -302,8 +316,13 @@ class Problem(Presented, Renamed):
         return given(
             (self.model.noun, words(label_of(self.model))),
             ("estimates", ", ".join(map(words, names))),
-            ("drive", f"{runs}{given_text(space.whole_duration, 's')}, {space.samples} samples"),
-            ("measured", self.measurement.brief(space.samples)),
+            (
+                "drive",
+                f"{runs}{given_text(space.whole_duration, 's')}, {space.samples} samples"
+                if self.designed
+                else "",
+            ),
+            ("measured", self.measurement.brief(space.samples) if self.designed else self.measurement.kind),
             ("limits", ", ".join(words(one.name) for one in self.limits)),
             ("criterion", self.criterion.kind),
             ("robust", "" if self.robust is None else "yes"),

@@ -43,7 +43,7 @@ def solve(
         earlier: solutions by name, for a solver that starts from one (`Ipopt(start_from=...)`).
 
     Raises:
-        ProblemError: parameters that no drive makes identifiable; it names them.
+        ProblemError: parameters that no drive makes identifiable, which it names; a problem without a drive.
         WrongKind: arguments that are something else.
     """
     require_count("seed", seed)
@@ -51,6 +51,7 @@ def solve(
     chosen = seed if options.seed is None else options.seed
     context = Context(chosen, workers or default_workers(), progress or Silent(), earlier or {})
     own = problem if options.criterion is None else replace(problem, criterion=options.criterion)
+    own.require_designed()
     require_identifiable(own)
     solution = assured(options, own, context)
     if own is problem:

@@ -96,7 +96,7 @@ def known_estimate(data: Mapping[str, Any], path: Path) -> EstimateRecord:
     """
     found = checked(EstimateRecord, data, path)
     if found.study is not None:
-        found = found.model_copy(update={"study": read_echo(found.study, path).echo()})
+        found = found.model_copy(update={"study": read_echo(found.study, path, designs=False).echo()})
     return found.at(path)
 
 

@@ -71,7 +71,7 @@ def _where_different(
 
 
 def _duration(one: Contender) -> float:
-    asked = one.record.study.trajectory
+    asked = one.record.study.space
     return asked.runs * asked.duration
 
 

@@ -76,7 +76,7 @@ def measurement_flaws(file: Any) -> list[Flaw]:
     Args:
         file: the study, its robot and design space sound.
     """
-    space = file.trajectory
+    space = file.space
     system = file.robot.system(space.integration)
     return _flaws(file, Sensor, lambda one: _try_sensor(one, system)) or _flaws(
         file, Measurement, lambda one: _try_measurement(one, system, space)

@@ -64,6 +64,7 @@ class Choice:
             given.
         duration: of one run, with its unit; by default 20 s, of robots that skid 8 s.
         runs: how many.
+        designs: whether a drive is to be designed; else the study is for logs alone.
     """
 
     robot: str
@@ -73,6 +74,7 @@ class Choice:
     noise: Mapping[str, str] = field(default_factory=dict)
     duration: str | None = None
     runs: int = 1
+    designs: bool = True
 
 
 def robots() -> tuple[str, ...]:
@@ -133,7 +135,8 @@ def starter(choice: Choice) -> str:
     scaling = _scaling(choice, model)
     study = _read(_text(choice, scaling=scaling), "the new study")
     study.require_identifiable()
-    return _text(choice, suited(study.problem), amounts, model, scaling)
+    baselines = suited(study.problem) if choice.designs else ()
+    return _text(choice, baselines, amounts, model, scaling)
 
 
 def _scaling(choice: Choice, model: Model) -> str:
@@ -184,7 +187,7 @@ def _text(
         require_unit(key, size, TYPICAL.get(key, ""))
     noise = noise_of(choice.sensor, choice.noise, trailer=_has_trailer(choice.robot))
     corners = [f"[{x:g} m, {y:g} m]" for x, y in ((x_min, y_min), (x_max, y_min), (x_min, y_max))]
-    return _template().render(
+    return _template(choice.designs).render(
         choice=choice,
         sensor=offer_of(choice.sensor),
         entries=entries_of(choice.sensor, noise, corners),
@@ -211,7 +214,7 @@ def _text(
     )
 
 
-def _template() -> jinja2.Template:
+def _template(designs: bool) -> jinja2.Template:
     made = jinja2.Environment(
         loader=jinja2.PackageLoader("oed.study"),
         autoescape=jinja2.select_autoescape(("html",)),
@@ -221,7 +224,7 @@ def _template() -> jinja2.Template:
         undefined=jinja2.StrictUndefined,
     )
     made.filters["g"] = "{:g}".format
-    return made.get_template("first_study.yaml.jinja")
+    return made.get_template("first_study.yaml.jinja" if designs else "logs_study.yaml.jinja")
 
 
 def _amounts(choice: Choice, model: Model) -> dict[str, str]:

@@ -9,24 +9,28 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Optional
 
 import yaml
-from pydantic import BeforeValidator, Field, ValidationError, create_model
+from pydantic import (
+    BeforeValidator,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    create_model,
+    field_validator,
+)
+from pydantic_core import PydanticCustomError
 
-from oed.bounds import LATTICE
 from oed.estimation import CalibrationOptions, alternative_flaws
-from oed.estimation.methods import estimator_flaws
 from oed.foundation.component import Component, OneOf
-from oed.foundation.errors import Flaw, NotFinite, ProblemError, StudyError
-from oed.foundation.files import file_stem, name_flaw
+from oed.foundation.errors import FileFlaw, Flaw, NotFinite, ProblemError, StudyError
 from oed.foundation.own.part import OwnCodeError, OwnPart
 from oed.foundation.presenting import Card, Presented, given
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion, E
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
-from oed.kernel.solution import NOMINAL
 from oed.logs import AnyLogForm, CsvForm, LogForm
 from oed.optimize import SOLVERS, Ipopt, Solver
-from oed.robots.baselines import label, try_baselines
+from oed.robots.baselines import try_baselines
 from oed.robots.limits import LIMITS, Limit, PythonLimit
 from oed.robots.models import MODELS, Model
 from oed.robots.own_parts import code_flaw, components, judge_flaws, measurement_flaws
@@ -34,6 +38,7 @@ from oed.robots.presets import preset_names, with_preset
 from oed.robots.sensors import MEASUREMENTS, Measurement
 from oed.robots.space import DesignSpace
 from oed.simulation.trial import Trial, trial_flaws
+from oed.study.cross_checks import file_flaws
 from oed.study.parts import AnyBaseline, AnyPrior
 from oed.study.parts import PathFile as PathFile
 from oed.study.parts import PriorRecord as PriorRecord
@@ -61,19 +66,29 @@ def _sensor_list(value: Any) -> Any:
     return {"kind": "several", "sensors": value} if isinstance(value, list) else value
 
 
+USUAL = DesignSpace(duration=20.0)
+"""The drives of a study that designs none: as long and as often read as any."""
+
+
 class StudyFile(Component):
-    """The keys of a study file."""
+    """The keys of a study file.
+
+    Attributes:
+        trajectory: the drives to choose from; without it nothing is designed, and parameters are estimated
+            from logs alone.
+        limits: of a drive that is designed.
+    """
 
     format: Literal[1]
     name: Annotated[str, Field(min_length=1)]
     robot: Annotated[Model, OneOf(MODELS)]
-    trajectory: DesignSpace
+    trajectory: DesignSpace | None = None
     measurement: Annotated[Measurement, OneOf(MEASUREMENTS), BeforeValidator(_sensor_list)]
     estimate: tuple[str, ...] | None = None
     prior: AnyPrior | None = None
     uncertainty: Uncertainty | None = None
     robust: Robust | None = None
-    limits: _Limits  # type: ignore[valid-type]
+    limits: Annotated[_Limits | None, Field(validate_default=True)] = None  # type: ignore[valid-type]
     criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] = E()
     solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
     baselines: tuple[AnyBaseline, ...] = ()
@@ -85,6 +100,13 @@ class StudyFile(Component):
     physics: Trial | None = None
     seed: Annotated[int, Field(ge=0)] = 0
 
+    @field_validator("limits")
+    @classmethod
+    def _limits_of_a_drive(cls, limits: Any, info: ValidationInfo) -> Any:
+        if limits is None and info.data.get("trajectory") is not None:
+            raise PydanticCustomError("missing", "Field required")
+        return limits
+
     def __repr__(self) -> str:
         """Its name, its robot and the keys that were given."""
         return (
@@ -92,6 +114,11 @@ class StudyFile(Component):
         )
 
     __str__ = __repr__
+
+    @property
+    def space(self) -> DesignSpace:
+        """The drives to choose from, or any where none is designed."""
+        return USUAL if self.trajectory is None else self.trajectory
 
     def echo(self) -> dict[str, Any]:
         """The study as plain data, defaults filled in, SI numbers; itself a valid study."""
@@ -171,6 +198,17 @@ class Study(Presented):
         """Seed of every random draw."""
         return self.file.seed
 
+    def require_designed(self) -> None:
+        """Refuse a study that designs no drive.
+
+        Raises:
+            StudyError: names what is missing for one.
+        """
+        try:
+            self.problem.require_designed()
+        except ProblemError as error:
+            raise self.error(error.flaws) from None
+
     def require_identifiable(self) -> None:
         """Refuse a study whose parameters no drive makes identifiable, or whose drives are not finite.
 
@@ -186,7 +224,7 @@ class Study(Presented):
 
     def error(self, flaws: Sequence[Flaw]) -> StudyError:
         """Flaws of the study with the file and the lines that they stand in."""
-        return StudyError([self.origin.flaw(flaw.key, flaw.message) for flaw in flaws])
+        return StudyError([_placed(self.origin, flaw) for flaw in flaws])
 
     def changed(self, **keys: Any) -> Study:
         """The study with other values of some of its keys, checked anew.
@@ -240,7 +278,7 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
         raise StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
     except ValidationError as error:
         raise StudyError(explain(error, StudyFile, source)) from None
-    flaws = [*_name_flaws(file), *_start_flaws(file), *_validation_flaws(file)]
+    flaws = file_flaws(file)
     flaws += file.log.flaws(file.robot) if file.log is not None else []
     if file.uncertainty is not None and file.robust is None:
         text = "is what a robust drive has to survive, and none is asked for: add `robust: {kind: chance}`"
@@ -251,16 +289,24 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
         file = _with_prior(file, Path(source.file).parent, prior_of)
         problem = _problem(file)
         flaws += judge_flaws(file, problem)
-        try_baselines(problem, file.baselines)
-        flaws += trial_flaws(problem, file.physics)
+        if problem.designed:
+            try_baselines(problem, file.baselines)
+            flaws += trial_flaws(problem, file.physics)
     except ProblemError as error:
         flaws = [*error.flaws, *flaws]
     except OwnCodeError as error:
         flaws = [code_flaw(file, error), *flaws]
     if flaws:
-        found = [source.flaw(flaw.key, flaw.message) for flaw in flaws]
+        found = [_placed(source, flaw) for flaw in flaws]
         raise StudyError(sorted(found, key=lambda flaw: (flaw.line, flaw.column)))
     return Study(problem, file, source)
+
+
+def _placed(source: Source, flaw: Flaw) -> FileFlaw:
+    # What is wrong with a key that the study has not is said of its name.
+    if len(flaw.key) == 1 and flaw.key[0] not in source.data:
+        return source.flaw((), flaw.message, missing=str(flaw.key[0]))
+    return source.flaw(flaw.key, flaw.message)
 
 
 def _with_folder(data: Any, folder: Path) -> Any:
@@ -289,7 +335,7 @@ def _problem(file: StudyFile) -> Problem:
         raise ProblemError(flaws)
     return Problem(
         model=file.robot,
-        design=file.trajectory,
+        design=file.space,
         measurement=file.measurement,
         limits=_limits(file),
         criterion=file.criterion,
@@ -298,65 +344,12 @@ def _problem(file: StudyFile) -> Problem:
         prior=file.prior,
         uncertainty=file.uncertainty,
         robust=file.robust,
+        designed=file.trajectory is not None,
     )
 
 
-def _name_flaws(file: StudyFile) -> list[Flaw]:
-    # Results are known by their names, and saved in files named after them.
-    entries: list[tuple[tuple[str | int, ...], str]] = [
-        (("solvers", index, "name"), solver.label) for index, solver in enumerate(file.solvers)
-    ]
-    if file.robust is not None and file.robust.compare:
-        entries.append((("robust",), NOMINAL))
-    if file.bound:
-        entries.append((("bound",), LATTICE))
-    for index, path in enumerate(file.baselines):
-        if isinstance(path, PathFile):
-            entries.append((("baselines", index), path.label))
-        else:
-            name = label(path)
-            entries += [(("baselines", index), name), (("baselines", index), f"{name}_same_length")]
-    flaws: list[Flaw] = []
-    known = set[str]()
-    for key, name in entries:
-        flaw = name_flaw(name)
-        if flaw:
-            flaws.append(Flaw(key, flaw))
-            continue
-        stem = file_stem(name)
-        if stem in known and (not flaws or flaws[-1].key != key):
-            flaws.append(Flaw(key, f"a second result named {name}; give each a name of its own"))
-        known.add(stem)
-    return flaws
-
-
-def _start_flaws(file: StudyFile) -> list[Flaw]:
-    # A search can start only from one before it.
-    flaws, known = [], list[str]()
-    for index, solver in enumerate(file.solvers):
-        wanted = getattr(solver, "start_from", None)
-        if wanted is not None and wanted not in known:
-            text = (
-                f"expected the name of a search listed before ({', '.join(known) or 'none'}), got {wanted!r}"
-            )
-            flaws.append(Flaw(("solvers", index, "start_from"), text))
-        known.append(solver.label)
-    return flaws
-
-
-def _validation_flaws(file: StudyFile) -> list[Flaw]:
-    if file.validation is None:
-        return []
-    options = file.validation
-    flaws: list[Flaw] = []
-    for name in options.estimators or (None,):
-        found = estimator_flaws(file.measurement, name, options.heading, options.loss)
-        flaws += [flaw for flaw in found if flaw not in flaws]
-    return flaws
-
-
 def _limits(file: StudyFile) -> tuple[Limit, ...]:
-    given = [getattr(file.limits, name) for name in LIMITS]
+    given = [getattr(file.limits, name, None) for name in LIMITS]
     return (*(limit for limit in given if limit is not None), *(getattr(file.limits, "own", None) or ()))
 
 

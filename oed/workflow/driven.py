@@ -33,6 +33,8 @@ Proved = Certificate | StoredCertificate
 """What is proved of all drives: those that satisfy the limits exactly, and those within the tolerance."""
 MOVING = 0.02
 """Share of a log's fastest motion above which the robot is taken to move."""
+MOST_SAMPLES = 5000
+"""Of a log that is scored whole: more would take long, and say the same but for how often it is read."""
 HEADER = 100_000
 """Characters of a file's first line that are looked at."""
 SAME = ("robot", "trajectory", "measurement", "estimate", "prior", "limits", "criterion")
@@ -139,9 +141,12 @@ def score_path(study: Study, file: str | Path, designs: str | Path | None = None
 
 
 def is_log(study: Study, file: str | Path) -> bool:
-    """Whether a file is to be read as a log rather than as a trajectory CSV."""
+    """Whether a file is to be read as a log rather than as a trajectory CSV.
+
+    Without drives to be designed all of them are logs.
+    """
     path = Path(file)
-    if is_bag(path):
+    if is_bag(path) or not study.problem.designed:
         return True
     if study.file.log is None or not path.is_file():
         return False
@@ -154,7 +159,8 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
     """Score the paths that logs say were driven.
 
     Logs are cut to the study's duration and sampled as its drives are, so that they compare with designs
-    and with the bound; they are taken to start where the study does.
+    and with the bound; they are taken to start where the study does. Of a study that designs no drive each
+    log is scored whole, as often read as its poses are, and compared with nothing.
 
     Args:
         study: the problem, and how logs are read.
@@ -165,17 +171,19 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
         LogError: logs that cannot be read, or in which the robot never moves.
     """
     logs = read_logs(files, study.log, study.problem.model)
-    record = _record_of(study, designs)
+    record = _record_of(study, designs) if study.problem.designed else None
     robust = study.problem.robust
     # What was driven needs no tightened limits; and its objective is that of one robot.
     record = record if robust is None or robust.objective == "nominal" else None
     study = replace(study, problem=replace(study.problem, robust=None))
     known, certified = _known(record)
     proved = certified or _bounds(study)
-    parts = [part for log in logs for part in driven_parts(study, log)]
+    parts = [
+        (own, *part) for log in logs for own in [_as_long(study, log)] for part in driven_parts(own, log)
+    ]
     worth = tuple(
-        _worth(study, scored(study.problem, trajectory, name), seconds, known, proved)
-        for name, trajectory, seconds in parts
+        _worth(own, scored(own.problem, trajectory, name), seconds, known, proved)
+        for own, name, trajectory, seconds in parts
     )
     findings = tuple((log.name, one) for log in logs for one in log.findings)
     return DrivenPaths(worth, known, _exact(proved), findings=findings, **_beside(study, record))
@@ -201,6 +209,8 @@ def _known(record: Record | None) -> tuple[tuple[str, float] | None, StoredCerti
 
 
 def _bounds(study: Study) -> Certificate | None:
+    if not study.problem.designed:
+        return None
     found = bound(study.problem)
     return found if np.isfinite(found.upper_bound) else None
 
@@ -262,6 +272,18 @@ def driven_parts(study: Study, log: Log) -> list[tuple[str, Trajectory, float]]:
         )
         found.append((name, drive, min(last - begin, whole)))
     return found
+
+
+def _as_long(study: Study, log: Log) -> Study:
+    # With drives as long as the log's motion and read as often as its poses, where it has none of its own.
+    if study.problem.designed:
+        return study
+    first, last = _moving(log, study.problem.model)
+    period = float(np.median(np.diff(log.pose_times)))
+    samples = int(np.clip(round((last - first) / period), 1, MOST_SAMPLES))
+    own = {"duration": last - first, "samples": samples, "rest_to_rest": False}
+    space = study.file.space.model_copy(update=own)
+    return replace(study, problem=replace(study.problem, design=space))
 
 
 def _moving(log: Log, model: System) -> tuple[float, float]:

@@ -83,10 +83,12 @@ def plan(
         progress: informed how far it is.
 
     Raises:
+        StudyError: the study designs no drive.
         UserMistake: nothing wanted, or of what the study does not estimate, a study without noise.
         NotSaved: `out` could not be written to in the end.
     """
     study, folder = load_study(file), Path(out)
+    study.require_designed()
     aims = _aims(study, targets)
     axes, interrupted = list[PlannedAxis](), False
     for axis, base in _axes(study, durations):
@@ -139,7 +141,7 @@ def _aims(study: Study, targets: Mapping[str, str]) -> list[PlannedAim]:
 def _axes(study: Study, durations: Sequence[float]) -> Iterator[tuple[Axis, float]]:
     # What to vary, and the study's own value of it. What makes no study, as a room too small for the robot,
     # is left out.
-    own = study.file.trajectory.duration
+    own = study.file.space.duration
     # The longest first: it takes longest, and what is left is shared out meanwhile.
     times = sorted({own, *(durations or [share * own for share in DURATIONS])}, reverse=True)
     texts, studies = tuple(f"{time:g} s" for time in times), tuple(_lasting(study, time) for time in times)
@@ -282,7 +284,7 @@ def _point(
 def _planned(
     study: Study, aims: Sequence[PlannedAim], axes: Sequence[PlannedAxis], interrupted: bool
 ) -> StoredPlan:
-    own = study.file.trajectory.duration
+    own = study.file.space.duration
     found = sorted(
         ((one.value, one.worst, one.drives) for one in axes[0].points if one.worst is not None),
         key=lambda entry: entry[0],
@@ -312,7 +314,7 @@ def _stored(
         name=study.name,
         aims=list(aims),
         axes=list(axes),
-        duration=duration or study.file.trajectory.duration,
+        duration=duration or study.file.space.duration,
         one_drive=one_drive,
         drives=drives,
         answer=answer,

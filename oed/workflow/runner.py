@@ -74,10 +74,12 @@ def run(
         search_only: do nothing but the searches.
 
     Raises:
+        StudyError: the study designs no drive.
         UserMistake: `out` cannot be written to, or another process is writing there.
         NotSaved: it could not be written to in the end; the error has the record.
         WrongKind: no study.
     """
+    study.require_designed()
     work = Work(study, study.seed if seed is None else seed, workers, progress or Silent())
     # What would fail at the end is better known before the work is done.
     paths = own_paths(study)

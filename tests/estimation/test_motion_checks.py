@@ -324,6 +324,23 @@ class TestNoise:
         log = as_driven(model, inputs, noise=noise)
         assert preprocess(model, [log], compare_clocks=True).logs == (log,)
 
+    @pytest.mark.parametrize(
+        ("inputs", "sizes"),
+        [
+            (steadily(3.0, 3.0), [0.0, 0.0, 0.035]),
+            (steadily(3.0, 3.0), [0.0, 0.0, 0.1]),
+            (steadily(3.0, -3.0), [0.03, 0.03, 0.0]),
+        ],
+        ids=["2 deg", "6 deg", "3 cm"],
+    )
+    @pytest.mark.parametrize("lasting", [0.3, 5.0])
+    def test_nor_is_slow_noise_motion(self, inputs: np.ndarray, sizes: list[float], lasting: float):
+        log = as_driven(ROBOT, inputs, noise=NOISE)
+        rng, kept, slow = np.random.default_rng(0), np.exp(-0.05 / lasting), [np.zeros(3)]
+        for shock in rng.normal(size=(len(log.poses) - 1, 3)):
+            slow.append(kept * slow[-1] + np.sqrt(1 - kept**2) * shock)
+        preprocess(ROBOT, [replace(log, poses=log.poses + slow * np.array(sizes))], compare_clocks=True)
+
     @pytest.mark.parametrize("noise", [0.01, 0.05])
     def test_positions_of_a_pure_rotation_are_no_ways(self, noise: float):
         log = as_driven(ROBOT, steadily(2.0, -2.0), noise=(noise, 0.005))

@@ -196,6 +196,35 @@ class TestColumns:
         flaws = flaws_of(write(file, rows), runs="window", keep={"steady": 1})
         assert sorted(flaw.key for flaw in flaws) == ["runs", "steady"]
 
+    @pytest.mark.parametrize(
+        ("keep", "line", "message"),
+        [
+            ({"steady": 1}, 1, "the header lacks 'steady'"),
+            ({"x": [5, 4]}, 0, "no row has x from 5 to 4"),
+            ({"mode": "hand"}, 0, "no row has mode = hand"),
+            ({"mode": 1}, 2, "expected finite numbers, and the column has none"),
+            ({"good": "1.0"}, 0, "no row has good = 1.0"),
+            ({"good": 7}, 0, "no row has good = 7"),
+            ({"good": 1, "mode": "off"}, 0, "no row has good = 1 and mode = off"),
+            ({"odd": 1}, 7, "expected a finite number, got 'x'"),
+            ({99: 1}, 1, "the header lacks '99'"),
+            ({"twice": 1}, 1, "the header has 'twice' 2 times"),
+        ],
+    )
+    @pytest.mark.parametrize("of_poses", [False, True])
+    def test_of_rows_to_keep(
+        self, file: Path, rows: list[list[str]], keep: dict, line: int, message: str, of_poses: bool
+    ):
+        rows = [[*row, "1", "auto", "x" if place == 5 else "1", "1", "1"] for place, row in enumerate(rows)]
+        write(file, rows, (*HEADER, "good", "mode", "odd", "twice", "twice"))
+        flaw = flaw_of(file, **({"poses": {"keep": keep}} if of_poses else {"keep": keep}))
+        assert message in flaw.message
+        assert flaw.line == line
+
+    def test_no_rows_of_a_tum_file_to_keep(self, file: Path):
+        with pytest.raises(ProblemError, match=r"log\.poses\.keep: a TUM file has no further columns"):
+            read_logs([file], form(poses={"file": "{stem}.tum", "keep": {"a": 1}}), ROBOT)
+
     def test_nothing_to_keep(self, file: Path, rows: list[list[str]]):
         flaw = flaw_of(write(file, rows), keep={"x": [100, 200]})
         assert flaw.message == "no row has x from 100 to 200"

@@ -179,6 +179,7 @@ class TestWhatIsSaid:
                 "results.0.name: expected a name that files can have",
             ),
             (("study", "limits"), "deleted", "study.limits: missing"),
+            (("study", "trajectory"), "deleted", "study.trajectory: missing"),
             (("study", "trajectory", "duration"), "zero", "study.trajectory.duration: expected more than 0"),
             (("inputs", 0, "quantity"), "evil", "inputs.0.quantity: "),
         ],

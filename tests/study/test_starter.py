@@ -121,6 +121,18 @@ def test_every_robot_with_every_sensor(robot: str, sensor: str, tmp_path: Path):
     require_read_as_it_says(study, logged(study, tmp_path))
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("robot", "sensor"),
+    [*((robot, "poses") for robot in robots()), *(("omni_three", sensor) for sensor in SENSORS[1:])],
+)
+def test_every_robot_and_sensor_for_logs_alone(robot: str, sensor: str, tmp_path: Path):
+    study = parse_study(starter(Choice(robot, sensor=sensor, designs=False)))
+    study.require_identifiable()
+    assert not study.problem.designed
+    require_read_as_it_says(study, logged(study, tmp_path))
+
+
 def require_read_as_it_says(study: Study, file: Path) -> None:
     """The log of a drive has every input of the robot, as it was held, and the states that are measured."""
     model = study.problem.model
@@ -297,6 +309,7 @@ class TestCommand:
     def test_it_asks_at_a_terminal(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
         answers = [
             *("spaceship", "akermann", "ackermann"),  # the robot
+            *("desing", ""),  # what for
             *("6 kg", "6 cm", ""),  # its sizes
             *("large", "circle 3 m"),
             *("sonar", "displacements", "positions"),
@@ -315,6 +328,7 @@ class TestCommand:
         assert asked.count("Which robot") == 3
         for words in (
             "did you mean ackermann?",
+            "did you mean design?",
             "wheel_radius: expected a length",
             "expected a room like",
             "'sonar': not listed",
@@ -342,6 +356,26 @@ class TestCommand:
         monkeypatch.setattr("sys.stdin", Terminal("\n" * 9))
         assert main(["init", "--robot", "husky", "--room", "9 m x 9 m"]) == 0
         assert "How many drives" not in capsys.readouterr().err
+
+    def test_a_study_for_logs_alone(self, capsys: pytest.CaptureFixture[str]):
+        assert main(["init", "--robot", "husky", "--only-estimate", "--noise", "position=3 cm"]) == 0
+        assert "then: oed estimate husky.yaml LOG..." in capsys.readouterr().err
+        study = load_study("husky.yaml")
+        assert not study.problem.designed
+        assert study.problem.measurement.noise.position == pytest.approx(0.03)
+
+    def test_it_is_asked_for_and_no_room_then(self, monkeypatch, capsys: pytest.CaptureFixture[str]):
+        answers = ["ackermann", "estimate", "6 cm", "", "positions", "3 mm"]
+        monkeypatch.setattr("sys.stdin", Terminal("\n".join(answers) + "\n"))
+        assert main(["init"]) == 0
+        assert not load_study("ackermann.yaml").problem.designed
+        asked = capsys.readouterr().err
+        assert not [words for words in ("Which room", "How long", "How many drives") if words in asked]
+
+    def test_a_drive_is_designed_or_not(self, capsys: pytest.CaptureFixture[str]):
+        flags = ["--only-estimate", "--room", "3 m x 3 m", "--runs", "2"]
+        assert main(["init", "--robot", "create_3", *flags]) == 2
+        assert "--only-estimate designs no drive; leave --room and --runs out" in capsys.readouterr().err
 
     def test_a_new_folder_is_named(self, capsys: pytest.CaptureFixture[str]):
         assert main(["init", "new/mine.yaml", "--robot", "create_3"]) == 0

@@ -507,7 +507,7 @@ class TestSchema:
             "uncertainty",
         }
         assert schema["additionalProperties"] is False
-        assert {"format", "name", "robot", "trajectory", "measurement", "limits"} == set(schema["required"])
+        assert {"format", "name", "robot", "measurement"} == set(schema["required"])
         assert "json-schema.org" in schema["$schema"]
 
     def test_it_names_what_is_inside(self):

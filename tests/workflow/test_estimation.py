@@ -12,11 +12,14 @@ from studies import saved_study
 
 from oed.foundation.errors import LogError, UserMistake
 from oed.records.record import EstimateRecord, load_estimate
+from oed.report import write_estimate
 from oed.report.estimate.logs import findings
 from oed.report.estimate.parameters import estimate_lines
 from oed.study.study import Study
+from oed.workflow.driven import score_logs
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.saving import NotSaved
+from oed.workflow.studies import parse_study
 
 STUDY = """\
 format: 1
@@ -277,3 +280,34 @@ def test_rows_without_numbers_are_refused_with_a_hint_or_skipped_and_counted(tmp
     assert any(
         "the poses of 1 of 100 rows of drive.csv are skipped" in line for line in estimate_lines(found)
     )
+
+
+class TestWithoutTrajectory:
+    ONLY = "".join(
+        line for line in STUDY.splitlines(keepends=True) if not line.startswith(("trajectory", "limits"))
+    )
+
+    @pytest.mark.slow
+    def test_estimates_are_the_same(self, folder: Path, record: EstimateRecord):
+        drives = [folder / "drive_0.csv", folder / "drive_1.csv"]
+        out = folder / "only"
+        found = estimate(parse_study(self.ONLY), drives, out=out)
+        assert found.values == record.values
+        assert load_estimate(out).values == record.values
+        assert write_estimate(load_estimate(out), out).exists()
+
+    def test_a_log_is_scored_whole(self, folder: Path):
+        found = score_logs(parse_study(self.ONLY), [folder / "drive_0.csv", folder / "drive_1.csv"])
+        assert [one.name for one in found.paths] == ["drive_0", "drive_1"]
+        assert (found.best, found.bound, found.design) == (None, None, None)
+        assert [one.seconds for one in found.paths] == pytest.approx([9.9, 9.9], abs=0.2)
+        assert all(one.efficiency is None and one.share_of_bound is None for one in found.paths)
+
+    @pytest.mark.slow
+    def test_its_standard_errors_are_those_of_the_estimate(self, folder: Path):
+        study = parse_study(self.ONLY)
+        (path,) = score_logs(study, [folder / "drive_0.csv"]).paths
+        record = estimate(study, [folder / "drive_0.csv"])
+        errors = [*path.result.standard_deviations.values()]
+        own = [one["standard_error"] for one in record.data["parameters"]]
+        assert errors == pytest.approx(own, rel=0.5)

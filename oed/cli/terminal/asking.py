@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from oed.study.starter import Choice
 
 YES, NO = "yes", "no"
+DESIGN = "design"
+PURPOSES = {DESIGN: "the best drive to estimate from", "estimate": "only estimates, from logs that there are"}
+"""What a study is for."""
 WIDTH = 80
 """Columns of a list of choices."""
 Check = Callable[[str], object]
@@ -43,11 +46,31 @@ def choice_of(options: argparse.Namespace) -> tuple[Choice, Path]:
     sizes_needed(robot)
     if not options.file:
         _require_free(file, options.force, asking)
-    choice = Choice(robot, sizes=dict(options.size), runs=options.runs or 1)
+    choice = Choice(
+        robot, sizes=dict(options.size), runs=options.runs or 1, designs=_designs(options, asking)
+    )
     if options.room or options.size:
         # What was given is wrong before anything is asked for.
         require_readable(_in_room(choice, options.room))
     return _completed(choice, options, asking), file
+
+
+def _designs(options: argparse.Namespace, asking: _Asking) -> bool:
+    # What is given of a drive says that there is to be one.
+    from oed.foundation.errors import UserMistake
+
+    of_drives = {"--room": options.room, "--duration": options.duration, "--runs": options.runs}
+    given = [name for name, value in of_drives.items() if value]
+    if options.only_estimate and given:
+        raise UserMistake(f"--only-estimate designs no drive; leave {' and '.join(given)} out")
+    if options.only_estimate or given:
+        return not options.only_estimate
+    return asking.answer("What for", DESIGN, _anything, PURPOSES) == DESIGN
+
+
+def _anything(text: str) -> None:
+    # Whether it is listed is looked at before.
+    return
 
 
 def _completed(choice: Choice, options: argparse.Namespace, asking: _Asking) -> Choice:
@@ -55,10 +78,11 @@ def _completed(choice: Choice, options: argparse.Namespace, asking: _Asking) -> 
     from oed.study.starter import noise_needed, require_readable, sizes_needed, skids, usual_duration
 
     choice = _each(choice, "sizes", sizes_needed(choice.robot), "Its {}", asking)
-    room = options.room or asking.answer(
-        "Which room ('4 m x 3 m' or 'circle 2 m')", choice.room, _tried(choice, "room")
-    )
-    choice = _in_room(choice, room)
+    if choice.designs:
+        room = options.room or asking.answer(
+            "Which room ('4 m x 3 m' or 'circle 2 m')", choice.room, _tried(choice, "room")
+        )
+        choice = _in_room(choice, room)
     sensors = {name: one.text for name, one in OFFERS.items()}
     sensor = options.sensor or asking.answer(
         "Which sensor", "poses", _tried(choice, "sensor"), sensors, sensor_meant
@@ -66,6 +90,9 @@ def _completed(choice: Choice, options: argparse.Namespace, asking: _Asking) -> 
     choice = replace(choice, sensor=sensor or "poses", noise=dict(options.noise))
     usual = noise_needed(choice.robot, choice.sensor)
     choice = _each(choice, "noise", usual, "Standard deviation of its noise: {}", asking)
+    if not choice.designs:
+        require_readable(choice)
+        return choice
     duration = options.duration or asking.answer(
         "How long may a drive take", usual_duration(choice.robot), _tried(choice, "duration")
     )

@@ -20,6 +20,7 @@ from oed.estimation.preprocessing.moves import Moves, clock_offsets
 from oed.estimation.preprocessing.wiring_checks import (
     explained_by_other_sizes,
     frozen,
+    moves_one_way,
     poorly_explained,
     stands_still,
     unit_fault,
@@ -212,7 +213,7 @@ def _hopeless(moves: Moves, left: float) -> bool:
     longer = moves.lengthening()
     if moves.goes_places and (longer > TENFOLD or longer < 1 / TENFOLD):
         return True
-    return left > HOPELESS and not explained_by_other_sizes(moves)
+    return left > HOPELESS and not moves_one_way(moves) and not explained_by_other_sizes(moves)
 
 
 def _require_alike(logs: Sequence[Log]) -> None:

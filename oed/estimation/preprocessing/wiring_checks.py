@@ -26,6 +26,10 @@ measured meanwhile stand still."""
 PLAINLY = 5.0
 """How many times more than barely the wheels have to drive for poses that stand still in one way only."""
 
+WANDER = {"turn": 0.2, "distance": 0.1}
+"""Standard deviation of a log's headings [rad] or positions [m] up to which the robot does not turn, or stays
+in its place, whatever makes them wander: slow noise, or slip."""
+
 SPEEDS = {
     "the wheels' speeds were in rpm; give them unit: rpm": math.pi / 30,
     "the wheels' speeds were in deg/s; give them unit: deg/s": math.pi / 180,
@@ -119,6 +123,28 @@ def poorly_explained(moves: Moves) -> float | None:
     return worst if worst >= BAD else None
 
 
+def moves_one_way(moves: Moves) -> bool:
+    """Whether the robot goes straight, or turns in place, by poses and wheels, and the wheels explain that.
+
+    Of the other kind of motion there is nothing to be explained then, though its noise may be slow.
+    """
+    headings, quantities, readings = moves.headings(), moves.layout.quantities, moves.layout.readings
+    if headings is None or "x" not in quantities:
+        return False
+    x, y = (readings[:, 0, quantities.index(name)] for name in ("x", "y"))
+    ways = moves.rolled()["forward"]
+    left = unexplained(moves.measured(), moves.predicted(), moves.noise(), any_side=True)
+    straight = max(_wander(moves, one) for one in (headings, _headings_by_wheels(moves))) < WANDER["turn"]
+    in_place = max(_wander(moves, one) for one in (x, y, _by_wheels(moves, ways))) < WANDER["distance"]
+    return (straight and left.get("distance", 1.0) < BAD) or (in_place and left.get("turn", 1.0) < BAD)
+
+
+def _wander(moves: Moves, values: Array) -> float:
+    # The largest standard deviation within a log.
+    owner = moves.layout.owner
+    return max(float(np.std(values[owner == number])) for number in np.unique(owner))
+
+
 def stands_still(moves: Moves) -> bool:
     """Whether the measured poses go nowhere, or never turn, while the wheels plainly do.
 
@@ -153,9 +179,14 @@ def frozen(moves: Moves) -> str | None:
 
 
 def _headings_by_wheels(moves: Moves) -> Array:
-    # At the start of each move, as the wheels turn the robot; from 0 in each log.
-    turns, owner = moves.rolled()["turn"], moves.layout.owner
-    before = np.concatenate([[0.0], np.cumsum(turns)[:-1]])
+    # At the start of each move, as the wheels turn the robot.
+    return _by_wheels(moves, moves.rolled()["turn"])
+
+
+def _by_wheels(moves: Moves, changes: Array) -> Array:
+    # What changes add up to before each move; from 0 in each log.
+    owner = moves.layout.owner
+    before = np.concatenate([[0.0], np.cumsum(changes)[:-1]])
     return np.asarray(before - before[np.searchsorted(owner, owner)])
 
 

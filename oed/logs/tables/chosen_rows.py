@@ -99,7 +99,9 @@ def kept_rows(table: Table, keep: Mapping[str, Wanted], skip: bool, *key: str) -
 
 
 def _in_words(wanted: Wanted) -> str:
-    return f"from {wanted[0]:g} to {wanted[1]:g}" if isinstance(wanted, tuple) else f"= {wanted}"
+    if isinstance(wanted, tuple):
+        return f"from {wanted[0]:g} to {wanted[1]:g}"
+    return f"= {wanted}" if isinstance(wanted, str) else f"= {wanted:g}"
 
 
 def without(table: Table, kept: Bools, labels: list[str] | None) -> Table:

@@ -148,19 +148,27 @@ def _flaws(details: list[ErrorDetails], path: Path) -> list[FileFlaw]:
     )
 
 
-def read_echo(data: Any, file: Path) -> StudyFile:
+def read_echo(data: Any, file: Path, *, designs: bool = True) -> StudyFile:
     """A saved study; no robot of somebody's code is made of it.
+
+    Args:
+        data: as it was saved.
+        file: that it was saved in.
+        designs: whether drives were designed by it.
 
     Raises:
         RecordError: names the file and the study's key of every mistake.
     """
     source = PlainSource(str(file), "", data)
     try:
-        return StudyFile.model_validate(data, context=UNMADE)
+        found = StudyFile.model_validate(data, context=UNMADE)
     except ValidationError as error:
         raise in_record(explain(error, StudyFile, source)) from None
     except ProblemError as error:
         raise in_record([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
+    if designs and found.trajectory is None:
+        raise in_record([source.flaw((), "missing", "trajectory")])
+    return found
 
 
 def in_record(flaws: Sequence[FileFlaw]) -> RecordError:

@@ -196,7 +196,7 @@ def moves_sideways(record: Record) -> bool:
 
 def _run(record: Record, poses: Array, period: float, sideways: bool) -> Run:
     x, y, angle = poses[:, :3].T
-    speed = signed_speeds(poses, period, record.study.trajectory.integration, sideways)
+    speed = signed_speeds(poses, period, record.study.space.integration, sideways)
     count = segments(record, len(speed)) or 1
     edges = np.rint(np.linspace(0, len(speed), count + 1)).astype(np.int64)[1:-1]
     return Run(x, y, angle, speed, edges, _trailer(record, poses))

@@ -115,12 +115,12 @@ def solver_of(record: Record, result: Result) -> Component | None:
 
 def runs_of(record: Record) -> int:
     """How many runs the designed drives consist of."""
-    return record.study.trajectory.runs
+    return record.study.space.runs
 
 
 def duration_text(record: Record) -> str:
     """How long the designed drives last: `8 s`, `3 runs of 8 s`."""
-    duration, runs = f"{record.study.trajectory.duration:g} s", runs_of(record)
+    duration, runs = f"{record.study.space.duration:g} s", runs_of(record)
     return duration if runs == 1 else f"{runs} runs of {duration}"
 
 
@@ -138,12 +138,12 @@ def segments(record: Record, samples: int) -> int | None:
 
 def measured_as(record: Record) -> str:
     """`the displacements of 10 segments`, `201 poses (x, y and heading)`."""
-    return f"{record.study.measurement.brief(record.study.trajectory.samples)}{_each_run(record)}"
+    return f"{record.study.measurement.brief(record.study.space.samples)}{_each_run(record)}"
 
 
 def readings_text(record: Record) -> str:
     """All sensors, with when they are read and their noise."""
-    sentence = record.study.measurement.sentence(record.study.trajectory.samples)
+    sentence = record.study.measurement.sentence(record.study.space.samples)
     return f"What is read{_each_run(record)}: {sentence}."
 
 

@@ -47,7 +47,7 @@ def best_path(record: Record) -> Picture | None:
 
 
 def _caption(record: Record, results: list[Result], drives: list[Path], room: Room) -> str:
-    parts = segments(record, record.study.trajectory.samples)
+    parts = segments(record, record.study.space.samples)
     return SAY(
         "caption",
         room,

@@ -28,7 +28,7 @@ def physics(record: Record) -> Section | None:
     methods = dict.fromkeys(words(one.method) for one in trial.fits)
     return Section.of(
         "Drives of a simulated robot with slip",
-        SAY("intro", trial, methods, record.study.trajectory),
+        SAY("intro", trial, methods, record.study.space),
         SAY("drives", trial.planned),
         *(_errors(trial, one) for one in floors),
         _scatter(trial, floors) if floors else None,

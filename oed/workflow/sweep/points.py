@@ -132,6 +132,7 @@ def _inside(data: Any, part: str | int, axis: Axis, put: bool = False) -> Any:
 
 def _require_runnable(study: Study) -> None:
     # What a run would find out only when it comes to it.
+    study.require_designed()
     study.require_identifiable()
     own_paths(study)
     if study.file.physics is not None:

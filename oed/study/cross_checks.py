@@ -1,0 +1,96 @@
+"""What in a study's keys does not go together, beyond what each of them says by itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from oed.bounds import LATTICE
+from oed.estimation.methods import estimator_flaws
+from oed.foundation.errors import Flaw
+from oed.foundation.files import file_stem, name_flaw
+from oed.kernel.solution import NOMINAL
+from oed.robots.baselines import label
+from oed.study.parts import PathFile
+
+if TYPE_CHECKING:
+    from oed.study.study import StudyFile
+
+OF_DESIGNS = (
+    "robust",
+    "uncertainty",
+    "solvers",
+    "baselines",
+    "same_length",
+    "bound",
+    "validation",
+    "physics",
+)
+"""Keys that mean nothing where no drive is designed."""
+
+
+def file_flaws(file: StudyFile) -> list[Flaw]:
+    """Why a study's keys do not go together; [] where they do."""
+    return [*_design_flaws(file), *_name_flaws(file), *_start_flaws(file), *_validation_flaws(file)]
+
+
+def _design_flaws(file: StudyFile) -> list[Flaw]:
+    # What is asked of a drive where none is designed.
+    if file.trajectory is not None:
+        return []
+    text = "is about a drive to be designed, and the study has no `trajectory`: add it, or leave this out"
+    usual = {name: field.default for name, field in type(file).model_fields.items()}
+    return [Flaw((name,), text) for name in OF_DESIGNS if getattr(file, name) != usual[name]]
+
+
+def _name_flaws(file: StudyFile) -> list[Flaw]:
+    # Results are known by their names, and saved in files named after them.
+    entries: list[tuple[tuple[str | int, ...], str]] = [
+        (("solvers", index, "name"), solver.label) for index, solver in enumerate(file.solvers)
+    ]
+    if file.robust is not None and file.robust.compare:
+        entries.append((("robust",), NOMINAL))
+    if file.bound:
+        entries.append((("bound",), LATTICE))
+    for index, path in enumerate(file.baselines):
+        if isinstance(path, PathFile):
+            entries.append((("baselines", index), path.label))
+        else:
+            name = label(path)
+            entries += [(("baselines", index), name), (("baselines", index), f"{name}_same_length")]
+    flaws: list[Flaw] = []
+    known = set[str]()
+    for key, name in entries:
+        flaw = name_flaw(name)
+        if flaw:
+            flaws.append(Flaw(key, flaw))
+            continue
+        stem = file_stem(name)
+        if stem in known and (not flaws or flaws[-1].key != key):
+            flaws.append(Flaw(key, f"a second result named {name}; give each a name of its own"))
+        known.add(stem)
+    return flaws
+
+
+def _start_flaws(file: StudyFile) -> list[Flaw]:
+    # A search can start only from one before it.
+    flaws, known = [], list[str]()
+    for index, solver in enumerate(file.solvers):
+        wanted = getattr(solver, "start_from", None)
+        if wanted is not None and wanted not in known:
+            text = (
+                f"expected the name of a search listed before ({', '.join(known) or 'none'}), got {wanted!r}"
+            )
+            flaws.append(Flaw(("solvers", index, "start_from"), text))
+        known.append(solver.label)
+    return flaws
+
+
+def _validation_flaws(file: StudyFile) -> list[Flaw]:
+    if file.validation is None:
+        return []
+    options = file.validation
+    flaws: list[Flaw] = []
+    for name in options.estimators or (None,):
+        found = estimator_flaws(file.measurement, name, options.heading, options.loss)
+        flaws += [flaw for flaw in found if flaw not in flaws]
+    return flaws
