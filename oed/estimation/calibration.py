@@ -21,8 +21,8 @@ from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_
 from oed.estimation.assessment.model_selection import Comparison, ModelSelection
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting, Segmenting
+from oed.estimation.prediction.motion_layout import noise_specified
 from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess, thinned, thinning_notes
-from oed.estimation.setup.noise import specified_noise
 from oed.estimation.setup.options import CalibrationOptions, alternative_flaws
 from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
@@ -34,6 +34,10 @@ from oed.robots.models.model import Model, robot_of
 
 TOO_SHORT = (
     "too few and short logs for more than F^-1: where they drift, true errors are several times as large"
+)
+ITSELF_DRIFTING = (
+    "dead reckoning is compared with the path that the relative poses make up, one after the other: it "
+    "drifts itself, and what it drifts counts as dead reckoning's error"
 )
 ODD_WHEEL = 0.3
 """Change of a wheel's radius that looks like a mistake."""
@@ -180,7 +184,7 @@ class _Work:
         covariances = self._covariances(fit, segmenting)
         if len(covariances) == 1 and (fit.motions or (segmenting is not None and segmenting.drifts)):
             notes.append(TOO_SHORT)
-        notes += _odd_wheels(fit)
+        notes += [*_odd_wheels(fit), *([ITSELF_DRIFTING] if found.relative else [])]
         self.announce("checks")
         logs = _with_clocks(found.logs, fit)
         alone = len(logs) == 1 and _has_positions(logs)
@@ -190,7 +194,7 @@ class _Work:
             covariances=covariances,
             segmenting=segmenting,
             logs=logs,
-            diagnostics=diagnostics(fit, specified_noise(self.problem.measurement, logs[0].averaged)),
+            diagnostics=diagnostics(fit, noise_specified(self.problem.measurement, logs)),
             weak_directions=weak_directions(fit, covariances[0].matrix),
             cross_validation=cross_validated(fit) if _has_positions(logs) else (),
             held_out=None if other is None else held_out(fit, fit.values, other.logs, other.clocks),

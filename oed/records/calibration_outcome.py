@@ -128,6 +128,7 @@ def _segments(found: Calibration) -> Segments:
         layout,
         chosen=chosen is not None,
         drifts=None if chosen is None else chosen.drifts,
+        relative=layout.relative or None,
         tried=[]
         if chosen is None
         else [
@@ -140,7 +141,12 @@ def _segments(found: Calibration) -> Segments:
 def _logs(found: Calibration) -> list[ReadLog]:
     offsets = dict(zip(found.fit.layout.clocks, found.fit.clock_offsets, strict=True))
     return [
-        ReadLog.of(log, seconds=log.duration, poses=len(log.pose_times), clock_offset=offsets[log.file])
+        ReadLog.of(
+            log,
+            seconds=log.duration,
+            poses=len(log.pose_times if log.motions is None else log.motions),
+            clock_offset=offsets[log.file],
+        )
         for log in found.logs
     ]
 

@@ -16,6 +16,7 @@ from oed.logs.log import Log
 from oed.logs.tables.columns import Column, PoseColumns, Short, TimeColumn
 from oed.logs.tables.csv_drives import drives_in
 from oed.logs.tables.input_columns import AnyInputColumn, input_flaws
+from oed.logs.tables.motion_columns import RelativePoseColumns
 from oed.logs.tables.sheet import Wanted, read_sheet
 from oed.logs.tables.table import Delimiter, read_table
 
@@ -33,6 +34,7 @@ class CsvForm(LogForm):
         time: column of the times.
         inputs: columns of the robot's inputs by their names; a column of the same name by default.
         poses: columns of the reference poses.
+        relative_poses: instead of these, columns of how a sensor moved.
         runs: the column that says which run a row belongs to; "run" by default, where there is one.
         keep: only the poses of rows in which these columns have the value, or lie within [low, high].
     """
@@ -43,12 +45,21 @@ class CsvForm(LogForm):
     time: Annotated[TimeColumn, Short("column")] = TimeColumn(column="t")
     inputs: dict[str, AnyInputColumn] = {}  # noqa: RUF012
     poses: PoseColumns = PoseColumns()
+    relative_poses: RelativePoseColumns | None = None
     runs: Annotated[Column, Short("column")] | None = None
     keep: Annotated[dict[str, Wanted], BeforeValidator(_names)] = {}  # noqa: RUF012
 
     def flaws(self, model: System) -> list[Flaw]:
         """Inputs and states the robot does not have, units and forms that do not fit."""
-        return [*input_flaws(self.inputs, model), *self.poses.flaws(model)]
+        both = self.relative_poses is not None and "poses" in self.model_fields_set
+        text = "a log has poses or relative_poses; omit one of them"
+        twice = [Flaw(("log", "relative_poses"), text)] if both else []
+        return [*input_flaws(self.inputs, model), *self.reference.flaws(model), *twice]
+
+    @property
+    def reference(self) -> PoseColumns | RelativePoseColumns:
+        """What the wheels are compared with."""
+        return self.relative_poses or self.poses
 
     def read(self, file: Path, model: System) -> list[Log]:
         """The drives in a CSV, one for each run.
@@ -60,4 +71,4 @@ class CsvForm(LogForm):
             raise LogError.about(file, "is a ROS bag, not a CSV; say `kind: rosbag` under `log`")
         table = read_table(file, self.delimiter, self.header)
         drives = drives_in(read_sheet(table, self, model), model, self.gap)
-        return to_logs(drives, self, self.poses.held)
+        return to_logs(drives, self, self.reference.held)

@@ -15,9 +15,12 @@ from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import FileFlaw, LogError
 from oed.foundation.files import no_such_file
 from oed.kernel.dynamics.system import System
+from oed.logs.drive import Relative
+from oed.logs.motions import QUANTITIES, inverted
 from oed.logs.series import NotInLog, Rows, Series, together
 from oed.logs.tables.columns import Column, PoseColumn, PoseColumns, TimeColumn, unit_factor
 from oed.logs.tables.input_columns import InputColumn, input_columns
+from oed.logs.tables.motion_columns import ENTRIES, RelativePoseColumns
 from oed.logs.tables.table import Table, read_table
 from oed.logs.tables.tum import read_tum
 
@@ -74,6 +77,7 @@ class Sheet:
         columns: of the inputs, which know how to integrate them.
         same_rows: whether the poses are columns of the same table.
         own_clock: whether the poses have a clock of their own.
+        relative: of motions in place of poses, as `RecordedDrive` has it.
         kept: rows of the table whose poses are wanted.
         cut_off: whether the table breaks off in its last line.
     """
@@ -84,6 +88,7 @@ class Sheet:
     columns: tuple[InputColumn, ...]
     same_rows: bool
     own_clock: bool
+    relative: Relative | None
     kept: Bools
     cut_off: bool
 
@@ -99,13 +104,13 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
     Raises:
         LogError: columns that are not there, and cells that are no numbers.
     """
-    beside = form.poses.beside(Path(table.file))
+    beside, clock = form.reference.beside(Path(table.file)), form.reference.clock
     columns = dict(zip(model.input_names, input_columns(form.inputs, model), strict=True))
-    own_clock = _skipping(form.skip_invalid_rows, beside is None and form.poses.time is not None)
+    own_clock = _skipping(form.skip_invalid_rows, beside is None and clock is not None)
     inputs, (quantities, poses), kept = together(
         [
             lambda: _read_block(table, _clock(form), _under("inputs", columns), form.runs, own_clock),
-            lambda: _read_poses(table, beside, form, model),
+            lambda: _read_reference(table, beside, form, model),
             lambda: _kept(table, form.keep, form.skip_invalid_rows),
         ]
     )
@@ -115,7 +120,8 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
         quantities=quantities,
         columns=tuple(columns.values()),
         same_rows=beside is None,
-        own_clock=beside is not None or form.poses.time is not None,
+        own_clock=beside is not None or clock is not None,
+        relative=_relative(form),
         kept=kept,
         cut_off=table.cut_off,
     )
@@ -140,9 +146,22 @@ def _read_block(
     return ColumnBlock(table, series, clock[0], places, labels)
 
 
-def _clock(form: CsvForm, *, of_poses: bool = False) -> Clock:
-    own = form.poses.time if of_poses else None
-    return (("time",), form.time) if own is None else (("poses", "time"), own)
+def _relative(form: CsvForm) -> Relative | None:
+    own = form.relative_poses
+    return None if own is None else "follows" if own.t1 is None else "pairs"
+
+
+def _clock(form: CsvForm) -> Clock:
+    return (("time",), form.time)
+
+
+def _reference_clock(form: CsvForm) -> Clock:
+    own = form.reference.clock
+    if own is None:
+        return _clock(form)
+    if form.relative_poses is None:
+        return (("poses", "time"), own)
+    return (("relative_poses", "time" if form.relative_poses.t1 is None else "t1"), own)
 
 
 def _under(key: str, columns: Mapping[str, Column]) -> dict[Key, Column]:
@@ -201,27 +220,67 @@ def _run_labels(table: Table, runs: Column | None) -> list[str] | None:
     return table.texts(table.place(runs.column, "runs", "column"))
 
 
-def _read_poses(
+def _read_reference(
     table: Table, beside: Path | None, form: CsvForm, model: System
 ) -> tuple[tuple[str, ...], ColumnBlock]:
-    poses, runs = form.poses, form.runs
+    given, key = form.reference, "poses" if form.relative_poses is None else "relative_poses"
+    runs = form.runs
     if beside is not None and not beside.exists():
-        named = ("log", "poses", "file")
+        named = ("log", key, "file")
         hint = "; `{stem}` stands for the log's own" if "{" in beside.name else ""
         raise LogError([NotInLog(str(beside), 0, 0, "file", f"{no_such_file(beside)}{hint}", named)])
-    if beside is not None and poses.is_tum:
-        return tuple(poses.columns), _read_tum(beside, poses, form.skip_invalid_rows)
+    if beside is not None and isinstance(given, PoseColumns) and given.is_tum:
+        return tuple(given.columns), _read_tum(beside, given, form.skip_invalid_rows)
     if beside is not None:
-        table = read_table(beside, poses.delimiter, poses.header)
+        table = read_table(beside, given.delimiter, given.header)
         # A file of poses need not know of runs, even where the log does.
         runs = runs if runs is not None and runs.column in table.header else None
-    columns = _pose_columns(table, poses, model)
-    own_clock = _skipping(form.skip_invalid_rows, beside is not None or poses.time is not None)
-    clock = _clock(form, of_poses=True)
-    block = _read_block(table, clock, _under("poses", columns), runs, own_clock)
-    units = dict(zip(model.states, model.state_units, strict=True))
-    factors = [unit_factor(column.unit, units[name]) for name, column in columns.items()]
-    return tuple(columns), replace(block, series=block.series.with_values(block.series.values * factors))
+    own_clock = _skipping(form.skip_invalid_rows, beside is not None or given.clock is not None)
+    if isinstance(given, PoseColumns):
+        columns = _pose_columns(table, given, model)
+        block = _read_block(table, _reference_clock(form), _under(key, columns), runs, own_clock)
+        units = dict(zip(model.states, model.state_units, strict=True))
+        factors = [unit_factor(column.unit, units[name]) for name, column in columns.items()]
+        return tuple(columns), replace(block, series=block.series.with_values(block.series.values * factors))
+    block = _read_block(table, _reference_clock(form), _motion_columns(given), runs, own_clock)
+    return QUANTITIES, replace(block, series=_motion_series(block, given))
+
+
+def _motion_columns(given: RelativePoseColumns) -> dict[Key, Column]:
+    times = {("relative_poses", "t0"): given.t0} if given.t0 is not None else {}
+    own = given.covariance
+    entries = {} if own is None else {name: getattr(own, name) for name in type(own).model_fields}
+    there = {("relative_poses", "covariance", name): one for name, one in entries.items() if one is not None}
+    return {**times, **_under("relative_poses", given.columns), **there}
+
+
+def _motion_series(block: ColumnBlock, given: RelativePoseColumns) -> Series:
+    # When each motion began, what it was, and the entries of its covariance that there are no columns of.
+    series = block.series
+    if given.t0 is not None:
+        begins, values = given.t0.factor * series.values[:, 0], series.values[:, 1:]
+    else:
+        begins, values = _before(series, block.runs), series.values
+    if given.covariance is not None:
+        names = [name for name, one in given.covariance if one is not None]
+        none = np.where(np.isnan(values[:, 0]), np.nan, 0.0)
+        own = dict(zip(names, values[:, 3:].T, strict=True))
+        values = np.column_stack([values[:, :3], *(own.get(name, none) for name in ENTRIES)])
+    values = values * given.factors
+    if given.inverse:
+        values[:, :3] = inverted(values[:, :3])
+    return series.with_values(np.column_stack([begins, values]))
+
+
+def _before(series: Series, runs: list[str] | None) -> Array:
+    # The time of the row with numbers before each row of the same run; of the first its own.
+    begins = np.full(len(series), np.nan)
+    filled = np.flatnonzero(~np.isnan(np.column_stack([series.times, series.values])).any(axis=1))
+    labels = np.array(runs)[filled] if runs is not None else np.zeros(len(filled))
+    for label in np.unique(labels):
+        rows = filled[labels == label]
+        begins[rows] = series.times[np.concatenate([rows[:1], rows[:-1]])]
+    return begins
 
 
 def _read_tum(file: Path, poses: PoseColumns, skip: bool) -> ColumnBlock:
