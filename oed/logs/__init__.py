@@ -15,8 +15,9 @@ from oed.logs.form import LogForm, read_logs
 from oed.logs.log import Finding, Log
 from oed.logs.series import NotInLog
 from oed.logs.tables.csv_form import CsvForm
+from oed.logs.tuple_form import TupleForm
 
-LOG_FORMS: tuple[type[LogForm], ...] = (CsvForm, BagForm)
+LOG_FORMS: tuple[type[LogForm], ...] = (CsvForm, BagForm, TupleForm)
 
 
 def _with_kind(value: Any) -> Any:
@@ -35,5 +36,6 @@ __all__ = [
     "Log",
     "LogForm",
     "NotInLog",
+    "TupleForm",
     "read_logs",
 ]

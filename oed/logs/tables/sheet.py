@@ -247,11 +247,12 @@ def _read_reference(
 
 
 def _motion_columns(given: RelativePoseColumns) -> dict[Key, Column]:
-    times = {("relative_poses", "t0"): given.t0} if given.t0 is not None else {}
-    own = given.covariance
-    entries = {} if own is None else {name: getattr(own, name) for name in type(own).model_fields}
-    there = {("relative_poses", "covariance", name): one for name, one in entries.items() if one is not None}
-    return {**times, **_under("relative_poses", given.columns), **there}
+    columns: dict[Key, Column] = {} if given.t0 is None else {("relative_poses", "t0"): given.t0}
+    columns |= _under("relative_poses", given.columns)
+    for name, one in given.covariance or ():
+        if one is not None:
+            columns["relative_poses", "covariance", name] = one
+    return columns
 
 
 def _motion_series(block: ColumnBlock, given: RelativePoseColumns) -> Series:
