@@ -43,8 +43,8 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
     Bounds
         bound, Certificate
     Logs and estimation
-        read_logs, Log, CsvForm, BagForm, LogForm, make_estimator, Nonlinear, Regression, Estimator, Estimate,
-        CalibrationOptions, Calibration
+        read_logs, Log, CsvForm, BagForm, TupleForm, LogForm, make_estimator, Nonlinear, Regression,
+        Estimator, Estimate, CalibrationOptions, Calibration
     Simulated experiments
         validate, Validation
     Reports and exports

@@ -46,6 +46,7 @@ from .logs import BagForm as BagForm
 from .logs import CsvForm as CsvForm
 from .logs import Log as Log
 from .logs import LogForm as LogForm
+from .logs import TupleForm as TupleForm
 from .logs import read_logs as read_logs
 from .optimize import Cluster as Cluster
 from .optimize import CmaEs as CmaEs

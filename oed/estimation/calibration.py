@@ -26,8 +26,8 @@ from oed.estimation.assessment.model_selection import Comparison, ModelSelection
 from oed.estimation.methods.drift_rates import DriftRates, drift_rates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting, Segmenting
+from oed.estimation.prediction.motion_layout import noise_specified
 from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess, thinned, thinning_notes
-from oed.estimation.setup.noise import specified_noise
 from oed.estimation.setup.options import CalibrationOptions, CovarianceName, alternative_flaws
 from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
@@ -39,6 +39,10 @@ from oed.robots.models.model import Model, robot_of
 
 TOO_SHORT = (
     "too few and short logs for more than F^-1: where they drift, true errors are several times as large"
+)
+ITSELF_DRIFTING = (
+    "dead reckoning is compared with the path that the relative poses make up, one after the other: it "
+    "drifts itself, and what it drifts counts as dead reckoning's error"
 )
 CLOCKS_APART = 0.1
 """Offset of two clocks that is worth a warning [s]."""
@@ -208,6 +212,7 @@ class _Work:
             notes.append(TOO_SHORT)
         if rates is not None and covariances[0].name == "drift":
             notes.append(rates.words)
+        notes += [ITSELF_DRIFTING] if found.relative else []
         self.announce("checks")
         logs = _with_clocks(found.logs, fit)
         alone = len(logs) == 1 and _has_positions(logs)
@@ -218,7 +223,7 @@ class _Work:
             segmenting=segmenting,
             drift=rates,
             logs=logs,
-            diagnostics=diagnostics(fit, specified_noise(self.problem.measurement, logs[0].averaged)),
+            diagnostics=diagnostics(fit, noise_specified(self.problem.measurement, logs)),
             weak_directions=weak_directions(fit, covariances[0].matrix),
             doubts=doubts,
             dilution=dilution,

@@ -16,8 +16,9 @@ from oed.logs.hold_out import last_held_out
 from oed.logs.log import Finding, Log
 from oed.logs.series import NotInLog
 from oed.logs.tables.csv_form import CsvForm
+from oed.logs.tuple_form import TupleForm
 
-LOG_FORMS: tuple[type[LogForm], ...] = (CsvForm, BagForm)
+LOG_FORMS: tuple[type[LogForm], ...] = (CsvForm, BagForm, TupleForm)
 
 
 def _with_kind(value: Any) -> Any:
@@ -36,6 +37,7 @@ __all__ = [
     "Log",
     "LogForm",
     "NotInLog",
+    "TupleForm",
     "last_held_out",
     "read_logs",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Literal
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from oed.foundation.errors import FileFlaw, LogError
 from oed.logs import findings
 from oed.logs.form import LogForm, Repeats
 from oed.logs.log import Finding, Log
+from oed.logs.motions import PAIRS, QUANTITIES, Motions, motions_of
 from oed.logs.series import NotInLog, Series, together
 
 FEWEST = 3
@@ -26,6 +28,9 @@ MARGIN = 1.0
 
 STILL = 1e-3
 """Wheel motion below which a repeated pose is that of a standing robot [rad]."""
+
+
+Relative = Literal["pairs", "follows"]
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,9 @@ class RecordedDrive:
         bridged: which integrals are right across missing rows.
         one_clock: whether both are columns of the same rows.
         found: while reading.
+        relative: of motions in place of poses, whether the rows say when each began ("pairs"), or each began
+            at the row before ("follows"); as `motions_of` takes them.
+        motions: these, once they are made of the rows.
     """
 
     name: str
@@ -53,6 +61,8 @@ class RecordedDrive:
     bridged: Bools
     one_clock: bool
     found: tuple[Finding, ...] = ()
+    relative: Relative | None = None
+    motions: Motions | None = None
 
     @property
     def driven(self) -> Array:
@@ -69,6 +79,7 @@ class RecordedDrive:
 
 
 def _to_log(drive: RecordedDrive, form: LogForm, held: Repeats) -> Log:
+    drive = _with_path(drive)
     flaws = [*_clock_flaws(drive)]
     if flaws:
         raise LogError(flaws)
@@ -96,7 +107,26 @@ def _to_log(drive: RecordedDrive, form: LogForm, held: Repeats) -> Log:
         quantities=drive.quantities,
         findings=drive.found,
         gap=form.gap,
+        motions=drive.motions,
     )
+
+
+def _with_path(drive: RecordedDrive) -> RecordedDrive:
+    # The poses that motions make up, in place of their rows.
+    if drive.relative is None:
+        return drive
+    rows, follows = drive.poses, drive.relative == "follows"
+    names = ("t0", *QUANTITIES, *("covariance",) * len(PAIRS))
+    flaws = [*rows.too_large(names), *(rows.clock_flaws() if follows else ())]
+    motions, wrong = motions_of(rows, follows=follows)
+    if flaws or wrong:
+        raise LogError(flaws + wrong)
+    if motions is None:
+        return replace(drive, poses=rows.rows(slice(0)).with_values(np.zeros((0, len(QUANTITIES)))))
+    path = motions.path()
+    lines = rows.lines[np.argsort(rows.times, kind="stable")][-len(motions) :]
+    poses = replace(rows, times=path.times, values=path.poses, lines=lines[path.motions])
+    return replace(drive, poses=poses, motions=replace(motions, begins=path.begins))
 
 
 def _without_slips(drive: RecordedDrive) -> RecordedDrive:
@@ -180,8 +210,10 @@ def _without_standing(drive: RecordedDrive) -> RecordedDrive:
     )
     if min(len(inputs), len(poses)) < FEWEST:
         return drive
-    from_start = inputs.with_values(inputs.values - inputs.values[:1])
-    return replace(drive, inputs=from_start, poses=poses)
+    from_start, motions = inputs.with_values(inputs.values - inputs.values[:1]), drive.motions
+    if motions is not None:
+        motions = motions.rows((motions.times[:, 0] >= start) & (motions.times[:, 1] <= end))
+    return replace(drive, inputs=from_start, poses=poses, motions=motions)
 
 
 def _thinned(drive: RecordedDrive, each: int) -> RecordedDrive:

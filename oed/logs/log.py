@@ -7,9 +7,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import Array, Bools
 from oed.foundation.presenting import Card, Presented, dataframe, given
 from oed.foundation.text import given_text
+from oed.logs.motions import Motions
 
 BRIDGED = 10.0
 """Longest time without poses through which the wheels carry a segment on [s]. A robot lost for longer may
@@ -49,6 +50,8 @@ class Log(Presented):
             steps of the inputs' clock, and `BRIDGED` of the poses'.
         averaged: how many of the sensor's poses each pose is the mean of.
         breaks: times between poses at which every segment ends [s].
+        motions: what was read, where that is how the sensor moved; the poses are then the path that these
+            make up.
     """
 
     name: str
@@ -62,6 +65,7 @@ class Log(Presented):
     gap: float | None = None
     averaged: int = 1
     breaks: tuple[float, ...] = ()
+    motions: Motions | None = None
 
     @property
     def duration(self) -> float:
@@ -114,6 +118,13 @@ class Log(Presented):
         )
         rows = tuple((one.name, one.message) for one in self.findings)
         return Card(f"Log {self.name}: {given_text(self.duration, 's')}", facts, ("found", "what"), rows)
+
+    def following(self, chosen: Bools) -> Log:
+        """With the path that some of the motions make up, the others left out of it alone."""
+        assert self.motions is not None
+        path = self.motions.rows(chosen).path()
+        motions = replace(self.motions, begins=path.begins)
+        return replace(self, pose_times=path.times, poses=path.poses, motions=motions)
 
     def found(self, name: str, message: str, *, doubtful: bool = False) -> Log:
         """The log with one finding more.

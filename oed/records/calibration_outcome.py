@@ -134,6 +134,7 @@ def _segments(found: Calibration) -> Segments:
         layout,
         chosen=chosen is not None,
         drifts=found.drifts,
+        relative=layout.relative or None,
         tried=[]
         if chosen is None
         else [
@@ -160,7 +161,12 @@ def _drift(rates: DriftRates | None) -> FoundDrift | None:
 def _logs(found: Calibration) -> list[ReadLog]:
     offsets = dict(zip(found.fit.layout.clocks, found.fit.clock_offsets, strict=True))
     return [
-        ReadLog.of(log, seconds=log.duration, poses=len(log.pose_times), clock_offset=offsets[log.file])
+        ReadLog.of(
+            log,
+            seconds=log.duration,
+            poses=len(log.pose_times if log.motions is None else log.motions),
+            clock_offset=offsets[log.file],
+        )
         for log in found.logs
     ]
 

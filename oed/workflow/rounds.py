@@ -124,7 +124,7 @@ class Rounds:
         # Until the last design has its logs.
         number, current = len(self.found.rounds), self.found.rounds[-1]
         at = inside(self.place, current.folder)
-        trajectory = load_record(at).study.trajectory
+        trajectory = load_record(at).study.space
         wanted = ENOUGH * trajectory.duration * trajectory.runs
         self._measure(current.logs)
         if current.logs and self._covered() >= wanted:

@@ -60,7 +60,7 @@ def diagnostics(fit: Fit, specified: Mapping[str, Noise]) -> tuple[Diagnostic, .
     for group in groups(fit.layout.quantities):
         places = places_of(group, fit.layout.quantities)
         found += [_whiteness(fit, group, places), _outliers(fit, group, places)]
-        if group in specified and not fit.motions:
+        if group in specified and (fit.layout.relative or not fit.motions):
             found.append(_specified(fit, group, specified[group]))
     if len(fit.layout.logs) > 1:
         found.append(_agreement(fit))
@@ -137,8 +137,8 @@ def _specified(fit: Fit, group: str, specified: Noise) -> Diagnostic:
     # Chi-square of the residuals against the noise specified, at the speeds driven.
     places = places_of(group, fit.layout.quantities)
     valid = fit.layout.valid[..., places]
-    size = specified.deviation(fit.speeds, fit.yaw_rates)[..., None]
-    squares = float(((fit.residuals[..., places] / size)[valid] ** 2).sum())
+    found, wanted = (one.deviation(fit.speeds, fit.yaw_rates) for one in (fit.noises[group], specified))
+    squares = float(((fit.white[..., places] * (found / wanted)[..., None])[valid] ** 2).sum())
     degrees = float(fit.redundancy[..., places][valid].sum())
     ratio = float(np.sqrt(squares / degrees))
     p_value = float(2 * min(scipy.stats.chi2.cdf(squares, degrees), scipy.stats.chi2.sf(squares, degrees)))

@@ -20,7 +20,7 @@ from oed.estimation.assessment.doubts import Doubt
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gauss_newton import projected
 from oed.estimation.prediction.logged_readings import LoggedReadings
-from oed.estimation.setup.noise import group_of, groups, places_of
+from oed.estimation.setup.noise import group_of, groups, in_turn, places_of
 from oed.foundation.arrays import Array, Bools
 from oed.foundation.text import significant, size_text, words
 
@@ -132,7 +132,8 @@ class _Effects:
         # The most that residuals hold besides the poses' own noise, summed in units of the noise. What is
         # rough in them is noise of readings, what is not is noise of rates. The poses' own noise is rough,
         # too, and shows in the poses themselves.
-        fit, own, valid = self.fit, self._judges, self.fit.layout.valid
+        fit, own = self.fit, self._judges
+        valid = fit.layout.valid[..., own]
         total = float((fit.weights * fit.white**2)[..., own][valid].sum())
         degrees = float(fit.redundancy[..., own][valid].sum())
         poses, left = (
@@ -173,7 +174,8 @@ class _Effects:
     def _sizes(self) -> Array:
         # Of the noise that is drawn, at one second, (inputs,): inputs of a kind alike, and all of them small.
         fit, inputs, driven = self.fit, self._inputs, self.fit.layout.steps > 0
-        rough = np.array([_rough(inputs[..., [place]], driven)[0] for place in range(inputs.shape[-1])])
+        each = [inputs[..., [place]] for place in range(inputs.shape[-1])]
+        rough = np.array([_rough(one, driven[..., None])[0] for one in each])
         whole = (inputs[driven] ** 2).mean(axis=0)
         kinds = np.array([entry.quantity for entry in fit.unknowns.robot.inputs])
         rough, whole = (np.array([one[kinds == kind].mean() for kind in kinds]) for one in (rough, whole))
@@ -193,19 +195,19 @@ class _Effects:
     def _white(self, values: Array) -> Array:
         # Of readings (S, K, k, c) in units of their noise, below each other, (S, m, c).
         fit = self.fit
-        scale = np.where(fit.layout.valid[..., None], np.sqrt(fit.weights) / self._deviations, 0.0)
+        scale = np.where(fit.layout.valid, np.sqrt(fit.weights) / self._deviations, 0.0)
         return np.asarray((values * scale[..., None]).reshape(len(values), -1, values.shape[-1]))
 
 
 def _rough(values: Array, valid: Bools) -> tuple[float, int]:
-    # The variance (S, K, c) by third differences along segments, outliers left out, and how many there are.
+    # The variance (S, K, c) by third differences of what there is, outliers left out, and how many there are.
     length = len(STENCIL)
     if valid.shape[1] < length:
         return 0.0, 0
+    there, (values,) = in_turn(valid, values)
     count = valid.shape[1] - length + 1
     found = sum(weight * values[:, first : first + count] for first, weight in enumerate(STENCIL))
-    there = np.logical_and.reduce([valid[:, first : first + count] for first in range(length)])
-    sizes = np.abs(np.asarray(found)[there]).ravel()
+    sizes = np.abs(np.asarray(found)[there[:, length - 1 :]])
     kept = sizes[sizes <= OUTLYING * np.median(sizes)] if sizes.size else sizes
     return (float((kept**2).mean() / (STENCIL @ STENCIL)), kept.size) if kept.size else (0.0, 0)
 

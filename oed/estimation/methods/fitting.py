@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -21,8 +20,9 @@ from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows
 from oed.estimation.prediction.layout import FEWEST, SegmentLayout, cut, shortest_seconds, usual_step
 from oed.estimation.prediction.logged_readings import LoggedReadings
+from oed.estimation.prediction.motion_layout import motion_segments, noise_specified
 from oed.estimation.preprocessing.preprocess import PreparedLogs
-from oed.estimation.setup.noise import LEAST, group_of, groups, places_of, specified_noise
+from oed.estimation.setup.noise import LEAST, group_of, groups, places_of
 from oed.estimation.setup.options import CalibrationOptions
 from oed.estimation.setup.unknowns import PLACE, Knowledge, Unknowns, specified_mount
 from oed.foundation.arrays import Array
@@ -31,7 +31,7 @@ from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.logs.log import Log
 from oed.robots.models.model import Model
-from oed.robots.sensors.logged import Mount, Noise
+from oed.robots.sensors.logged import Noise
 
 LOOSE = 1.0
 """Standard deviation that parameters are given before the logs, relative to their sizes: it keeps the
@@ -165,6 +165,7 @@ class Fitting:
             LogError: fewer readings than unknowns.
             ProblemError: options that do not suit the robot or the logs.
         """
+        self._require_suitable(prepared)
         unknowns, notes = self._unknowns(prepared), list[str]()
         segmenting, fit = self._solved(prepared, unknowns)
         _require_enough(fit)
@@ -202,18 +203,32 @@ class Fitting:
         starts = LoggedReadings.of(layout, unknowns, prepared.offsets).first_starts(unknowns.nominal)
         return search.at_first.fit(unknowns.nominal, starts)
 
-    @cached_property
-    def _mount(self) -> Mount:
-        return specified_mount(self.measurement)
+    def _require_suitable(self, prepared: PreparedLogs) -> None:
+        # Motions that a sensor read of itself are fitted one by one.
+        if not prepared.relative:
+            return
+        if self.options.method != "joint":
+            text = (
+                f"{self.options.method} is for poses; each motion of relative_poses is fitted: method: joint"
+            )
+            raise ProblemError.about(("calibration", "method"), text)
+        if self.options.segment != "auto":
+            text = "each motion of relative_poses is a segment of its own: omit it"
+            raise ProblemError.about(("calibration", "segment"), text)
 
     def _unknowns(self, prepared: PreparedLogs) -> Unknowns:
-        mount, shown = self._mount, _observable_places(prepared.logs[0].quantities)
+        mount = specified_mount(self.measurement, relative=prepared.relative)
+        shown = _observable_places(prepared.logs[0].quantities)
         if mount.fixed:
             shown = shown[2:]
+        if mount.heading_fixed:
+            shown = shown[:-1]
         free = tuple(name for name in self.options.sensor_place if name in shown)
         clocks = len(prepared.files) if self.options.clock_offset else 0
         # A sensor that looks backwards is found from there only.
-        turned = prepared.mounting if "sensor_heading" in free and abs(prepared.mounting) > ASKEW else 0.0
+        given = mount.sits[2]
+        found = float(np.angle(np.exp(1j * (prepared.mounting - given))))
+        turned = given + found if "sensor_heading" in free and abs(found) > ASKEW else given
         sits = (*mount.sits[:2], turned)
         return Unknowns(self.robot, self.parameters, free, clocks, sits)
 
@@ -229,6 +244,8 @@ class Fitting:
             last.append(found.values)
             return found
 
+        if prepared.relative:
+            return None, fit(motion_segments(logs, prepared.clocks))
         chosen = self.options.segment
         seconds = math.inf if isinstance(chosen, str) else chosen
         if self.options.method != "joint" and not self._of_readings(logs):
@@ -279,7 +296,7 @@ class Fitting:
         if options.noise == "correlated":
             text = f"{options.method} has a noise of its own between windows; use method: joint"
             raise ProblemError.about(("calibration", "noise"), text)
-        specified = self._specified(windows.layout.logs[0])
+        specified = self._specified(windows.layout.logs)
         if options.method == "gls":
             return WeightedWindows(windows, known, specified, grows=options.noise != "constant").fit()
         return TwoStage(windows, known, specified).fit()
@@ -289,28 +306,29 @@ class Fitting:
             layout,
             unknowns,
             offsets,
-            self._known(unknowns),
+            self._known(unknowns, relative=layout.relative),
             self.options.loss,
             grows=self.options.noise == "estimated",
-            specified=self._specified(layout.logs[0]),
+            specified=self._specified(layout.logs),
         )
 
-    def _specified(self, log: Log) -> dict[str, Noise] | None:
+    def _specified(self, logs: Sequence[Log]) -> dict[str, Noise] | None:
         # The noise that is not to be estimated.
         if self.options.noise != "stated":
             return None
-        specified = specified_noise(self.measurement, log.averaged)
-        missing = [name for name in log.quantities if group_of(name) not in specified]
+        specified = noise_specified(self.measurement, logs)
+        missing = [name for name in logs[0].quantities if group_of(name) not in specified]
         if missing:
             text = f"the measurement specifies no noise of {', '.join(missing)}; use noise: estimated"
             raise ProblemError.about(("calibration", "noise"), text)
         return specified
 
-    def _known(self, unknowns: Unknowns) -> Knowledge:
+    def _known(self, unknowns: Unknowns, *, relative: bool = False) -> Knowledge:
         count = len(unknowns.parameters)
         loose = LOOSE * unknowns.scale
+        known = specified_mount(self.measurement, relative=relative).deviations
         for index, name in enumerate(unknowns.place):
-            loose[count + index] = self._mount.deviations.get(name, LOOSE_PLACE)
+            loose[count + index] = known.get(name, LOOSE_PLACE)
         loose[unknowns.size - unknowns.clocks :] = LOOSE_CLOCK
         matrix = np.diag(loose**-2)
         if self.prior is not None:

@@ -148,27 +148,35 @@ class _Weighted:
         if drive is not None:
             return np.asarray((drive.whitener @ values.reshape(drive.order.size, -1)).reshape(values.shape))
         further = (1,) * (values.ndim - 3)
-        each = [self.noises[group_of(name)].deviation(*rates) for name in layout.quantities]
-        size = np.stack(each, axis=-1)
+        size = self._deviations(rates) * (1.0 if layout.sizes is None else layout.sizes)
         present = layout.valid.reshape(*layout.valid.shape, *further)
         white = np.where(present, values / size.reshape(*size.shape, *further), 0.0)
+        if layout.whitener is not None:
+            white[:, -1] = np.einsum("sij,sj...->si...", layout.whitener, white[:, -1])
         lasting = self.search.correlated
         return white if lasting is None else lasting.whitened(layout, white)
+
+    def _deviations(self, rates: tuple[Array, Array]) -> Array:
+        # Of readings (S, K, k), SI; where covariances are given those of typical ones.
+        names = self.search.layout.quantities
+        return np.stack([self.noises[group_of(name)].deviation(*rates) for name in names], axis=-1)
 
     def renewed(self, values: Array, starts: Array) -> _Weighted:
         """In units of the noise that residuals show."""
         state, layout = self.fit(values, starts), self.search.layout
         valid, quantities, found = layout.valid, layout.quantities, dict[str, Noise]()
         rates = np.stack([state.speeds, state.yaw_rates])
+        alike = layout.sizes is None
+        residuals = state.residuals if alike else state.white * self._deviations((rates[0], rates[1]))
         for group in groups(quantities):
             own = places_of(group, quantities)
             found[group] = estimated(
-                state.residuals[..., own][valid[..., own]],
+                residuals[..., own][valid[..., own]],
                 state.redundancy[..., own][valid[..., own]],
                 of_readings(rates, valid[..., own]),
                 robust=self.search.loss != "linear",
-                grows=self.search.grows,
-                jumps=jumps(state.residuals[..., own], rates, valid[..., own]),
+                grows=self.search.grows and alike,
+                jumps=None if layout.relative else jumps(residuals[..., own], rates, valid[..., own]),
             )
         return replace(self, noises=found)
 
@@ -202,6 +210,7 @@ class _Weighted:
             scores=(across @ pulls.reshape(*taken.shape, 1))[..., 0],
             knowledge=known,
             converged=False,
+            motions=search.layout.relative,
             bend=bend,
             swing=swing,
             by_reading=None if search.drive or search.correlated else self._white(weighted, found.rates),

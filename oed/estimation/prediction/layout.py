@@ -48,6 +48,11 @@ class SegmentLayout:
         valid: which of them there are, shaped alike.
         seconds: the length that was asked for [s]; infinite for whole logs.
         held: inputs of a designed drive, (S, n, inputs); None of logs.
+        relative: whether each segment is one motion that a sensor read of itself, from its first time to its
+            last, and the readings are those.
+        sizes: of errors whose covariances are given, in those of a typical reading of the same kind,
+            (S, 1, quantities).
+        whitener: A (S, q, q) with A C A' = 1 for the correlations C of these errors at the last time.
     """
 
     logs: tuple[Log, ...]
@@ -57,6 +62,9 @@ class SegmentLayout:
     valid: Bools
     seconds: float
     held: Array | None = None
+    relative: bool = False
+    sizes: Array | None = None
+    whitener: Array | None = None
 
     @classmethod
     def of_drive(cls, trajectory: Trajectory, readings: Array) -> SegmentLayout:
@@ -147,7 +155,12 @@ class SegmentLayout:
         return whole.inputs(offsets), whole.steps
 
     def rates(self, values: Array) -> Array:
-        """How fast values (S, n + 1, k) change, by the steps before and after each time, (S, n + 1)."""
+        """How fast values (S, n + 1, k) change, by the steps before and after each time, (S, n + 1); the mean
+        of motions.
+        """
+        if self.relative:
+            size = np.linalg.norm(values[:, -1:], axis=-1) / self.steps.sum(axis=1, keepdims=True)
+            return np.asarray(np.broadcast_to(size, values.shape[:2]))
         moves = np.linalg.norm(np.diff(values, axis=1), axis=-1)
         around, times = np.zeros(values.shape[:2]), np.zeros(values.shape[:2])
         for found, steps in ((around, moves), (times, self.steps)):
@@ -231,6 +244,8 @@ def _interrupted(log: Log, inside: Places, offset: float, seconds: float) -> Boo
     times, own, usual = log.pose_times[inside], np.diff(log.input_times), _usual(log)
     longest = max(GAP * usual, min(seconds, BRIDGED)) if log.gap is None else log.gap
     found = np.diff(times) > longest
+    if log.motions is not None and log.motions.begins is not None:
+        found |= np.isin(times[1:], log.motions.begins)
     late = np.flatnonzero(own > (GAP * max(float(np.median(own)), usual) if log.gap is None else log.gap))
     for index in late:
         first, last = log.input_times[index] - offset, log.input_times[index + 1] - offset

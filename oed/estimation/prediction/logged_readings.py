@@ -16,7 +16,10 @@ from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.dynamics.system import follows_state
 from oed.robots.models.model import Model
+from oed.robots.sensors.relative_poses import RelativePoses
 
+POSE = 3
+"""States of a robot's pose."""
 SETTLED = 100.0
 """Time after which a robot follows inputs that are held [s]."""
 
@@ -51,6 +54,16 @@ class LoggedReadings:
         parameters, place, clocks = self.unknowns.parts(values)
         return self._at(starts, parameters, place, self._offsets(clocks))
 
+    def _begun(self, starts: Array) -> Array:
+        # Whole states: where a motion that a sensor read of itself begins is of no matter.
+        return np.pad(starts, ((0, 0), (POSE, 0))) if self.layout.relative else starts
+
+    def _on_grid(self, found: Array) -> Array:
+        # Motions stand at the last of a segment's times.
+        if not self.layout.relative:
+            return found
+        return np.pad(found, ((0, 0), (self.layout.periods, 0), *((0, 0),) * (found.ndim - 2)))
+
     def derivatives(self, values: Array, starts: Array) -> tuple[Array, Array, Array]:
         """The readings, and their derivatives by the unknowns (S, n + 1, quantities, q) and by the segment's
         own start (S, n + 1, quantities, states).
@@ -58,12 +71,14 @@ class LoggedReadings:
         (parameters, place, clocks), steps = self.unknowns.parts(values), self.layout.steps
         offsets = self._offsets(clocks)
         inputs = self.layout.inputs(offsets)
-        found, slopes = self._segments.derivatives(Driven(starts, inputs, steps, parameters, place))
+        driven = Driven(self._begun(starts), inputs, steps, parameters, place)
+        found, slopes = map(self._on_grid, self._segments.derivatives(driven))
         columns, size = [self.unknowns.slopes(slopes)], len(parameters)
         if len(clocks):
             columns.append(self.layout.clock_slopes(partial(self._at, starts, parameters, place), offsets))
+        last = size + len(self.unknowns.robot.states)
         # A copy: a view would keep all columns.
-        return found, np.concatenate(columns, axis=-1), slopes[..., size : size + starts.shape[1]].copy()
+        return found, np.concatenate(columns, axis=-1), slopes[..., last - starts.shape[1] : last].copy()
 
     @property
     def wrapping(self) -> Bools:
@@ -83,10 +98,14 @@ class LoggedReadings:
         return found, np.pad(own, (*[(0, 0)] * (own.ndim - 1), (0, len(clocks))))
 
     def first_starts(self, values: Array) -> Array:
-        """Starts (S, states) near enough for a search to begin from, at unknowns (q,)."""
+        """Starts (S, states) near enough for a search to begin from, at unknowns (q,); of motions only the
+        states after the pose, (S, states - 3).
+        """
         parameters, place, clocks = self.unknowns.parts(values)
         robot, layout = self.unknowns.robot, self.layout
         further = further_starts(robot, layout, self._offsets(clocks), parameters)
+        if layout.relative:
+            return further
         return first_starts(robot, layout, partial(self, values), place, further)
 
     def rates(self, values: Array, starts: Array, readings: Array) -> tuple[Array, Array]:
@@ -106,15 +125,18 @@ class LoggedReadings:
 
     def _at(self, starts: Array, parameters: Array, place: Array, offsets: Array) -> Array:
         inputs = self.layout.inputs(offsets)
-        return self._segments(Driven(starts, inputs, self.layout.steps, parameters, place))
+        driven = Driven(self._begun(starts), inputs, self.layout.steps, parameters, place)
+        return self._on_grid(self._segments(driven))
 
     def _offsets(self, clocks: Array) -> Array:
         return self.offsets + clocks if len(clocks) else self.offsets
 
     @cached_property
     def _segments(self) -> SegmentReadings:
-        layout = self.layout
-        return SegmentReadings.logged(self.unknowns.robot, self.quantities, layout.count, layout.periods)
+        layout, robot = self.layout, self.unknowns.robot
+        if layout.relative:
+            return SegmentReadings(robot, RelativePoses(every=layout.periods), layout.count, layout.periods)
+        return SegmentReadings.logged(robot, self.quantities, layout.count, layout.periods)
 
 
 def first_starts(

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.prediction.layout import GAP, stretches
+from oed.estimation.preprocessing.motion_checks import motion_fault, without_strays
 from oed.estimation.preprocessing.moves import Moves, clock_offsets
 from oed.estimation.preprocessing.wiring_checks import (
     explained_by_other_sizes,
@@ -62,12 +63,25 @@ PIECES, LEAST = 10, 500
 
 def thinned(logs: Sequence[Log], most: int = MOST_POSES) -> tuple[Log, ...]:
     """Logs with at most about `most` poses together; each says what was done to it."""
+    if any(log.motions is not None for log in logs):
+        return tuple(_with_fewer_motions(log, most / max(_poses(logs), 1)) for log in logs)
     count = _poses(logs)
     each = _averaged_each(logs, math.ceil(count / most))
     if each > 1:
         logs = [_averaged(log, each) for log in logs]
     share = most / _poses(logs)
     return tuple(logs) if share >= 1 else tuple(_sampled(log, share) for log in logs)
+
+
+def _with_fewer_motions(log: Log, share: float) -> Log:
+    # Each is a reading by itself.
+    if log.motions is None or share >= 1:
+        return log
+    count = len(log.motions)
+    kept = np.zeros(count, dtype=bool)
+    kept[np.linspace(0, count - 1, max(int(share * count), 1)).astype(np.intp)] = True
+    text = f"{int(kept.sum())} of {count} motions are used, spread over the log, and the others left out"
+    return replace(log, motions=log.motions.rows(kept)).found(SAMPLED, text)
 
 
 def thinning_notes(before: Sequence[Log], after: Sequence[Log]) -> list[str]:
@@ -139,6 +153,11 @@ class PreparedLogs:
     mounting: float
 
     @property
+    def relative(self) -> bool:
+        """Whether the logs hold motions that a sensor read of itself, instead of poses."""
+        return self.logs[0].motions is not None
+
+    @property
     def files(self) -> tuple[str, ...]:
         """The files, in order."""
         return tuple(dict.fromkeys(log.file for log in self.logs))
@@ -162,15 +181,21 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
     """
     _require_alike(logs)
     _require_motion(logs)
-    moves = Moves.of(robot, logs)
+    moves = Moves.of(robot, [without_strays(robot, log) for log in logs])
     if compare_clocks:
         moves = replace(moves, offsets=clock_offsets(moves))
+    if logs[0].motions is not None:
+        apart = dict(zip(moves.layout.clocks, map(float, moves.offsets), strict=True))
+        logs = [without_strays(robot, log, apart[log.file]) for log in logs]
+        moves = replace(Moves.of(robot, logs), offsets=moves.offsets)
     flaws, doubts = [], dict[str, str]()
     for index, file in enumerate(moves.layout.clocks):
         own = moves.within(moves.layout.clock == index)
         left = poorly_explained(own)
         odd = (one for log in logs if log.file == file for one in log.findings if one.name == IN_DEGREES)
         key, wrong = _what_is_wrong(own, left, next((f"; {one.message}" for one in odd), ""))
+        if logs[0].motions is not None:
+            wrong = motion_fault(own, [log for log in logs if log.file == file]) or wrong
         if wrong:
             flaws.append(FileFlaw(file, 0, 0, key, wrong))
         elif left is not None:
@@ -218,11 +243,16 @@ def _hopeless(moves: Moves, left: float) -> bool:
 
 def _require_alike(logs: Sequence[Log]) -> None:
     first = logs[0]
-    others = [log for log in logs if log.quantities != first.quantities]
-    than = f"{first.name} {', '.join(first.quantities)}"
-    flaws = [FileFlaw(log.file, 0, 0, "", f"holds {', '.join(log.quantities)}, {than}") for log in others]
+    others = [log for log in logs if _held(log) != _held(first)]
+    flaws = [
+        FileFlaw(log.file, 0, 0, "", f"holds {_held(log)}, {first.name} {_held(first)}") for log in others
+    ]
     if flaws:
         raise LogError(flaws)
+
+
+def _held(log: Log) -> str:
+    return f"{'' if log.motions is None else 'relative '}{', '.join(log.quantities)}"
 
 
 def _require_motion(logs: Sequence[Log]) -> None:

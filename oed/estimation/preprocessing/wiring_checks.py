@@ -68,7 +68,7 @@ def wiring_fault(moves: Moves) -> str | None:
     if moves.layout.count < FEWEST:
         return None
     # A sensor may look backwards; a fault has to explain the log without such an excuse.
-    as_given = _worst(moves, moves.inputs, any_side=True)
+    as_given = worst(moves, moves.inputs, any_side=True)
     if as_given < BAD or explained_by_other_sizes(moves):
         return None
     return _most_likely(moves, _possibilities(moves), as_given)
@@ -80,7 +80,7 @@ def unit_fault(moves: Moves) -> str | None:
     """
     if moves.layout.count < FEWEST:
         return None
-    as_given, longer = _worst(moves, moves.inputs, any_side=True), moves.lengthening()
+    as_given, longer = worst(moves, moves.inputs, any_side=True), moves.lengthening()
     if as_given < BAD:
         return None
     text = _most_likely(moves, _units(moves), as_given)
@@ -90,7 +90,7 @@ def unit_fault(moves: Moves) -> str | None:
 
 
 def _most_likely(moves: Moves, possibilities: Iterable[Possibility], as_given: float) -> str | None:
-    tried = [(_worst(moves, *what), text) for text, what in possibilities]
+    tried = [(worst(moves, *what), text) for text, what in possibilities]
     left, text = min(tried, key=lambda pair: pair[0], default=(math.inf, ""))
     if left < min(BETTER * as_given, BAD):
         before = f"{100 * as_given:.0f} %" if as_given < 1 else "all of it"
@@ -109,7 +109,7 @@ def explained_by_other_sizes(moves: Moves) -> bool:
         for factors in product(SIZES, repeat=len(pair)):
             scale = np.ones(len(moves.robot.inputs))
             scale[list(pair)] = factors
-            if _worst(moves, moves.inputs * scale, any_side=True) < BAD:
+            if worst(moves, moves.inputs * scale, any_side=True) < BAD:
                 return True
     return False
 
@@ -198,7 +198,7 @@ def _sizes(moves: Mapping[str, Array]) -> dict[str, float]:
     return {name: float(np.sqrt(np.mean(values**2))) for name, values in found.items()}
 
 
-def _worst(
+def worst(
     moves: Moves,
     inputs: Array,
     sign: float = 1.0,
@@ -207,6 +207,16 @@ def _worst(
     *,
     any_side: bool = False,
 ) -> float:
+    """Share of the motion that is left unexplained, of turns or distances that of which it is the larger.
+
+    Args:
+        moves: of logs.
+        inputs: of the wheels, (S, n, inputs).
+        sign: of headings, as `Moves.measured` takes it.
+        unit: of these.
+        axes: of positions.
+        any_side: whether the sensor may be turned by any angle.
+    """
     measured, predicted = moves.measured(sign, unit, axes), moves.predicted(inputs)
     left = unexplained(measured, predicted, moves.noise(unit, axes), any_side=any_side)
     return max(left.values(), default=0.0)
@@ -221,7 +231,8 @@ def _units(moves: Moves) -> Iterator[Possibility]:
         yield text, (moves.inputs, 1.0, 1.0, (factor, factor * 1j))
 
 
-def _possibilities(moves: Moves) -> Iterator[Possibility]:
+def inputs_misread(moves: Moves) -> Iterator[tuple[str, Array]]:
+    """What may be wrong with wheels, in words, and their inputs if it is."""
     robot, inputs = moves.robot, moves.inputs
     for first, second in combinations(range(len(robot.inputs)), 2):
         if robot.inputs[first].quantity != robot.inputs[second].quantity:
@@ -229,14 +240,20 @@ def _possibilities(moves: Moves) -> Iterator[Possibility]:
         order = np.arange(inputs.shape[-1])
         order[[first, second]] = second, first
         names = f"{robot.input_names[first]} and {robot.input_names[second]}"
-        yield f"{names} are exchanged; exchange their columns", (inputs[..., order], 1.0, 1.0, AS_READ)
+        yield f"{names} are exchanged; exchange their columns", inputs[..., order]
     for places in _sign_groups(len(robot.inputs)):
         names = " and ".join(robot.input_names[place] for place in places)
         signs = np.where(np.isin(np.arange(inputs.shape[-1]), places), -1.0, 1.0)
         has, it = ("has", "it") if len(places) == 1 else ("have", "them")
-        yield f"{names} {has} the wrong sign; give {it} sign: -1", (inputs * signs, 1.0, 1.0, AS_READ)
+        yield f"{names} {has} the wrong sign; give {it} sign: -1", inputs * signs
     if len(robot.inputs) > 1:
-        yield "all inputs have the wrong sign; give them sign: -1", (-inputs, 1.0, 1.0, AS_READ)
+        yield "all inputs have the wrong sign; give them sign: -1", -inputs
+
+
+def _possibilities(moves: Moves) -> Iterator[Possibility]:
+    inputs = moves.inputs
+    for text, misread in inputs_misread(moves):
+        yield text, (misread, 1.0, 1.0, AS_READ)
     if "heading" in moves.layout.quantities:
         yield "the heading has the wrong sign (it turns to the left)", (inputs, -1.0, 1.0, AS_READ)
         yield "the heading is in degrees; give it unit: deg", (inputs, 1.0, math.pi / 180, AS_READ)

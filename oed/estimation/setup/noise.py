@@ -10,8 +10,8 @@ import scipy
 
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.measurement.measurement import Measurement
-from oed.robots.sensors.logged import LoggedSensor
 from oed.robots.sensors.logged import Noise as Noise
+from oed.robots.sensors.relative_poses import logged_sensors
 
 GROUPS = {"x": "position", "y": "position"}
 """Quantities that share their noise; any other has its own."""
@@ -39,15 +39,19 @@ def groups(quantities: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(map(group_of, quantities)))
 
 
-def specified_noise(measurement: Measurement, averaged: int = 1) -> dict[str, Noise]:
+def specified_noise(
+    measurement: Measurement, averaged: int = 1, *, relative: bool = False
+) -> dict[str, Noise]:
     """The noise that a measurement specifies of what logs hold, by kind of reading; of x and y the larger.
 
-    Means of `averaged` readings, whose noise is independent, have that much less.
+    Args:
+        measurement: of the study.
+        averaged: readings that each is the mean of: their noise is independent, means have that much less.
+        relative: whether logs hold motions instead of poses.
     """
     found: dict[str, Noise] = {}
-    for sensor in measurement.joint_sensors:
-        own = sensor.noises if isinstance(sensor, LoggedSensor) else {}
-        for quantity, noise in own.items():
+    for sensor in logged_sensors(measurement, relative):
+        for quantity, noise in sensor.noises.items():
             group = group_of(quantity)
             if group not in found or found[group].at_rest < noise.at_rest:
                 found[group] = noise

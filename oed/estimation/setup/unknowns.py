@@ -17,7 +17,8 @@ from oed.kernel.measurement.square_root import SquareRoot
 from oed.robots.models.model import Model
 from oed.robots.models.twists import coefficient_values
 from oed.robots.sensors.logged import PLACE as UNITS
-from oed.robots.sensors.logged import LoggedSensor, Mount
+from oed.robots.sensors.logged import Mount
+from oed.robots.sensors.relative_poses import logged_sensors
 
 PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
 PLACE: tuple[PlaceName, ...] = ("sensor_x", "sensor_y", "sensor_heading")
@@ -138,9 +139,11 @@ class Unknowns:
         return [names.index(name) for name in self.parameters]
 
 
-def specified_mount(measurement: Measurement) -> Mount:
-    """Where the first sensor sits that says so; at the robot's origin if none does."""
-    logged = (sensor for sensor in measurement.joint_sensors if isinstance(sensor, LoggedSensor))
+def specified_mount(measurement: Measurement, *, relative: bool = False) -> Mount:
+    """Where the first sensor sits that says so; at the robot's origin if none does. Of those that read their
+    own motion if `relative`, else of the others.
+    """
+    logged = logged_sensors(measurement, relative)
     return next((sensor.mount for sensor in logged if sensor.mount is not None), Mount())
 
 

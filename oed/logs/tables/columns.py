@@ -107,6 +107,11 @@ AnyPoseColumn = Annotated[
 ]
 
 
+def beside(file: str | None, log: Path) -> Path | None:
+    """The path of a file beside a log, in whose name "{stem}" stands for the log's; None without one."""
+    return None if file is None else log.parent / file.replace("{stem}", log.stem)
+
+
 class PoseColumns(Component):
     """Where the reference poses are; further states of the robot are keys by their own names.
 
@@ -142,6 +147,11 @@ class PoseColumns(Component):
         return self.file is not None and (self.form == "tum" or (self.form is None and by_ending))
 
     @property
+    def clock(self) -> TimeColumn | None:
+        """The column of their times; None for that of the inputs."""
+        return self.time
+
+    @property
     def columns(self) -> dict[str, PoseColumn]:
         """What was measured, by the state's name."""
         plain = {"x": self.x, "y": self.y, "heading": self.heading}
@@ -150,7 +160,7 @@ class PoseColumns(Component):
 
     def beside(self, log: Path) -> Path | None:
         """Where the poses of a log are; None where they are in the log itself."""
-        return None if self.file is None else log.parent / self.file.replace("{stem}", log.stem)
+        return beside(self.file, log)
 
     def flaws(self, model: System) -> list[Flaw]:
         """States the robot does not have, units of another kind, nothing measured."""

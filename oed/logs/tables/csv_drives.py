@@ -135,6 +135,7 @@ class _Run:
             bridged=np.array([one.bridges for one in turned] or [False] * len(model.inputs)),
             one_clock=not sheet.own_clock,
             found=found if wraps else (),
+            relative=sheet.relative,
         ).with_found(*said)
 
     def _stretches(self, whole: RecordedDrive, gap: float | None) -> list[RecordedDrive]:

@@ -14,6 +14,7 @@ from oed.logs.tables.chosen_rows import Records
 from oed.logs.tables.columns import Column, Kept, PoseColumns, Short, TimeColumn
 from oed.logs.tables.csv_drives import drives_in
 from oed.logs.tables.input_columns import AnyInputColumns, InputColumns, OdometryColumns
+from oed.logs.tables.motion_columns import RelativePoseColumns
 from oed.logs.tables.sheet import read_sheet
 from oed.logs.tables.table import Delimiter, read_table
 
@@ -27,6 +28,7 @@ class CsvForm(LogForm):
         time: column of the times.
         inputs: columns of the robot's inputs by their names; a column of the same name by default.
         poses: columns of the reference poses.
+        relative_poses: instead of these, columns of how a sensor moved.
         runs: the column that says which run a row belongs to; "run" by default, where there is one.
         records: where rows are of several types, the column that says so, and which have inputs and poses.
         keep: only rows in which these columns have the value, or lie within [low, high]; where others are
@@ -39,6 +41,7 @@ class CsvForm(LogForm):
     time: Annotated[TimeColumn, Short("column")] = TimeColumn(column="t")
     inputs: AnyInputColumns = {}  # noqa: RUF012
     poses: PoseColumns = PoseColumns()
+    relative_poses: RelativePoseColumns | None = None
     runs: Annotated[Column, Short("column")] | None = None
     records: Records | None = None
     keep: Kept = {}  # noqa: RUF012
@@ -50,16 +53,25 @@ class CsvForm(LogForm):
 
     def flaws(self, model: System) -> list[Flaw]:
         """Inputs and states the robot does not have, units and forms that do not fit."""
-        flaws = [*self.time.flaws("time"), *self.input_columns.flaws(model), *self.poses.flaws(model)]
-        if self.types_of_poses is not None and self.poses.file is not None:
+        flaws = [*self.time.flaws("time"), *self.input_columns.flaws(model), *self.reference.flaws(model)]
+        if self.types_of_poses is not None and self.reference.file is not None:
             text = "the poses are in a file of their own (`poses.file`); leave one of the two out"
             flaws.append(Flaw(("log", "records", "poses"), text))
+        if self.relative_poses is not None and "poses" in self.model_fields_set:
+            flaws.append(
+                Flaw(("log", "relative_poses"), "a log has poses or relative_poses; omit one of them")
+            )
         return flaws
 
     @property
     def input_columns(self) -> InputColumns | OdometryColumns:
         """The columns of the inputs."""
         return InputColumns(self.inputs) if isinstance(self.inputs, dict) else self.inputs
+
+    @property
+    def reference(self) -> PoseColumns | RelativePoseColumns:
+        """What the wheels are compared with."""
+        return self.relative_poses or self.poses
 
     def read(self, file: Path, model: System) -> list[Log]:
         """The drives in a CSV, one for each run.
@@ -71,4 +83,4 @@ class CsvForm(LogForm):
             raise LogError.about(file, "is a ROS bag, not a CSV; say `kind: rosbag` under `log`")
         table = read_table(file, self.delimiter, self.header, ragged=self.records is not None)
         drives = drives_in(read_sheet(table, self, model), model, self.gap)
-        return to_logs(drives, self, self.poses.held)
+        return to_logs(drives, self, self.reference.held)

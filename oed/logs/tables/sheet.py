@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -15,17 +15,14 @@ from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import FileFlaw, LogError
 from oed.foundation.files import no_such_file
 from oed.kernel.dynamics.system import System
+from oed.logs.drive import Relative
 from oed.logs.input_forms import unit_factor
+from oed.logs.motions import QUANTITIES
 from oed.logs.series import NotInLog, Rows, Series, together
 from oed.logs.tables.chosen_rows import kept_rows, of_type, without
-from oed.logs.tables.columns import (
-    TIME_UNITS,
-    Column,
-    PoseColumn,
-    PoseColumns,
-    TimeColumn,
-)
+from oed.logs.tables.columns import TIME_UNITS, Column, PoseColumn, PoseColumns, TimeColumn
 from oed.logs.tables.input_columns import InputColumns, OdometryColumns
+from oed.logs.tables.motion_columns import motion_columns, motion_series
 from oed.logs.tables.stamps import read_times
 from oed.logs.tables.table import Table, read_table
 from oed.logs.tables.tum import read_tum
@@ -83,6 +80,7 @@ class Sheet:
         same_rows: whether the poses are columns of the same table.
         own_clock: whether the poses have a clock of their own.
         kept: rows of the poses' table whose poses are wanted.
+        relative: of motions in place of poses, as `RecordedDrive` has it.
     """
 
     inputs: ColumnBlock
@@ -91,6 +89,7 @@ class Sheet:
     columns: InputColumns | OdometryColumns
     same_rows: bool
     own_clock: bool
+    relative: Relative | None
     kept: Bools
 
     @property
@@ -119,14 +118,14 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
             [partial(_refuse, error), lambda: read_sheet(table, form.model_copy(update={"keep": {}}), model)]
         )
         raise
-    beside = form.poses.beside(Path(table.file))
+    beside = form.reference.beside(Path(table.file))
     columns = form.input_columns.columns(model)
     same_rows = beside is None and form.types_of_poses is None
-    own_clock = _skipping(form.skip_invalid_rows, same_rows and form.poses.time is not None)
+    own_clock = _skipping(form.skip_invalid_rows, same_rows and form.reference.clock is not None)
     inputs, (quantities, poses, kept) = together(
         [
             lambda: _read_block(wheels, _clock(form), _under("inputs", columns), form.runs, own_clock),
-            lambda: _read_poses(wheels if same_rows else table, beside, form, model),
+            lambda: _read_reference(wheels if same_rows else table, beside, form, model),
         ]
     )
     return Sheet(
@@ -135,7 +134,8 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
         quantities=quantities,
         columns=form.input_columns,
         same_rows=same_rows,
-        own_clock=not same_rows or form.poses.time is not None,
+        own_clock=not same_rows or form.reference.clock is not None,
+        relative=_relative(form),
         kept=kept,
     )
 
@@ -160,7 +160,7 @@ def _read_block(
 ) -> ColumnBlock:
     # Rows with cells that are no numbers are refused, or skipped where it is said whose clock it is.
     skip, (key, time) = own_clock is not None, clock_of
-    read = [partial(_read, table, column, of_column, skip) for of_column, column in columns.items()]
+    read = [_reader(table, column, of_column, skip) for of_column, column in columns.items()]
     try:
         clock, *found, labels = together(
             [partial(_read_clock, table, time, key, skip), *read, partial(_run_labels, table, runs)]
@@ -174,9 +174,22 @@ def _read_block(
     return ColumnBlock(table, series, clock[0], places, labels)
 
 
-def _clock(form: CsvForm, *, of_poses: bool = False) -> Clock:
-    own = form.poses.time if of_poses else None
-    return (("time",), form.time) if own is None else (("poses", "time"), own)
+def _relative(form: CsvForm) -> Relative | None:
+    own = form.relative_poses
+    return None if own is None else "follows" if own.t1 is None else "pairs"
+
+
+def _clock(form: CsvForm) -> Clock:
+    return (("time",), form.time)
+
+
+def _reference_clock(form: CsvForm) -> Clock:
+    own = form.reference.clock
+    if own is None:
+        return _clock(form)
+    if form.relative_poses is None:
+        return (("poses", "time"), own)
+    return (("relative_poses", "time" if form.relative_poses.t1 is None else "t1"), own)
 
 
 def _under(key: str, columns: Mapping[str, Column]) -> dict[Key, Column]:
@@ -221,6 +234,12 @@ def _read_clock(table: Table, time: TimeColumn, key: Key, skip: bool = False) ->
     return place, read_times(table, place, time, skip=skip)
 
 
+def _reader(table: Table, column: Column, key: Key, skip: bool) -> Callable[[], tuple[int, Array]]:
+    if isinstance(column, TimeColumn):
+        return partial(_read_clock, table, column, key, skip)
+    return partial(_read, table, column, key, skip)
+
+
 def _read(table: Table, column: Column, key: Key, skip: bool = False) -> tuple[int, Array]:
     place = table.place(column.column, *key, "column")
     return place, table.finite(place, skip)
@@ -232,30 +251,36 @@ def _run_labels(table: Table, runs: Column | None) -> list[str] | None:
     return table.texts(table.place(runs.column, "runs", "column"))
 
 
-def _read_poses(
+def _read_reference(
     table: Table, beside: Path | None, form: CsvForm, model: System
 ) -> tuple[tuple[str, ...], ColumnBlock, Bools]:
-    poses, runs, types = form.poses, form.runs, form.types_of_poses
-    apart = beside is not None or types is not None
+    given, runs, types = form.reference, form.runs, form.types_of_poses
+    key, apart = (
+        "poses" if form.relative_poses is None else "relative_poses",
+        beside is not None or types is not None,
+    )
     if beside is not None and not beside.exists():
-        named = ("log", "poses", "file")
+        named = ("log", key, "file")
         hint = "; `{stem}` stands for the log's own" if "{" in beside.name else ""
         raise LogError([NotInLog(str(beside), 0, 0, "file", f"{no_such_file(beside)}{hint}", named)])
-    if beside is not None and poses.is_tum:
-        block = _read_tum(beside, poses, form.skip_invalid_rows)
-        return tuple(poses.columns), block, np.ones(len(block.series), dtype=bool)
+    if beside is not None and isinstance(given, PoseColumns) and given.is_tum:
+        block = _read_tum(beside, given, form.skip_invalid_rows)
+        return tuple(given.columns), block, np.ones(len(block.series), dtype=bool)
     if beside is not None:
-        table = read_table(beside, poses.delimiter, poses.header)
+        table = read_table(beside, given.delimiter, given.header)
     elif types is not None:
         table = of_type(table, types, "poses")
     if apart:
         # Poses of their own need not know of runs, even where the log does.
         runs = runs if runs is not None and runs.column in table.header else None
-    kept = kept_rows(table, poses.keep, form.skip_invalid_rows, "poses", "keep")
-    columns = _pose_columns(table, poses, model)
-    own_clock = _skipping(form.skip_invalid_rows, apart or poses.time is not None)
-    clock = _clock(form, of_poses=True)
-    block = _read_block(table, clock, _under("poses", columns), runs, own_clock)
+    own_clock = _skipping(form.skip_invalid_rows, apart or given.clock is not None)
+    if not isinstance(given, PoseColumns):
+        block = _read_block(table, _reference_clock(form), motion_columns(given), runs, own_clock)
+        series = motion_series(block.series, block.runs, given)
+        return QUANTITIES, replace(block, series=series), np.ones(len(series), dtype=bool)
+    kept = kept_rows(table, given.keep, form.skip_invalid_rows, key, "keep")
+    columns = _pose_columns(table, given, model)
+    block = _read_block(table, _reference_clock(form), _under(key, columns), runs, own_clock)
     units = dict(zip(model.states, model.state_units, strict=True))
     factors = [unit_factor(column.unit, units[name]) for name, column in columns.items()]
     values = block.series.values * factors

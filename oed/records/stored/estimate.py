@@ -122,6 +122,7 @@ class Segments(Stored):
     count: Count | None = None
     chosen: bool | None = None
     drifts: bool | None = None
+    relative: bool | None = None
     tried: Entries[TriedLength]
 
 

@@ -14,9 +14,9 @@ from oed.foundation.quantities import Angle, Length
 from oed.foundation.text import count, given_text
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
-from oed.kernel.measurement.measurement import Nuisance
+from oed.kernel.measurement.measurement import Measurement, Nuisance
 from oed.kernel.measurement.sensor import Moment, Sensor, When
-from oed.robots.sensors.logged import PLACE, Mount, Noise
+from oed.robots.sensors.logged import PLACE, LoggedSensor, Mount, Noise
 from oed.robots.sensors.placed import PosePrior, place_text
 from oed.robots.sensors.pose_noise import UNITS, AbsoluteNoise, Quantity
 
@@ -168,3 +168,12 @@ class RelativePoses(Sensor):
             text = f"expected at most the drive's {samples} samples between readings, got {self.every}"
             return [Flaw(("measurement", "every"), text)]
         return self.noise.flaws(READ, len(self.columns(samples)))
+
+
+def logged_sensors(measurement: Measurement, relative: bool) -> list[LoggedSensor]:
+    """The sensors of a measurement that read what logs hold: their own motion if `relative`, else states."""
+    return [
+        sensor
+        for sensor in measurement.joint_sensors
+        if isinstance(sensor, LoggedSensor) and isinstance(sensor, RelativePoses) == relative
+    ]

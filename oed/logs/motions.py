@@ -1,0 +1,158 @@
+"""Motions that a sensor read of itself, as scan matching gives them, and the path that they are together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from oed.foundation.arrays import Array, Bools
+from oed.foundation.errors import FileFlaw
+from oed.logs.series import Rows, Series
+
+QUANTITIES = ("x", "y", "heading")
+"""What is read of a motion."""
+PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+"""Entries of a covariance that columns hold, in their order."""
+APART = 0.05
+"""Share of a motion's duration that the next may begin later or earlier and follow it all the same."""
+
+
+class Path(NamedTuple):
+    """The path that motions make up.
+
+    Attributes:
+        times: (n,) [s].
+        poses: of the sensor, from x = y = heading = 0, (n, 3).
+        begins: of the times those at which it begins anew, for no motion leads there, (k,) [s].
+        motions: the index of the motion that each pose belongs to, (n,).
+    """
+
+    times: Array
+    poses: Array
+    begins: Array
+    motions: Rows
+
+
+@dataclass(frozen=True)
+class Motions:
+    """How a sensor moved, read between pairs of times.
+
+    Attributes:
+        times: of beginning and end, (m, 2) [s], by their ends.
+        values: x, y [m] and heading [rad] of the sensor at the end, seen from where it began, (m, 3).
+        covariances: of their errors, (m, 3, 3); None where nobody gives them.
+        begins: the times at which the path that they are together begins anew (k,) [s].
+    """
+
+    times: Array
+    values: Array
+    covariances: Array | None = None
+    begins: Array | None = None
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.times)
+
+    def rows(self, chosen: Bools) -> Motions:
+        """Some of them."""
+        covariances = None if self.covariances is None else self.covariances[chosen]
+        return replace(self, times=self.times[chosen], values=self.values[chosen], covariances=covariances)
+
+    @property
+    def lengths(self) -> Array:
+        """Their durations, (m,) [s]."""
+        return np.asarray(self.times[:, 1] - self.times[:, 0])
+
+    @cached_property
+    def following(self) -> Rows:
+        """Indices of those that make up one path, each at or after the end of the one before, (n,)."""
+        chosen, end = list[int](), -np.inf
+        for index, (first, last) in enumerate(self.times.tolist()):
+            if first >= end - APART * (last - first):
+                chosen.append(index)
+                end = last
+        return np.array(chosen, dtype=np.intp)
+
+    def path(self) -> Path:
+        """Those that follow each other, one after the other."""
+        own = self.following
+        times, values, late = self.times[own], self.values[own], APART * self.lengths[own]
+        anew = np.concatenate([[True], times[1:, 0] > times[:-1, 1] + late[1:]])
+        headings = np.concatenate([[0.0], np.cumsum(values[:, 2])])
+        moves = (values[:, 0] + 1j * values[:, 1]) * np.exp(1j * headings[:-1])
+        places = np.concatenate([[0.0], np.cumsum(moves)])
+        poses = np.column_stack([places.real, places.imag, headings])
+        # Where it begins anew there are two times at one pose.
+        rows = np.repeat(np.arange(len(own)), 1 + anew)
+        first = anew[rows] & np.concatenate([[True], np.diff(rows) > 0])
+        moments = np.where(first, times[rows, 0], times[rows, 1])
+        return Path(moments, poses[rows + ~first], moments[first], own[rows])
+
+
+def inverted(values: Array) -> Array:
+    """Motions (m, 3) the other way: the pose at the beginning, seen from the end."""
+    moved = -(values[:, 0] + 1j * values[:, 1]) * np.exp(-1j * values[:, 2])
+    return np.column_stack([moved.real, moved.imag, -values[:, 2]])
+
+
+def motions_of(series: Series, *, follows: bool) -> tuple[Motions | None, list[FileFlaw]]:
+    """The motions in the rows of a log, by their ends, and what is wrong with them; None where any is.
+
+    Args:
+        series: at the motions' ends: when they began, x, y, heading, entries of the covariance; SI.
+        follows: whether each began at the row before, so that the first is none.
+    """
+    flaws = _order_flaws(series, follows) + _covariance_flaws(series)
+    rows = series.values[:, 0] < series.times
+    if flaws or not rows.any():
+        return None, flaws
+    kept = series.rows(rows)
+    order = np.argsort(kept.times, kind="stable")
+    times = np.column_stack([kept.values[:, 0], kept.times])[order]
+    values = kept.values[order]
+    if np.abs(values[:, 3]).max() <= 2 * np.pi:
+        values[:, 3] = np.angle(np.exp(1j * values[:, 3]))
+    covariances = _matrices(values[:, 4:]) if values.shape[1] > 4 else None
+    return Motions(times, values[:, 1:4], covariances), []
+
+
+def _order_flaws(series: Series, follows: bool) -> list[FileFlaw]:
+    if follows:
+        return []
+    wrong = np.flatnonzero(~(series.values[:, 0] < series.times)).tolist()
+    swapped = "; are t0 and t1 exchanged?" if len(wrong) == len(series) else ""
+    return [
+        series.flaw(
+            row,
+            "t0",
+            f"the motion begins at {series.values[row, 0]:.10g} s, not before its end at "
+            f"{series.times[row]:.10g} s{swapped}",
+        )
+        for row in wrong
+    ]
+
+
+def _covariance_flaws(series: Series) -> list[FileFlaw]:
+    if series.values.shape[1] <= 4:
+        return []
+    smallest = np.linalg.eigvalsh(_correlations(_matrices(series.values[:, 4:])))[:, 0]
+    text = "the covariance is not positive definite"
+    return [series.flaw(row, "covariance", text) for row in np.flatnonzero(~(smallest > 0)).tolist()]
+
+
+def _matrices(entries: Array) -> Array:
+    # (m, 3, 3) of the entries of their upper halves (m, 6).
+    found = np.zeros((len(entries), 3, 3))
+    for place, (row, column) in enumerate(PAIRS):
+        found[:, row, column] = found[:, column, row] = entries[:, place]
+    return found
+
+
+def _correlations(matrices: Array) -> Array:
+    # Free of units; those of variances that are none stay as they are.
+    variances = np.diagonal(matrices, axis1=1, axis2=2)
+    sizes = np.sqrt(np.where(variances > 0, variances, 1.0))
+    return np.asarray(matrices / (sizes[:, :, None] * sizes[:, None, :]))

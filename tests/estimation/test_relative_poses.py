@@ -1,0 +1,246 @@
+"""Relative poses of a lidar that is matched from scan to scan: wheels and mounting, as Censi's Kheperas have
+them, from logs of known truth.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy
+from builders import input_limits, problem_of
+from scan_matching import LOG, MOUNTED, NOISE, NOMINAL, TRUTH, Matched, matched, seen
+
+from oed.estimation import Calibration, CalibrationOptions, calibrate
+from oed.foundation.errors import LogError, ProblemError
+from oed.kernel.criteria import E
+from oed.logs import CsvForm, Log, TupleForm, read_logs
+from oed.robots.models import SkidSteerSlip
+from oed.robots.sensors import RelativePoses
+
+PROBLEM = problem_of(
+    model=NOMINAL,
+    limits=input_limits,
+    criterion=E(),
+    measurement=RelativePoses(noise={"position": NOISE[0], "heading": NOISE[1]}),
+)
+TRUE = [*TRUTH.values(), *MOUNTED]
+
+
+def logs_of(folder: Path, *drives: Matched, **more: Any) -> list[Log]:
+    keys = LOG | {"relative_poses": LOG["relative_poses"] | more}
+    files = [drive.write(folder, f"drive{number}")[0] for number, drive in enumerate(drives)]
+    return read_logs(files, CsvForm(**keys), NOMINAL)
+
+
+def estimated(logs: list[Log], problem: Any = PROBLEM, **options: Any) -> Calibration:
+    return calibrate(problem, logs, CalibrationOptions(**{"replicates": 100, **options}))
+
+
+def errors(found: Calibration) -> np.ndarray:
+    """Of parameters and mounting, in standard errors of F^-1."""
+    (plain,) = (one for one in found.covariances if one.name == "information")
+    return (found.fit.values[:6] - TRUE) / plain.deviations[:6]
+
+
+def exact(errors: np.ndarray) -> np.ndarray:
+    return 0 * errors
+
+
+class TestEstimates:
+    def test_exact_motions_give_wheels_mounting_and_clock(self, tmp_path: Path):
+        found = estimated(logs_of(tmp_path, matched(noise=exact, offset=0.13, seconds=60)))
+        np.testing.assert_allclose(found.fit.values[:6], TRUE, rtol=1e-5)
+        np.testing.assert_allclose(found.fit.clock_offsets, 0.13, atol=1e-5)
+        assert found.fit.unknowns.place == ("sensor_x", "sensor_y", "sensor_heading")
+        assert any("the path that the relative poses make up" in note for note in found.notes)
+
+    def test_a_mounting_that_is_known_is_not_estimated(self, tmp_path: Path):
+        mounting = dict(zip(("x", "y", "heading"), MOUNTED, strict=True))
+        sensor = RelativePoses(mounting={**mounting, "known": True})
+        sensor = sensor.model_copy(update={"noise": PROBLEM.measurement.noise})
+        problem = problem_of(model=NOMINAL, limits=input_limits, criterion=E(), measurement=sensor)
+        found = estimated(logs_of(tmp_path, matched(noise=exact, seconds=60)), problem)
+        assert found.fit.unknowns.place == ()
+        np.testing.assert_allclose(found.fit.values[:3], TRUE[:3], rtol=1e-5)
+
+    @pytest.mark.slow
+    def test_motions_may_overlap_and_be_missing(self, tmp_path: Path):
+        drive = matched(noise=exact, seconds=60)
+        # Every motion across two scans as well, and a hole.
+        both = np.column_stack([drive.spans[:-1, 0], drive.spans[1:, 1]])
+        turned = np.exp(1j * drive.motions[:-1, 2])
+        moves = drive.motions[:, 0] + 1j * drive.motions[:, 1]
+        far = moves[:-1] + turned * moves[1:]
+        longer = np.column_stack([far.real, far.imag, drive.motions[:-1, 2] + drive.motions[1:, 2]])
+        kept = np.r_[0:20, 30:74]
+        spans, motions = np.vstack([drive.spans[kept], both]), np.vstack([drive.motions[kept], longer])
+        (log,) = logs_of(tmp_path, replace(drive, spans=spans, motions=motions))
+        assert log.motions is not None
+        assert len(log.motions) == len(spans)
+        assert np.all(np.diff(log.pose_times) > 0)
+        np.testing.assert_allclose(estimated([log]).fit.values[:6], TRUE, rtol=1e-5)
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("known", [False, True], ids=["estimated", "stated"])
+    def test_covariances_weight_each_motion(self, tmp_path: Path, known: bool):
+        rng = np.random.default_rng(5)
+        sizes = rng.choice([0.3, 3.0], (200, 1)) * [NOISE[0], NOISE[0], NOISE[1]]
+        root = np.linalg.cholesky(np.array([[1.0, 0.5, 0.0], [0.5, 1.0, 0.6], [0.0, 0.6, 1.0]]))
+        drive = matched(2, noise=lambda white: (white @ root.T) * sizes[: len(white)], seconds=90)
+        each = np.einsum("si,ij,sj->sij", sizes, root @ root.T, sizes)[: len(drive.spans)]
+        # What is given is four times too large: the factor is found, unless it is to be believed.
+        given = each * (1.0 if known else 4.0)
+        keys = {"xx": (0, 0), "xy": (0, 1), "xh": (0, 2), "yy": (1, 1), "yh": (1, 2), "hh": (2, 2)}
+        columns = {name: given[:, row, column] for name, (row, column) in keys.items()}
+        (file,) = drive.write(tmp_path, **columns)
+        form = CsvForm(
+            **LOG | {"relative_poses": LOG["relative_poses"] | {"covariance": {k: k for k in keys}}}
+        )
+        found = estimated(read_logs([file], form, NOMINAL), noise="stated" if known else "estimated")
+        assert np.abs(errors(found)).max() < 3.5
+        assert found.fit.misfit == pytest.approx(1.0, abs=0.3)
+        typical = np.sqrt(np.median(given[:, 0, 0]))
+        assert found.fit.noises["position"].at_rest == pytest.approx(typical / (1 if known else 2), rel=0.15)
+        # Those ten times as sure count a hundred times as much.
+        blind = estimated(logs_of(tmp_path, drive))
+        own, other = (one.covariances[-1].deviations[:6] for one in (found, blind))
+        assert np.all(own < 0.7 * other)
+
+    @pytest.mark.slow
+    def test_a_robot_whose_yaw_rate_lags_has_it_estimated_for_each_motion(self, tmp_path: Path):
+        robot = SkidSteerSlip(wheel_radius=0.02, track=0.09)
+        problem = problem_of(
+            model=robot,
+            limits=input_limits,
+            criterion=E(scaling="none"),
+            measurement=PROBLEM.measurement,
+            estimate=("wheel_radius_right", "wheel_radius_left", "track"),
+        )
+        found = estimated(logs_of(tmp_path, matched(noise=exact, seconds=60)), problem)
+        assert found.fit.starts.shape[1] == len(robot.states) - 3
+
+
+class TestBadMatches:
+    @pytest.mark.slow
+    @pytest.mark.parametrize("bad", [0.03, 0.1])
+    def test_a_robust_loss_bounds_what_they_do(self, tmp_path: Path, bad: float):
+        drive = matched(4, bad=bad)
+        found = estimated(logs_of(tmp_path, drive), loss="cauchy")
+        assert np.abs(errors(found)).max() < 3.5
+        (text,) = (one.message for one in found.logs[0].findings if one.name == "stray_motions")
+        # Those that happen to be hardly wrong are not seen.
+        count = int(text.split()[0])
+        assert drive.wrong.sum() - 2 <= count <= drive.wrong.sum()
+        outliers = {one.about: one for one in found.diagnostics if one.name == "outliers"}
+        assert not outliers["position"].passed
+
+    def test_they_are_left_out_of_the_path(self, tmp_path: Path):
+        drive = matched(4, noise=exact, bad=0.05)
+        found = estimated(logs_of(tmp_path, drive), loss="cauchy")
+        assert drive.wrong.any()
+        assert found.own is not None
+        assert found.own.after[0].rmse_position < 0.2 * found.own.before[0].rmse_position
+        everything = logs_of(tmp_path, drive)[0]
+        assert np.ptp(everything.poses - everything.poses[:1], axis=0).max() > 1
+
+
+@pytest.mark.slow
+def test_tuples_say_the_same(tmp_path: Path):
+    drive = matched(4)
+    rows, lengths = range(0, len(drive.times) - 1, 8), np.diff(drive.spans)[:, 0]
+    speeds = (drive.turned[8::8] - drive.turned[:-1:8][: len(rows)]) / lengths[:, None]
+    tuples = (
+        {"T": length, "phi_r": right, "phi_l": left, "sm": motion}
+        for length, (right, left), motion in zip(
+            lengths, speeds.tolist(), drive.motions.tolist(), strict=True
+        )
+    )
+    file = tmp_path / "drive.tuple"
+    file.write_text("\n".join(map(json.dumps, tuples)), encoding="utf-8")
+    found = estimated(read_logs([file], TupleForm(), NOMINAL), clock_offset=False)
+    # Speeds that change within a tuple are not in it.
+    assert np.abs(errors(found)).max() < 5
+
+
+class TestRefused:
+    @pytest.mark.parametrize(
+        ("options", "key", "words"),
+        [
+            ({"method": "gls"}, "method", "method: joint"),
+            ({"method": "two_stage"}, "method", "method: joint"),
+            ({"segment": 5.0}, "segment", "a segment of its own"),
+            ({"segment": "log"}, "segment", "a segment of its own"),
+        ],
+    )
+    def test_options_for_poses(self, tmp_path: Path, options: dict[str, Any], key: str, words: str):
+        with pytest.raises(ProblemError, match=words) as error:
+            estimated(logs_of(tmp_path, matched(seconds=60)), **options)
+        assert error.value.flaws[0].key == ("calibration", key)
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize(
+        ("wrong", "words"),
+        [
+            (lambda motions: backwards(motions), "inverse: true"),
+            (lambda motions: motions * [1, 1, 180 / np.pi], "give it unit: deg"),
+            (lambda motions: motions * [1, -1, 1], "mirrored"),
+            (lambda motions: along_fixed_axes(motions), "along fixed axes"),
+            (lambda motions: motions * [1000, 1000, 1], "unit: mm"),
+            (lambda motions: motions * [1, 1, 0], "hardly move while the wheels drive"),
+        ],
+        ids=["backwards", "degrees", "mirrored", "fixed axes", "millimetres", "no turns"],
+    )
+    def test_motions_that_are_read_wrongly(self, tmp_path: Path, wrong: Any, words: str):
+        drive = matched(3, every=24, seconds=240)
+        with pytest.raises(LogError, match=words):
+            estimated(logs_of(tmp_path, replace(drive, motions=wrong(drive.motions))))
+
+    @pytest.mark.slow
+    def test_exchanged_wheels(self, tmp_path: Path):
+        drive = matched(3)
+        with pytest.raises(LogError, match="exchange their columns"):
+            estimated(logs_of(tmp_path, replace(drive, turned=drive.turned[:, ::-1])))
+
+    def test_backwards_motions_are_read_when_the_study_says_so(self, tmp_path: Path):
+        drive = matched(noise=exact, seconds=60)
+        logs = logs_of(tmp_path, replace(drive, motions=backwards(drive.motions)), inverse=True)
+        np.testing.assert_allclose(estimated(logs).fit.values[:6], TRUE, rtol=1e-5)
+
+    def test_poses_and_relative_poses_together(self, tmp_path: Path):
+        (relative,) = logs_of(tmp_path, matched(seconds=60))
+        with pytest.raises(LogError, match=r"holds x, y, heading, .* relative x, y, heading"):
+            estimated([relative, replace(relative, name="other", file="other.csv", motions=None)])
+
+
+def backwards(motions: np.ndarray) -> np.ndarray:
+    """Where a sensor was, seen from where it came to."""
+    at_first = np.zeros_like(motions)
+    return seen(motions, at_first, (0.0, 0.0, 0.0))
+
+
+def along_fixed_axes(motions: np.ndarray) -> np.ndarray:
+    """Differences of the path that the motions make up."""
+    headings = np.concatenate([[0.0], np.cumsum(motions[:-1, 2])])
+    moved = (motions[:, 0] + 1j * motions[:, 1]) * np.exp(1j * headings)
+    return np.column_stack([moved.real, moved.imag, motions[:, 2]])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("bad", "loss"), [(0.0, "linear"), (0.06, "cauchy")])
+def test_intervals_cover_the_truth(tmp_path: Path, bad: float, loss: str):
+    covered, away = [], []
+    for seed in range(60):
+        logs = logs_of(tmp_path, matched(seed, bad=bad, seconds=100))
+        found = estimated(logs, loss=loss, clock_offset=False, noise="constant")
+        off = np.abs(found.fit.values - TRUE)
+        covered.append(off < found.covariances[0].half_width * found.covariances[0].deviations)
+        away.append(errors(found))
+    assert np.mean(covered, axis=0).min() >= 0.88
+    plain = np.abs(away) < scipy.stats.norm.ppf(0.975)
+    assert plain.mean(axis=0).min() >= 0.88
+    assert np.sqrt(np.mean(np.square(away), axis=0)).max() < 1.25
