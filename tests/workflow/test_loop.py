@@ -311,6 +311,19 @@ class TestLogs:
         assert found.found.logs == ["drive1.csv", "drive2.csv"]
         assert any("of 20 s are there: waiting for the rest" in line for line in heard.said)
 
+    def test_of_several_runs_all_are_waited_for(self, logs):
+        study = parse_study(STUDY.replace("samples: 40", "samples: 40\n  runs: 2"))
+
+        def drive(file: Path, logs: Path) -> None:
+            number = len(list(logs.iterdir()))
+            one = load_record(file.parent).best.drive.trajectory.each[number]
+            rng = np.random.default_rng(number)
+            write_log(logs / f"run{number + 1}.csv", study.problem, one, TRUTH, rng)
+
+        found, heard = self.run(study, logs, command=drive)
+        assert [one.logs for one in found.found.rounds] == [["run1.csv", "run2.csv"]]
+        assert any("20 s of 40 s are there" in line for line in heard.said)
+
     def test_one_in_which_the_robot_stands(self, study, logs):
         good, turns = robot(study), itertools.count(1)
 
