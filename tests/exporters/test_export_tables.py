@@ -18,6 +18,7 @@ from oed.kernel.solution import scored
 from oed.records.path_file import read_trajectory
 from oed.records.record import ESTIMATE_FILE as ESTIMATE
 from oed.records.record import FILE as RECORD
+from oed.records.record import LOOP_FILE as LOOP
 from oed.records.record import PLAN_FILE as PLAN
 from oed.records.record import RESULTS
 from oed.study.study import Study
@@ -161,9 +162,9 @@ class TestResults:
     """What was found is not lost to a file of another kind."""
 
     def test_their_names(self):
-        assert RESULTS == (RECORD, ESTIMATE, SWEEP, PLAN)
+        assert RESULTS == (RECORD, ESTIMATE, SWEEP, PLAN, LOOP)
 
-    @pytest.mark.parametrize("name", ["record.json", "estimate.json", "sweep.json", "plan.json"])
+    @pytest.mark.parametrize("name", ["record.json", "estimate.json", "sweep.json", "plan.json", "loop.json"])
     @pytest.mark.parametrize("to", ["csv", "json", "ros2_yaml", "rosbag2"])
     def test_they_stay(self, tmp_path: Path, name: str, to: str):
         folder = saved(tmp_path / "run", study_of())
