@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from oed.exporters import export
-from oed.foundation.errors import Failure, LogError, OedError, UserMistake
+from oed.foundation.errors import Failure, LogError, OedError, RecordError, UserMistake
 from oed.foundation.files import inside, write_text
 from oed.foundation.text import count, error_text, own_unit, quantity, to_error, words
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs import BagForm, read_logs
 from oed.records.record import LOOP_FILE, load_record
 from oed.records.stored.loop import KnownParameter, LoopRound, SeenLog, StoredLoop, round_folder
@@ -124,15 +125,15 @@ class Rounds:
         # Until the last design has its logs.
         number, current = len(self.found.rounds), self.found.rounds[-1]
         at = inside(self.place, current.folder)
-        trajectory = load_record(at).study.space
-        wanted = ENOUGH * trajectory.duration * trajectory.runs
+        drive = _designed(at)
+        wanted = ENOUGH * drive.duration
         self._measure(current.logs)
         if current.logs and self._covered() >= wanted:
             return
         file = export(at, self.to, force=True)
         self._say([f"Drive {number}: {file}"])
         if self.command is None:
-            self._say(_what_to_do(file, self.to, at, self.folder))
+            self._say(_what_to_do(file, self.to, drive, self.folder))
         listener = self.search["progress"]
         listener.begin(f"log of drive {number}", 1)
         known = self._known()
@@ -145,7 +146,7 @@ class Rounds:
             if self.command is not None and tries == TRIES:
                 raise Failure(f"{TRIES} times the command has left no log of a whole drive")
             if self.found.rounds[-1].logs:
-                text = f"{self._covered():.3g} s of {trajectory.duration * trajectory.runs:.3g} s are there"
+                text = f"{self._covered():.3g} s of {drive.duration:.3g} s are there"
                 self._say([f"{text}: waiting for the rest of the drive, or for another one"])
         listener.advance()
 
@@ -255,12 +256,17 @@ class Rounds:
             self._say([f"{error}; `oed report {folder}` makes the page"])
 
 
-def _what_to_do(file: Path, to: str, at: Path, logs: LogFolder) -> list[str]:
-    # For who drives: what, from where, and where the log goes.
+def _designed(at: Path) -> Trajectory:
+    # The drive that a round's record names as its best.
     best = load_record(at).best
-    assert best is not None
-    assert best.drive is not None
-    drive, lines = best.drive.trajectory, []
+    if best is None or best.drive is None:
+        raise RecordError.about(at, NO_DRIVE)
+    return best.drive.trajectory
+
+
+def _what_to_do(file: Path, to: str, drive: Trajectory, logs: LogFolder) -> list[str]:
+    # For who drives: what, from where, and where the log goes.
+    lines = []
     if to == "ros2_node":
         lines.append(f"  python3 {shlex.join([str(file), '--out', str(logs.folder)])}")
         if not isinstance(logs.form, BagForm):
