@@ -53,7 +53,7 @@ def plausibility_doubts(fit: Fit, covariance: Array) -> tuple[Doubt, ...]:
     robot, names = fit.unknowns.robot, fit.unknowns.parameters
     table = {parameter.name: parameter for parameter in robot.parameters}
     apart = _off_the_prior(fit, covariance)
-    found = []
+    found = list[Doubt]()
     for place, name in enumerate(names):
         value, error = float(fit.values[place]), float(np.sqrt(covariance[place, place]))
         each = (
