@@ -237,6 +237,70 @@ class TestNamed:
             calibrate(logged_problem(), [exchanged(LOG)])
 
 
+def mirrored(log: Log) -> Log:
+    return replace(log, poses=log.poses * [1.0, -1.0])
+
+
+class TestPositionsAlone:
+    """They show to which side a robot turns, by their bends."""
+
+    SKID = SkidSteer(wheel_radius=0.05, track=0.2)
+    LOGS = (
+        (ROBOT, log_of(DRIVE, noise=NOISE, quantities=("x", "y"))),
+        # A robot that skids, and turns half as much as its geometry says.
+        (
+            SKID,
+            log_of(
+                course(SKID, truth_of(SKID, track=0.42), period=0.05, seed=1),
+                noise=NOISE,
+                quantities=("x", "y"),
+            ),
+        ),
+    )
+    MIRROR_IMAGES = (SWAPPED, "all inputs have the wrong sign", "positions are mirrored")
+
+    @pytest.mark.parametrize(("model", "log"), LOGS, ids=("differential", "skid steer"))
+    @pytest.mark.parametrize("wrong", [exchanged, lambda log: negated(log, 0, 1), mirrored])
+    def test_a_path_in_a_mirror_has_three_causes_that_are_all_named(self, model, log: Log, wrong):
+        text = suspected(wrong(log), model) or ""
+        assert all(one in text for one in self.MIRROR_IMAGES)
+        assert "of the path's bends unexplained" in text
+
+    @pytest.mark.parametrize(("model", "log"), LOGS, ids=("differential", "skid steer"))
+    @pytest.mark.parametrize(("place", "side"), [(0, "right"), (1, "left")])
+    def test_which_of_two_signs_is_wrong(self, model, log: Log, place: int, side: str):
+        assert (suspected(negated(log, place), model) or "").startswith(
+            f"wheel_speed_{side} has the wrong sign; give it sign: -1: that leaves"
+        )
+
+    @pytest.mark.parametrize(("model", "log"), LOGS, ids=("differential", "skid steer"))
+    def test_true_ones(self, model, log: Log):
+        assert suspected(log, model) is None
+
+    def test_are_refused_with_the_files_name(self):
+        (_, log), _ = self.LOGS
+        with pytest.raises(LogError, match=rf"drive\.csv: {SWAPPED}.*bends unexplained instead of all"):
+            calibrate(logged_problem(), [exchanged(log)], options(segment=2.0))
+
+    @pytest.mark.parametrize("noise", [0.03, 0.3])
+    def test_noise_is_no_bend(self, noise: float):
+        for seed in range(3):
+            assert suspected(log_of(DRIVE, noise=(noise, 0.0), quantities=("x", "y"), seed=seed)) is None
+
+    def test_a_gentle_turn_by_wheels_of_other_sizes(self):
+        # By nominal sizes it would be a turn to the other side.
+        inputs = np.tile([3.6, 4.0], (200, 1)) * (1 + 0.1 * np.sin(np.arange(200) / 9))[:, None]
+        drive = course(parameters=np.array([0.06, 0.05, 0.2]), inputs=inputs)
+        log = log_of(drive, noise=(0.001, 0.0), quantities=("x", "y"))
+        assert suspected(log) is None
+
+    @pytest.mark.parametrize("robot", cases(PLANAR))
+    def test_of_any_robot(self, robot: Example):
+        drive = course(robot.model, np.array(robot.model.nominal))
+        log = log_of(drive, noise=(0.001, 0.0), quantities=("x", "y"))
+        assert suspected(log, robot.model) is None
+
+
 class TestTrueLogs:
     @pytest.mark.parametrize("robot", cases(ROBOTS))
     @pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (0.4, -0.2, 0.0), (0.1, 0.1, 1.2)])

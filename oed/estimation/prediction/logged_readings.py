@@ -86,8 +86,12 @@ class LoggedReadings:
         return np.zeros(len(self.quantities), dtype=bool)
 
     def disturbed(self, values: Array, starts: Array, noise: Array) -> tuple[Array, Array]:
-        """The readings with `noise` (S, n, inputs) in the inputs, and their derivatives by the unknowns, with
-        those by clocks as if they were none.
+        """The readings with noise in the inputs, and their derivatives by the unknowns; by clocks they are 0.
+
+        Args:
+            values: of the unknowns.
+            starts: start states of the segments.
+            noise: of every period's inputs, (S, n, inputs).
         """
         parameters, place, clocks = self.unknowns.parts(values)
         inputs = self.layout.inputs(self._offsets(clocks)) + noise

@@ -8,6 +8,7 @@ from itertools import combinations, product
 
 import numpy as np
 
+from oed.estimation.preprocessing.bends import Bends
 from oed.estimation.preprocessing.moves import AS_READ, FEWEST, Axes, Moves, unexplained
 from oed.foundation.arrays import Array
 
@@ -53,6 +54,10 @@ LENGTHS = {
 """Units of positions that are read as metres, or the other way round, and their factors."""
 MIRRORED: tuple[Axes, ...] = ((1j, 1), (-1, 1j), (1, -1j))
 """Axes of positions that are exchanged, or of which one points the other way."""
+MIRROR = "positions are mirrored: are x and y exchanged, or has one of them the wrong sign?"
+"""In words."""
+ALIKE = 0.02
+"""By how much faults may differ in the share that they leave to be the same to a log."""
 Possibility = tuple[str, tuple[Array, float, float, Axes]]
 """What may be wrong, in words, and how the log is then to be read: inputs, the sign and unit of headings, the
 unit and axes of positions."""
@@ -69,9 +74,12 @@ def wiring_fault(moves: Moves) -> str | None:
         return None
     # A sensor may look backwards; a fault has to explain the log without such an excuse.
     as_given = worst(moves, moves.inputs, any_side=True)
-    if as_given < BAD or explained_by_other_sizes(moves):
-        return None
-    return _most_likely(moves, _possibilities(moves), as_given)
+    fault = None
+    if as_given >= BAD and not explained_by_other_sizes(moves):
+        fault = _most_likely(moves, _possibilities(moves), as_given)
+    # Positions alone: distances are the same whatever side a robot turns to.
+    turned = _turned_over(moves) if {*moves.layout.quantities} == {"x", "y"} else None
+    return turned or fault
 
 
 def unit_fault(moves: Moves) -> str | None:
@@ -99,19 +107,42 @@ def _most_likely(moves: Moves, possibilities: Iterable[Possibility], as_given: f
     return None
 
 
+def _turned_over(moves: Moves) -> str | None:
+    # What makes a robot turn to the other side, by the bends of its path; all that does so alike is named.
+    bends = Bends(moves)
+    as_given = float(bends.unexplained(moves.inputs).min())
+    if as_given < BAD or not math.isfinite(as_given):
+        return None
+
+    def left(inputs: Array, sign: float = 1.0, unit: float = 1.0, axes: Axes = AS_READ) -> float:
+        return max(worst(moves, inputs, sign, unit, axes), float(bends.unexplained(inputs, axes).min()))
+
+    mirrored: Possibility = (MIRROR, (moves.inputs, 1.0, 1.0, MIRRORED[-1]))
+    tried = [(left(*what), text) for text, what in (*_possibilities(moves), mirrored)]
+    least = min(one for one, _ in tried)
+    if least >= min(BETTER * as_given, BAD) or any(left(inputs) < BAD for inputs in _other_sizes(moves)):
+        return None
+    named = "; or ".join(text for one, text in tried if one < least + ALIKE)
+    before = f"{100 * as_given:.0f} %" if as_given < 1 else "all"
+    return f"{named}: that leaves {100 * least:.0f} % of the path's bends unexplained instead of {before}"
+
+
 def explained_by_other_sizes(moves: Moves) -> bool:
     """Whether wheels of other sizes would move as measured.
 
     Nominal sizes far off do as much harm on gentle turns as exchanged wheels: they are to be estimated.
     """
+    return any(worst(moves, inputs, any_side=True) < BAD for inputs in _other_sizes(moves))
+
+
+def _other_sizes(moves: Moves) -> Iterator[Array]:
+    # The inputs of wheels of other sizes.
     driving = [place for place, entry in enumerate(moves.robot.inputs) if entry.drives]
     for pair in combinations(driving, min(2, len(driving))):
         for factors in product(SIZES, repeat=len(pair)):
             scale = np.ones(len(moves.robot.inputs))
             scale[list(pair)] = factors
-            if worst(moves, moves.inputs * scale, any_side=True) < BAD:
-                return True
-    return False
+            yield moves.inputs * scale
 
 
 def poorly_explained(moves: Moves) -> float | None:
@@ -258,9 +289,8 @@ def _possibilities(moves: Moves) -> Iterator[Possibility]:
         yield "the heading has the wrong sign (it turns to the left)", (inputs, -1.0, 1.0, AS_READ)
         yield "the heading is in degrees; give it unit: deg", (inputs, 1.0, math.pi / 180, AS_READ)
         yield "the heading is in radians, not in degrees", (inputs, 1.0, 180 / math.pi, AS_READ)
-        text = "positions are mirrored: are x and y exchanged, or has one of them the wrong sign?"
         for axes in MIRRORED if "x" in moves.layout.quantities else ():
-            yield text, (inputs, 1.0, 1.0, axes)
+            yield MIRROR, (inputs, 1.0, 1.0, axes)
 
 
 def _sign_groups(count: int) -> Iterator[tuple[int, ...]]:
