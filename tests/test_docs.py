@@ -131,7 +131,8 @@ def test_the_keys_for_sensors_are_accepted(number: int):
 
 def test_sensors_add_up():
     study = parse_study(study_with("howto/sensors", -1))
-    assert [sensor.kind for sensor in study.problem.measurement.sensors] == ["poses", "ranges", "yaw_rate"]
+    kinds = [sensor.kind for sensor in study.problem.measurement.sensors]
+    assert kinds == ["poses", "relative_poses", "ranges", "yaw_rate"]
     study.require_identifiable()
 
 

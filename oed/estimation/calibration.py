@@ -29,6 +29,7 @@ from oed.estimation.methods.fitting import Fitting, Segmenting
 from oed.estimation.prediction.motion_layout import noise_specified
 from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess, thinned, thinning_notes
 from oed.estimation.setup.options import CalibrationOptions, CovarianceName, alternative_flaws
+from oed.estimation.setup.unknowns import PLACE
 from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
 from oed.foundation.moved import Renamed
@@ -252,19 +253,25 @@ class _Work:
     @cached_property
     def _fitting(self) -> Fitting:
         robot = robot_of(self.problem.system)
-        names = self.problem.estimate or tuple(parameter.name for parameter in robot.parameters)
-        prior, measurement = self._prior(names), self.problem.measurement
-        return Fitting(robot, names, measurement, self.options, prior)
+        names = self.problem.estimated_of_system or tuple(parameter.name for parameter in robot.parameters)
+        known = (*names, *PLACE)
+        prior, measurement = self._prior(known), self.problem.measurement
+        return Fitting(robot, names, measurement, self.options, prior, known)
 
-    def _prior(self, parameters: Sequence[str]) -> Array | None:
-        # Prior information on the parameters, (p, p).
+    def _prior(self, names: Sequence[str]) -> Array | None:
+        # Prior information on parameters and the sensor's place, (n, n).
         if self.problem.prior is None:
             return None
-        matrix = np.zeros((len(parameters),) * 2)
+        matrix, constants = np.zeros((len(names),) * 2), self.problem.constants
         for one in self.problem.any_estimations:
-            own = [index for index, name in enumerate(one.parameters) if name in parameters]
+            # A constant may go by its sensor's label.
+            called = [
+                constants[name].name.rpartition(".")[2] if name in constants else name
+                for name in one.parameters
+            ]
+            own = [index for index, name in enumerate(called) if name in names]
             if one.prior is not None and own:
-                places = [parameters.index(one.parameters[index]) for index in own]
+                places = [names.index(called[index]) for index in own]
                 matrix[np.ix_(places, places)] += one.prior[np.ix_(own, own)]
         return matrix
 

@@ -18,7 +18,7 @@ from oed.kernel.limit import Limit
 from oed.kernel.measurement.information import scaling_flaws
 from oed.kernel.measurement.measurement import Block, Measurement
 from oed.kernel.measurement.prior import Prior
-from oed.kernel.measurement.sensor import Sensor, joined
+from oed.kernel.measurement.sensor import Sensor, joined, labelled_nuisances
 
 if TYPE_CHECKING:
     from oed.kernel.problem import Problem
@@ -148,16 +148,19 @@ def unbounded(problem: Problem) -> list[Flaw]:
 
 def _name_flaws(problem: Problem) -> list[Flaw]:
     # Parameters that the system has by none of the sorts it is known by, or of several at once.
-    wanted, known = problem.estimate, problem.model.estimable
-    if wanted is None:
+    wanted, known = problem.estimated_of_system, problem.model.estimable
+    if wanted is None or problem.estimate is None:
         return []
-    if not wanted:
+    if not problem.estimate:
         return [Flaw(("estimate",), "expected at least one parameter")]
-    if len(set(wanted)) < len(wanted):
+    labels = [problem.constants[name].name for name in problem.constants]
+    if len(set(wanted)) < len(wanted) or len(set(labels)) < len(problem.estimate) - len(wanted):
         return [Flaw(("estimate",), "a parameter is listed twice")]
     if any(set(wanted) <= set(names) for names in known.values()):
         return []
     choices = " or ".join(f"{sort} ({', '.join(names)})" for sort, names in known.items())
+    constants = [one.name for one in labelled_nuisances(problem.measurement.joint_sensors)]
+    choices += f", and constants of sensors ({', '.join(constants)})" if constants else ""
     text = f"expected some of the {problem.model.noun}'s {choices}, got {', '.join(wanted)}"
     every = [name for names in known.values() for name in names]
     text += next((did_you_mean(name, every) for name in wanted if name not in every), "")
@@ -170,6 +173,10 @@ def _uncertainty_flaws(problem: Problem) -> list[Flaw]:
 
 
 def _estimation_flaws(problem: Problem) -> list[Flaw]:
+    said = [name for name, one in problem.constants.items() if one.deviation is not None]
+    if said:
+        text = f"what is known of {', '.join(said)} beforehand is to be given as `prior`, not as a deviation"
+        return [Flaw(("estimate",), text)]
     blocks = problem.any_blocks
     known = [name for block in blocks for name in block.parameters]
     strangers = [name for name in problem.estimate or () if name not in known]

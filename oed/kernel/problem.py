@@ -30,9 +30,9 @@ from oed.kernel.measurement.information import (
     square_root,
     weights_of,
 )
-from oed.kernel.measurement.measurement import Block, Measurement
+from oed.kernel.measurement.measurement import Block, Measurement, Nuisance
 from oed.kernel.measurement.prior import Prior
-from oed.kernel.measurement.sensor import Sensor
+from oed.kernel.measurement.sensor import Sensor, constants_of
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.tightening import Tightening, Uncertain, UncertainSystem, tightened_rows
 
@@ -103,7 +103,8 @@ class Problem(Presented, Renamed):
         criterion: what makes a drive good; one that needs no options may be given by its name, "E".
         name: shown in reports.
         estimate: the parameters to estimate, those of the system or others that it is known by; all that
-            the measurement is informative about by default. Other parameters are taken as known.
+            the measurement is informative about by default. Other parameters are taken as known. Constants
+            of sensors that are nuisances else may be named as well.
         prior: what is known of them beforehand.
         uncertainty: how far the system may be from its nominal parameters; that of the prior if None.
         robust: how limits are satisfied all the same; by the nominal system alone if None.
@@ -169,7 +170,21 @@ class Problem(Presented, Renamed):
     @cached_property
     def system(self) -> System:
         """The system with the parameters to estimate: the model, or the same known by others."""
-        return self.model.estimating(self.estimate or ())
+        return self.model.estimating(self.estimated_of_system or ())
+
+    @cached_property
+    def constants(self) -> dict[str, Nuisance]:
+        """What of `estimate` is a constant of a sensor's own, with the nuisance that it would be else."""
+        own = {name for names in self.model.estimable.values() for name in names}
+        known = constants_of(self.measurement.joint_sensors)
+        return {name: known[name] for name in self.estimate or () if name not in own and name in known}
+
+    @property
+    def estimated_of_system(self) -> tuple[str, ...] | None:
+        """`estimate` without the sensors' constants."""
+        if self.estimate is None:
+            return None
+        return tuple(name for name in self.estimate if name not in self.constants)
 
     @cached_property
     def objective(self) -> Criterion:
@@ -260,7 +275,7 @@ class Problem(Presented, Renamed):
 
     def estimations(self, drive: Drive) -> tuple[Estimation, ...]:
         """What each block of a drive's readings says about the parameters to estimate."""
-        return self._estimations(self.measurement.blocks(drive))
+        return self._estimations(self._blocks(drive))
 
     def _estimations(self, blocks: Sequence[Block]) -> tuple[Estimation, ...]:
         return tuple(self._estimation(block) for block in blocks if self.judged(block))
@@ -273,7 +288,11 @@ class Problem(Presented, Renamed):
     @cached_property
     def any_blocks(self) -> tuple[Block, ...]:
         """The blocks of a drive without values."""
-        return self.measurement.blocks(self._any_drive)
+        return self._blocks(self._any_drive)
+
+    def _blocks(self, drive: Drive) -> tuple[Block, ...]:
+        asked = {name: one.name for name, one in self.constants.items()}
+        return tuple(block.asking(asked) for block in self.measurement.blocks(drive))
 
     @cached_property
     def _any_drive(self) -> Drive:
@@ -302,7 +321,9 @@ class Problem(Presented, Renamed):
         """What the criterion judges."""
         found = self.any_estimations
         return Subject(
-            system=self.system.estimating([name for one in found for name in one.judged]),
+            system=self.system.estimating(
+                [name for one in found for name in one.judged if name not in self.constants]
+            ),
             parameters=tuple(one.judged for one in found),
             scales=tuple(one.scales for one in found),
         )

@@ -219,7 +219,8 @@ def trial_of(found: Outcome) -> StoredTrial:
 def _model(one: Candidate) -> TriedModel:
     table = {entry.name: entry for entry in one.problem.system.parameters}
     parameters = [
-        Scaled.of(table[name], scale=table[name].scale or 1.0) for name in one.problem.estimate or table
+        Scaled.of(table[name], scale=table[name].scale or 1.0)
+        for name in one.problem.estimated_of_system or table
     ]
     return TriedModel.of(name=one.name, kind=label_of(one.problem.model), parameters=parameters)
 

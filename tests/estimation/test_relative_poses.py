@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from scan_matching import LOG, MOUNTED, NOISE, NOMINAL, TRUTH, Matched, matched,
 
 from oed.estimation import Calibration, CalibrationOptions, calibrate
 from oed.foundation.errors import LogError, ProblemError
-from oed.kernel.criteria import E
+from oed.kernel.criteria import D, E
+from oed.kernel.measurement.prior import Prior
 from oed.logs import CsvForm, Log, TupleForm, read_logs
 from oed.robots.models import SkidSteerSlip
 from oed.robots.sensors import RelativePoses
@@ -67,6 +69,18 @@ class TestEstimates:
         found = estimated(logs_of(tmp_path, matched(noise=exact, seconds=60)), problem)
         assert found.fit.unknowns.place == ()
         np.testing.assert_allclose(found.fit.values[:3], TRUE[:3], rtol=1e-5)
+
+    def test_a_prior_of_the_mounting_counts(self, tmp_path: Path):
+        logs = logs_of(tmp_path, matched(seconds=60))
+        asked = partial(problem_of, model=NOMINAL, limits=input_limits, criterion=D())
+        sensor = RelativePoses(noise=PROBLEM.measurement.noise, mounting={"x": -0.003, "y": 0.02})
+        names = (*TRUTH, "sensor_y")
+        free = estimated(logs, asked(measurement=sensor, estimate=names))
+        assert free.parameters == tuple(TRUTH)
+        assert free.fit.values[4] == pytest.approx(MOUNTED[1], abs=2e-3)
+        prior = Prior(standard_deviations={"sensor_y": 1e-6})
+        known = estimated(logs, asked(measurement=sensor, estimate=names, prior=prior))
+        assert known.fit.values[4] == pytest.approx(0.02, abs=1e-5)
 
     @pytest.mark.slow
     def test_motions_may_overlap_and_be_missing(self, tmp_path: Path):

@@ -170,7 +170,9 @@ class Regression(Estimator):
             errors = (measured - self.regressors.directions)[None]
         fit = self._fit(readings, self._estimates(readings, errors)[0], errors)
         each = np.split(fit.white[..., 0], [1] if "heading" in self.measurement.regressions else [], axis=1)
-        return Estimate.of(fit, self.covariance, np.concatenate([part.ravel() for part in each]), LINEAR)
+        return Estimate.of(
+            fit, self.covariance, np.concatenate([part.ravel() for part in each]), message=LINEAR
+        )
 
     def _fit(self, readings: dict[str, Array], values: Array, errors: Array | None) -> Fit:
         # Over the measurement's segments, whose readings are the turn, the displacement or both. Information

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -71,23 +72,35 @@ class Estimate(Brief):
     message: str
 
     @classmethod
-    def of(cls, fit: Fit, covariance: Array, residuals: Array, message: str | None = None) -> Estimate:
+    def of(
+        cls,
+        fit: Fit,
+        covariance: Array,
+        residuals: Array,
+        places: Sequence[int] | None = None,
+        parameters: tuple[str, ...] = (),
+        message: str | None = None,
+    ) -> Estimate:
         """What a fit says.
 
         Args:
             fit: the solution.
             covariance: of its parameters.
             residuals: in units of the noise, in the readings' order.
+            places: of the parameters among the unknowns; the robot's by default.
+            parameters: their names, where places are given.
             message: how it was found; by default how its search ended.
         """
-        count = len(fit.unknowns.parameters)
+        names = fit.unknowns.names
+        own = list(range(len(fit.unknowns.parameters))) if places is None else list(places)
+        rest = [place for place in range(len(names)) if place not in own]
         return cls(
-            parameters=fit.unknowns.parameters,
-            values=fit.values[:count],
+            parameters=fit.unknowns.parameters if places is None else parameters,
+            values=fit.values[own],
             covariance=covariance,
             residuals=residuals,
-            nuisances=fit.unknowns.names[count:],
-            nuisance_values=fit.values[count:],
+            nuisances=tuple(names[place] for place in rest),
+            nuisance_values=fit.values[rest],
             converged=fit.converged,
             message=message or (ARRIVED if fit.converged else ASTRAY),
         )

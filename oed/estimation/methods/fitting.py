@@ -149,7 +149,8 @@ class Fitting:
         parameters: names of those to estimate.
         measurement: says where the pose sensor sits, and how noisy it is.
         options: of the calibration.
-        prior: information on the parameters to estimate, (p, p), SI.
+        prior: information on `prior_of`, SI.
+        prior_of: what the prior is of: the parameters to estimate, then constants of the sensor.
     """
 
     robot: Model
@@ -157,6 +158,7 @@ class Fitting:
     measurement: Measurement
     options: CalibrationOptions
     prior: Array | None = None
+    prior_of: tuple[str, ...] = ()
 
     def fitted(self, prepared: PreparedLogs) -> Fitted:
         """The solution; coordinates of the sensor that the parameters hide are taken as the study has them.
@@ -332,7 +334,9 @@ class Fitting:
         loose[unknowns.size - unknowns.clocks :] = LOOSE_CLOCK
         matrix = np.diag(loose**-2)
         if self.prior is not None:
-            matrix[:count, :count] += self.prior
+            own = [place for place, name in enumerate(self.prior_of) if name in unknowns.names]
+            places = [unknowns.names.index(self.prior_of[place]) for place in own]
+            matrix[np.ix_(places, places)] += self.prior[np.ix_(own, own)]
         return Knowledge(matrix, unknowns.nominal)
 
 

@@ -67,7 +67,14 @@ class Nonlinear(Estimator):
     @property
     def nuisances(self) -> tuple[str, ...]:
         """Names of the nuisance parameters."""
-        return self._unknowns.names[len(self.parameters) :]
+        names = self._unknowns.names
+        return tuple(name for place, name in enumerate(names) if place not in self._places)
+
+    @cached_property
+    def _places(self) -> list[int]:
+        # Of the parameters among the unknowns: those of the robot, then the sensors' constants.
+        asked = {name: one.name for name, one in self.problem.constants.items()}
+        return [self._unknowns.names.index(asked.get(name, name)) for name in self.parameters]
 
     @cached_property
     def covariance(self) -> Array:
@@ -99,22 +106,21 @@ class Nonlinear(Estimator):
         known = self._initial if before is None else before
         fit = self._searching(self._readings.unwrapped(measured), known).fit()
         residuals = self._readings.by_sensor(fit.white)
-        return Estimate.of(fit, self._covariance(self.loss, fit.values), residuals)
+        covariance = self._covariance(self.loss, fit.values)
+        return Estimate.of(fit, covariance, residuals, self._places, self.parameters)
 
     def simulate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
         """Estimates (count, p) from simulated readings, and the linearised estimates of the same noise."""
-        exact, size, gain = self.predicted(), len(self.parameters), self._gain
-        estimates, linear = np.empty((count, size)), np.empty((count, size))
+        exact, places, gain = self.predicted(), self._places, self._gain[self._places]
+        estimates, linear = np.empty((count, len(places))), np.empty((count, len(places)))
         for index in range(count):
             white = rng.standard_normal(len(exact))
             surprise = rng.standard_normal(len(self._known_places))
             before = self._initial.copy()
             before[self._known_places] += self._spread @ surprise
             measured = exact + self._readings.colour @ white
-            estimates[index] = self._searching(measured, before).found().values[:size]
-            linear[index] = (
-                self.true + (gain @ np.concatenate([white[self._readings.order], surprise]))[:size]
-            )
+            estimates[index] = self._searching(measured, before).found().values[places]
+            linear[index] = self.true + gain @ np.concatenate([white[self._readings.order], surprise])
         return estimates, linear
 
     def _searching(self, measured: Array, before: Array) -> JointSearch:
@@ -123,10 +129,10 @@ class Nonlinear(Estimator):
 
     def _covariance(self, loss: Loss, unknowns: Array) -> Array:
         # H^-1 M H^-1 with H = E[psi'] J'J + P and M = E[psi^2] J'J + P; F^-1 for psi(z) = z.
-        slopes, (slope, square), size = self._white_slopes(unknowns), loss_moments(loss), len(self.parameters)
+        slopes, (slope, square) = self._white_slopes(unknowns), loss_moments(loss)
         factor = SquareRoot.of_rows(self._with_known(np.sqrt(slope) * slopes)).factor
         spread = self._with_known(np.sqrt(square) * slopes) @ factor @ factor.T
-        return np.asarray((spread.T @ spread)[:size, :size])
+        return np.asarray((spread.T @ spread)[np.ix_(self._places, self._places)])
 
     @cached_property
     def _gain(self) -> Array:
@@ -151,11 +157,10 @@ class Nonlinear(Estimator):
         return self._unknowns.nominal
 
     def _before(self, nuisances: Sequence[Nuisance], prior: Array | None) -> Knowledge:
-        count = len(self.parameters)
         deviations = [entry.deviation or np.inf for entry in nuisances]
-        found = np.diag([*[0.0] * count, *(size**-2 for size in deviations)])
+        found = np.diag([*[0.0] * len(self._unknowns.parameters), *(size**-2 for size in deviations)])
         if prior is not None:
-            found[:count, :count] = prior
+            found[np.ix_(self._places, self._places)] = prior
         return Knowledge(found, self._initial)
 
     @cached_property
@@ -176,7 +181,7 @@ def _unknowns(
     (estimation,) = problem.any_estimations
     return Unknowns(
         robot_of(problem.system),
-        estimation.parameters,
+        tuple(name for name in estimation.parameters if name not in problem.constants),
         tuple(one.name for one in own),
         clocks=0,
         sits=tuple(one.nominal for one in own),

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -88,6 +88,33 @@ class Block(Brief):
     def magnitudes(self) -> Expression:
         """`summed`, (1, p)."""
         return ca.DM.zeros(1, len(self.parameters)) if self.summed is None else self.summed
+
+    def asking(self, names: Mapping[str, str]) -> Block:
+        """The block with some nuisances among its parameters, of a joint estimation.
+
+        Args:
+            names: that they are to have, with the names of the nuisances.
+        """
+        if not names:
+            return self
+        every, count = [one.name for one in self.nuisances], len(self.parameters)
+        chosen = [every.index(label) for label in names.values()]
+        rest = [place for place in range(len(every)) if place not in chosen]
+        order = [*range(count), *(count + place for place in (*chosen, *rest))]
+        asked = [self.nuisances[place] for place in chosen]
+        nominal = np.array([one.nominal for one in asked])
+        jacobian = self.jacobian[:, order]
+        return replace(
+            self,
+            parameters=(*self.parameters, *names),
+            nominal=np.concatenate([self.nominal, nominal]),
+            units=(*self.units, *(one.unit for one in asked)),
+            design_matrix=jacobian[:, : count + len(asked)],
+            jacobian=jacobian,
+            information=lambda places: self.information([order[place] for place in places]),
+            nuisances=tuple(self.nuisances[place] for place in rest),
+            sizes=np.concatenate([self.scales, np.abs(nominal)]),
+        )
 
     def rows(self, jacobian: Array) -> Array:
         """R (k, n) with R'R the information of some of the jacobian's columns (rows, n), as numbers."""

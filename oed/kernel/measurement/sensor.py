@@ -246,13 +246,12 @@ def moment_reading(sensor: Sensor, system: System) -> ca.Function:
     carried = ca.SX.sym("S", moments * states, size + states)
     names = [nuisance.name for nuisance in sensor.nuisances]
     nuisances = dict(zip(names, ca.vertsplit(own), strict=True))
-    # A system without states has parts of no rows.
-    parts = (
-        [one[at * width : (at + 1) * width] for at in range(moments)]
-        for one, width in ((state, states), (inputs, len(system.inputs)))
-    )
     moment: Moment | None = None
-    for at, held in reversed(list(zip(*parts, strict=True))):
+    for place in reversed(range(moments)):
+        at, held = (
+            one[place * size : (place + 1) * size]
+            for one, size in ((state, states), (inputs, len(system.inputs)))
+        )
         signals = system.signals(at, held, parameters, period if moments == 1 else 0.0)
         moment = Moment(system, at, held, signals, nuisances, moment, period if moment else 0.0)
     assert moment is not None
@@ -285,6 +284,16 @@ def labelled_nuisances(sensors: Sequence[Sensor]) -> tuple[Nuisance, ...]:
         for sensor, label in zip(sensors, sensor_labels(sensors), strict=True)
         for nuisance in sensor.nuisances
     )
+
+
+def constants_of(sensors: Sequence[Sensor]) -> dict[str, Nuisance]:
+    """The sensors' own nuisances by the names that `estimate` may ask for them by: with the sensor's label,
+    and without it where that is clear.
+    """
+    found = labelled_nuisances(sensors)
+    short = [one.name.partition(".")[2] for one in found]
+    clear = {name: one for name, one in zip(short, found, strict=True) if short.count(name) == 1}
+    return {**{one.name: one for one in found}, **clear}
 
 
 def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:

@@ -35,7 +35,7 @@ class Candidate:
         from oed.estimation.methods.fitting import Fitting
 
         robot = robot_of(self.problem.system)
-        names = self.problem.estimate or tuple(parameter.name for parameter in robot.parameters)
+        names = self.problem.estimated_of_system or tuple(parameter.name for parameter in robot.parameters)
         segment = options.segment if method == "joint" else "auto"
         chosen = options.model_copy(update={"method": method, "segment": segment})
         return Fitting(robot, names, self.problem.measurement, chosen)
