@@ -71,7 +71,7 @@ class Bends:
     def _stretches(self) -> list[tuple[int, int]]:
         # Ranges of moves that follow each other.
         layout = self.moves.layout
-        ends = layout.times[np.arange(layout.count), layout.valid.sum(axis=1) - 1]
+        ends = layout.times[:, -1]
         apart = (layout.owner[1:] != layout.owner[:-1]) | (layout.times[1:, 0] != ends[:-1])
         return list(pairwise([0, *(np.flatnonzero(apart) + 1).tolist(), layout.count]))
 
