@@ -24,6 +24,7 @@ from bags import (
     write_bag_1,
 )
 from logged import ROBOT, drive, flaws_of, found, read_one
+from pydantic import ValidationError
 
 from oed.foundation.errors import ProblemError
 from oed.logs import BagForm, read_logs
@@ -496,3 +497,27 @@ class TestFlaws:
         log = read(path, robot, inputs=inputs)
         np.testing.assert_allclose(means(log), TABLE[:-1, 1:3] / [0.05, 0.1], atol=1e-3)
         assert "wheel_speed_left by 100 mm" in found(log)["rim_speeds"]
+
+    @pytest.mark.parametrize("path", ["a..b", "a[x]", ".a", "a.", "a b", "", "[0]", "a[-1]"])
+    def test_paths_that_are_none(self, path: str):
+        with pytest.raises(
+            ValidationError, match="expected the path of a field, such as"
+        ):
+            BagForm.model_validate({"inputs": {"v": {"topic": "/a", "field": path}}})
+
+    @pytest.mark.slow
+    def test_a_joint_by_its_rim(self, tmp_path: Path):
+        make, none, messages = TYPES["sensor_msgs/msg/JointState"], np.array([]), []
+        for time, *speeds in TABLE[:, :3].tolist():
+            state = make(
+                header=header(START + time),
+                name=["right", "left"],
+                position=none,
+                velocity=0.05 * np.array(speeds),
+                effort=none,
+            )
+            messages.append(("/joint_states", START + time, state))
+        rim = {"form": "speed", "unit": "m/s", "held": "next"}
+        keys = {f"wheel_speed_{side}": {"joint": side, **rim} for side in ("right", "left")}
+        log = read(write_bag(tmp_path / "drive", [*messages, *reference()]), ROBOT, inputs=keys)
+        np.testing.assert_allclose(means(log), TABLE[:-1, 1:3], atol=1e-4)
