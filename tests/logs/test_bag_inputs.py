@@ -500,9 +500,7 @@ class TestFlaws:
 
     @pytest.mark.parametrize("path", ["a..b", "a[x]", ".a", "a.", "a b", "", "[0]", "a[-1]"])
     def test_paths_that_are_none(self, path: str):
-        with pytest.raises(
-            ValidationError, match="expected the path of a field, such as"
-        ):
+        with pytest.raises(ValidationError, match="expected the path of a field, such as"):
             BagForm.model_validate({"inputs": {"v": {"topic": "/a", "field": path}}})
 
     @pytest.mark.slow
