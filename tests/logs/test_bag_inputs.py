@@ -20,6 +20,7 @@ from bags import (
     pose,
     quaternion,
     twist_message,
+    vector,
     write_bag,
     write_bag_1,
 )
@@ -165,6 +166,26 @@ class TestCommands:
         chords = np.hypot(*np.diff(TABLE[:, 3:5], axis=0).T)
         arcs = chords / np.sinc(np.diff(TABLE[:, 5]) / (2 * np.pi))
         assert moved == pytest.approx(arcs.sum(), rel=1e-9)
+
+    @pytest.mark.slow
+    def test_transforms_of_one_topic_are_odometry_and_reference(self, tmp_path: Path):
+        one, many = TYPES["geometry_msgs/msg/TransformStamped"], TYPES["tf2_msgs/msg/TFMessage"]
+        move, messages = TYPES["geometry_msgs/msg/Transform"], []
+        for time, x, y, heading in TABLE[:, [0, 3, 4, 5]]:
+            for frame, shift in (("odom", 0.0), ("map", 5.0)):
+                moved = move(translation=vector(x + shift, y), rotation=quaternion(heading))
+                made = one(header=header(START + time, frame), child_frame_id="base_link", transform=moved)
+                messages.append(("/tf", START + time, many(transforms=[made])))
+        path = write_bag(tmp_path / "drive", messages)
+        odom, world = ({"frame": frame, "child": "base_link"} for frame in ("odom", "map"))
+        inputs = {"form": "poses", "topic": "/tf", **odom}
+        log = read(path, inputs=inputs, poses={"topic": "/tf", **world})
+        np.testing.assert_allclose(log.poses, TABLE[:, 3:] + [5, 0, 0], atol=1e-9)
+        assert log.integrals[-1, 1] == pytest.approx(TABLE[-1, 5] - TABLE[0, 5], abs=1e-6)
+        (flaw,) = flaws_of(path, model=UNICYCLE, kind="rosbag", inputs=inputs, poses={"topic": "/tf", **odom})
+        assert (
+            flaw.message == "/tf is the robot's own odometry, which its inputs are; the reference is another"
+        )
 
 
 class TestFields:
