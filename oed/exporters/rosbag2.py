@@ -36,7 +36,8 @@ def write_bag(request: Request) -> Path:
     Stamps start at 0, in the messages' headers too: a controller that compares these with its own clock
     has to run on the bag's (`ros2 bag play --clock`, `use_sim_time`). `/cmd_vel` is the body's motion by the
     nominal parameters, of which a controller with others makes other wheel speeds; `/joint_states` has the
-    wheel speeds of the design. The folder appears when it is complete.
+    wheel speeds of the design. Of a robot on commands `/cmd_vel` has those of the design, and there are no
+    joints. The folder appears when it is complete.
 
     Raises:
         UserMistake: an unknown storage, the bag exists, it cannot be written, rosbags is not installed.
@@ -126,7 +127,9 @@ def _write_run(bag: Path, request: Request, run: Commands, messages: _Messages) 
     plugin = library.StoragePlugin[request.storage.upper()]
     with library.Writer(bag, version=VERSION, storage_plugin=plugin) as writer:
         topics = {
-            topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in TOPICS.items()
+            topic: writer.add_connection(topic, kind, typestore=store)
+            for topic, kind in TOPICS.items()
+            if topic != JOINTS or not request.vehicle.on_commands
         }
         for stamp, topic, message in _timeline(request, run, messages):
             writer.write(topics[topic], stamp, store.serialize_cdr(message, TOPICS[topic]))
@@ -137,9 +140,13 @@ def _timeline(request: Request, run: Commands, messages: _Messages) -> Iterator[
     names = [joint_name(entry) for entry in request.vehicle.inputs]
     stamps = [round(time * 1e9) for time in run.times.tolist()]
     yield 0, PLAN, messages.plan(stamps, run.poses)
-    each = zip(stamps, run.twists.tolist(), run.positions, run.velocities, strict=True)
+    on_commands = request.vehicle.on_commands
+    twists = np.insert(run.inputs, 1, 0.0, axis=1) if on_commands else run.twists
+    each = zip(stamps, twists.tolist(), run.positions, run.velocities, strict=True)
     for stamp, twist, positions, velocities in each:
         yield stamp, COMMAND, messages.command(stamp, twist)
+        if on_commands:
+            continue
         yield stamp, JOINTS, messages.joints(stamp, names, positions, velocities)
 
 

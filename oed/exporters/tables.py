@@ -24,6 +24,8 @@ TWIST = {"v": (0, "m/s"), "omega": (2, "rad/s"), "v_lateral": (1, "m/s")}
 def write_csv(request: Request) -> Path:
     """Write a row per command: t, the inputs, v, omega (v_lateral), and the state when it begins; SI.
 
+    Of a robot whose inputs are called v and omega these are its commands.
+
     Several runs follow each other, told apart by a first column `run`, each on its own clock. The last row
     of a run is the command to stop. `oed.records.path_file.read_trajectory` takes it for a period like the
     others: what it reads ends with one period at rest.
@@ -37,7 +39,7 @@ def _csv(request: Request) -> str:
     vehicle, runs = request.vehicle, request.runs
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    twists = _twists(vehicle)
+    twists = {name: column for name, column in _twists(vehicle).items() if name not in vehicle.input_names}
     names = ["t", *vehicle.input_names, *twists, *vehicle.states]
     several = len(runs) > 1
     writer.writerow([*(["run"] if several else []), *names])

@@ -12,7 +12,7 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import RecordError
 from oed.records.record import FILE, Record
 from oed.records.stored.result import StoredDrive
-from oed.robots.models import Input, Model, moves_sideways
+from oed.robots.models import COMMANDS, Input, Model, moves_sideways
 from oed.robots.models.arcs import goes_sideways, moves
 
 FARTHEST_TURN = 0.75
@@ -36,6 +36,11 @@ class Vehicle:
     state_units: tuple[str, ...]
     sideways: bool
     model: Model | None
+
+    @property
+    def on_commands(self) -> bool:
+        """Whether its inputs are the speed and the yaw rate that it is asked for."""
+        return tuple(entry.quantity for entry in self.inputs) == COMMANDS
 
     @property
     def input_names(self) -> tuple[str, ...]:

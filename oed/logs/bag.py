@@ -219,7 +219,12 @@ def _known(readings: dict[str, Series]) -> dict[str, Series]:
 
 
 def series_of(bag: Bag, topic: str, rows: Sequence[Sequence[float]]) -> Series:
-    """The rows of a topic: time [s], values, number of the message from 1.
+    """The numbers of a topic's messages on their clock.
+
+    Args:
+        bag: open.
+        topic: of the messages.
+        rows: time [s], values, number of the message from 1.
 
     Raises:
         LogError: stamps that are all zero.

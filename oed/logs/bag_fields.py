@@ -7,14 +7,25 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import StringConstraints
+from pydantic import AfterValidator
 
+from oed.foundation.shown import written
 from oed.foundation.text import did_you_mean
 from oed.logs.bag import Bag, Clock, series_of
 from oed.logs.series import Series
 
 _NAME = r"[A-Za-z_]\w*(\[\d+\])*"
-FieldPath = Annotated[str, StringConstraints(pattern=rf"^{_NAME}(\.{_NAME})*$", max_length=200)]
+_PATH = re.compile(rf"{_NAME}(\.{_NAME})*")
+
+
+def _path(text: str) -> str:
+    if _PATH.fullmatch(text):
+        return text
+    expected = "expected the path of a field, such as wheel.left.velocity or data[0]"
+    raise ValueError(f"{expected}, got {written(text)}")
+
+
+FieldPath = Annotated[str, AfterValidator(_path)]
 """Names with dots between, and indices from 0 of what has several entries."""
 _STEP = re.compile(r"[A-Za-z_]\w*|\[\d+\]")
 QUATERNION = ("x", "y", "z", "w")

@@ -6,10 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bags import START, TYPES, header, pose, twist_message, write_bag
 from studies import saved_study
-from twins import Twin, driven, pulls, tracked, waves, write_csv
+from twins import STEP, Twin, driven, pulls, tracked, waves, write_csv
 
+from oed.estimation import CalibrationOptions, calibrate
+from oed.logs import Log
 from oed.workflow.estimate_logs import estimate
+from oed.workflow.studies import parse_study
 
 ODOMETRY = """\
 format: 1
@@ -65,3 +69,89 @@ def test_odometry_as_poses_against_a_tracker(tmp_path: Path):
     assert max(map(abs, pulls(record, ODOMETRY_TRUTH).values())) < 3, record.values
     assert max(record.errors.values()) < 0.01
     assert [log.clock_offset for log in record.logs] == pytest.approx([0.08] * 3, abs=0.01)
+
+
+LAGGING = """\
+format: 1
+name: Robot on commands that follows with a lag
+robot: {kind: unicycle, lag_v: 100 ms, lag_omega: 200 ms}
+trajectory: {duration: 60 s, samples: 60}
+measurement: {kind: poses, noise: {position: 2 mm, heading: 0.3 deg}}
+limits: {commanded_speed: 1 m/s, commanded_yaw_rate: 2 rad/s}
+log: {kind: rosbag, commands: /cmd_vel, poses: /mocap}
+"""
+LAGGING_TRUTH = {"gain_v": 0.957, "gain_omega": 0.884, "lag_v": 0.163, "lag_omega": 0.287}
+COMMAND_RATE = 20.0
+
+
+def lagging_twin(seed: int, seconds: float) -> Twin:
+    """A robot from rest whose speed and yaw rate follow held commands as first-order lags."""
+    rng = np.random.default_rng(seed)
+    steps = rng.uniform(-1, 1, (2, round(seconds) + 2)) * [[0.4], [1.2]]
+
+    def inputs(times: np.ndarray) -> np.ndarray:
+        # Commands of a new size every second, sent anew at their rate.
+        sent = np.floor(times * COMMAND_RATE + 1e-9) / COMMAND_RATE
+        return steps[:, np.floor(sent + 1e-9).astype(int)].T
+
+    def twists(rows: np.ndarray) -> np.ndarray:
+        asked = rows * [LAGGING_TRUTH["gain_v"], LAGGING_TRUTH["gain_omega"]]
+        left = np.exp(-STEP / np.array([LAGGING_TRUTH["lag_v"], LAGGING_TRUTH["lag_omega"]]))
+        rates = np.zeros((len(rows) + 1, 2))
+        for at, row in enumerate(asked):
+            rates[at + 1] = row + (rates[at] - row) * left
+        means = (rates[1:] + rates[:-1]) / 2
+        return np.insert(means, 1, 0.0, axis=1)
+
+    return driven(inputs, twists, seconds)
+
+
+def lagging_bag(folder: Path, seed: int, seconds: float = 20.0) -> Path:
+    """Twist commands without a header, recorded as they come; mocap at 100 Hz on a clock 60 ms behind."""
+    twin, messages = lagging_twin(seed, seconds), []
+    for row in twin.rows(COMMAND_RATE):
+        sent = twist_message("geometry_msgs/msg/Twist", 0.0, *twin.inputs[row])
+        messages.append(("/cmd_vel", START + twin.times[row], sent))
+    seen = twin.rows(100, 0.3)
+    make = TYPES["geometry_msgs/msg/PoseStamped"]
+    for time, own in zip(twin.times[seen], tracked(twin, seen, seed, (0.002, np.radians(0.3))), strict=True):
+        head = header(START + time - 0.06, "map")
+        messages.append(("/mocap", START + time, make(header=head, pose=pose(own))))
+    return write_bag(folder / str(seed), messages)
+
+
+@pytest.mark.slow
+def test_commands_in_a_bag_that_a_robot_follows_with_a_lag(tmp_path: Path):
+    record = estimate(saved_study(tmp_path, LAGGING), [lagging_bag(tmp_path, seed) for seed in (0, 1)])
+    assert max(map(abs, pulls(record, LAGGING_TRUTH).values())) < 3, record.values
+    assert record.errors["gain_v"] < 0.01
+    assert record.errors["lag_omega"] < 0.01
+
+
+def small_log(seed: int, seconds: float = 6.0) -> Log:
+    """What a short bag holds, on one clock: commands, and poses of a camera at 20 Hz."""
+    twin = lagging_twin(seed, seconds)
+    rows, seen = twin.rows(COMMAND_RATE), twin.rows(20, 0.2)
+    poses = tracked(twin, seen, seed, (0.005, np.radians(1)))
+    poses[:, 2] = np.unwrap(poses[:, 2])
+    return Log(
+        name=str(seed),
+        file=f"{seed}.csv",
+        input_times=twin.times[rows],
+        integrals=twin.turned[rows],
+        pose_times=twin.times[seen],
+        poses=poses,
+    )
+
+
+@pytest.mark.slow
+def test_intervals_of_short_logs_hold_the_truth():
+    problem, pulled = parse_study(LAGGING).problem, []
+    options = CalibrationOptions(segment="log", clock_offset=False, noise="constant", sensor_place=())
+    for seed in range(200):
+        found = calibrate(problem, [small_log(seed)], options)
+        errors = np.array(found.values) - list(LAGGING_TRUTH.values())
+        pulled.append(errors / np.sqrt(np.diag(found.covariance)))
+    held = np.mean(np.abs(pulled) < 1.96, axis=0)
+    assert held.min() >= 0.88, held
+    assert held.max() <= 0.99, held

@@ -33,11 +33,14 @@ DIFFERENTIAL = (
 TRICYCLE = "{kind: tricycle, wheel_radius: 10 cm, wheelbase: 40 cm, steering_offset: 2 deg}"
 MECANUM = "{kind: mecanum, wheel_radius: 5 cm, half_wheelbase_plus_half_track: 30 cm}"
 STEERED = "steering_angle: 40 deg"
+UNICYCLE = "{kind: unicycle, gain_v: 0.8, gain_omega: 1.25}"
+COMMANDED = "commanded_speed: 10 m/s\n  commanded_yaw_rate: 10 rad/s"
 
 
 def study_of(robot: str = DIFFERENTIAL, limits: str = "", runs: int = 1) -> Study:
     """A study of 8 periods of 0.25 s in each run."""
     text = TEXT.replace("ROBOT", robot).replace("RUNS", f"runs: {runs}")
+    text = text.replace("  wheel_speed: 10 rad/s\n", "") if robot == UNICYCLE else text
     return parse_study(text.replace("LIMITS", f"  {limits}" if limits else ""))
 
 

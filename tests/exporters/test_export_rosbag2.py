@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from export_records import STEERED, TRICYCLE, saved, simulated, study_of, winding
+from export_records import COMMANDED, STEERED, TRICYCLE, UNICYCLE, saved, simulated, study_of, winding
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
@@ -48,6 +48,16 @@ class TestContent:
             assert (reader.start_time, reader.duration) == (0, 2 * 10**9 + 1)
         counts = {PLAN: 1, COMMAND: 9, JOINTS: 9}
         assert found == {topic: (kind, counts[topic]) for topic, kind in TOPICS.items()}
+
+    def test_a_robot_on_commands_gets_those_of_the_design(self, tmp_path: Path, storage: str):
+        """Not the motion that it makes of them; and it has no joints that anybody knows."""
+        study = study_of(UNICYCLE, COMMANDED)
+        bag = export(saved(tmp_path, study), "rosbag2", storage=storage)
+        sent = [one.twist for _, one in messages(bag, COMMAND)]
+        found = np.array([[one.linear.x, one.angular.z] for one in sent])
+        np.testing.assert_array_equal(found[:-1], winding(study).inputs)
+        with Reader(bag) as reader:
+            assert {one.topic for one in reader.connections} == {PLAN, COMMAND}
 
     def test_commands(self, tmp_path: Path, storage: str):
         study = study_of()

@@ -8,13 +8,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from export_records import MECANUM, STEERED, TRICYCLE, saved, simulated, study_of, winding
+from export_records import (
+    COMMANDED,
+    MECANUM,
+    STEERED,
+    TRICYCLE,
+    UNICYCLE,
+    saved,
+    simulated,
+    study_of,
+    winding,
+)
 
 from oed.cli import main
 from oed.exporters import export
 from oed.foundation.errors import UserMistake
 from oed.foundation.files import write_files
 from oed.kernel.solution import scored
+from oed.logs import CsvForm, read_logs
 from oed.records.path_file import read_trajectory
 from oed.records.record import ESTIMATE_FILE as ESTIMATE
 from oed.records.record import FILE as RECORD
@@ -42,6 +53,15 @@ class TestCsv:
         expected = "t,wheel_speed_right,wheel_speed_left,v,omega,x,y,heading"
         assert ",".join(header) == expected
         assert rows.shape == (9, 8)
+
+    def test_commands_are_no_columns_of_twists_as_well(self, tmp_path: Path):
+        study = study_of(UNICYCLE, COMMANDED)
+        file = exported(tmp_path, study)
+        header, rows = table(file)
+        assert header == ["t", "v", "omega", "x", "y", "heading"]
+        assert np.array_equal(rows[:-1, 1:3], winding(study).inputs)
+        (log,) = read_logs([file], CsvForm(), study.problem.model)
+        assert log.inputs_between(log.input_times) == pytest.approx(winding(study).inputs)
 
     def test_values(self, tmp_path: Path):
         study = study_of()

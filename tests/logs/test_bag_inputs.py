@@ -20,10 +20,12 @@ from bags import (
     pose,
     quaternion,
     twist_message,
+    vector,
     write_bag,
     write_bag_1,
 )
 from logged import ROBOT, drive, flaws_of, found, read_one
+from pydantic import ValidationError
 
 from oed.foundation.errors import ProblemError
 from oed.logs import BagForm, read_logs
@@ -164,6 +166,26 @@ class TestCommands:
         chords = np.hypot(*np.diff(TABLE[:, 3:5], axis=0).T)
         arcs = chords / np.sinc(np.diff(TABLE[:, 5]) / (2 * np.pi))
         assert moved == pytest.approx(arcs.sum(), rel=1e-9)
+
+    @pytest.mark.slow
+    def test_transforms_of_one_topic_are_odometry_and_reference(self, tmp_path: Path):
+        one, many = TYPES["geometry_msgs/msg/TransformStamped"], TYPES["tf2_msgs/msg/TFMessage"]
+        move, messages = TYPES["geometry_msgs/msg/Transform"], []
+        for time, x, y, heading in TABLE[:, [0, 3, 4, 5]]:
+            for frame, shift in (("odom", 0.0), ("map", 5.0)):
+                moved = move(translation=vector(x + shift, y), rotation=quaternion(heading))
+                made = one(header=header(START + time, frame), child_frame_id="base_link", transform=moved)
+                messages.append(("/tf", START + time, many(transforms=[made])))
+        path = write_bag(tmp_path / "drive", messages)
+        odom, world = ({"frame": frame, "child": "base_link"} for frame in ("odom", "map"))
+        inputs = {"form": "poses", "topic": "/tf", **odom}
+        log = read(path, inputs=inputs, poses={"topic": "/tf", **world})
+        np.testing.assert_allclose(log.poses, TABLE[:, 3:] + [5, 0, 0], atol=1e-9)
+        assert log.integrals[-1, 1] == pytest.approx(TABLE[-1, 5] - TABLE[0, 5], abs=1e-6)
+        (flaw,) = flaws_of(path, model=UNICYCLE, kind="rosbag", inputs=inputs, poses={"topic": "/tf", **odom})
+        assert (
+            flaw.message == "/tf is the robot's own odometry, which its inputs are; the reference is another"
+        )
 
 
 class TestFields:
@@ -496,3 +518,25 @@ class TestFlaws:
         log = read(path, robot, inputs=inputs)
         np.testing.assert_allclose(means(log), TABLE[:-1, 1:3] / [0.05, 0.1], atol=1e-3)
         assert "wheel_speed_left by 100 mm" in found(log)["rim_speeds"]
+
+    @pytest.mark.parametrize("path", ["a..b", "a[x]", ".a", "a.", "a b", "", "[0]", "a[-1]"])
+    def test_paths_that_are_none(self, path: str):
+        with pytest.raises(ValidationError, match="expected the path of a field, such as"):
+            BagForm.model_validate({"inputs": {"v": {"topic": "/a", "field": path}}})
+
+    @pytest.mark.slow
+    def test_a_joint_by_its_rim(self, tmp_path: Path):
+        make, none, messages = TYPES["sensor_msgs/msg/JointState"], np.array([]), []
+        for time, *speeds in TABLE[:, :3].tolist():
+            state = make(
+                header=header(START + time),
+                name=["right", "left"],
+                position=none,
+                velocity=0.05 * np.array(speeds),
+                effort=none,
+            )
+            messages.append(("/joint_states", START + time, state))
+        rim = {"form": "speed", "unit": "m/s", "held": "next"}
+        keys = {f"wheel_speed_{side}": {"joint": side, **rim} for side in ("right", "left")}
+        log = read(write_bag(tmp_path / "drive", [*messages, *reference()]), ROBOT, inputs=keys)
+        np.testing.assert_allclose(means(log), TABLE[:-1, 1:3], atol=1e-4)

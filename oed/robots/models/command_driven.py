@@ -13,6 +13,8 @@ from oed.kernel.dynamics.system import Input
 from oed.robots.models.lag import after_lag, mean_of_lag
 from oed.robots.models.wheels import Constant, WheeledRobot
 
+COMMANDS = ("commanded_speed", "commanded_yaw_rate")
+"""Quantities of the inputs of a robot on commands, in their order."""
 Gain = Annotated[Ratio, Field(gt=0)]
 Lag = Annotated[Duration, Field(gt=0)]
 TurnPerWay = Annotated[float, Unit("rad/m", "3 deg/m")]
@@ -44,8 +46,8 @@ class Unicycle(WheeledRobot):
     lag_v: Lag | None = None
     lag_omega: Lag | None = None
     inputs: ClassVar[tuple[Input, ...]] = (
-        Input("v", "commanded_speed", "m/s"),
-        Input("omega", "commanded_yaw_rate", "rad/s"),
+        Input("v", COMMANDS[0], "m/s"),
+        Input("omega", COMMANDS[1], "rad/s"),
     )
     constants: ClassVar[tuple[Constant, ...]] = (
         Constant("gain_v"),

@@ -175,6 +175,8 @@ def _tightened(rng: Rng, study: Study, drive: Drive) -> Study:
 _UNITS = {
     "wheel_acceleration": "rad/s^2",
     "wheel_jerk": "rad/s^3",
+    "commanded_acceleration": "m/s^2",
+    "commanded_yaw_acceleration": "rad/s^2",
     "body_speed": "m/s",
     "yaw_rate": "rad/s",
     "lateral_acceleration": "m/s^2",
@@ -188,6 +190,10 @@ def _possible(study: Study) -> set[str]:
     robot = study.robot
     if study.spec["trajectory"]["spline"]["degree"] < 2:
         found.discard("wheel_jerk")
+    if robot.inputs == ("v", "omega"):
+        found -= {"wheel_acceleration", "wheel_jerk"}
+    else:
+        found -= {"commanded_acceleration", "commanded_yaw_acceleration"}
     if robot.trailer is None:
         found.discard("trailer_angle")
     return found

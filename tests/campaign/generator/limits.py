@@ -16,7 +16,9 @@ Rng = np.random.Generator
 def draw_input_limits(
     rng: Rng, robot: Robot, speed: float, period: float, degree: int, *, rest: bool
 ) -> dict[str, Any]:
-    """Limits on wheels and steering; `speed` is the fastest wheel's [rad/s]."""
+    """Limits on wheels and steering; `speed` is the fastest wheel's [rad/s]. Or on commands."""
+    if robot.inputs == ("v", "omega"):
+        return _draw_command_limits(rng, robot, speed, period, rest=rest)
     wheels = [name for name in robot.inputs if name.startswith("wheel_speed")]
     limits = {"wheel_speed": _each(rng, wheels, speed, "rad/s", zero=rest)}
     if rng.random() < 0.5:
@@ -31,6 +33,24 @@ def draw_input_limits(
         if rng.random() < 0.4:
             rate = angle / period * log_uniform(rng, 0.1, 10)
             limits["steering_rate"] = _each(rng, ["steering_angle"], rate, "rad/s", zero=True)
+    return limits
+
+
+def _draw_command_limits(
+    rng: Rng, robot: Robot, speed: float, period: float, *, rest: bool
+) -> dict[str, Any]:
+    # A robot turns as fast as its side moves that is `body_radius` away.
+    limits = {}
+    for name, entry, size, unit in (
+        ("speed", "v", speed * robot.body_radius, "m/s"),
+        ("yaw_rate", "omega", speed, "rad/s"),
+    ):
+        limits[f"commanded_{name}"] = _each(rng, [entry], size, unit, zero=rest)
+        if rng.random() < 0.4:
+            rate, of_rate = size / period * log_uniform(rng, 0.1, 10), name.replace("yaw_rate", "yaw_speed")
+            limits[f"commanded_{of_rate.replace('speed', 'acceleration')}"] = _each(
+                rng, [entry], rate, f"{unit}^2", zero=True
+            )
     return limits
 
 
@@ -51,7 +71,9 @@ def bounds_of(limits: dict[str, Any], robot: Robot) -> np.ndarray[Any, Any]:
     """Bounds (inputs, 2) of every input."""
     rows = []
     for name in robot.inputs:
-        given = limits["wheel_speed" if name.startswith("wheel_speed") else "steering_angle"]
+        commands = {"v": "commanded_speed", "omega": "commanded_yaw_rate"}
+        wheel = "wheel_speed" if name.startswith("wheel_speed") else "steering_angle"
+        given = limits[commands.get(name, wheel)]
         given = given[name] if isinstance(given, dict) else given
         rows.append(given if isinstance(given, list) else (-given, given))
     return np.array(rows, dtype=float)

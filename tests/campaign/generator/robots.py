@@ -38,7 +38,9 @@ def scale_of(robot: dict[str, Any]) -> float:
 
 
 def wheel_radius(robot: dict[str, Any]) -> float:
-    """Of its largest wheel [m]."""
+    """Of its largest wheel [m]; of a robot on commands half its size."""
+    if robot["kind"] == "unicycle":
+        return scale_of(robot) / 2
     return max(float(value) for key, value in robot.items() if key.startswith("wheel_radius"))
 
 
@@ -179,6 +181,17 @@ def _trailer(rng: Rng, size: float) -> dict[str, Any]:
     }
 
 
+def _unicycle(rng: Rng, size: float) -> dict[str, Any]:
+    effects = {
+        "omega_per_v": float(rng.uniform(-0.1, 0.1) / size),
+        "v_per_omega": float(rng.uniform(-0.1, 0.1) * size),
+        "lag_omega": Quantity(log_uniform(rng, 0.02, 2.0), "s"),
+    }
+    taken = {name: value for name, value in effects.items() if rng.random() < 0.4}
+    gains = {name: float(rng.uniform(0.7, 1.2)) for name in ("gain_v", "gain_omega")}
+    return {**gains, **taken, "body_radius": _length(size)}
+
+
 def _own(rng: Rng, size: float) -> dict[str, Any]:
     radius = size * rng.uniform(0.1, 0.5)
     return {
@@ -201,5 +214,6 @@ _KINDS: dict[str, Callable[[Rng, float], dict[str, Any]]] = {
     "mecanum": _mecanum,
     "omni_three": _omni,
     "tractor_trailer": _trailer,
+    "unicycle": _unicycle,
     "python": _own,
 }

@@ -27,6 +27,20 @@ HEADING_TOLERANCE, PLACE_TOLERANCE = pi / 180, 0.01
 """Of ends, where a study says none [rad, m]."""
 
 
+_INPUTS = {
+    "wheel_speed": (0, "wheel_speed"),
+    "wheel_acceleration": (1, "wheel_speed"),
+    "wheel_jerk": (2, "wheel_speed"),
+    "steering_angle": (0, "steering_angle"),
+    "steering_rate": (1, "steering_angle"),
+    "commanded_speed": (0, "v"),
+    "commanded_acceleration": (1, "v"),
+    "commanded_yaw_rate": (0, "omega"),
+    "commanded_yaw_acceleration": (1, "omega"),
+}
+"""Which derivative each limit on inputs bounds, and how the names of its inputs begin."""
+
+
 @dataclass(frozen=True)
 class Excess:
     """How far a drive exceeds a limit at most.
@@ -59,12 +73,9 @@ def excesses(study: Mapping[str, Any], runs: Sequence[Run], points: int = 200) -
 def _of_run(study: Mapping[str, Any], robot: Robot, run: Run, points: int) -> Iterator[Excess]:
     limits, space = study["limits"], study["trajectory"]
     track = Track(robot, run, space.get("integration", "arc"))
-    for name, checked in (("wheel_speed", 0), ("wheel_acceleration", 1), ("wheel_jerk", 2)):
+    for name, (checked, quantity) in _INPUTS.items():
         if name in limits:
-            yield _inputs(name, limits[name], robot, _values(run, checked, points), "wheel_speed")
-    for name, checked in (("steering_angle", 0), ("steering_rate", 1)):
-        if name in limits:
-            yield _inputs(name, limits[name], robot, _values(run, checked, points), "steering_angle")
+            yield _inputs(name, limits[name], robot, _values(run, checked, points), quantity)
     twists = None
     for name, check in _BODY.items():
         if name in limits:

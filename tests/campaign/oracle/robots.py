@@ -338,6 +338,28 @@ def _trailer(spec: Mapping[str, Any]) -> Robot:
     return _made(spec, WHEELS, own, asked, linear=2, trailer=lambda p: (p[3], p[4]))
 
 
+def _unicycle(spec: Mapping[str, Any]) -> Robot:
+    effects = [("omega_per_v", 1.0), ("v_per_omega", 1.0), ("lag_omega", 0.0)]
+    given = [(name, spec[name], size) for name, size in effects if name in spec]
+    own = [("gain_v", spec["gain_v"], 0), ("gain_omega", spec["gain_omega"], 0), *given]
+    places = {name: place for place, (name, _, _) in enumerate(own)}
+
+    def value(name: str, p: Sequence[Array]) -> Array | float:
+        return p[places[name]] if name in places else 0.0
+
+    def asked(u: Array, p: Sequence[Array]) -> Twist:
+        forward = p[0] * u[:, 0] + value("v_per_omega", p) * u[:, 1]
+        return forward, 0.0 * forward, p[1] * u[:, 1] + value("omega_per_v", p) * u[:, 0]
+
+    def slides(speed: Array, yaw: Array, p: Sequence[Array]) -> Twist:
+        return speed + 0.0 * yaw, 0.0 * yaw, yaw
+
+    more: dict[str, Any] = {}
+    if "lag_omega" in places:
+        more = {"slides": slides, "lag": lambda p: p[places["lag_omega"]]}
+    return _made(spec, ("v", "omega"), own, asked, **more)
+
+
 def _loaded(spec: Mapping[str, Any]) -> Robot:
     # The user's own robot of problems/own_robot.py: wheels that shrink with speed.
     def asked(u: Array, p: Sequence[Array]) -> Twist:
@@ -360,5 +382,6 @@ _KINDS: dict[str, Callable[[Mapping[str, Any]], Robot]] = {
     "mecanum": _mecanum,
     "omni_three": _omni,
     "tractor_trailer": _trailer,
+    "unicycle": _unicycle,
     "python": _loaded,
 }
