@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -115,7 +115,7 @@ def drifting_information(trajectory: Trajectory, found: EstimateRecord, study: S
     quantities = tuple(found.logs[0].quantities or READ)
     logs = planned_logs(robot, trajectory, _step(found, trajectory), quantities)
     fit = fitting.planned(logs, math.inf if seconds is None else seconds, noises)
-    return np.linalg.inv(drift(fit, _rates(found)).matrix[: len(names), : len(names)])
+    return np.asarray(np.linalg.inv(drift(fit, _rates(found)).matrix[: len(names), : len(names)]))
 
 
 def _noise(*parts: float | None) -> Noise:
@@ -148,10 +148,10 @@ def planned_logs(
 
 def _planned(robot: Model, run: Trajectory, step: float, quantities: tuple[str, ...], name: str) -> Log:
     parts = max(1, round(run.period / step))
-    inputs, each = np.repeat(run.inputs, parts, axis=0), run.period / parts
-    times = each * np.arange(len(inputs) + 1)
-    turned = np.vstack([np.zeros_like(inputs[:1]), np.cumsum(inputs * each, axis=0)])
+    inputs, period = np.repeat(run.inputs, parts, axis=0), float(run.period) / parts
+    times = np.asarray(period * np.arange(len(inputs) + 1.0))
+    turned = np.vstack([np.zeros_like(inputs[:1]), np.cumsum(inputs * period, axis=0)])
     log = Log(name, name, times, turned, times, np.zeros((len(times), len(quantities))), quantities)
     unknowns, start = Unknowns(robot, (), (), 0), np.reshape(run.start, (1, -1))
     readings = LoggedReadings(cut([log], math.inf, [0.0]), unknowns, np.zeros(1), quantities)
-    return Log(name, name, times, turned, times, readings(np.zeros(0), start)[0], quantities)
+    return replace(log, poses=readings(np.zeros(0), start)[0])

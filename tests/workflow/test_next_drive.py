@@ -120,7 +120,9 @@ class TestLoop:
         found = next_drive(designed, [first], out=tmp_path / "next", workers=1)
         assert not found.stop
         assert 0.05 < found.gain < 0.9
-        assert found.basis.startswith("standard errors after it: the next drive is thought to drift as the logs")
+        assert found.basis.startswith(
+            "standard errors after it: the next drive is thought to drift as the logs"
+        )
         assert found.data["basis"] == found.basis
         for entry in found.precision:
             assert entry.next < entry.now
