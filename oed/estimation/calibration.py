@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -286,11 +286,12 @@ class _Work:
         # From very few parts their disagreement cannot be judged.
         if judgeable(fit, blocks):
             found += [sandwich(fit, blocks), bootstrap(fit, blocks, self.options.replicates, rng)]
-        names, wanted = [one.name for one in found], self.options.covariance
+        ways, wanted = {one.name: one for one in found}, self.options.covariance
         if wanted == "auto":
             drifts = segmenting is not None and segmenting.drifts
-            wanted = "information" if fit.correlated else _most_trusted(names, blocks, rates, drifts)
-        if wanted not in names:
+            trusted = partial(_most_trusted, ways, blocks, rates, drifts, len(fit.unknowns.parameters))
+            wanted = "information" if fit.correlated else trusted()
+        if wanted not in ways:
             raise ProblemError.about(("calibration", "covariance"), _missing(wanted, blocks))
         return tuple(sorted(found, key=lambda one: one.name != wanted))
 
@@ -302,17 +303,25 @@ def _clocks(fit: Fit, other: PreparedLogs) -> list[float]:
 
 
 def _most_trusted(
-    names: Sequence[CovarianceName], blocks: Blocks, rates: DriftRates | None, drifts: bool
+    ways: Mapping[CovarianceName, Covariance],
+    blocks: Blocks,
+    rates: DriftRates | None,
+    drifts: bool,
+    parameters: int,
 ) -> CovarianceName:
-    # How much whole logs disagree shows whatever goes wrong; parts of a log share what is wrong with all of
-    # it, so that their disagreement says too little, and less than a random walk whose rates logs show.
     if rates is None:
-        return "bootstrap" if "bootstrap" in names else "information"
+        return "bootstrap" if "bootstrap" in ways else "information"
     if rates.shown is False and not drifts:
         return "information"
-    if "bootstrap" in names and (blocks.whole_logs or rates.seconds is None):
+    if "bootstrap" not in ways:
+        return "drift"
+    # How much whole logs disagree shows whatever goes wrong. Parts of a log share what is wrong with all of
+    # it, and disagree too little; but where they disagree more than drift explains, there is more than drift.
+    if blocks.whole_logs or rates.seconds is None:
         return "bootstrap"
-    return "drift"
+    widths = [ways[name].deviations[:parameters] * ways[name].half_width for name in ("bootstrap", "drift")]
+    more = np.subtract(*np.log(np.maximum(widths, np.finfo(float).tiny)))
+    return "bootstrap" if more.max() > -more.min() else "drift"
 
 
 def _missing(wanted: CovarianceName, blocks: Blocks) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -154,4 +154,4 @@ def _planned(robot: Model, run: Trajectory, step: float, quantities: tuple[str, 
     log = Log(name, name, times, turned, times, np.zeros((len(times), len(quantities))), quantities)
     unknowns, start = Unknowns(robot, (), (), 0), np.reshape(run.start, (1, -1))
     readings = LoggedReadings(cut([log], math.inf, [0.0]), unknowns, np.zeros(1), quantities)
-    return Log(name, name, times, turned, times, readings(np.zeros(0), start)[0], quantities)
+    return replace(log, poses=readings(np.zeros(0), start)[0])

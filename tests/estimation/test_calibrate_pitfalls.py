@@ -60,7 +60,7 @@ def test_one_log_that_drifts_has_wide_error_bars():
         log = log_of(course(seconds=60.0, seed=seed, drift=0.001), noise=NOISE)
         found = calibrate(logged_problem(), [log], options(clock_offset=False))
         errors = {one.name: one.deviations[:3] for one in found.covariances}
-        assert next(iter(errors)) == "drift"
+        assert next(iter(errors)) in ("drift", "bootstrap")
         assert np.all(errors["drift"] > 2 * errors["information"])
         assert np.all(errors["bootstrap"] > 2 * errors["information"])
 

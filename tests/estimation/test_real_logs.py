@@ -34,6 +34,8 @@ SESSIONS = (
     ("free", "030120210006"),
 )
 """Each of several runs of one path."""
+CIRCLES = (("circular", "250620202104"), ("circular", "250620202236"))
+"""Alike, of circles in one direction."""
 OFF_CLOCK = {"231220200029_run-02", "030120210006_run-03"}
 """Runs whose encoders are known to be off the motion capture's clock."""
 
@@ -59,6 +61,25 @@ def meets(found: Any, name: str, low: float, high: float) -> bool:
     """Whether a parameter's 95 % interval meets a range."""
     first, last = entry(found, name)["interval"]
     return first <= high and last >= low
+
+
+def size(one: Any, kind: str | None) -> float:
+    return float(one.standard_error if kind is None else one.error(kind))
+
+
+def scatter(sessions: tuple[tuple[str, str], ...], *kinds: str | None) -> dict[str | None, np.ndarray]:
+    """How much estimates of single runs scatter in units of their standard errors, (p,), by kinds of these;
+    None for the default.
+    """
+    study, found = study_of("optiodom_differential"), dict[str | None, list[np.ndarray]]()
+    for path, session in sessions:
+        runs = [run for run in runs_of(path, session) if run.stem not in OFF_CLOCK]
+        each = [estimate(study, [run]) for run in runs]
+        variance = np.array([list(one.values.values()) for one in each]).var(axis=0, ddof=1)
+        for kind in kinds:
+            rows = [[size(one, kind) for one in run.parameters] for run in each]
+            found.setdefault(kind, []).append(variance / (np.array(rows) ** 2).mean(axis=0))
+    return {kind: np.sqrt(np.mean(ratios, axis=0)) for kind, ratios in found.items()}
 
 
 @pytest.fixture(scope="module")
@@ -90,18 +111,16 @@ class TestDifferentialDrive:
         assert repaired == pytest.approx(np.mean(list(values.values())), rel=0.01)
 
     def test_standard_errors_agree_with_the_scatter_of_runs(self):
-        study = study_of("optiodom_differential")
-        ratios = {"bootstrap": [], "information": []}
-        for kind, session in SESSIONS:
-            runs = [run for run in runs_of(kind, session) if run.stem not in OFF_CLOCK]
-            each = [estimate(study, [run]) for run in runs]
-            values = np.array([list(found.values.values()) for found in each])
-            for kind, found in ratios.items():
-                errors = np.array([[one.standard_errors[kind] for one in run.parameters] for run in each])
-                found.append(values.var(axis=0, ddof=1) / (errors**2).mean(axis=0))
-        honest, naive = (np.sqrt(np.mean(found, axis=0)) for found in ratios.values())
-        assert np.all((honest > 1 / 1.5) & (honest < 1.5))
-        assert np.all(naive > 1.5)
+        ratios = scatter(SESSIONS, "bootstrap", "information", None)
+        assert np.all((ratios["bootstrap"] > 1 / 1.5) & (ratios["bootstrap"] < 1.5))
+        assert np.all(ratios["information"] > 1.5)
+        # A run's errors that all runs have in common show in its residuals, and not in this scatter.
+        assert np.all((ratios[None] > 0.4) & (ratios[None] < 1.5))
+
+    def test_so_do_those_of_circles_in_one_direction(self):
+        ratios = scatter(CIRCLES, "information", None)
+        assert np.all((ratios[None] > 1 / 1.5) & (ratios[None] < 1.5))
+        assert np.all(ratios["information"] > 4)
 
 
 class TestOtherRobots:

@@ -384,6 +384,38 @@ def test_pieces_of_logs_are_no_logs(pieces: int, said: str):
     )
 
 
+@pytest.mark.parametrize(
+    ("drifts", "on_page", "on_console"),
+    [
+        (
+            True,
+            "the robot drifts, by slip or an uneven floor, but stays within",
+            "whole logs (2 in all), which drift.",
+        ),
+        (
+            False,
+            "no drift shows beside the pose sensor's noise",
+            "whole logs (2 in all), which show no drift.",
+        ),
+        (None, "they are too short to show whether there is", "whole logs (2 in all). Standard"),
+    ],
+)
+def test_whether_whole_logs_drift_is_said(capsys, drifts: bool | None, on_page: str, on_console: str):
+    data = estimate()
+    data["logs"] = data["logs"][:2]
+    data["segments"] |= {"seconds": None, "count": 2, "drifts": drifts}
+    data["covariance_kind"] = "drift"
+    paragraphs = section(data, "What the error bars rest on").paragraphs
+    assert on_page in " ".join(paragraphs[0].split())
+    assert paragraphs[1].startswith(
+        "Standard errors are those under drift: F⁻¹MF⁻¹ with the covariance M that"
+    )
+    print_estimate(read(data))
+    text = " ".join(capsys.readouterr().out.split())
+    assert on_console in text
+    assert "Standard errors are as large as the noise of the readings and the robot's drift make them" in text
+
+
 def test_the_console_tells_the_same(capsys: pytest.CaptureFixture[str]):
     data = estimate()
     data["notes"] = ["sensor_y is hidden"]

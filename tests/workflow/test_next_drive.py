@@ -10,6 +10,7 @@ import pytest
 from driven_robot import ROOM_STUDY, write_log
 from recorded import record_from
 
+from oed.cli.terminal.console import print_next
 from oed.foundation.errors import Failure, StudyError, UserMistake
 from oed.records.record import Record, load_estimate, save_record
 from oed.study.study import Study
@@ -114,7 +115,7 @@ class TestLoop:
         repeated = errors(estimate(study, squares))
         assert any(repeated[name] > float(size[:-1]) / 100 for name, size in TARGETS.items())
 
-    def test_predicts_what_the_next_drive_brings(self, study, designed, tmp_path):
+    def test_predicts_what_the_next_drive_brings(self, study, designed, tmp_path, capsys):
         rng = np.random.default_rng(5)
         first = drive(study, designed, None, tmp_path / "first.csv", rng)
         found = next_drive(designed, [first], out=tmp_path / "next", workers=1)
@@ -124,6 +125,8 @@ class TestLoop:
             "standard errors after it: the next drive is thought to drift as the logs"
         )
         assert found.data["basis"] == found.basis
+        print_next(found)
+        assert "standard errors after it: the next drive is thought to drift" in capsys.readouterr().out
         for entry in found.precision:
             assert entry.next < entry.now
         second = drive(study, found.record, None, tmp_path / "second.csv", rng)

@@ -23,8 +23,9 @@ def drift(fit: Fit, rates: DriftRates) -> Covariance:
     """H^-1 (M + sum_j S_j Q_j S_j') H^-1 with what an error of step j makes of the scores, S_j, and its
     covariance Q_j.
 
-    The degrees of freedom are those of a variance that is known as well as the rates are [Satterthwaite: An
-    approximate distribution of estimates of variance components, 1946].
+    Intervals are those of Student's t with the kurtosis that errors have whose variance is as unsure as the
+    rates make it, its logarithm normal: e^(s^2) = (d - 2) / (d - 4) for its standard deviation s and d degrees
+    of freedom.
     """
     parts = drifting_scores(fit) * rates.values[:, None, None]
     matrix = fit.response @ (white_scores(fit) + parts.sum(axis=0)) @ fit.response
@@ -33,7 +34,7 @@ def drift(fit: Fit, rates: DriftRates) -> Covariance:
     # How much the logarithm of a variance changes with those of the rates.
     shares = each / np.maximum(np.diag(matrix)[own], np.finfo(float).tiny)
     unsure = np.einsum("ku,kl,lu->u", shares, rates.spread, shares).max()
-    return Covariance(matrix, float(2 / max(unsure, 2 / SUREST)), "drift")
+    return Covariance(matrix, float(4 + 2 / max(np.expm1(unsure), 2 / SUREST)), "drift")
 
 
 def drifting_scores(fit: Fit) -> Array:
