@@ -257,6 +257,25 @@ class TestRoundTrip:
         assert "(message 20)" in found(log)["gap"]
         assert not doubtful(log)
 
+    def test_a_tracker_that_lost_the_robot(self, tmp_path: Path, wheels: list[Message]):
+        # Stamped anew, the same pose comes for a second.
+        frozen = TABLE.copy()
+        frozen[20:40, 3:] = frozen[20, 3:]
+        make = TYPES[ODOMETRY]
+        seen = [
+            (
+                "/pose",
+                START + row[0] + 0.002,
+                _pose_message(make, ODOMETRY, row, ("odom", "base_link"), TYPES),
+            )
+            for row in frozen
+        ]
+        log = read(write_bag(tmp_path / "drive", [*wheels, *seen]))
+        assert found(log)["tracker_lost"].startswith("19 of 60 poses repeat the one before")
+        assert "the longest for 0.95 s from t = " in found(log)["tracker_lost"]
+        assert len(log.poses) == 41
+        assert not doubtful(log)
+
 
 def log_start(right: list[Message]) -> float:
     """The right wheel's angle at the first time that both were logged, half way between two messages."""
