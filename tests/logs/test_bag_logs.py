@@ -60,9 +60,11 @@ def quaternion(heading: float, types: Any = TYPES) -> Any:
     return types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=np.sin(heading / 2), w=np.cos(heading / 2))
 
 
-def poses(kind: str, topic: str = "/pose", types: Any = TYPES, frames=("odom", "base_link")) -> list[Message]:
+def poses(
+    kind: str, topic: str = "/pose", types: Any = TYPES, frames=("odom", "base_link"), table=TABLE
+) -> list[Message]:
     make = types[kind]
-    return [(topic, START + row[0] + 0.002, _pose_message(make, kind, row, frames, types)) for row in TABLE]
+    return [(topic, START + row[0] + 0.002, _pose_message(make, kind, row, frames, types)) for row in table]
 
 
 def _pose_message(make: Any, kind: str, row: np.ndarray, frames: tuple[str, str], types: Any) -> Any:
@@ -261,16 +263,7 @@ class TestRoundTrip:
         # Stamped anew, the same pose comes for a second.
         frozen = TABLE.copy()
         frozen[20:40, 3:] = frozen[20, 3:]
-        make = TYPES[ODOMETRY]
-        seen = [
-            (
-                "/pose",
-                START + row[0] + 0.002,
-                _pose_message(make, ODOMETRY, row, ("odom", "base_link"), TYPES),
-            )
-            for row in frozen
-        ]
-        log = read(write_bag(tmp_path / "drive", [*wheels, *seen]))
+        log = read(write_bag(tmp_path / "drive", [*wheels, *poses(ODOMETRY, table=frozen)]))
         assert found(log)["tracker_lost"].startswith("19 of 60 poses repeat the one before")
         assert "the longest for 0.95 s from t = " in found(log)["tracker_lost"]
         assert len(log.poses) == 41
