@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ from simulated import (
 )
 from windowed import drifting
 
-from oed.estimation import calibrate
+from oed.estimation import Calibration, calibrate
 from oed.estimation.assessment.dead_reckoning import held_out
 from oed.estimation.assessment.likelihood import FittedReadings
 from oed.estimation.methods.correlated_readings import CorrelatedReadings
@@ -50,8 +52,14 @@ def drifted(seed: int, quantities: tuple[str, ...] = POSITIONS) -> Log:
     return log_of(drive, noise=NOISE, seed=seed, name=f"d{seed}", quantities=quantities, every=4)
 
 
-def estimate(logs: list[Log], **keys):
-    return calibrate(logged_problem(), logs, options(sensor_place=(), clock_offset=False, **keys))
+def estimate(logs: Sequence[Log], **keys) -> Calibration:
+    own = options(sensor_place=(), clock_offset=False, replicates=100, **keys)
+    return calibrate(logged_problem(), logs, own)
+
+
+@cache
+def estimated(**keys) -> Calibration:
+    return estimate(TestEstimate.LOGS, **keys)
 
 
 def thinly_read(logs: list[Log]) -> Remainder:
@@ -156,7 +164,7 @@ class TestLikelihoods:
 
 class TestSelection:
     @pytest.mark.parametrize("quantities", [POSITIONS, XYH])
-    @pytest.mark.parametrize("seed", [0, 4])
+    @pytest.mark.parametrize("seed", [0, pytest.param(4, marks=pytest.mark.slow)])
     def test_errors_that_last_are_not_taken_for_drift(self, seed: int, quantities: tuple[str, ...]):
         logs = [satellites(seed + number, quantities=quantities) for number in range(2)]
         short = fit_of(logs, seconds=4.0)
@@ -166,7 +174,7 @@ class TestSelection:
         assert 0.3 < found.seconds / LASTS[1] < 3
 
     @pytest.mark.parametrize("quantities", [POSITIONS, XYH])
-    @pytest.mark.parametrize("seed", [0, 4])
+    @pytest.mark.parametrize("seed", [0, pytest.param(4, marks=pytest.mark.slow)])
     def test_drift_is_not_taken_for_errors_that_last(self, seed: int, quantities: tuple[str, ...]):
         logs = [drifted(seed + number, quantities) for number in range(2)]
         short = fit_of(logs, seconds=4.0)
@@ -177,7 +185,7 @@ class TestEstimate:
     LOGS = (satellites(2), satellites(3))
 
     def test_of_whole_logs(self):
-        found = estimate(list(self.LOGS))
+        found = estimated()
         # By growth of the residuals alone, segments would be short.
         assert found.segmenting.seconds == np.inf
         assert not found.segmenting.drifts
@@ -194,19 +202,20 @@ class TestEstimate:
         assert np.all(np.diag(found.covariance) > 9 * np.diag(white.inverse))
 
     def test_with_correlated_noise_as_asked_for(self):
-        found = estimate(list(self.LOGS), segment="log", noise="correlated")
+        found = estimated(segment="log", noise="correlated")
         assert found.fit.correlated is not None
         assert found.fit.converged
-        assert found.values == pytest.approx(estimate(list(self.LOGS)).values, rel=1e-4)
+        assert found.values == pytest.approx(estimated().values, rel=1e-4)
 
     def test_gls_of_positions_alone(self):
-        found = estimate(list(self.LOGS), method="gls", segment="log")
-        asked = estimate(list(self.LOGS), segment="log", noise="correlated")
+        found = estimated(method="gls", segment="log")
+        asked = estimated(segment="log", noise="correlated")
         assert found.values == pytest.approx(asked.values, rel=1e-4)
         assert not found.fit.motions
 
+    @pytest.mark.slow
     def test_gls_of_positions_with_noise_as_specified(self):
-        found = estimate(list(self.LOGS), method="gls", segment="log", noise="stated")
+        found = estimated(method="gls", segment="log", noise="stated")
         specified = logged_problem().measurement.noise.position
         assert found.fit.correlated.white == {"position": pytest.approx(specified)}
 
@@ -223,7 +232,7 @@ class TestEstimate:
     @pytest.mark.slow
     def test_other_robots_are_compared_with_the_same_noise(self):
         slip = {"kind": "skid_steer_slip", "wheel_radius": 0.05, "track": 0.2, "estimate": ["track"]}
-        models = estimate(list(self.LOGS), models=[slip]).comparison.models
+        models = estimate(self.LOGS, models=[slip]).comparison.models
         assert all(one.fit.correlated is not None for one in models)
         assert models[0].likelihood.each.sum() > models[1].likelihood.each.sum()
 
@@ -251,8 +260,8 @@ def test_what_correlated_noise_does_not_suit(keys: dict, quantities: tuple[str, 
 @pytest.mark.slow
 def test_standard_errors_allow_for_the_correlation():
     covered = []
-    for seed in range(20):
-        found = estimate([satellites(10 * seed + number) for number in range(2)], replicates=100)
+    for seed in range(14):
+        found = estimate([satellites(10 * seed + number) for number in range(2)])
         size = np.sqrt(np.diag(found.covariance)) * found.covariances[0].half_width
         covered.append(np.abs(found.values - TRUE) < size)
     assert np.mean(covered) > 0.88

@@ -12,6 +12,7 @@ from simulated import (
     TRUTH,
     Course,
     course,
+    exchanged,
     fit_of,
     log_of,
     logged_problem,
@@ -22,6 +23,8 @@ from simulated import (
 from windowed import drifting
 
 from oed.estimation import calibrate
+from oed.estimation.preprocessing.moves import Moves, clock_offsets
+from oed.estimation.preprocessing.wiring_checks import wiring_fault
 from oed.logs.log import Log
 
 RATE = 170
@@ -51,6 +54,15 @@ def test_hardly_change_the_estimate():
     sizes = np.sqrt(np.diag(whole.inverse))
     assert np.all(np.abs(found.values - whole.values) < sizes)
     assert np.all(np.sqrt(np.diag(found.inverse)) < 1.25 * sizes)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.31])
+def test_hide_neither_clocks_nor_crossed_wires(offset: float):
+    log = with_losses(log_of(drive(1), noise=NOISE, offset=offset))
+    assert clock_offsets(Moves.of(ROBOT, [log])) == pytest.approx([offset], abs=0.08)
+    assert wiring_fault(Moves.of(ROBOT, [with_losses(log_of(drive(1), noise=NOISE))])) is None
+    crossed = exchanged(with_losses(log_of(drive(1), noise=NOISE)))
+    assert "are exchanged" in wiring_fault(Moves.of(ROBOT, [crossed]))
 
 
 @pytest.mark.slow

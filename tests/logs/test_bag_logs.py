@@ -41,9 +41,11 @@ def pose_of(row: np.ndarray, types: Any = TYPES) -> Any:
     return types["geometry_msgs/msg/Pose"](position=point, orientation=quaternion(row[5], types))
 
 
-def poses(kind: str, topic: str = "/pose", types: Any = TYPES, frames=("odom", "base_link")) -> list[Message]:
+def poses(
+    kind: str, topic: str = "/pose", types: Any = TYPES, frames=("odom", "base_link"), table=TABLE
+) -> list[Message]:
     make = types[kind]
-    return [(topic, START + row[0] + 0.002, _pose_message(make, kind, row, frames, types)) for row in TABLE]
+    return [(topic, START + row[0] + 0.002, _pose_message(make, kind, row, frames, types)) for row in table]
 
 
 def _pose_message(make: Any, kind: str, row: np.ndarray, frames: tuple[str, str], types: Any) -> Any:
@@ -218,6 +220,16 @@ class TestRoundTrip:
         log = read(write_bag(tmp_path / "drive", gapped))
         assert "gap in the inputs; the longest is 1.05 s" in found(log)["gap"]
         assert "(message 20)" in found(log)["gap"]
+        assert not doubtful(log)
+
+    def test_a_tracker_that_lost_the_robot(self, tmp_path: Path, wheels: list[Message]):
+        # Stamped anew, the same pose comes for a second.
+        frozen = TABLE.copy()
+        frozen[20:40, 3:] = frozen[20, 3:]
+        log = read(write_bag(tmp_path / "drive", [*wheels, *poses(ODOMETRY, table=frozen)]))
+        assert found(log)["tracker_lost"].startswith("19 of 60 poses repeat the one before")
+        assert "the longest for 0.95 s from t = " in found(log)["tracker_lost"]
+        assert len(log.poses) == 41
         assert not doubtful(log)
 
 

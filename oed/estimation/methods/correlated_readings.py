@@ -15,7 +15,7 @@ from oed.estimation.methods.joint import JointSearch
 from oed.estimation.methods.noise_selection import Lasting, Remainder
 from oed.foundation.arrays import Array
 
-ROUNDS = 5
+ROUNDS = 10
 """How often unknowns and noise are found in turn at most."""
 
 

@@ -44,6 +44,11 @@ USUAL = 2.0
 """Length of a window, where none is given [s]: drift hardly shows, and pose noise is small beside motion."""
 GROWTH = 2.0
 """Factor by which the residuals' variance may grow with the length of segments before it counts as drift."""
+BOUNDED = (
+    "residuals grow with the length of segments, but whole logs are likelier to have such errors than drift: "
+    "they are fitted whole"
+)
+"""Note on logs whose errors are large for a while, but bounded."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +127,7 @@ def if_bounded(short: Segmenting, whole: JointSearch) -> Segmenting:
     if noise is None:
         return short
     found = CorrelatedReadings(whole).fit(fit.values, noise)
+    found = replace(found, notes=(*found.notes, BOUNDED))
     return replace(short, seconds=math.inf, fit=found, drifts=False)
 
 

@@ -103,6 +103,6 @@ class GaussMarkov:
             for name, size in self.lasting.items()
         )
         return (
-            f"errors of the readings last for some {given_text(self.seconds, 's')}: {', '.join(sizes)}. They "
-            "do not grow as drift does: logs are fitted whole, and standard errors allow for the correlation"
+            f"errors of the readings last for some {given_text(self.seconds, 's')}: {', '.join(sizes)}; "
+            "standard errors allow for the correlation"
         )

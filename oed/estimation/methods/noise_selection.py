@@ -26,7 +26,7 @@ from oed.foundation.arrays import Array, Bools
 
 POSE = ("x", "y", "heading")
 """What errors are looked for in."""
-MOST = 1500
+MOST = 1000
 """Times of all logs together that are looked at, spread evenly."""
 RIGID = 1e-6
 """Least variance of a step, relative to that of what it shows in: precisions are to be finite."""
@@ -38,7 +38,7 @@ PART = 0.1
 """First guess of the time that errors last, relative to the longest log's."""
 SHORTEST = 0.1
 """Length and turn that the longest path is taken to have at least [m, rad]."""
-ENOUGH = 1e-7
+ENOUGH = 1e-5
 """Relative change of the likelihood's logarithm at which its search has arrived."""
 STEP = 1e-4
 """Of the likelihood's difference quotients, in logarithms of the sizes: rounding shows in smaller ones."""
