@@ -43,6 +43,8 @@ SHORTEST = 1.0
 """Length of the shortest segments tried [s]."""
 FEWEST = 8
 """Steps that the shortest segments have at least."""
+LONG = 4.0
+"""Times that length from which on what the shortest say is where a search begins."""
 GROWTH = 2.0
 """Factor by which the residuals' variance may grow with the length of segments before it counts as drift."""
 
@@ -200,7 +202,7 @@ class Fitting:
             return segmenting, segmenting.fit
         # Over a long drive a wrong size turns the robot anywhere: from there no derivative leads back.
         short = next(_lengths(layout(math.inf)))
-        if short < seconds:
+        if LONG * short < seconds:
             fit(layout(short))
         return None, fit(layout(seconds))
 
