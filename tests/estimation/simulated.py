@@ -117,17 +117,24 @@ def trailer_angles(
     return np.array(angles)
 
 
+def following(
+    asked: np.ndarray, steps: np.ndarray, lag: float, start: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Means (N,) of a rate that follows with a lag [s], and the rate itself (N + 1,)."""
+    means, rates = [], [start]
+    for wanted, step in zip(asked, steps, strict=True):
+        left = np.exp(-step / lag)
+        means.append(wanted + (rates[-1] - wanted) * lag * (1 - left) / step)
+        rates.append(wanted + (rates[-1] - wanted) * left)
+    return np.array(means), np.array(rates)
+
+
 def lagging(
     twists: np.ndarray, steps: np.ndarray, lag: float, ahead: float, start: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean twists (N, 3) of a robot whose yaw rate follows with a lag [s], and that yaw rate (N + 1,)."""
-    means, rates = twists.copy(), [start]
-    for index, (asked, step) in enumerate(zip(twists[:, 2], steps, strict=True)):
-        left = np.exp(-step / lag)
-        rates.append(asked + (rates[-1] - asked) * left)
-        turned = asked * step + (rates[-2] - asked) * lag * (1 - left)
-        means[index] = twists[index, 0], -ahead * turned / step, turned / step
-    return means, np.array(rates)
+    turned, rates = following(twists[:, 2], steps, lag, start)
+    return np.column_stack([twists[:, 0], -ahead * turned, turned]), rates
 
 
 def course(
@@ -162,9 +169,15 @@ def course(
     walk = np.random.default_rng([seed, 1]).normal(size=(len(steps), 2)) * np.sqrt(steps)[:, None]
     twists = twists + drift * np.cumsum(walk, axis=0) @ np.array([[1.0, 0, 0], [0, 0, 1]])
     further = np.zeros((len(knots), 0))
-    if "yaw_rate" in model.states:
+    if model.kind == "skid_steer_slip" and "yaw_rate" in model.states:
         twists, yaw_rates = lagging(twists, steps, *own[[3, -1]])
         further = yaw_rates[:, None]
+    if model.kind == "unicycle" and len(model.states) == 5:
+        ahead, turned = (
+            following(twists[:, place], steps, lag) for place, lag in ((0, own[-2]), (2, own[-1]))
+        )
+        twists = np.column_stack([ahead[0], np.zeros(len(steps)), turned[0]])
+        further = np.column_stack([ahead[1], turned[1]])
     states = np.column_stack([arcs(start, twists, steps), further])
     if model.kind == "tractor_trailer":
         states = np.column_stack([states, trailer_angles(0.1, twists, steps, *own[3:5])])

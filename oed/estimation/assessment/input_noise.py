@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-import scipy
 
 from oed.estimation.assessment.doubts import Doubt
 from oed.estimation.methods.fit import Fit
@@ -23,9 +22,10 @@ from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.noise import group_of, groups, in_turn, places_of
 from oed.foundation.arrays import Array, Bools
 from oed.foundation.text import significant, size_text, words
+from oed.kernel.measurement.square_root import SquareRoot
 
-DRAWS = 4
-"""Of noise, that its effects are averaged over: a log has many readings."""
+DRAWS, DRAWN = 4, 4000
+"""Of noise, that its effects are averaged over at most; and the readings in all of them that are enough."""
 SMALL = 1e-3
 """Least noise that is drawn, relative to the inputs' root mean square: effects are then in proportion."""
 MOST = 0.9
@@ -77,9 +77,10 @@ def dilution_of(fit: Fit, seed: int = 0) -> Dilution | None:
         return None
     effects, count = _Effects(fit), fit.unknowns.size
     noise, slope, rng = np.zeros((count, count)), np.zeros(count), np.random.default_rng([seed, DRAWS])
+    draws = int(np.clip(np.ceil(DRAWN / max(fit.layout.valid.sum(), 1)), 1, DRAWS))
     for kind, room in effects.room().items():
         made, turned, along = 0.0, np.zeros((count, count)), np.zeros(count)
-        for _ in range(DRAWS):
+        for _ in range(draws):
             moved, slopes = effects.of(kind, rng)
             made += effects.judged(moved**2)
             turned += np.einsum("sia,sib->ab", slopes, slopes)
@@ -92,14 +93,14 @@ def dilution_of(fit: Fit, seed: int = 0) -> Dilution | None:
 
 
 def _dilution(total: Array, noise: Array, slope: Array) -> Dilution:
-    # The root of the corrected score, with the share of noise in every direction held below 1.
-    root = np.linalg.cholesky(total)
-    across = scipy.linalg.solve_triangular(root, noise, lower=True)
-    shares, vectors = np.linalg.eigh(scipy.linalg.solve_triangular(root, across.T, lower=True))
-    back = scipy.linalg.solve_triangular(root.T, vectors)
-    left = 1 - np.clip(shares, 0.0, MOST)
-    bias = -back @ ((back.T @ slope) / left)
-    return Dilution(bias, 1 - (back**2).sum(axis=1) / (back**2 / left).sum(axis=1))
+    # The root of the corrected score, with the share of noise in every direction held below 1; nothing along
+    # what is not identifiable.
+    factor = SquareRoot.of_matrix(total).factor
+    shares, vectors = np.linalg.eigh(factor.T @ noise @ factor)
+    back, left = factor @ vectors, 1 - np.clip(shares, 0.0, MOST)
+    before, after = (back**2).sum(axis=1), (back**2 / left).sum(axis=1)
+    ratio = np.divide(before, after, out=np.ones_like(before), where=after > 0)
+    return Dilution(-back @ ((back.T @ slope) / left), 1 - ratio)
 
 
 @dataclass(frozen=True)

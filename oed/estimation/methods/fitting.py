@@ -42,6 +42,8 @@ ASKEW = 0.5
 """Angle by which a sensor has to be turned on the robot for the search to start from there [rad]."""
 USUAL = 2.0
 """Length of a window, where none is given [s]: drift hardly shows, and pose noise is small beside motion."""
+LONG = 4.0
+"""Times that length of the shortest segments from which on what these say is where a search begins."""
 GROWTH = 2.0
 """Factor by which the residuals' variance may grow with the length of segments before it counts as drift."""
 BOUNDED = (
@@ -267,7 +269,7 @@ class Fitting:
             return segmenting, self._correlated(segmenting.fit, unknowns)
         # Over a long drive a wrong size turns the robot anywhere: from there no derivative leads back.
         short = next(_lengths(layout(math.inf)))
-        if short < seconds:
+        if LONG * short < seconds:
             fit(layout(short))
         return None, self._correlated(fit(layout(seconds)), unknowns)
 
