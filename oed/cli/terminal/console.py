@@ -195,8 +195,9 @@ def _print_line(console: Console, line: str) -> None:
 
 
 def print_driven(found: DrivenPaths, *, limited: bool = True) -> None:
-    """Of driven paths every standard error, beside the best design's, and, where there are limits (`limited`),
-    whether they exceed some.
+    """Of driven paths every standard error, beside the best design's, and limits that they exceed.
+
+    That there are any is said by `limited`.
     """
     from oed.report.answer import rows_of
 
