@@ -161,7 +161,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     if options.json:
         print_json(found.data)
     else:
-        print_driven(found)
+        print_driven(found, limited=bool(study.problem.limits))
         if options.verbose:
             print_results([one.result for one in found.paths], found.robustness)
         print_worth(found)

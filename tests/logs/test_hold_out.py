@@ -69,7 +69,7 @@ class TestThin:
         assert (flaw.key, flaw.named) == ("thin", ("log", "thin"))
         assert flaw.message == "a: one in 100 of 200 poses leaves 2; at least 3 are needed"
 
-    @pytest.mark.parametrize("each", [0, -1, 1.5, "ten", True])
+    @pytest.mark.parametrize("each", [0, -1, 1.5, "ten", "10 %", [2], 1e9 + 0.5, {"every": 2}, True])
     def test_of_no_number(self, each: object):
         with pytest.raises(ValidationError):
             form(thin=each)

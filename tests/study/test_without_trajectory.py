@@ -117,6 +117,18 @@ def test_so_does_the_library():
             work(problem)
 
 
+def test_a_log_is_scored_and_no_limits_are_spoken_of(capsys, file: Path):
+    times = 0.1 * np.arange(60)
+    table = np.column_stack([times, 3 + np.sin(times), 0.3 * np.cos(times), times, times, 0.1 * times])
+    header = "t,wheel_speed,steering_angle,x,y,heading"
+    np.savetxt(file.with_name("log.csv"), table, delimiter=",", header=header, comments="")
+    assert main(["evaluate", str(file), str(file.with_name("log.csv"))]) == 0
+    said = capsys.readouterr().out
+    assert "log: 5.9 s of motion" in said
+    assert "steering offset" in said
+    assert "imits" not in said
+
+
 def test_check_says_what_it_is_for(capsys, file: Path):
     assert main(["check", str(file)]) == 0
     assert (

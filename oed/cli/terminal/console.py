@@ -195,8 +195,11 @@ def _print_line(console: Console, line: str) -> None:
         console.print(one.replace(HELD, " "), highlight=False, markup=False, soft_wrap=True)
 
 
-def print_driven(found: DrivenPaths) -> None:
-    """Of driven paths every standard error, beside the best design's, and limits that they exceed."""
+def print_driven(found: DrivenPaths, *, limited: bool = True) -> None:
+    """Of driven paths every standard error, beside the best design's, and limits that they exceed.
+
+    That there are any is said by `limited`.
+    """
     from oed.report.answer import rows_of
 
     beside = "" if found.design is None else f"best design ({found.design.name})"
@@ -206,7 +209,7 @@ def print_driven(found: DrivenPaths) -> None:
         if rows:
             _print_rows(rows, beside)
         print_lines(filter(None, [_message(one.result)]))
-        print_lines(["Limits satisfied."] if one.result.feasible else [])
+        print_lines(["Limits satisfied."] if one.result.feasible and limited else [])
         print_lines(_broken(one.result, found.robustness))
 
 
