@@ -118,10 +118,10 @@ def _lengths(whole: SegmentLayout) -> Iterator[float]:
 
 
 def if_bounded(short: Segmenting, whole: JointSearch) -> Segmenting:
-    """Whole logs, where their errors last but do not grow; else the segments that show no drift.
+    """Whole logs, where their errors last but do not grow; else the segments that were chosen.
 
     Args:
-        short: segments beyond whose length residuals grow.
+        short: the longest segments whose residuals hardly grow.
         whole: the search over whole logs.
     """
     fit = short.fit
@@ -129,7 +129,7 @@ def if_bounded(short: Segmenting, whole: JointSearch) -> Segmenting:
     if noise is None:
         return short
     found = CorrelatedReadings(whole).fit(fit.values, noise)
-    found = replace(found, notes=(*found.notes, BOUNDED))
+    found = replace(found, notes=(*found.notes, *([BOUNDED] if short.drifts else [])))
     return replace(short, seconds=math.inf, fit=found, drifts=False)
 
 
@@ -263,7 +263,7 @@ class Fitting:
             return None, self._over_windows(Windows(layout(length), unknowns, offsets))
         if chosen == "auto":
             segmenting = longest_without_drift(layout, fit)
-            if segmenting.drifts and self._may_last(logs):
+            if self._may_last(logs):
                 whole = self._search(layout(math.inf), unknowns, offsets)
                 segmenting = if_bounded(segmenting, whole)
             return segmenting, self._correlated(segmenting.fit, unknowns)
