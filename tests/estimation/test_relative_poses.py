@@ -21,6 +21,7 @@ from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.criteria import D, E
 from oed.kernel.measurement.prior import Prior
 from oed.logs import CsvForm, Log, TupleForm, read_logs
+from oed.records.calibration_outcome import estimate_of
 from oed.robots.models import SkidSteerSlip
 from oed.robots.sensors import RelativePoses
 
@@ -161,6 +162,28 @@ class TestBadMatches:
         assert found.own.after[0].rmse_position < 0.2 * found.own.before[0].rmse_position
         everything = logs_of(tmp_path, drive)[0]
         assert np.ptp(everything.poses - everything.poses[:1], axis=0).max() > 1
+
+
+@pytest.mark.slow
+def test_other_robots_are_compared(tmp_path: Path):
+    other = {"kind": "skid_steer", "wheel_radius": 0.02, "track": 0.09, "estimate": list(TRUTH)}
+    found = estimated(logs_of(tmp_path, matched(1, seconds=60), matched(2, seconds=60)), models=[other])
+    assert found.comparison is not None
+    own, alike = found.comparison.models
+    # Without slip it is the same robot.
+    assert not alike.reason
+    assert own.fit is not None
+    assert alike.fit is not None
+    np.testing.assert_allclose(own.fit.values, alike.fit.values, rtol=1e-3)
+
+
+@pytest.mark.slow
+def test_the_page_says_what_was_fitted(tmp_path: Path):
+    found = estimated(logs_of(tmp_path, matched(1, seconds=60)))
+    outcome = estimate_of(found)
+    assert outcome.segments is not None
+    assert (outcome.segments.relative, outcome.segments.count) == (True, 75)
+    assert outcome.logs[0].poses == 75
 
 
 @pytest.mark.slow

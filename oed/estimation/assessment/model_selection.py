@@ -306,7 +306,7 @@ class ModelSelection:
 
 def _with_segments(options: CalibrationOptions, fit: Fit) -> CalibrationOptions:
     # Those that the study's own robot was fitted over.
-    if options.method != "joint":
+    if options.method != "joint" or fit.layout.relative:
         return options
     seconds = fit.layout.seconds
     return options.model_copy(update={"segment": seconds if math.isfinite(seconds) else "log"})
