@@ -139,6 +139,16 @@ class TestEstimates:
         found = estimated(logs_of(tmp_path, matched(noise=exact, seconds=60)), problem)
         assert found.fit.starts.shape[1] == len(robot.states) - 3
 
+    def test_matches_without_wheels_are_counted(self, tmp_path: Path):
+        drive = matched(noise=exact, seconds=60)
+        gone = np.r_[0:200, 230:500]
+        short = replace(drive, times=drive.times[gone], turned=drive.turned[gone])
+        found = estimated(logs_of(tmp_path, short), clock_offset=False)
+        (text,) = (one.message for one in found.logs[0].findings if one.name == "motions_left_out")
+        # 4 across the gap from 19.9 to 23 s, and those after 49.9 s.
+        assert text.startswith("18 of 75 relative poses are outside")
+        np.testing.assert_allclose(found.fit.values, TRUE, rtol=1e-5)
+
 
 class TestBadMatches:
     @pytest.mark.slow
