@@ -33,8 +33,8 @@ FAIR, FAR_BETTER = 0.02, 0.25
 another reading where it is not plainly bad."""
 AS_LIKELY = 2.0
 """What leaves at most so many times what the best explanation leaves is as likely."""
-STRAYS = "stray_motions"
-"""Name of what is found of them."""
+STRAYS, LEFT_OUT = "stray_motions", "motions_left_out"
+"""Names of what is found of them, and of those that are not fitted."""
 
 
 def without_strays(robot: Model, log: Log, offset: float = 0.0) -> Log:
@@ -61,6 +61,17 @@ def without_strays(robot: Model, log: Log, offset: float = 0.0) -> Log:
         "hardly matter to the estimates"
     )
     return log.following(~wrong).found(STRAYS, text, doubtful=True)
+
+
+def with_left_out(log: Log, offset: float) -> Log:
+    """The log with a word on motions during which its wheels are not logged: none of them is fitted."""
+    if log.motions is None or (count := int(np.count_nonzero(~driven(log, offset)))) == 0:
+        return log
+    text = (
+        f"{count} of {len(log.motions)} relative poses are outside of the wheels' log or across a gap in it; "
+        "left out"
+    )
+    return log.found(LEFT_OUT, text)
 
 
 def _strays(robot: Model, log: Log, offset: float) -> Bools:
