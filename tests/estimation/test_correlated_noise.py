@@ -190,6 +190,7 @@ class TestSelection:
 class TestEstimate:
     LOGS = (satellites(2), satellites(3))
 
+    @pytest.mark.slow
     def test_of_whole_logs(self):
         found = estimated()
         # By growth of the residuals alone, segments would be short.
