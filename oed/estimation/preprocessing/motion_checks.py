@@ -31,6 +31,8 @@ ROUNDS = 30
 FAIR, FAR_BETTER = 0.02, 0.25
 """Share of the motion that may be left unexplained without a look, and what has to be left of it at most by
 another reading where it is not plainly bad."""
+LUCK = 0.005
+"""Share of the motion left unexplained below which one reading is as good as another."""
 AS_LIKELY = 2.0
 """What leaves at most so many times what the best explanation leaves is as likely."""
 STRAYS, LEFT_OUT = "stray_motions", "motions_left_out"
@@ -113,6 +115,8 @@ def motion_fault(moves: Moves, logs: Sequence[Log]) -> str | None:
     for text, read in MISREAD.items():
         own = Moves.of(moves.robot, [without_strays(moves.robot, _as(log, read)) for log in logs])
         tried.append((worst(own, own.inputs, any_side=True), text))
+    # A share of next to nothing is the luck of the noise.
+    tried = [(max(left, LUCK), text) for left, text in tried]
     least = min(left for left, _ in tried)
     if least >= (min(BETTER * as_given, BAD) if as_given >= BAD else FAR_BETTER * as_given):
         return None
