@@ -69,6 +69,12 @@ class Segmenting:
     tried: dict[float, dict[str, float]]
     drifts: bool
 
+    @property
+    def turns_drift(self) -> bool:
+        """Whether measured headings leave the wheels' in longer segments: readings' errors do not grow."""
+        sizes = [one.get("heading", 0.0) for one in self.tried.values()]
+        return sizes[-1] ** 2 > GROWTH * sizes[0] ** 2
+
 
 def longest_without_drift(
     layout: Callable[[float], SegmentLayout], fit: Callable[[SegmentLayout], Fit]
@@ -263,7 +269,7 @@ class Fitting:
             return None, self._over_windows(Windows(layout(length), unknowns, offsets))
         if chosen == "auto":
             segmenting = longest_without_drift(layout, fit)
-            if self._may_last(logs):
+            if self._may_last(logs) and not segmenting.turns_drift:
                 whole = self._search(layout(math.inf), unknowns, offsets)
                 segmenting = if_bounded(segmenting, whole)
             return segmenting, self._correlated(segmenting.fit, unknowns)

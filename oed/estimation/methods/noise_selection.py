@@ -26,7 +26,7 @@ from oed.foundation.arrays import Array, Bools
 
 POSE = ("x", "y", "heading")
 """What errors are looked for in."""
-MOST = 1000
+MOST = 500
 """Times of all logs together that are looked at, spread evenly."""
 RIGID = 1e-6
 """Least variance of a step, relative to that of what it shows in: precisions are to be finite."""
