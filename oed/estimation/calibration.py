@@ -208,7 +208,9 @@ class _Work:
         doubts, dilution = plausibility_doubts(fit, covariances[0].matrix), dilution_of(fit, self.seed)
         if dilution is not None:
             doubts += dilution_doubts(fit, dilution, covariances[0].matrix)
-            covariances = tuple(replace(one, matrix=dilution.widened(one.matrix)) for one in covariances)
+            # The other ways stay what their names say.
+            chosen, *others = covariances
+            covariances = (replace(chosen, matrix=dilution.widened(chosen.matrix)), *others)
         if len(covariances) == 1 and not fit.correlated:
             notes.append(TOO_SHORT)
         if rates is not None and covariances[0].name == "drift":
