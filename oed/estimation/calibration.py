@@ -28,9 +28,12 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Brief
+from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.sensor import sensor_labels
 from oed.kernel.problem import Problem
 from oed.logs.log import Log
 from oed.robots.models.model import Model, robot_of
+from oed.robots.sensors.logged import LoggedSensor
 
 TOO_SHORT = (
     "too few and short logs for more than F^-1: where they drift, true errors are several times as large"
@@ -176,6 +179,7 @@ class _Work:
         fitted = self._fitting.fitted(found)
         segmenting, fit = fitted.segmenting, fitted.fit
         notes = [*thinning_notes(self.logs, found.logs), *fitted.notes]
+        notes += _unread(self.problem.measurement, found.logs)
         self.announce("error bars")
         covariances = self._covariances(fit, segmenting)
         if len(covariances) == 1 and (fit.motions or (segmenting is not None and segmenting.drifts)):
@@ -249,6 +253,18 @@ class _Work:
             )
             raise ProblemError.about(("calibration", "covariance"), text)
         return tuple(sorted(found, key=lambda one: one.name != wanted))
+
+
+def _unread(measurement: Measurement, logs: Sequence[Log]) -> list[str]:
+    # Sensors of the study that the estimate knows nothing of.
+    sensors, read = measurement.joint_sensors, {one.sensor for log in logs for one in log.sensors}
+    states = set(logs[0].quantities)
+    return [
+        f"{label} is not used: the logs have no readings of it (`log: sensors: {label}` says where they are)"
+        for label, sensor in zip(sensor_labels(sensors), sensors, strict=True)
+        if label not in read
+        and not (isinstance(sensor, LoggedSensor) and (set(sensor.noises) & states or not sensor.noises))
+    ]
 
 
 def _odd_wheels(fit: Fit) -> list[str]:

@@ -51,7 +51,8 @@ def estimate_of(found: Calibration, **origin: Any) -> EstimateRecord:
         nuisances=_nuisances(found),
         segments=_segments(found),
         noise=[
-            FoundNoise.of(noise, about=name, unit=_unit_of(name)) for name, noise in found.fit.noises.items()
+            FoundNoise.of(noise, about=name, unit=_unit_of(found, name))
+            for name, noise in found.fit.noises.items()
         ],
         converged=found.fit.converged,
         not_identifiable=found.weak_directions,
@@ -65,8 +66,14 @@ def estimate_of(found: Calibration, **origin: Any) -> EstimateRecord:
     )
 
 
-def _unit_of(about: str) -> str:
-    return "m" if about == "position" else "rad"
+def _unit_of(found: Calibration, group: str) -> str:
+    # The SI unit of readings that share a noise.
+    units = {
+        group_of(f"{label}{entry}"): unit
+        for label, sensor in found.fit.layout.sensors
+        for entry, unit in zip(sensor.entries, sensor.units, strict=True)
+    }
+    return (units | {"position": "m"}).get(group, "rad")
 
 
 def _parameters(found: Calibration) -> list[Estimated]:
@@ -240,7 +247,7 @@ def _residuals(found: Calibration) -> list[Residuals]:
             one = Residuals.of(
                 log=log.name,
                 quantity=quantity,
-                unit=_unit_of(group_of(quantity)),
+                unit=_unit_of(found, group_of(quantity)),
                 t=layout.times[own][valid][::every] - log.pose_times[0],
                 value=fit.residuals[own][..., place][valid][::every],
                 speed=fit.speeds[own][valid][::every],

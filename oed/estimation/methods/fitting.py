@@ -18,13 +18,15 @@ from oed.estimation.methods.joint import JointSearch
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows
 from oed.estimation.prediction.layout import SegmentLayout, cut
+from oed.estimation.prediction.segments import Labelled, nuisances_of
 from oed.estimation.preprocessing.preprocess import PreparedLogs
 from oed.estimation.setup.noise import LEAST, group_of, groups, places_of, specified_noise
 from oed.estimation.setup.options import CalibrationOptions
-from oed.estimation.setup.unknowns import PLACE, Knowledge, Unknowns, specified_mount
+from oed.estimation.setup.unknowns import PLACE, UNITS, Knowledge, Unknowns, specified_mount
 from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.sensor import labelled_nuisances, sensor_labels
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.logs.log import Log
 from oed.robots.models.model import Model
@@ -35,6 +37,8 @@ LOOSE = 1.0
 search in bounds where the logs say nothing, and is nothing beside what they say."""
 LOOSE_PLACE, LOOSE_CLOCK = 0.3, 0.5
 """The same of the sensor's place [m, rad] and of a clock's offset [s]."""
+LOOSE_CONSTANT = {"m": 10.0, "rad": 3.0, "s": LOOSE_CLOCK}
+"""The same of other sensors' constants, SI; of other units `LOOSE`."""
 ASKEW = 0.5
 """Angle by which a sensor has to be turned on the robot for the search to start from there [rad]."""
 USUAL = 2.0
@@ -176,15 +180,39 @@ class Fitting:
         clocks = len(prepared.files) if self.options.clock_offset else 0
         # A sensor that looks backwards is found from there only.
         turned = prepared.mounting if "sensor_heading" in free and abs(prepared.mounting) > ASKEW else 0.0
-        sits = (*mount.sits[:2], turned)
-        return Unknowns(self.robot, self.parameters, free, clocks, sits)
+        own = nuisances_of(self.sensors(prepared))
+        return Unknowns(
+            self.robot,
+            self.parameters,
+            (*free, *(one.name for one in own)),
+            clocks,
+            sits=(*mount.sits[:2], turned, *(one.nominal for one in own)),
+            constants={**UNITS, **{one.name: one.unit for one in own}},
+        )
+
+    def sensors(self, prepared: PreparedLogs) -> Labelled:
+        """The measurement's sensors that the logs have readings of, beside the poses, by their names.
+
+        Without poses the readings' clock is that of the sensors: what they are late is its offset.
+        """
+        read = {one.sensor for log in prepared.logs for one in log.sensors}
+        late = self.options.clock_offset and not prepared.logs[0].quantities
+        every = self.measurement.joint_sensors
+        return tuple(
+            (
+                label,
+                sensor.model_copy(update={"latency": "known"} if late and hasattr(sensor, "latency") else {}),
+            )
+            for label, sensor in zip(sensor_labels(every), every, strict=True)
+            if label in read
+        )
 
     def _solved(self, prepared: PreparedLogs, unknowns: Unknowns) -> tuple[Segmenting | None, Fit]:
-        logs, offsets = prepared.logs, prepared.offsets
+        logs, offsets, sensors = prepared.logs, prepared.offsets, self.sensors(prepared)
         last: list[Array] = []
 
         def layout(seconds: float) -> SegmentLayout:
-            return cut(logs, seconds, prepared.clocks)
+            return cut(logs, seconds, prepared.clocks, sensors)
 
         def fit(segments: SegmentLayout) -> Fit:
             found = self._search(segments, unknowns, offsets).fit(last[-1] if last else None)
@@ -193,6 +221,11 @@ class Fitting:
 
         chosen = self.options.segment
         seconds = math.inf if isinstance(chosen, str) else chosen
+        if self.options.method != "joint" and sensors:
+            text = (
+                f"{self.options.method} takes poses alone; the logs have {', '.join(dict(sensors))} as well"
+            )
+            raise ProblemError.about(("calibration", "method"), f"{text}: use joint")
         if self.options.method != "joint":
             length = usual_seconds(layout(math.inf)) if chosen == "auto" else seconds
             return None, self._over_windows(Windows(layout(length), unknowns, offsets))
@@ -206,7 +239,7 @@ class Fitting:
         if options.loss != "linear":
             text = f"loss: {options.loss} bounds single readings, of which windows are made up"
             raise ProblemError.about(("calibration", "loss"), f"{text}; use method: joint")
-        specified = self._specified(windows.layout.logs[0])
+        specified = self._specified(windows.layout.logs[0], windows.layout.quantities)
         if options.method == "gls":
             return WeightedWindows(windows, known, specified, grows=options.noise != "constant").fit()
         return TwoStage(windows, known, specified).fit()
@@ -219,25 +252,32 @@ class Fitting:
             self._known(unknowns),
             self.options.loss,
             grows=self.options.noise == "estimated",
-            specified=self._specified(layout.logs[0]),
+            specified=self._specified(layout.logs[0], layout.quantities),
         )
 
-    def _specified(self, log: Log) -> dict[str, Noise] | None:
+    def _specified(self, log: Log, quantities: Sequence[str]) -> dict[str, Noise] | None:
         # The noise that is not to be estimated.
         if self.options.noise != "stated":
             return None
         specified = specified_noise(self.measurement, log.averaged)
-        missing = [name for name in log.quantities if group_of(name) not in specified]
+        missing = [name for name in quantities if group_of(name) not in specified]
         if missing:
             text = f"the measurement specifies no noise of {', '.join(missing)}; use noise: estimated"
             raise ProblemError.about(("calibration", "noise"), text)
         return specified
 
+    @cached_property
+    def _before(self) -> dict[str, float]:
+        # What is known of the pose sensor's place and of the constants of sensors.
+        own = labelled_nuisances(self.measurement.joint_sensors)
+        known = {one.name: one.deviation or LOOSE_CONSTANT.get(one.unit, LOOSE) for one in own}
+        return known | dict(self._mount.deviations)
+
     def _known(self, unknowns: Unknowns) -> Knowledge:
         count = len(unknowns.parameters)
         loose = LOOSE * unknowns.scale
         for index, name in enumerate(unknowns.place):
-            loose[count + index] = self._mount.deviations.get(name, LOOSE_PLACE)
+            loose[count + index] = self._before.get(name, LOOSE_PLACE)
         loose[unknowns.size - unknowns.clocks :] = LOOSE_CLOCK
         matrix = np.diag(loose**-2)
         if self.prior is not None:

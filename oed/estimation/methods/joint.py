@@ -24,9 +24,17 @@ from oed.estimation.methods.gauss_newton import (
     robust_loss,
 )
 from oed.estimation.prediction.drive_readings import DriveReadings
-from oed.estimation.prediction.layout import SegmentLayout
+from oed.estimation.prediction.layout import SegmentLayout, without_turns
 from oed.estimation.prediction.logged_readings import LoggedReadings
-from oed.estimation.setup.noise import estimated, group_of, groups, jumps, of_readings, places_of
+from oed.estimation.setup.noise import (
+    estimated,
+    group_of,
+    groups,
+    jumps,
+    of_readings,
+    places_of,
+    sensor_noise,
+)
 from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Knowledge, Unknowns, inverse_of_sum
 from oed.foundation.arrays import Array
@@ -36,7 +44,6 @@ CLOSE = 1e-6
 """Change of the unknowns, in units of their size, at which the search has arrived."""
 EXACT = 1e-12
 """The same where readings are simulated, to judge errors by."""
-FULL_TURN = 2 * np.pi
 ROUGH = 0.01
 """Noise that the search begins with [m, rad]."""
 
@@ -95,7 +102,9 @@ class JointSearch:
     def at_first(self) -> _Weighted:
         """Readings in units of the noise that is specified, or that the search begins with."""
         # Only their ratio matters at first: 1 cm to 0.01 rad.
-        rough = dict.fromkeys(groups(self.layout.quantities), Noise(ROUGH))
+        rough = dict.fromkeys(groups(self.layout.quantities), Noise(ROUGH)) | sensor_noise(
+            self.layout.sensors
+        )
         return _Weighted(self, dict(rough if self.specified is None else self.specified))
 
     @cached_property
@@ -109,9 +118,8 @@ class JointSearch:
             self._remembered.clear()
             found, slopes, own = self._predicted.derivatives(values, starts)
             rates = self._predicted.rates(values, starts, found)
-            left = self.layout.readings - found
-            turns = np.rint(left / FULL_TURN) * self._predicted.wrapping
-            self._remembered[key] = _Linearised(left - FULL_TURN * turns, slopes, own, rates)
+            left = without_turns(self.layout.readings - found, self._predicted.wrapping)
+            self._remembered[key] = _Linearised(left, slopes, own, rates)
         return self._remembered[key]
 
     @cached_property
@@ -141,24 +149,30 @@ class _Weighted:
             return np.asarray((drive.whitener @ values.reshape(drive.order.size, -1)).reshape(values.shape))
         further = (1,) * (values.ndim - 3)
         each = [self.noises[group_of(name)].deviation(*rates) for name in layout.quantities]
-        size = np.stack(each, axis=-1)
+        size = np.stack(each, axis=-1) / self._roots
         present = layout.valid.reshape(*layout.valid.shape, *further)
         return np.where(present, values / size.reshape(*size.shape, *further), 0.0)
+
+    @property
+    def _roots(self) -> Array | float:
+        # By how much the noise of a mean of several readings is smaller.
+        return 1.0 if self.search.layout.averaged is None else np.sqrt(self.search.layout.averaged)
 
     def renewed(self, values: Array, starts: Array) -> _Weighted:
         """In units of the noise that residuals show."""
         state, layout = self.fit(values, starts), self.search.layout
         valid, quantities, found = layout.valid, layout.quantities, dict[str, Noise]()
         rates = np.stack([state.speeds, state.yaw_rates])
+        single = state.residuals * self._roots
         for group in groups(quantities):
             own = places_of(group, quantities)
             found[group] = estimated(
-                state.residuals[..., own][valid[..., own]],
+                single[..., own][valid[..., own]],
                 state.redundancy[..., own][valid[..., own]],
                 of_readings(rates, valid[..., own]),
                 robust=self.search.loss != "linear",
                 grows=self.search.grows,
-                jumps=jumps(state.residuals[..., own], rates, valid[..., own]),
+                jumps=jumps(single[..., own], rates, valid[..., own]),
             )
         return replace(self, noises=found)
 

@@ -10,12 +10,14 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from oed.estimation.prediction.layout import SegmentLayout
-from oed.estimation.prediction.segments import Driven, SegmentReadings
+from oed.estimation.prediction.layout import SegmentLayout, cut, without_turns
+from oed.estimation.prediction.localisation import located
+from oed.estimation.prediction.segments import Driven, Labelled, SegmentReadings
 from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.dynamics.system import follows_state
 from oed.robots.models.model import Model
+from oed.robots.sensors.mapped import points_seen
 
 SETTLED = 100.0
 """Time after which a robot follows inputs that are held [s]."""
@@ -29,22 +31,24 @@ class LoggedReadings:
         layout: the segments.
         unknowns: common to them.
         offsets: of the clocks, as far as known, (clocks,) [s].
-        quantities: that are read.
+        quantities: states that are read.
+        sensors: that read beside them.
     """
 
     layout: SegmentLayout
     unknowns: Unknowns
     offsets: Array
     quantities: tuple[str, ...]
+    sensors: Labelled = ()
 
     @classmethod
     def of(cls, layout: SegmentLayout, unknowns: Unknowns, offsets: Array) -> LoggedReadings:
         """Those that the logs hold."""
-        return cls(layout, unknowns, offsets, layout.quantities)
+        return cls(layout, unknowns, offsets, layout.states, layout.sensors)
 
     def reading(self, *quantities: str) -> LoggedReadings:
-        """Other quantities of the same drives."""
-        return replace(self, quantities=quantities)
+        """Other states of the same drives."""
+        return replace(self, quantities=quantities, sensors=())
 
     def __call__(self, values: Array, starts: Array) -> Array:
         """The readings (S, n + 1, quantities), SI, at unknowns (q,) and starts (S, states)."""
@@ -58,24 +62,63 @@ class LoggedReadings:
         (parameters, place, clocks), steps = self.unknowns.parts(values), self.layout.steps
         offsets = self._offsets(clocks)
         inputs = self.layout.inputs(offsets)
-        found, slopes = self._segments.derivatives(Driven(starts, inputs, steps, parameters, place))
+        own = place[: self._constants]
+        found, slopes = self._segments.derivatives(Driven(starts, inputs, steps, parameters, own))
+        found = self._beside_inputs(found, starts, parameters, own)
         columns, size = [self.unknowns.slopes(slopes)], len(parameters)
         if len(clocks):
-            columns.append(self.layout.clock_slopes(partial(self._at, starts, parameters, place), offsets))
+            read = partial(self._at, starts, parameters, place)
+            columns.append(self.layout.clock_slopes(read, offsets, self.wrapping))
         # A copy: a view would keep all columns.
         return found, np.concatenate(columns, axis=-1), slopes[..., size : size + starts.shape[1]].copy()
 
-    @property
+    @cached_property
     def wrapping(self) -> Bools:
-        """Which quantities jump by full turns as they are predicted, (quantities,): no states."""
-        return np.zeros(len(self.quantities), dtype=bool)
+        """Which readings jump by full turns as they are predicted, (quantities,): no states."""
+        width = len(self.quantities) + sum(len(one.entries) for _, one in self.sensors)
+        return np.isin(np.arange(width), self._segments.sensor.wrapping)
 
     def first_starts(self, values: Array) -> Array:
         """Starts (S, states) near enough for a search to begin from, at unknowns (q,)."""
         parameters, place, clocks = self.unknowns.parts(values)
         robot, layout = self.unknowns.robot, self.layout
         further = further_starts(robot, layout, self._offsets(clocks), parameters)
+        points = points_seen([sensor for _, sensor in self.sensors])
+        if len(points) and not {"x", "y"} <= set(layout.states):
+            return self._located(values, points, further)
         return first_starts(robot, layout, partial(self, values), place, further)
+
+    def _located(self, values: Array, points: Array, further: Array) -> Array:
+        # Whole stretches are located; segments begin where these pass.
+        layout = self.layout
+        whole = cut(layout.logs, np.inf, layout.cut_at, layout.sensors)
+        if whole.count == layout.count:
+            begin = np.pad(further, ((0, 0), (3, 0)))
+            misfit, slopes = partial(self._misfit, values), partial(self._misfit_slopes, values)
+            return located(misfit, slopes, begin, points)
+        stretches = replace(self, layout=whole)
+        starts = stretches.first_starts(values)
+        paths = stretches.reading(*self.unknowns.robot.states)(_unplaced(self.unknowns, values), starts)
+        return np.array([_passing(whole, paths, layout, row) for row in range(layout.count)])
+
+    def _misfit(self, values: Array, starts: Array) -> Array:
+        # Residuals in units of the noise specified, (S, K).
+        left = without_turns(self.layout.readings - self(values, starts), self.wrapping)
+        return np.asarray((left * self._weights).reshape(len(starts), -1))
+
+    def _misfit_slopes(self, values: Array, starts: Array) -> Array:
+        # Their derivatives by the starts, (S, K, states).
+        (parameters, place, clocks), steps = self.unknowns.parts(values), self.layout.steps
+        inputs, first = self.layout.inputs(self._offsets(clocks)), len(parameters)
+        driven = Driven(starts, inputs, steps, parameters, place[: self._constants])
+        own = self._segments.derivatives(driven)[1][..., first : first + starts.shape[1]]
+        return np.asarray((-own * self._weights[..., None]).reshape(len(starts), -1, starts.shape[1]))
+
+    @property
+    def _weights(self) -> Array:
+        each = (one.deviations or (1.0,) * len(one.entries) for _, one in self.sensors)
+        sizes = np.concatenate([np.ones(len(self.quantities)), *each])
+        return np.asarray(self.layout.valid / sizes)
 
     def rates(self, values: Array, starts: Array, readings: Array) -> tuple[Array, Array]:
         """Speeds [m/s], 0 where positions are not read, and yaw rates [rad/s] at readings (S, n + 1, k).
@@ -93,16 +136,49 @@ class LoggedReadings:
         return speeds, self.layout.rates(turned)
 
     def _at(self, starts: Array, parameters: Array, place: Array, offsets: Array) -> Array:
-        inputs = self.layout.inputs(offsets)
-        return self._segments(Driven(starts, inputs, self.layout.steps, parameters, place))
+        inputs, own = self.layout.inputs(offsets), place[: self._constants]
+        found = self._segments(Driven(starts, inputs, self.layout.steps, parameters, own))
+        return self._beside_inputs(found, starts, parameters, own)
+
+    def _beside_inputs(self, found: Array, starts: Array, parameters: Array, own: Array) -> Array:
+        # What is read on the inputs' own clock is that of the times which it was put on the grid with.
+        layout, chosen = self.layout, self.layout.beside_inputs if self.sensors else None
+        if chosen is None:
+            return found
+        inputs = layout.inputs(layout.cut_offsets)
+        return np.where(chosen, self._segments(Driven(starts, inputs, layout.steps, parameters, own)), found)
 
     def _offsets(self, clocks: Array) -> Array:
         return self.offsets + clocks if len(clocks) else self.offsets
 
     @cached_property
     def _segments(self) -> SegmentReadings:
-        layout = self.layout
-        return SegmentReadings.logged(self.unknowns.robot, self.quantities, layout.count, layout.periods)
+        layout, robot = self.layout, self.unknowns.robot
+        return SegmentReadings.logged(robot, self.quantities, layout.count, layout.periods, self.sensors)
+
+    @property
+    def _constants(self) -> int:
+        # Without the sensors beside the poses only the pose sensor's own.
+        return len(self._segments.sensor.nuisances)
+
+
+def _unplaced(unknowns: Unknowns, values: Array) -> Array:
+    # The unknowns with a pose sensor at the robot's origin, whose readings are the states themselves.
+    found = values.copy()
+    for place, name in enumerate(unknowns.names):
+        if name in PLACE:
+            found[place] = 0.0
+    return found
+
+
+def _passing(whole: SegmentLayout, paths: Array, layout: SegmentLayout, row: int) -> Array:
+    # The state (states,) in which stretches pass a segment's begin.
+    begin = layout.times[row, 0]
+    among = np.flatnonzero(whole.owner == layout.owner[row])
+    places = [int(np.argmin(np.abs(whole.times[one] - begin))) for one in among]
+    off = [abs(whole.times[one, place] - begin) for one, place in zip(among, places, strict=True)]
+    nearest = int(np.argmin(off))
+    return np.asarray(paths[among[nearest], places[nearest]])
 
 
 def first_starts(
@@ -120,7 +196,7 @@ def first_starts(
         further: states after the pose, where they are not read, (S, states - 3).
     """
     starts = np.pad(further, ((0, 0), (3, 0)))
-    for column, name in enumerate(layout.quantities):
+    for column, name in enumerate(layout.states):
         starts[:, robot.states.index(name)] = layout.first_readings(column)
     if "heading" in layout.quantities:
         starts[:, 2] -= place[2]

@@ -156,6 +156,11 @@ class Ranges(MappedSensor):
         return ("m",) * len(self.beacons)
 
     @property
+    def entries(self) -> tuple[str, ...]:
+        """The beacons' numbers."""
+        return tuple(f"[{label}]" for label in self.labels)
+
+    @property
     def subject(self) -> str:
         """The distances, to beacons at their places."""
         return f"the distances to {self._points}"
