@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,12 +11,16 @@ from pydantic import BeforeValidator
 
 from oed.foundation.errors import Flaw, LogError
 from oed.kernel.dynamics.system import System
+from oed.kernel.measurement.measurement import Measurement
 from oed.logs.drive import to_logs
 from oed.logs.form import LogForm, is_bag
 from oed.logs.log import Log
-from oed.logs.tables.columns import Column, PoseColumns, Short, TimeColumn
+from oed.logs.sensors import labelled, with_sensors
+from oed.logs.series import together
+from oed.logs.tables.columns import Column, MayBeNone, PoseColumns, Short, TimeColumn
 from oed.logs.tables.csv_drives import drives_in
 from oed.logs.tables.input_columns import AnyInputColumn, input_flaws
+from oed.logs.tables.sensor_columns import SensorColumns, sensor_flaws
 from oed.logs.tables.sheet import Wanted, read_sheet
 from oed.logs.tables.table import Delimiter, read_table
 
@@ -32,7 +37,9 @@ class CsvForm(LogForm):
         header: whether the first row has the columns' names; by default it has if it is not all numbers.
         time: column of the times.
         inputs: columns of the robot's inputs by their names; a column of the same name by default.
-        poses: columns of the reference poses.
+        poses: columns of the reference poses; "none" where other sensors say where the robot was.
+        sensors: columns of the study's other sensors, by their names: their kinds, and of a second one of a
+            kind `ranges_2` and so on.
         runs: the column that says which run a row belongs to; "run" by default, where there is one.
         keep: only the poses of rows in which these columns have the value, or lie within [low, high].
     """
@@ -42,13 +49,32 @@ class CsvForm(LogForm):
     header: bool | None = None
     time: Annotated[TimeColumn, Short("column")] = TimeColumn(column="t")
     inputs: dict[str, AnyInputColumn] = {}  # noqa: RUF012
-    poses: PoseColumns = PoseColumns()
+    poses: Annotated[PoseColumns, MayBeNone()] = PoseColumns()
+    sensors: dict[str, Annotated[SensorColumns, Short("column")]] = {}  # noqa: RUF012
     runs: Annotated[Column, Short("column")] | None = None
     keep: Annotated[dict[str, Wanted], BeforeValidator(_names)] = {}  # noqa: RUF012
 
     def flaws(self, model: System) -> list[Flaw]:
         """Inputs and states the robot does not have, units and forms that do not fit."""
-        return [*input_flaws(self.inputs, model), *self.poses.flaws(model)]
+        return [*input_flaws(self.inputs, model), *self.poses.flaws(model, needed=not self.sensors)]
+
+    def sensor_flaws(self, measurement: Measurement | None) -> list[Flaw]:
+        """Sensors that the study has not, numbers of columns and units that do not fit."""
+        return sensor_flaws(self.sensors, labelled(measurement))
+
+    def sensed(self, file: Path, logs: list[Log], measurement: Measurement | None) -> list[Log]:
+        """The drives with what sensors beside the poses read.
+
+        Raises:
+            LogError: every mistake in their columns, each with its line.
+        """
+        if not self.sensors:
+            return logs
+        table, known = read_table(file, self.delimiter, self.header), labelled(measurement)
+        found = together(
+            partial(one.read, name, known[name], table, self) for name, one in self.sensors.items()
+        )
+        return with_sensors(logs, found)
 
     def read(self, file: Path, model: System) -> list[Log]:
         """The drives in a CSV, one for each run.
