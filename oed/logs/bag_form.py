@@ -6,20 +6,23 @@ import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw, LogError
 from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import Input, System
+from oed.kernel.measurement.measurement import Measurement
 from oed.logs.bag import JOINTS, POSES, Bag, Clock, Joints, open_bag, read_joints, read_poses
+from oed.logs.bag_sensors import SensorTopic, topic_flaws
 from oed.logs.drive import RecordedDrive, to_logs
 from oed.logs.form import LogForm, Repeats
 from oed.logs.integrals import Held, Turned, counted, held_integral, on_one_clock
 from oed.logs.log import Finding, Log
+from oed.logs.sensors import labelled, with_sensors
 from oed.logs.series import Series, together
 from oed.logs.tables.columns import Short
 from oed.logs.tables.input_columns import unknown_input
@@ -63,20 +66,32 @@ class PoseTopic(Component):
     held: Repeats = "drop"
 
 
+def _pose_topic(value: Any) -> str:
+    return "none" if value == "none" else "topic"
+
+
+AnyPoseTopic = Annotated[
+    Annotated[Literal["none"], Tag("none")] | Annotated[PoseTopic, Short("topic"), Tag("topic")],
+    Discriminator(_pose_topic),
+]
+
+
 class BagForm(LogForm):
     """Joint states and poses in a ROS 1 or ROS 2 bag.
 
     Attributes:
         joint_states: topic of the wheels' joints; the only one of its type by default.
         inputs: joints of the robot's inputs by their names.
-        poses: topic of the reference.
+        poses: topic of the reference; "none" where other sensors say where the robot was.
+        sensors: topics of the study's other sensors, by their names.
         clock: stamps of the messages' "header", or times at which they were "received".
     """
 
     kind: Literal["rosbag"] = "rosbag"
     joint_states: str | None = None
     inputs: dict[str, Annotated[JointInput, Short("joint")]] = {}  # noqa: RUF012
-    poses: Annotated[PoseTopic, Short("topic")] = PoseTopic()
+    poses: AnyPoseTopic = PoseTopic()
+    sensors: dict[str, Annotated[SensorTopic, Short("topics")]] = {}  # noqa: RUF012
     clock: Clock = "header"
 
     def flaws(self, model: System) -> list[Flaw]:
@@ -86,6 +101,34 @@ class BagForm(LogForm):
             for name in self.inputs
             if name not in model.input_names
         ]
+
+    def sensor_flaws(self, measurement: Measurement | None) -> list[Flaw]:
+        """Sensors that the study has not, numbers of topics and units that do not fit."""
+        nowhere = self.poses == "none" and not self.sensors
+        text = "nothing says where the robot was: name a sensor that does under `sensors`"
+        own = [Flaw(("log", "poses"), text)] if nowhere else []
+        return [*own, *topic_flaws(self.sensors, labelled(measurement))]
+
+    def sensed(self, file: Path, logs: list[Log], measurement: Measurement | None) -> list[Log]:
+        """The drive with what sensors beside the poses read.
+
+        Args:
+            file: that was read.
+            logs: the drives in it.
+            measurement: the study's.
+
+        Raises:
+            LogError: topics that are not there, readings that cannot be the sensors'.
+        """
+        if not self.sensors:
+            return logs
+        known, skip = labelled(measurement), self.skip_invalid_rows
+        with open_bag(file) as bag:
+            found = together(
+                partial(one.read, name, known[name], bag, self.clock, skip=skip)
+                for name, one in self.sensors.items()
+            )
+        return with_sensors(logs, found)
 
     def read(self, file: Path, model: System) -> list[Log]:
         """The drive in a bag.
@@ -97,9 +140,11 @@ class BagForm(LogForm):
         with open_bag(file) as bag:
             inputs, poses = together([lambda: self._inputs(bag, model), lambda: self._poses(bag)])
         drive = self._drive(file, model, inputs, poses)
-        return to_logs([drive], self, self.poses.held)
+        return to_logs([drive], self, "keep" if self.poses == "none" else self.poses.held)
 
-    def _poses(self, bag: Bag) -> Series:
+    def _poses(self, bag: Bag) -> Series | None:
+        if self.poses == "none":
+            return None
         topic = bag.topic(self.poses.topic, POSES, "poses")
         frames = self.poses.frame, self.poses.child
         return read_poses(bag, topic, self.clock, *frames, skip=self.skip_invalid_rows)
@@ -133,7 +178,7 @@ class BagForm(LogForm):
         return series, turned
 
     def _drive(
-        self, file: Path, model: System, inputs: list[tuple[Series, Turned]], poses: Series
+        self, file: Path, model: System, inputs: list[tuple[Series, Turned]], poses: Series | None
     ) -> RecordedDrive:
         times, values = on_one_clock([(series.times, turned.integral) for series, turned in inputs])
         if not len(times):
@@ -152,8 +197,9 @@ class BagForm(LogForm):
             name=file.stem,
             names=model.input_names,
             inputs=integrals,
-            poses=poses,
-            quantities=QUANTITIES,
+            # Without poses the times alone, until those of other sensors are known.
+            poses=integrals.with_values(np.zeros((len(times), 0))) if poses is None else poses,
+            quantities=() if poses is None else QUANTITIES,
             driving=np.array([entry.drives for entry in model.inputs]),
             bridged=np.array([turned.bridges for _, turned in inputs]),
             one_clock=False,

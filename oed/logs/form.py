@@ -65,6 +65,11 @@ class LogForm(Component, ABC):
     def sensed(self, file: Path, logs: list[Log], measurement: Measurement | None) -> list[Log]:
         """The drives in a file with what sensors beside the poses read.
 
+        Args:
+            file: that was read.
+            logs: the drives in it.
+            measurement: the study's.
+
         Raises:
             LogError: every mistake in their readings, each with its line.
         """

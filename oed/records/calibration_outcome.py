@@ -237,21 +237,25 @@ def _path(name: str, role: str, before: DeadReckoning, after: DeadReckoning) -> 
 
 
 def _residuals(found: Calibration) -> list[Residuals]:
+    # Of a pose quantity by quantity; of other sensors all readings of a kind together, of whatever point.
     fit, layout = found.fit, found.fit.layout
+    shown = list(dict.fromkeys([*layout.states, *map(group_of, layout.quantities[len(layout.states) :])]))
     entries = []
     every = max(1, -(-int(layout.valid.sum(axis=(0, 1)).max()) // RESIDUALS))
     for number, log in enumerate(layout.logs):
         own = layout.owner == number
-        for place, quantity in enumerate(layout.quantities):
-            valid = layout.valid[own][..., place]
+        for name in shown:
+            places = [place for place, one in enumerate(layout.quantities) if name in (one, group_of(one))]
+            rows, columns = np.nonzero(layout.valid[own][..., places].reshape(-1, len(places)))
+            rows, columns = rows[::every], columns[::every]
             one = Residuals.of(
                 log=log.name,
-                quantity=quantity,
-                unit=_unit_of(found, group_of(quantity)),
-                t=layout.times[own][valid][::every] - log.pose_times[0],
-                value=fit.residuals[own][..., place][valid][::every],
-                speed=fit.speeds[own][valid][::every],
-                yaw_rate=fit.yaw_rates[own][valid][::every],
+                quantity=name,
+                unit=_unit_of(found, group_of(name)),
+                t=layout.times[own][:, : layout.valid.shape[1]].ravel()[rows] - log.pose_times[0],
+                value=fit.residuals[own][..., places].reshape(-1, len(places))[rows, columns],
+                speed=fit.speeds[own].ravel()[rows],
+                yaw_rate=fit.yaw_rates[own].ravel()[rows],
             )
             entries.append(one)
     return entries

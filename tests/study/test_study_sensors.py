@@ -92,7 +92,7 @@ BROKEN_SENSORS = {
         "kind: gyroscope",
         "- kind: gyroscope",
         "measurement.1.kind",
-        "expected 'poses', 'ranges', 'yaw_rate', 'trailer_angle', 'python', got 'gyroscope'",
+        "'landmarks', 'tags', 'yaw_rate', 'trailer_angle', 'python', got 'gyroscope'",
     ),
     "no sensor": (
         "kind: yaw_rate",

@@ -14,11 +14,11 @@ from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw, LogError
 from oed.foundation.files import no_such_file
-from oed.foundation.quantities import plain_number
 from oed.foundation.text import count, listing
 from oed.kernel.measurement.sensor import Sensor
+from oed.logs.points import ROWS, gathered, quantities_of, units_of
 from oed.logs.sensors import Clock, Sensed, checked, default_clock, name_flaws
-from oed.logs.series import NotInLog, Rows, Series, together
+from oed.logs.series import NotInLog, Series, together
 from oed.logs.tables.columns import ColumnPlace, PoseColumn, Short, TimeColumn, unit_factor, unit_reason
 from oed.logs.tables.table import Delimiter, Table, read_table
 
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from oed.logs.tables.csv_form import CsvForm
 
 RUN = "run"
-ROWS = ("range", "bearing", "orientation")
-"""What rows of one point each may have."""
 
 
 def _as_list(value: Any) -> Any:
@@ -77,7 +75,7 @@ class SensorColumns(Component):
     def flaws(self, name: str, sensor: Sensor) -> list[Flaw]:
         """Numbers of columns and units that do not fit the sensor."""
         key, flaws = ("log", "sensors", name), []
-        quantities = _quantities(sensor)
+        quantities = quantities_of(sensor)
         if self.id is not None:
             given = [one for one in ROWS if getattr(self, one) is not None]
             strangers = [one for one in given if one not in quantities]
@@ -91,7 +89,7 @@ class SensorColumns(Component):
             text = f"expected {count(len(sensor.entries), 'column')} ({wanted}), got {len(self.columns)}"
             hint = "; or `id`, for rows of one each" if len(sensor.entries) > 1 else ""
             flaws.append(Flaw((*key, "columns"), f"{text}{hint}"))
-        for column, unit in zip(self._columns(sensor), _units(sensor, self.id is not None), strict=False):
+        for column, unit in zip(self._columns(sensor), units_of(sensor, self.id is not None), strict=False):
             reason = unit_reason(column.unit or self.unit, unit)
             if reason:
                 flaws.append(Flaw((*key, "unit"), reason))
@@ -105,7 +103,7 @@ class SensorColumns(Component):
         """
         table, key = self._table(Path(log.file), log), ("sensors", name)
         time, where = (form.time, ("time",)) if self.time is None else (self.time, (*key, "time"))
-        columns, units = self._columns(sensor), _units(sensor, self.id is not None)
+        columns, units = self._columns(sensor), units_of(sensor, self.id is not None)
         times, *values = together(
             partial(_numbers, table, column, place, form.skip_invalid_rows)
             for column, place in [(time, where), *((one, (*key, self._key(one))) for one in columns)]
@@ -116,7 +114,7 @@ class SensorColumns(Component):
         series, runs = Series(table.file, clock, time.factor * times, rows, table.lines), _runs(table, form)
         if self.id is not None:
             ids = table.texts(table.place(self.id, *key, "id"))
-            series, runs = _gathered(series, ids, runs, name, sensor)
+            series, runs = gathered(series, ids, runs, name, sensor)
         kept = np.isfinite(series.times)
         labels = None if runs is None else tuple(np.array(runs)[kept].tolist())
         chosen: Clock = self.clock or default_clock(sensor)
@@ -136,28 +134,8 @@ class SensorColumns(Component):
     def _columns(self, sensor: Sensor) -> tuple[PoseColumn, ...]:
         if self.id is None or self.columns:
             return self.columns
-        wanted = [one for one in ROWS if one in _quantities(sensor)] or ["range"]
+        wanted = [one for one in ROWS if one in quantities_of(sensor)] or ["range"]
         return tuple(getattr(self, one) or PoseColumn(column=one) for one in wanted)
-
-
-def _quantities(sensor: Sensor) -> tuple[str, ...]:
-    # What is read of each point: range and bearing, or () of a sensor that has no name for it.
-    found = dict.fromkeys(entry.partition("[")[0].removeprefix(".") for entry in sensor.entries)
-    return tuple(name for name in found if name) or ("range",)
-
-
-def _units(sensor: Sensor, by_id: bool) -> list[str]:
-    if not by_id:
-        return list(sensor.units)
-    table = dict(zip(_split(sensor), sensor.units, strict=True))
-    first = next(iter(table))[1]
-    return [table[one, first] for one in sorted(_quantities(sensor), key=ROWS.index)]
-
-
-def _split(sensor: Sensor) -> list[tuple[str, str]]:
-    # Of every entry its quantity and which point: `.range[7]`, `[2]`.
-    parts = (entry.rstrip("]").partition("[") for entry in sensor.entries)
-    return [(quantity.removeprefix(".") or "range", which) for quantity, _, which in parts]
 
 
 def _numbers(table: Table, column: Any, key: Sequence[str], skip: bool) -> Array:
@@ -170,55 +148,6 @@ def _numbers(table: Table, column: Any, key: Sequence[str], skip: bool) -> Array
 def _runs(table: Table, form: CsvForm) -> list[str] | None:
     column = RUN if form.runs is None else form.runs.column
     return table.texts(table.place(column, "runs", "column")) if column in table.header else None
-
-
-def _gathered(
-    series: Series, ids: Sequence[str], runs: Sequence[str] | None, name: str, sensor: Sensor
-) -> tuple[Series, list[str] | None]:
-    # Rows of one point each, those of one time together.
-    split = _split(sensor)
-    quantities = sorted({one for one, _ in split}, key=ROWS.index)
-    places = {pair: place for place, pair in enumerate(split)}
-    known = list(dict.fromkeys(which for _, which in split))
-    labels = [_plain(one) for one in ids]
-    filled = np.isfinite(series.values).any(axis=1) & np.isfinite(series.times)
-    flaws = [
-        series.flaw(row, "id", f"{name} has no id {labels[row]!r}; the study has {listing(known)}")
-        for row in np.flatnonzero(filled).tolist()
-        if labels[row] not in known
-    ]
-    if flaws:
-        raise LogError(flaws)
-    kept = np.flatnonzero(filled)
-    groups = _together(series.times[kept], None if runs is None else np.array(runs)[kept])
-    values = np.full((groups[-1] + 1 if len(kept) else 0, len(split)), np.nan)
-    for group, row in zip(groups.tolist(), kept.tolist(), strict=True):
-        for column, quantity in enumerate(quantities):
-            place = places[quantity, labels[row]]
-            if np.isfinite(values[group, place]):
-                flaws.append(
-                    series.flaw(row, "id", f"{labels[row]} is read a second time at {series.at(row)}")
-                )
-            values[group, place] = series.values[row, column]
-    if flaws:
-        raise LogError(flaws)
-    first = kept[np.unique(groups, return_index=True)[1]] if len(kept) else kept
-    gathered = series.rows(first).with_values(values)
-    return gathered, None if runs is None else [runs[row] for row in first]
-
-
-def _together(times: Array, runs: Any) -> Rows:
-    # The number of each row's time, as they follow each other.
-    new = np.diff(times) != 0
-    if runs is not None:
-        new |= runs[1:] != runs[:-1]
-    return np.concatenate([[0], np.cumsum(new)]).astype(np.intp) if len(times) else np.zeros(0, dtype=np.intp)
-
-
-def _plain(text: str) -> str:
-    # Numbers without a fraction as the study has them.
-    value = plain_number(text)
-    return str(int(value)) if value is not None and value == int(value) else text.strip()
 
 
 def sensor_flaws(columns: Mapping[str, SensorColumns], sensors: dict[str, Sensor]) -> list[Flaw]:
