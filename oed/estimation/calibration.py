@@ -22,7 +22,7 @@ from oed.estimation.assessment.model_selection import Comparison, ModelSelection
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting, Segmenting
 from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess, thinned, thinning_notes
-from oed.estimation.setup.noise import specified_noise
+from oed.estimation.setup.noise import groups, places_of, specified_noise
 from oed.estimation.setup.options import CalibrationOptions, alternative_flaws
 from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
@@ -40,6 +40,8 @@ TOO_SHORT = (
 )
 ODD_WHEEL = 0.3
 """Change of a wheel's radius that looks like a mistake."""
+ODD_POINT = 3.0
+"""How many times as far off as others a landmark is that looks like a mistake."""
 CLOCKS_APART = 0.1
 """Offset of two clocks that is worth a warning [s]."""
 
@@ -184,7 +186,7 @@ class _Work:
         covariances = self._covariances(fit, segmenting)
         if len(covariances) == 1 and (fit.motions or (segmenting is not None and segmenting.drifts)):
             notes.append(TOO_SHORT)
-        notes += _odd_wheels(fit)
+        notes += [*_odd_wheels(fit), *_odd_points(fit)]
         self.announce("checks")
         logs = _with_clocks(found.logs, fit)
         alone = len(logs) == 1 and _has_positions(logs)
@@ -277,6 +279,24 @@ def _odd_wheels(fit: Fit) -> list[str]:
         for name, change in changes.items()
         if abs(change) > ODD_WHEEL
     ]
+
+
+def _odd_points(fit: Fit) -> list[str]:
+    # A landmark that stands elsewhere than the study has it, or another one of that id.
+    quantities, notes = fit.layout.quantities, list[str]()
+    for group in groups(quantities):
+        own = [place for place in places_of(group, quantities) if quantities[place].endswith("]")]
+        left = np.where(fit.layout.valid, fit.residuals, 0.0)[..., own]
+        counts = fit.layout.valid[..., own].sum(axis=(0, 1))
+        sizes = np.sqrt((left**2).sum(axis=(0, 1)) / np.maximum(counts, 1))
+        usual = float(np.median(sizes[sizes > 0])) if np.count_nonzero(sizes) > 2 else np.inf
+        notes += [
+            f"{quantities[place]} is {size / usual:.0f} times as far off as others of its kind: is its place "
+            "in the study right, and is it the one of that id?"
+            for place, size in zip(own, sizes, strict=True)
+            if size > ODD_POINT * usual
+        ]
+    return notes
 
 
 def _has_positions(logs: Sequence[Log]) -> bool:

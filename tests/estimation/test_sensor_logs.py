@@ -187,7 +187,7 @@ def errors(found: Calibration, twin: Twin) -> dict[str, float]:
 )
 def test_estimates_are_the_truth_within_their_errors(name: str):
     twin = TWINS[name]
-    seconds, period = (12.0, 0.05) if name == "positions and a gyro" else (20.0, 0.02)
+    seconds, period = (10.0, 0.05) if name == "positions and a gyro" else (20.0, 0.02)
     found = calibrated(twin, twin.log(course(seconds=seconds, period=period, seed=3), 3))
     off = errors(found, twin)
     assert set(off) == {*TRUTH, *twin.truth}
@@ -265,3 +265,16 @@ def test_readings_go_from_clock_to_clock():
     np.testing.assert_allclose(read.on("inputs", 0.5), read.times)
     np.testing.assert_allclose(replace(read, clock="poses").on("inputs", 0.5), [0.5, 1.5, 2.5])
     np.testing.assert_allclose(read.integrals_at(np.array([0.5, 2.0])), [[0.5], [2.0]])
+
+
+def test_a_landmark_elsewhere_than_the_study_has_it_is_named():
+    drive = course(seconds=8.0, period=0.1, seed=3)
+    wrong = [*PLACES[:3], (PLACES[3][0] + 0.6, PLACES[3][1])]
+    twin = Twin((Landmarks(landmarks=wrong, ids=(7, 8, 9, 12), noise=SIGHT),), lambda *_: None, {})
+    rows = np.arange(0, 80, 2)
+    log = with_sensors(
+        drive, sighted(drive, "landmarks", "rb", PLACES, noise=[0.02, 0.01], rows=rows), poses=False
+    )
+    notes = calibrated(twin, log, noise="stated", loss="huber").notes
+    assert any(note.startswith("landmarks.range[12] is") and "place in the study" in note for note in notes)
+    assert not any("[8]" in note for note in notes)
