@@ -94,31 +94,31 @@ class LoggedReadings:
         whole = cut(layout.logs, np.inf, layout.cut_at, layout.sensors)
         if whole.count == layout.count:
             begin = np.pad(further, ((0, 0), (3, 0)))
-            misfit, slopes = partial(self._misfit, values), partial(self._misfit_slopes, values)
-            return located(misfit, slopes, begin, points)
+            return located(*self._misfit(values), begin, points)
         stretches = replace(self, layout=whole)
         starts = stretches.first_starts(values)
         paths = stretches.reading(*self.unknowns.robot.states)(_unplaced(self.unknowns, values), starts)
         return np.array([_passing(whole, paths, layout, row) for row in range(layout.count)])
 
-    def _misfit(self, values: Array, starts: Array) -> Array:
-        # Residuals in units of the noise specified, (S, K).
-        left = without_turns(self.layout.readings - self(values, starts), self.wrapping)
-        return np.asarray((left * self._weights).reshape(len(starts), -1))
-
-    def _misfit_slopes(self, values: Array, starts: Array) -> Array:
-        # Their derivatives by the starts, (S, K, states).
-        (parameters, place, clocks), steps = self.unknowns.parts(values), self.layout.steps
-        inputs, first = self.layout.inputs(self._offsets(clocks)), len(parameters)
-        driven = Driven(starts, inputs, steps, parameters, place[: self._constants])
-        own = self._segments.derivatives(driven)[1][..., first : first + starts.shape[1]]
-        return np.asarray((-own * self._weights[..., None]).reshape(len(starts), -1, starts.shape[1]))
-
-    @property
-    def _weights(self) -> Array:
+    def _misfit(self, values: Array) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+        # Residuals in units of the noise specified, (S, K), by the starts, and their slopes, (S, K, states).
+        (parameters, place, clocks), layout = self.unknowns.parts(values), self.layout
+        inputs, first, count = layout.inputs(self._offsets(clocks)), len(parameters), layout.count
         each = (one.deviations or (1.0,) * len(one.entries) for _, one in self.sensors)
-        sizes = np.concatenate([np.ones(len(self.quantities)), *each])
-        return np.asarray(self.layout.valid / sizes)
+        weights = layout.valid / np.concatenate([np.ones(len(self.quantities)), *each])
+
+        def driven(starts: Array) -> Driven:
+            return Driven(starts, inputs, layout.steps, parameters, place[: self._constants])
+
+        def residuals(starts: Array) -> Array:
+            left = without_turns(layout.readings - self._segments(driven(starts)), self.wrapping)
+            return np.asarray((left * weights).reshape(count, -1))
+
+        def slopes(starts: Array) -> Array:
+            own = self._segments.derivatives(driven(starts))[1][..., first : first + starts.shape[1]]
+            return np.asarray((-own * weights[..., None]).reshape(count, -1, starts.shape[1]))
+
+        return residuals, slopes
 
     def rates(self, values: Array, starts: Array, readings: Array) -> tuple[Array, Array]:
         """Speeds [m/s], 0 where positions are not read, and yaw rates [rad/s] at readings (S, n + 1, k).
@@ -156,7 +156,7 @@ class LoggedReadings:
         layout, robot = self.layout, self.unknowns.robot
         return SegmentReadings.logged(robot, self.quantities, layout.count, layout.periods, self.sensors)
 
-    @property
+    @cached_property
     def _constants(self) -> int:
         # Without the sensors beside the poses only the pose sensor's own.
         return len(self._segments.sensor.nuisances)
