@@ -12,7 +12,7 @@ from pydantic import BeforeValidator
 from oed.foundation.component import OneOf
 from oed.logs.bag_form import BagForm
 from oed.logs.form import LogForm, read_logs
-from oed.logs.log import Finding, Log
+from oed.logs.log import Finding, Log, SensorReadings
 from oed.logs.series import NotInLog
 from oed.logs.tables.csv_form import CsvForm
 
@@ -35,5 +35,6 @@ __all__ = [
     "Log",
     "LogForm",
     "NotInLog",
+    "SensorReadings",
     "read_logs",
 ]

@@ -278,3 +278,18 @@ def test_a_landmark_elsewhere_than_the_study_has_it_is_named():
     notes = calibrated(twin, log, noise="stated", loss="huber").notes
     assert any(note.startswith("landmarks.range[12] is") and "place in the study" in note for note in notes)
     assert not any("[8]" in note for note in notes)
+
+
+@pytest.mark.slow
+def test_a_map_that_nobody_knows_is_in_the_frame_of_its_first_landmarks():
+    twin = TWINS["landmarks of unknown place"]
+    found = calibrated(twin, twin.log(course(seconds=8.0, period=0.1, seed=3), 3), noise="stated")
+    unknowns = found.fit.unknowns
+    values = dict(zip(unknowns.names, found.fit.values, strict=True))
+    sizes = dict(zip(unknowns.names, found.covariances[0].deviations, strict=True))
+    map_ = np.array([[values[f"landmarks.landmark_{one}.{axis}"] for axis in "xy"] for one in range(1, 5)])
+    np.testing.assert_allclose(map_[0], ROUGH[0], atol=1e-2)
+    apart = np.linalg.norm(map_[:, None] - map_[None], axis=-1)
+    true = np.linalg.norm(np.array(PLACES)[:, None] - np.array(PLACES)[None], axis=-1)
+    np.testing.assert_allclose(apart, true, atol=0.05)
+    assert max(size for name, size in sizes.items() if "landmark_" in name) < 0.05

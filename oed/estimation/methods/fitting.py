@@ -26,11 +26,13 @@ from oed.estimation.setup.unknowns import PLACE, UNITS, Knowledge, Unknowns, spe
 from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.measurement.measurement import Measurement
-from oed.kernel.measurement.sensor import labelled_nuisances, sensor_labels
+from oed.kernel.measurement.sensor import FRAME, Sensor, labelled_nuisances, sensor_labels
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.logs.log import Log
 from oed.robots.models.model import Model
 from oed.robots.sensors.logged import Mount, Noise
+from oed.robots.sensors.mapped import MappedSensor
+from oed.robots.sensors.placed import PlacedSensor
 
 LOOSE = 1.0
 """Standard deviation that parameters are given before the logs, relative to their sizes: it keeps the
@@ -198,14 +200,8 @@ class Fitting:
         read = {one.sensor for log in prepared.logs for one in log.sensors}
         late = self.options.clock_offset and not prepared.logs[0].quantities
         every = self.measurement.joint_sensors
-        return tuple(
-            (
-                label,
-                sensor.model_copy(update={"latency": "known"} if late and hasattr(sensor, "latency") else {}),
-            )
-            for label, sensor in zip(sensor_labels(every), every, strict=True)
-            if label in read
-        )
+        known = zip(sensor_labels(every), every, strict=True)
+        return tuple((label, _punctual(one) if late else one) for label, one in known if label in read)
 
     def _solved(self, prepared: PreparedLogs, unknowns: Unknowns) -> tuple[Segmenting | None, Fit]:
         logs, offsets, sensors = prepared.logs, prepared.offsets, self.sensors(prepared)
@@ -235,7 +231,7 @@ class Fitting:
         return None, fit(layout(seconds))
 
     def _over_windows(self, windows: Windows) -> Fit:
-        options, known = self.options, self._known(windows.unknowns)
+        options, known = self.options, self._known(windows.unknowns, windows.layout)
         if options.loss != "linear":
             text = f"loss: {options.loss} bounds single readings, of which windows are made up"
             raise ProblemError.about(("calibration", "loss"), f"{text}; use method: joint")
@@ -249,7 +245,7 @@ class Fitting:
             layout,
             unknowns,
             offsets,
-            self._known(unknowns),
+            self._known(unknowns, layout),
             self.options.loss,
             grows=self.options.noise == "estimated",
             specified=self._specified(layout.logs[0], layout.quantities),
@@ -273,16 +269,31 @@ class Fitting:
         known = {one.name: one.deviation or LOOSE_CONSTANT.get(one.unit, LOOSE) for one in own}
         return known | dict(self._mount.deviations)
 
-    def _known(self, unknowns: Unknowns) -> Knowledge:
-        count = len(unknowns.parameters)
+    def _known(self, unknowns: Unknowns, layout: SegmentLayout) -> Knowledge:
+        count, known = len(unknowns.parameters), self._before | _frame_of(layout)
         loose = LOOSE * unknowns.scale
         for index, name in enumerate(unknowns.place):
-            loose[count + index] = self._before.get(name, LOOSE_PLACE)
+            loose[count + index] = known.get(name, LOOSE_PLACE)
         loose[unknowns.size - unknowns.clocks :] = LOOSE_CLOCK
         matrix = np.diag(loose**-2)
         if self.prior is not None:
             matrix[:count, :count] += self.prior
         return Knowledge(matrix, unknowns.nominal)
+
+
+def _punctual(sensor: Sensor) -> Sensor:
+    # Without a latency of its own.
+    return sensor.model_copy(update={"latency": "known"}) if isinstance(sensor, PlacedSensor) else sensor
+
+
+def _frame_of(layout: SegmentLayout) -> dict[str, float]:
+    # What defines the frame where no position and no known point does: some of the first map.
+    placed = [(label, sensor) for label, sensor in layout.sensors if sensor.start_known is not None]
+    free = [(label, sensor) for label, sensor in placed if sensor.gauge and isinstance(sensor, MappedSensor)]
+    if not free or len(free) < len(placed) or {"x", "y"} <= set(layout.states):
+        return {}
+    label, sensor = free[0]
+    return {f"{label}.{name}": FRAME for name in sensor.frame}
 
 
 def _observable_places(quantities: Sequence[str]) -> tuple[str, ...]:
