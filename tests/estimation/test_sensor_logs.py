@@ -13,6 +13,7 @@ from simulated import ROBOT, TRUTH, Course, course
 
 from oed.estimation import Calibration, CalibrationOptions, calibrate
 from oed.estimation.prediction.grids import grid_of
+from oed.estimation.prediction.layout import cut
 from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.measurement.sensor import Sensor
 from oed.logs.log import Log, SensorReadings
@@ -234,6 +235,16 @@ def test_a_slow_gyro_counts_once():
     grid = grid_of(log, (("yaw_rate", YawRate(noise=0.01)),), 0.0)
     assert grid.valid[:, -1].sum() == 12
     assert set(grid.averaged[grid.valid[:, -1], -1]) == {1.0}
+
+
+def test_wheels_carry_a_drive_through_a_time_in_which_nothing_is_seen():
+    drive = course(seconds=12.0, period=0.1)
+    rows = np.concatenate([np.arange(0, 40, 2), np.arange(70, 120, 2)])
+    seen = sighted(drive, "landmarks", "rb", PLACES, noise=[0.02, 0.01], rows=rows)
+    log = with_sensors(drive, seen, poses=False)
+    sensors = (("landmarks", Landmarks(landmarks=PLACES, noise=SIGHT)),)
+    assert cut([log], np.inf, [0.0], sensors).count == 1
+    assert cut([replace(log, gap=1.0)], np.inf, [0.0], sensors).count == 2
 
 
 def test_a_sensor_that_logs_lack_is_named():

@@ -14,6 +14,8 @@ TOGETHER = 1e-6
 """Times that differ by less are one [s]: stamps are rounded so."""
 LONGEST = 0.1
 """Longest step of a grid, but for gaps [s]: robots hardly change their motion within it."""
+BRIDGED = 10.0
+"""Longest time in which nothing is read and the wheels carry on [s]."""
 GAP = 5.0
 """How many times the usual period a step in time has to be to count as a gap."""
 
@@ -75,9 +77,8 @@ def _merged(times: Array) -> Array:
 
 
 def _finer(times: Array, gap: float | None) -> Array:
-    # With further times in long steps that are no gaps: inputs change within them.
-    steps = np.diff(times)
-    longest = GAP * float(np.median(steps)) if gap is None and len(steps) else gap or 0.0
+    # With further times in long steps that are no gaps: inputs change within them, and carry the drive on.
+    steps, longest = np.diff(times), BRIDGED if gap is None else gap
     parts = np.where(steps <= longest, np.ceil(steps / LONGEST - TOGETHER), 1).astype(int).clip(1)
     first = np.concatenate([[0], np.cumsum(parts)])
     return np.asarray(np.interp(np.arange(first[-1] + 1), first, times))
