@@ -134,8 +134,9 @@ def with_sensors(logs: Sequence[Log], found: Sequence[Sensed]) -> list[Log]:
 
 
 def _during(log: Log, one: Sensed) -> SensorReadings:
-    times = log.input_times if one.clock == "inputs" or not log.quantities else log.pose_times
-    own = (one.series.times >= times[0] - MARGIN) & (one.series.times <= times[-1] + MARGIN)
+    clocks = [log.input_times, *([log.pose_times] if one.clock == "poses" else [])]
+    inside = [(one.series.times >= at[0] - MARGIN) & (one.series.times <= at[-1] + MARGIN) for at in clocks]
+    own = np.any(inside, axis=0)
     if one.runs is not None:
         stem = Path(log.file).stem
         own &= np.array([log.name.startswith(f"{stem}[{run}]") for run in one.runs])

@@ -229,6 +229,18 @@ def test_means_of_a_gyro_over_periods_are_exact_angles():
     assert set(log.pose_times) <= set(grid.times)
 
 
+def test_a_gyro_that_pauses_says_nothing_of_its_pause():
+    drive = course(seconds=6.0, period=0.02)
+    whole = gyro(drive)
+    heard = (whole.times < 2.03) | (whole.times > 3.05)
+    paused = replace(whole, times=whole.times[heard], values=whole.values[heard])
+    log = with_sensors(drive, paused, rows=np.arange(0, 301, 10))
+    grid = grid_of(log, (("yaw_rate", YawRate(noise=0.01)),), 0.0)
+    silent = (grid.times > 1.95) & (grid.times < 3.05)
+    assert not grid.valid[silent, -1].any()
+    assert grid.valid[~silent, -1].sum() > 40
+
+
 def test_a_slow_gyro_counts_once():
     drive = course(seconds=6.0, period=0.02)
     log = with_sensors(drive, gyro(drive, every=25), rows=np.arange(0, 300, 2))

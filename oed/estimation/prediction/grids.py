@@ -14,6 +14,8 @@ TOGETHER = 1e-6
 """Times that differ by less are one [s]: stamps are rounded so."""
 LONGEST = 0.1
 """Longest step of a grid, but for gaps [s]: robots hardly change their motion within it."""
+LEAST = 0.5
+"""Share of a period's readings that there have to be for a mean."""
 BRIDGED = 10.0
 """Longest time in which nothing is read and the wheels carry on [s]."""
 GAP = 5.0
@@ -106,6 +108,9 @@ def _in_periods(read: SensorReadings, grid: Array, offset: float) -> tuple[Array
     many = np.diff(inside)
     # Of a period that begins or ends outside of the readings the mean is not known, of a moment in it is.
     covered = (many == 1) | ((marks[:-1] >= edges[0]) & (marks[1:] <= edges[-1]))
+    # Nor is that of one in which most readings are missing.
+    usual = float(np.median(np.diff(edges))) if len(edges) > 1 else np.inf
+    covered &= many * usual >= LEAST * np.diff(grid)
     integral = np.diff(read.integrals_at(marks), axis=0) / np.diff(grid)[:, None]
     alone = read.values[np.minimum(inside[:-1], len(edges) - 1)]
     found[:-1] = np.where(many[:, None] > 1, integral, alone)
