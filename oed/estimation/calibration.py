@@ -21,6 +21,7 @@ from oed.estimation.assessment.dead_reckoning import HeldOut, cross_validated, h
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
 from oed.estimation.assessment.doubts import Doubt, plausibility_doubts
 from oed.estimation.assessment.drift import drift
+from oed.estimation.assessment.further_sensors import odd_points, unread
 from oed.estimation.assessment.input_noise import Dilution, dilution_doubts, dilution_of
 from oed.estimation.assessment.model_selection import Comparison, ModelSelection
 from oed.estimation.methods.drift_rates import DriftRates, drift_rates
@@ -202,6 +203,7 @@ class _Work:
         fitted = self._fitting.fitted(found)
         segmenting, fit = fitted.segmenting, fitted.fit
         notes = [*thinning_notes(self.logs, found.logs), *fitted.notes]
+        notes += unread(self.problem.measurement, found.logs)
         self.announce("error bars")
         rates = _drift_of(fit)
         covariances = self._covariances(fit, segmenting, rates)
@@ -213,6 +215,7 @@ class _Work:
             covariances = (replace(chosen, matrix=dilution.widened(chosen.matrix)), *others)
         if len(covariances) == 1 and not fit.correlated:
             notes.append(TOO_SHORT)
+        notes += odd_points(fit)
         if rates is not None and covariances[0].name == "drift":
             notes.append(rates.words)
         notes += [ITSELF_DRIFTING] if found.relative else []

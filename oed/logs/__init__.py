@@ -13,7 +13,7 @@ from oed.foundation.component import OneOf
 from oed.logs.bag_form import BagForm
 from oed.logs.form import LogForm, read_logs
 from oed.logs.hold_out import last_held_out
-from oed.logs.log import Finding, Log
+from oed.logs.log import Finding, Log, SensorReadings
 from oed.logs.series import NotInLog
 from oed.logs.tables.csv_form import CsvForm
 from oed.logs.tuple_form import TupleForm
@@ -37,6 +37,7 @@ __all__ = [
     "Log",
     "LogForm",
     "NotInLog",
+    "SensorReadings",
     "TupleForm",
     "last_held_out",
     "read_logs",

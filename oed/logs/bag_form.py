@@ -3,24 +3,39 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Discriminator, Tag
 
 from oed.foundation.errors import Flaw, LogError
 from oed.kernel.dynamics.system import System
+from oed.kernel.measurement.measurement import Measurement
 from oed.logs.bag import JOINTS, POSES, Bag, Clock, open_bag
 from oed.logs.bag_inputs import AnyBagInputs, OdometryTopic, meant
 from oed.logs.bag_poses import PoseTopic
 from oed.logs.bag_reading import BagReading, Reading
+from oed.logs.bag_sensors import SensorTopic, topic_flaws, usual_type
 from oed.logs.drive import RecordedDrive, to_logs
 from oed.logs.form import LogForm
 from oed.logs.integrals import on_one_clock
 from oed.logs.log import Finding, Log
+from oed.logs.sensors import labelled, with_sensors
 from oed.logs.series import Series, together
 from oed.logs.tables.columns import Short
 from oed.logs.tables.input_columns import unknown_input
+
+
+def _pose_topic(value: Any) -> str:
+    return "none" if value == "none" else "topic"
+
+
+AnyPoseTopic = Annotated[
+    Annotated[Literal["none"], Tag("none")] | Annotated[PoseTopic, Short("topic"), Tag("topic")],
+    Discriminator(_pose_topic),
+]
 
 
 class BagForm(LogForm):
@@ -32,7 +47,8 @@ class BagForm(LogForm):
             the twist of Odometry), or of a car's speed and steering (AckermannDrive, stamped or not); by
             default the only one that fits, where these are not joints'.
         inputs: joints or fields of the robot's inputs by their names; or the poses of odometry.
-        poses: topic of the reference.
+        poses: topic of the reference; "none" where other sensors say where the robot was.
+        sensors: topics of the study's other sensors, by their names.
         clock: stamps of the messages' "header", or times at which they were "received"; of messages
             without a header these.
     """
@@ -41,13 +57,15 @@ class BagForm(LogForm):
     joint_states: str | None = None
     commands: str | None = None
     inputs: AnyBagInputs = {}  # noqa: RUF012
-    poses: Annotated[PoseTopic, Short("topic")] = PoseTopic()
+    poses: AnyPoseTopic = PoseTopic()
+    sensors: dict[str, Annotated[SensorTopic, Short("topics")]] = {}  # noqa: RUF012
     clock: Clock = "header"
 
     def flaws(self, model: System) -> list[Flaw]:
         """Inputs the robot does not have, keys that exclude each other, forms and units that do not fit."""
+        reference = [] if self.reference is None else self.reference.flaws()
         if isinstance(self.inputs, OdometryTopic):
-            return [*self.inputs.flaws(model), *self.poses.flaws()]
+            return [*self.inputs.flaws(model), *reference]
         entries = {entry.name: entry for entry in model.inputs}
         unknown = [
             Flaw(("log", "inputs", name), unknown_input(name, model.input_names))
@@ -58,21 +76,53 @@ class BagForm(LogForm):
         if self.commands is not None and not any(meant(entry, model) for entry in model.inputs):
             text = f"no message has {', '.join(entries)} as commands; a unicycle and an ackermann take them"
             unknown.append(Flaw(("log", "commands"), text))
-        return [*unknown, *(flaw for flaws in known for flaw in flaws), *self.poses.flaws()]
+        return [*unknown, *(flaw for flaws in known for flaw in flaws), *reference]
 
     @property
     def topics(self) -> tuple[str, ...]:
         """The topics that it names."""
         inputs = [self.inputs] if isinstance(self.inputs, OdometryTopic) else self.inputs.values()
         own = [getattr(one, "topic", None) for one in inputs]
-        named = (self.joint_states, self.commands, *own, self.poses.topic)
+        own += [] if self.reference is None else [self.reference.topic]
+        own += [topic for one in self.sensors.values() for topic in one.topics]
+        named = (self.joint_states, self.commands, *own)
         return tuple(dict.fromkeys(one for one in named if one is not None))
 
     @property
     def types(self) -> tuple[str, ...]:
         """Types of message that topics are chosen by where it names none."""
         joints = (JOINTS,) if self.joint_states is None else ()
-        return (*joints, *(POSES if self.poses.topic is None else ()))
+        poses = POSES if self.reference is not None and self.reference.topic is None else ()
+        sensors = [usual_type(name) for name, one in self.sensors.items() if not one.topics]
+        return tuple(dict.fromkeys((*joints, *poses, *(kind for kinds in sensors for kind in kinds))))
+
+    def sensor_flaws(self, measurement: Measurement | None) -> list[Flaw]:
+        """Sensors that the study has not, numbers of topics and units that do not fit."""
+        nowhere = self.poses == "none" and not self.sensors
+        text = "nothing says where the robot was: name a sensor that does under `sensors`"
+        own = [Flaw(("log", "poses"), text)] if nowhere else []
+        return [*own, *topic_flaws(self.sensors, labelled(measurement))]
+
+    def sensed(self, file: Path, logs: list[Log], measurement: Measurement | None) -> list[Log]:
+        """The drive with what sensors beside the poses read.
+
+        Args:
+            file: that was read.
+            logs: the drives in it.
+            measurement: the study's.
+
+        Raises:
+            LogError: topics that are not there, readings that cannot be the sensors'.
+        """
+        if not self.sensors:
+            return logs
+        known, skip = labelled(measurement), self.skip_invalid_rows
+        with open_bag(file) as bag:
+            found = together(
+                partial(one.read, name, known[name], bag, self.clock, skip=skip)
+                for name, one in self.sensors.items()
+            )
+        return with_sensors(logs, found)
 
     def read(self, file: Path, model: System) -> list[Log]:
         """The drive in a bag.
@@ -83,30 +133,38 @@ class BagForm(LogForm):
         """
         own = (self.inputs, self.joint_states, self.commands, self.clock, self.skip_invalid_rows)
         with open_bag(file) as bag:
-            inputs = BagReading(bag, model, *own, self.poses.topic)
+            inputs = BagReading(bag, model, *own, None if self.reference is None else self.reference.topic)
             (turned, said), (quantities, poses) = together([inputs.read, lambda: self._poses(bag, inputs)])
         drive = _drive(file, model, turned, poses, quantities)
-        return to_logs([drive.with_found(*said)], self, self.poses.held)
+        held = "keep" if self.reference is None else self.reference.held
+        return to_logs([drive.with_found(*said)], self, held)
 
-    def _poses(self, bag: Bag, inputs: BagReading) -> tuple[tuple[str, ...], Series]:
-        own = inputs.odometry if self._alike else set()
-        topic = self.poses.found(bag, own)
+    @property
+    def reference(self) -> PoseTopic | None:
+        """The topic of the reference poses, None where there are none."""
+        return self.poses if isinstance(self.poses, PoseTopic) else None
+
+    def _poses(self, bag: Bag, inputs: BagReading) -> tuple[tuple[str, ...], Series | None]:
+        reference = self.reference
+        if reference is None:
+            return (), None
+        own = inputs.odometry if self._alike(reference) else set()
+        topic = reference.found(bag, own)
         if topic in own:
             text = f"{topic} is the robot's own odometry, which its inputs are; the reference is another"
             raise bag.flaw("poses", text, "poses", "topic")
-        series = self.poses.read(bag, topic, self.clock, skip=self.skip_invalid_rows)
-        return self.poses.quantities(bag, topic), series
+        series = reference.read(bag, topic, self.clock, skip=self.skip_invalid_rows)
+        return reference.quantities(bag, topic), series
 
-    @property
-    def _alike(self) -> bool:
+    def _alike(self, reference: PoseTopic) -> bool:
         # Transforms of one topic may be those of odometry, and of others the reference.
         if not isinstance(self.inputs, OdometryTopic):
             return True
-        return (self.inputs.frame, self.inputs.child) == (self.poses.frame, self.poses.child)
+        return (self.inputs.frame, self.inputs.child) == (reference.frame, reference.child)
 
 
 def _drive(
-    file: Path, model: System, inputs: list[Reading], poses: Series, quantities: tuple[str, ...]
+    file: Path, model: System, inputs: list[Reading], poses: Series | None, quantities: tuple[str, ...]
 ) -> RecordedDrive:
     times, values = on_one_clock([(series.times, turned.integral) for series, turned in inputs])
     if not len(times):
@@ -125,7 +183,8 @@ def _drive(
         name=file.stem,
         names=model.input_names,
         inputs=integrals,
-        poses=poses,
+        # Without poses the times alone, until those of other sensors are known.
+        poses=integrals.with_values(np.zeros((len(times), 0))) if poses is None else poses,
         quantities=quantities,
         driving=np.array([entry.drives for entry in model.inputs]),
         bridged=np.array([turned.bridges for _, turned in inputs]),

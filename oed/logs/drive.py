@@ -90,7 +90,7 @@ def _to_log(drive: RecordedDrive, form: LogForm, held: Repeats) -> Log:
         findings.stationary(drive.inputs, drive.driven, at_end=False),
         findings.stationary(drive.inputs, drive.driven, at_end=True),
     )
-    if held == "drop":
+    if held == "drop" and drive.quantities:
         drive = _without_held(drive)
     if form.skip_stationary:
         drive = _without_standing(drive)

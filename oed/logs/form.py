@@ -21,6 +21,7 @@ from oed.foundation.component import Component
 from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
 from oed.foundation.quantities import Duration
 from oed.kernel.dynamics.system import System
+from oed.kernel.measurement.measurement import Measurement
 from oed.logs.log import Log
 from oed.logs.series import together
 
@@ -60,6 +61,23 @@ class LogForm(Component, ABC):
     def flaws(self, model: System) -> list[Flaw]:
         """What in this form does not fit the robot."""
 
+    def sensor_flaws(self, measurement: Measurement | None) -> list[Flaw]:
+        """What in this form does not fit the sensors of a study."""
+        return []
+
+    def sensed(self, file: Path, logs: list[Log], measurement: Measurement | None) -> list[Log]:
+        """The drives in a file with what sensors beside the poses read.
+
+        Args:
+            file: that was read.
+            logs: the drives in it.
+            measurement: the study's.
+
+        Raises:
+            LogError: every mistake in their readings, each with its line.
+        """
+        return logs
+
 
 def is_bag(file: Path) -> bool:
     """Whether a path is a ROS bag's, by its ending or its metadata."""
@@ -67,25 +85,32 @@ def is_bag(file: Path) -> bool:
 
 
 @typed
-def read_logs(files: Sequence[str | Path], form: LogForm, model: System) -> list[Log]:
+def read_logs(
+    files: Sequence[str | Path], form: LogForm, model: System, measurement: Measurement | None = None
+) -> list[Log]:
     """The drives in robots' logs, in the order of the files, one `Log` for each run.
 
     Args:
         files: to read.
         form: what is where in them: the study's key `log`.
         model: the robot, which says what its inputs and states are.
+        measurement: the study's, whose sensors `form` may name.
 
     Raises:
         ProblemError: the form does not fit the robot.
         LogError: every mistake in any of the files, each with its line, or no files at all.
     """
-    flaws = form.flaws(model)
+    flaws = [*form.flaws(model), *form.sensor_flaws(measurement)]
     if flaws:
         raise ProblemError(flaws)
     if not files:
         raise LogError.about("", "no logs were given")
-    logs = itertools.chain(*together(partial(form.read, Path(file), model) for file in files))
+    logs = itertools.chain(*together(partial(_read, Path(file), form, model, measurement) for file in files))
     return _distinct(_with_wheels_checked(list(logs), model))
+
+
+def _read(file: Path, form: LogForm, model: System, measurement: Measurement | None) -> list[Log]:
+    return form.sensed(file, form.read(file, model), measurement)
 
 
 def _with_wheels_checked(logs: Sequence[Log], model: System) -> list[Log]:

@@ -32,6 +32,36 @@ class Finding:
     doubtful: bool = False
 
 
+@dataclass(frozen=True)
+class SensorReadings:
+    """What one sensor of the study read during a drive, at times of its own.
+
+    Attributes:
+        sensor: its name, as `log: sensors:` has it.
+        times: (m,) [s], rising.
+        values: (m, q), SI; not-a-number where an entry was not read.
+        clock: whose clock the times are on.
+    """
+
+    sensor: str
+    times: Array
+    values: Array
+    clock: Literal["inputs", "poses"]
+
+    def on(self, clock: Literal["inputs", "poses"], offset: float) -> Array:
+        """The times on a clock, where the inputs' shows `offset` [s] when the poses' shows 0."""
+        if clock == self.clock:
+            return self.times
+        return self.times + (offset if clock == "inputs" else -offset)
+
+    def integrals_at(self, times: Array) -> Array:
+        """Time integrals of the values at times on the readings' own clock, (len(times), q)."""
+        steps = np.diff(self.times)[:, None]
+        sums = np.cumsum((self.values[:-1] + self.values[1:]) / 2 * steps, axis=0)
+        columns = np.vstack([np.zeros((1, self.values.shape[1])), sums]).T
+        return np.column_stack([np.interp(times, self.times, column) for column in columns])
+
+
 @dataclass(frozen=True, repr=False)
 class Log(Presented):
     """One drive as it was logged. Times rise, numbers are finite, all SI.
@@ -52,6 +82,7 @@ class Log(Presented):
         breaks: times between poses at which every segment ends [s].
         motions: what was read, where that is how the sensor moved; the poses are then the path that these
             make up.
+        sensors: what other sensors of the study read. A log without poses has their times as `pose_times`.
     """
 
     name: str
@@ -66,6 +97,7 @@ class Log(Presented):
     averaged: int = 1
     breaks: tuple[float, ...] = ()
     motions: Motions | None = None
+    sensors: tuple[SensorReadings, ...] = ()
 
     @property
     def duration(self) -> float:
@@ -113,7 +145,11 @@ class Log(Presented):
         facts = given(
             ("file", self.file),
             ("inputs", f"{width}, {len(self.input_times)} readings"),
-            ("poses", f"{len(self.pose_times)} of {', '.join(self.quantities)}"),
+            (
+                "poses",
+                f"{len(self.pose_times)} of {', '.join(self.quantities)}" if self.quantities else "none",
+            ),
+            *((one.sensor, f"{len(one.times)} readings") for one in self.sensors),
             ("in doubt", " ".join(one.message for one in self.findings if one.doubtful)),
         )
         rows = tuple((one.name, one.message) for one in self.findings)

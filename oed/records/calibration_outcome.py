@@ -54,7 +54,8 @@ def estimate_of(found: Calibration, **origin: Any) -> EstimateRecord:
         segments=_segments(found),
         drift=_drift(found.drift),
         noise=[
-            FoundNoise.of(noise, about=name, unit=_unit_of(name)) for name, noise in found.fit.noises.items()
+            FoundNoise.of(noise, about=name, unit=_unit_of(found, name))
+            for name, noise in found.fit.noises.items()
         ],
         converged=found.fit.converged,
         not_identifiable=found.weak_directions,
@@ -68,8 +69,14 @@ def estimate_of(found: Calibration, **origin: Any) -> EstimateRecord:
     )
 
 
-def _unit_of(about: str) -> str:
-    return "m" if about == "position" else "rad"
+def _unit_of(found: Calibration, group: str) -> str:
+    # The SI unit of readings that share a noise.
+    units = {
+        group_of(f"{label}{entry}"): unit
+        for label, sensor in found.fit.layout.sensors
+        for entry, unit in zip(sensor.entries, sensor.units, strict=True)
+    }
+    return (units | {"position": "m"}).get(group, "rad")
 
 
 def _parameters(found: Calibration) -> list[Estimated]:
@@ -256,21 +263,25 @@ def _path(name: str, role: str, before: DeadReckoning, after: DeadReckoning) -> 
 
 
 def _residuals(found: Calibration) -> list[Residuals]:
+    # Of a pose quantity by quantity; of other sensors all readings of a kind together, of whatever point.
     fit, layout = found.fit, found.fit.layout
+    shown = list(dict.fromkeys([*layout.states, *map(group_of, layout.quantities[len(layout.states) :])]))
     entries = []
     every = max(1, -(-int(layout.valid.sum(axis=(0, 1)).max()) // RESIDUALS))
     for number, log in enumerate(layout.logs):
         own = layout.owner == number
-        for place, quantity in enumerate(layout.quantities):
-            valid = layout.valid[own][..., place]
+        for name in shown:
+            places = [place for place, one in enumerate(layout.quantities) if name in (one, group_of(one))]
+            rows, columns = np.nonzero(layout.valid[own][..., places].reshape(-1, len(places)))
+            rows, columns = rows[::every], columns[::every]
             one = Residuals.of(
                 log=log.name,
-                quantity=quantity,
-                unit=_unit_of(group_of(quantity)),
-                t=layout.times[own][valid][::every] - log.pose_times[0],
-                value=fit.residuals[own][..., place][valid][::every],
-                speed=fit.speeds[own][valid][::every],
-                yaw_rate=fit.yaw_rates[own][valid][::every],
+                quantity=name,
+                unit=_unit_of(found, group_of(name)),
+                t=layout.times[own][:, : layout.valid.shape[1]].ravel()[rows] - log.pose_times[0],
+                value=fit.residuals[own][..., places].reshape(-1, len(places))[rows, columns],
+                speed=fit.speeds[own].ravel()[rows],
+                yaw_rate=fit.yaw_rates[own].ravel()[rows],
             )
             entries.append(one)
     return entries

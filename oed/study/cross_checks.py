@@ -30,7 +30,15 @@ OF_DESIGNS = (
 
 def file_flaws(file: StudyFile) -> list[Flaw]:
     """Why a study's keys do not go together; [] where they do."""
-    return [*_design_flaws(file), *_name_flaws(file), *_start_flaws(file), *_validation_flaws(file)]
+    own = [*_design_flaws(file), *_name_flaws(file), *_start_flaws(file), *_validation_flaws(file)]
+    return [*own, *_log_flaws(file)]
+
+
+def _log_flaws(file: StudyFile) -> list[Flaw]:
+    # What does not fit the robot, or its sensors.
+    if file.log is None:
+        return []
+    return [*file.log.flaws(file.robot), *file.log.sensor_flaws(file.measurement)]
 
 
 def _design_flaws(file: StudyFile) -> list[Flaw]:

@@ -279,7 +279,6 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
     except ValidationError as error:
         raise StudyError(explain(error, StudyFile, source)) from None
     flaws = file_flaws(file)
-    flaws += file.log.flaws(file.robot) if file.log is not None else []
     if file.uncertainty is not None and file.robust is None:
         text = "is what a robust drive has to survive, and none is asked for: add `robust: {kind: chance}`"
         flaws.append(Flaw(("uncertainty",), text))

@@ -75,11 +75,9 @@ class LogFolder:
         return is_bag(place) if isinstance(self.form, BagForm) else place.is_file()
 
     def _beside(self, log: Path) -> Iterator[Path]:
-        # A file of poses is part of the log that it lies beside.
+        # A file of poses or of other sensors is part of the log that it lies beside.
         if isinstance(self.form, CsvForm):
-            found = self.form.poses.beside(log)
-            if found is not None and found != log:
-                yield found
+            yield from (found for found in self.form.beside(log).values() if found != log)
 
 
 def _sign(parts: Sequence[Path]) -> Sign | None:

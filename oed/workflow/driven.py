@@ -170,7 +170,7 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
     Raises:
         LogError: logs that cannot be read, or in which the robot never moves.
     """
-    logs = read_logs(files, study.log, study.problem.model)
+    logs = read_logs(files, study.log, study.problem.model, study.problem.measurement)
     record = _record_of(study, designs) if study.problem.designed else None
     robust = study.problem.robust
     # What was driven needs no tightened limits; and its objective is that of one robot.

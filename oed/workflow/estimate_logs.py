@@ -126,7 +126,7 @@ def _require_different(files: Sequence[str | Path]) -> None:
 
 def _read(study: Study, files: Sequence[str | Path]) -> list[Log]:
     try:
-        return read_logs(files, study.log, study.problem.model)
+        return read_logs(files, study.log, study.problem.model, study.problem.measurement)
     except LogError as error:
         said = "\n".join(one.message for one in error.flaws)
         for pattern, hint in HINTS.items():

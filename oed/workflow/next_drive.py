@@ -198,15 +198,15 @@ def next_drive_of(
 
 
 def _refuse_outside(record: Record, logs: Iterable[str | Path]) -> None:
-    # A record from a file must not have poses read from elsewhere than beside the logs.
+    # A record from a file must not have anything read from elsewhere than beside the logs.
     form = record.study.log
     if record.file is None or not isinstance(form, CsvForm):
         return
     for log in map(Path, logs):
-        found = form.poses.beside(log)
-        if found is not None and not found.resolve().is_relative_to(log.parent.resolve()):
-            text = f"leads to {found}, out of the folder of the log; {TRUST}"
-            raise RecordError.about(record.file, text, "study.log.poses.file")
+        for key, found in form.beside(log).items():
+            if not found.resolve().is_relative_to(log.parent.resolve()):
+                text = f"leads to {found}, out of the folder of the log; {TRUST}"
+                raise RecordError.about(record.file, text, f"study.log.{key}")
 
 
 def _decided(

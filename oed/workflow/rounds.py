@@ -200,7 +200,8 @@ class Rounds:
     def _measure(self, names: Iterable[str]) -> None:
         for name in names:
             if name not in self.seconds:
-                logs = read_logs([self.folder.path(name)], self.study.log, self.study.problem.model)
+                problem = self.study.problem
+                logs = read_logs([self.folder.path(name)], self.study.log, problem.model, problem.measurement)
                 self.seconds[name] = sum(one.duration for one in logs)
 
     def _covered(self) -> float:

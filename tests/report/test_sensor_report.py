@@ -269,6 +269,13 @@ class TestMeasured:
         assert "and the bias of the yaw rate." in text
         assert prior_of(record("sensors")) == {"wheel_radius_left": "0.2 mm", "track": "10 %"}
 
+    def test_an_unknown_map_is_in_the_frame_of_the_start(self):
+        one = record("sensors").nuisances[0]
+        names = [("initial_pose.x", 1e-3), ("landmarks.landmark_7.x", None), ("landmarks.landmark_8.y", None)]
+        given = [one.model_copy(update={"name": name, "deviation": size}) for name, size in names]
+        text = nuisance_text(record("sensors").model_copy(update={"nuisances": given}))
+        assert text.endswith("the initial pose (the frame of the map) and the places of the landmarks.")
+
     def test_a_prior_covariance_is_told_by_its_deviations(self):
         prior = {"standard_deviations": {}, "parameters": ["track"], "covariance": [[4e-8]]}
         assert prior_of(changed("sensors", prior=prior)) == {"track": "0.20 mm"}

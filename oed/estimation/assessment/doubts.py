@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oed.estimation.methods.beforehand import LOOSE
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.fitting import LOOSE
 from oed.foundation.arrays import Array
 from oed.foundation.text import count, size_text, words
 from oed.kernel.dynamics.system import Parameter

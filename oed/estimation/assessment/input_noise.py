@@ -79,14 +79,16 @@ def dilution_of(fit: Fit, seed: int = 0) -> Dilution | None:
     noise, slope, rng = np.zeros((count, count)), np.zeros(count), np.random.default_rng([seed, DRAWS])
     draws = int(np.clip(np.ceil(DRAWN / max(fit.layout.valid.sum(), 1)), 1, DRAWS))
     for kind, room in effects.room().items():
-        made, turned, along = 0.0, np.zeros((count, count)), np.zeros(count)
+        made, turned, along = np.zeros(len(room)), np.zeros((count, count)), np.zeros(count)
         for _ in range(draws):
             moved, slopes = effects.of(kind, rng)
             made += effects.judged(moved**2)
             turned += np.einsum("sia,sib->ab", slopes, slopes)
             along += np.einsum("sia,si->a", slopes, moved)
-        if made > 0:
-            noise, slope = noise + room / made * turned, slope + room / made * along
+        # No reading may hold more of it than it has room for.
+        each = (left / own for left, own in zip(room, made, strict=True) if own > 0 and np.isfinite(left))
+        largest = min(each, default=0.0)
+        noise, slope = noise + largest * turned, slope + largest * along
     found = _dilution(fit.total, noise, slope)
     # Beyond its own size nobody looks for a parameter.
     return replace(found, bias=found.bias / max(1.0, float(np.abs(found.bias / fit.unknowns.scale).max())))
@@ -125,15 +127,20 @@ class _Effects:
         left, _ = projected(self._white(both), self._own)
         return left[..., 0], left[..., 1:]
 
-    def judged(self, each: Array) -> float:
-        # The sum of what every reading has (S, m), of the readings that the noise is judged by.
-        return float(each.reshape(*self.fit.white.shape)[..., self._judges].sum())
+    def judged(self, each: Array) -> Array:
+        # The sum of what every reading has (S, m), of each kind of readings that the noise is judged by.
+        every = each.reshape(*self.fit.white.shape)
+        return np.array([every[..., own].sum() for own in self._judges])
 
-    def room(self) -> dict[Kind, float]:
-        # The most that residuals hold besides the poses' own noise, summed in units of the noise. What is
-        # rough in them is noise of readings, what is not is noise of rates. The poses' own noise is rough,
-        # too, and shows in the poses themselves.
-        fit, own = self.fit, self._judges
+    def room(self) -> dict[Kind, list[float]]:
+        # The most that residuals hold besides the readings' own noise, for each kind that judges.
+        rooms = [self._room(own) for own in self._judges]
+        return {kind: [one[kind] for one in rooms] for kind in ("readings", "rates")}
+
+    def _room(self, own: list[int]) -> dict[Kind, float]:
+        # Summed in units of the noise. What is rough in residuals is noise of readings, what is not is noise
+        # of rates. The sensor's own noise is rough, too, and shows in its readings themselves.
+        fit = self.fit
         valid = fit.layout.valid[..., own]
         total = float((fit.weights * fit.white**2)[..., own][valid].sum())
         degrees = float(fit.redundancy[..., own][valid].sum())
@@ -144,15 +151,17 @@ class _Effects:
         unsure = left[0] * SPREAD / np.sqrt(max(left[1], 1))
         rough, smooth = left[0] - min(poses[0], left[0]), total / max(degrees, 1e-9) - left[0]
         return {
-            "readings": degrees * (max(rough, 0.0) + unsure),
+            "readings": degrees * (max(rough, 0.0) + unsure) if left[1] else np.inf,
             "rates": degrees * (max(smooth, 0.0) + unsure),
         }
 
     @cached_property
-    def _judges(self) -> list[int]:
+    def _judges(self) -> list[list[int]]:
         # Headings show turns that the inputs do not explain; positions show slip of all kinds besides.
-        kinds = groups(self.fit.layout.quantities)
-        return places_of("heading" if "heading" in kinds else kinds[0], self.fit.layout.quantities)
+        states, every = self.fit.layout.states, self.fit.layout.quantities
+        kinds = groups(states)
+        of_poses = ["heading"] if "heading" in kinds else list(kinds[:1])
+        return [places_of(kind, every) for kind in (*of_poses, *groups(every[len(states) :]))]
 
     @cached_property
     def _undisturbed(self) -> tuple[Array, Array]:
@@ -191,7 +200,8 @@ class _Effects:
         each = [
             fit.noises[group_of(name)].deviation(fit.speeds, fit.yaw_rates) for name in fit.layout.quantities
         ]
-        return np.stack(each, axis=-1)
+        alone = 1.0 if fit.layout.averaged is None else np.sqrt(fit.layout.averaged)
+        return np.asarray(np.stack(each, axis=-1) / alone)
 
     def _white(self, values: Array) -> Array:
         # Of readings (S, K, k, c) in units of their noise, below each other, (S, m, c).

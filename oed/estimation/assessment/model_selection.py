@@ -25,8 +25,9 @@ from oed.estimation.assessment.covariance import LEVEL, Covariance
 from oed.estimation.assessment.dead_reckoning import HeldOut, cross_validated
 from oed.estimation.assessment.diagnostics import not_identified
 from oed.estimation.assessment.likelihood import FittedReadings, Likelihood, Way, inflation
+from oed.estimation.methods.beforehand import LOOSE
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.fitting import LOOSE, Fitting
+from oed.estimation.methods.fitting import Fitting
 from oed.estimation.preprocessing.preprocess import PreparedLogs
 from oed.estimation.setup.options import CalibrationOptions
 from oed.foundation.arrays import Array

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from oed.estimation.methods.beforehand import known_before, punctual
 from oed.estimation.methods.correlated_readings import CorrelatedReadings
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gls import WeightedWindows
@@ -21,6 +22,7 @@ from oed.estimation.methods.windows import Windows
 from oed.estimation.prediction.layout import FEWEST, SegmentLayout, cut, shortest_seconds, usual_step
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.prediction.motion_layout import motion_segments, noise_specified
+from oed.estimation.prediction.segments import Labelled, nuisances_of
 from oed.estimation.preprocessing.preprocess import PreparedLogs
 from oed.estimation.setup.noise import LEAST, group_of, groups, places_of
 from oed.estimation.setup.options import CalibrationOptions
@@ -28,16 +30,13 @@ from oed.estimation.setup.unknowns import PLACE, Knowledge, Unknowns, specified_
 from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.sensor import sensor_labels
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.logs.log import Log
 from oed.robots.models.model import Model
+from oed.robots.sensors.logged import PLACE as UNITS
 from oed.robots.sensors.logged import Noise
 
-LOOSE = 1.0
-"""Standard deviation that parameters are given before the logs, relative to their sizes: it keeps the
-search in bounds where the logs say nothing, and is nothing beside what they say."""
-LOOSE_PLACE, LOOSE_CLOCK = 0.3, 0.5
-"""The same of the sensor's place [m, rad] and of a clock's offset [s]."""
 ASKEW = 0.5
 """Angle by which a sensor has to be turned on the robot for the search to start from there [rad]."""
 USUAL = 2.0
@@ -215,12 +214,19 @@ class Fitting:
         self, prepared: PreparedLogs, unknowns: Unknowns, seconds: float, noises: Mapping[str, Noise]
     ) -> Fit:
         layout = cut(prepared.logs, seconds, prepared.clocks)
-        search = JointSearch(layout, unknowns, prepared.offsets, self._known(unknowns), specified=noises)
+        known = self._known(unknowns, layout)
+        search = JointSearch(layout, unknowns, prepared.offsets, known, specified=noises)
         starts = LoggedReadings.of(layout, unknowns, prepared.offsets).first_starts(unknowns.nominal)
         return search.at_first.fit(unknowns.nominal, starts)
 
     def _require_suitable(self, prepared: PreparedLogs) -> None:
-        # Motions that a sensor read of itself are fitted one by one.
+        # Motions that a sensor read of itself are fitted one by one; windows are of poses.
+        sensors = self.sensors(prepared)
+        if self.options.method != "joint" and sensors:
+            text = (
+                f"{self.options.method} takes poses alone; the logs have {', '.join(dict(sensors))} as well"
+            )
+            raise ProblemError.about(("calibration", "method"), f"{text}: use joint")
         if not prepared.relative:
             return
         if self.options.method != "joint":
@@ -245,15 +251,35 @@ class Fitting:
         given = mount.sits[2]
         found = float(np.angle(np.exp(1j * (prepared.mounting - given))))
         turned = given + found if "sensor_heading" in free and abs(found) > ASKEW else given
-        sits = (*mount.sits[:2], turned)
-        return Unknowns(self.robot, self.parameters, free, clocks, sits)
+        own = nuisances_of(self.sensors(prepared))
+        return Unknowns(
+            self.robot,
+            self.parameters,
+            (*free, *(one.name for one in own)),
+            clocks,
+            sits=(*mount.sits[:2], turned, *(one.nominal for one in own)),
+            constants={**UNITS, **{one.name: one.unit for one in own}},
+        )
+
+    def sensors(self, prepared: PreparedLogs) -> Labelled:
+        """The measurement's sensors that the logs have readings of, beside the poses, by their names.
+
+        Without poses the readings' clock is that of the sensors: what they are late is its offset.
+        """
+        if prepared.relative:
+            return ()
+        read = {one.sensor for log in prepared.logs for one in log.sensors}
+        late = self.options.clock_offset and not prepared.logs[0].quantities
+        every = self.measurement.joint_sensors
+        known = zip(sensor_labels(every), every, strict=True)
+        return tuple((label, punctual(one) if late else one) for label, one in known if label in read)
 
     def _solved(self, prepared: PreparedLogs, unknowns: Unknowns) -> tuple[Segmenting | None, Fit]:
-        logs, offsets = prepared.logs, prepared.offsets
+        logs, offsets, sensors = prepared.logs, prepared.offsets, self.sensors(prepared)
         last: list[Array] = []
 
         def layout(seconds: float) -> SegmentLayout:
-            return cut(logs, seconds, prepared.clocks)
+            return cut(logs, seconds, prepared.clocks, sensors)
 
         def fit(segments: SegmentLayout) -> Fit:
             found = self._search(segments, unknowns, offsets).fit(last[-1] if last else None)
@@ -269,7 +295,7 @@ class Fitting:
             return None, self._over_windows(Windows(layout(length), unknowns, offsets))
         if chosen == "auto":
             segmenting = longest_without_drift(layout, fit)
-            if self._may_last(logs) and not segmenting.turns_drift:
+            if self._may_last(segmenting.fit.layout) and not segmenting.turns_drift:
                 whole = self._search(layout(math.inf), unknowns, offsets)
                 segmenting = if_bounded(segmenting, whole)
             return segmenting, self._correlated(segmenting.fit, unknowns)
@@ -283,36 +309,36 @@ class Fitting:
         # Whether gls weights readings: windows of positions alone show no turn.
         return self.options.method == "gls" and set(logs[0].quantities) == {"x", "y"}
 
-    def _may_last(self, logs: Sequence[Log]) -> bool:
+    def _may_last(self, layout: SegmentLayout) -> bool:
         # Whether noise that lasts is looked for.
         options = self.options
-        return options.loss == "linear" and options.noise != "stated" and has_lasting_form(logs[0].quantities)
+        return options.loss == "linear" and options.noise != "stated" and has_lasting_form(layout.quantities)
 
     def _correlated(self, fit: Fit, unknowns: Unknowns) -> Fit:
         # With noise that lasts, where it is asked for.
         logs = fit.layout.logs
         if fit.correlated or not (self.options.noise == "correlated" or self._of_readings(logs)):
             return fit
-        self._require_lasting_form(logs[0])
+        self._require_lasting_form(fit.layout.quantities)
         return CorrelatedReadings(self._search(fit.layout, unknowns, fit.offsets)).fit(fit.values)
 
-    def _require_lasting_form(self, log: Log) -> None:
+    def _require_lasting_form(self, quantities: Sequence[str]) -> None:
         if self.options.loss != "linear":
             text = f"correlated noise takes every reading for what it is, not loss: {self.options.loss}"
             raise ProblemError.about(("calibration", "loss"), f"{text}; use linear")
-        if not has_lasting_form(log.quantities):
-            text = f"correlated noise is that of x, y and heading; the logs hold {', '.join(log.quantities)}"
+        if not has_lasting_form(quantities):
+            text = f"correlated noise is that of x, y and heading; the logs hold {', '.join(quantities)}"
             raise ProblemError.about(("calibration", "noise"), f"{text}; use noise: estimated")
 
     def _over_windows(self, windows: Windows) -> Fit:
-        options, known = self.options, self._known(windows.unknowns)
+        options, known = self.options, self._known(windows.unknowns, windows.layout)
         if options.loss != "linear":
             text = f"loss: {options.loss} bounds single readings, of which windows are made up"
             raise ProblemError.about(("calibration", "loss"), f"{text}; use method: joint")
         if options.noise == "correlated":
             text = f"{options.method} has a noise of its own between windows; use method: joint"
             raise ProblemError.about(("calibration", "noise"), text)
-        specified = self._specified(windows.layout.logs)
+        specified = self._specified(windows.layout)
         if options.method == "gls":
             return WeightedWindows(windows, known, specified, grows=options.noise != "constant").fit()
         return TwoStage(windows, known, specified).fit()
@@ -322,36 +348,25 @@ class Fitting:
             layout,
             unknowns,
             offsets,
-            self._known(unknowns, relative=layout.relative),
+            self._known(unknowns, layout),
             self.options.loss,
             grows=self.options.noise == "estimated",
-            specified=self._specified(layout.logs),
+            specified=self._specified(layout),
         )
 
-    def _specified(self, logs: Sequence[Log]) -> dict[str, Noise] | None:
+    def _specified(self, layout: SegmentLayout) -> dict[str, Noise] | None:
         # The noise that is not to be estimated.
         if self.options.noise != "stated":
             return None
-        specified = noise_specified(self.measurement, logs)
-        missing = [name for name in logs[0].quantities if group_of(name) not in specified]
+        specified = noise_specified(self.measurement, layout.logs)
+        missing = [name for name in layout.quantities if group_of(name) not in specified]
         if missing:
             text = f"the measurement specifies no noise of {', '.join(missing)}; use noise: estimated"
             raise ProblemError.about(("calibration", "noise"), text)
         return specified
 
-    def _known(self, unknowns: Unknowns, *, relative: bool = False) -> Knowledge:
-        count = len(unknowns.parameters)
-        loose = LOOSE * unknowns.scale
-        known = specified_mount(self.measurement, relative=relative).deviations
-        for index, name in enumerate(unknowns.place):
-            loose[count + index] = known.get(name, LOOSE_PLACE)
-        loose[unknowns.size - unknowns.clocks :] = LOOSE_CLOCK
-        matrix = np.diag(loose**-2)
-        if self.prior is not None:
-            own = [place for place, name in enumerate(self.prior_of) if name in unknowns.names]
-            places = [unknowns.names.index(self.prior_of[place]) for place in own]
-            matrix[np.ix_(places, places)] += self.prior[np.ix_(own, own)]
-        return Knowledge(matrix, unknowns.nominal)
+    def _known(self, unknowns: Unknowns, layout: SegmentLayout) -> Knowledge:
+        return known_before(self.measurement, unknowns, layout, self.prior, self.prior_of)
 
 
 def _observable_places(quantities: Sequence[str]) -> tuple[str, ...]:

@@ -25,9 +25,17 @@ from oed.estimation.methods.gauss_newton import (
     robust_loss,
 )
 from oed.estimation.prediction.drive_readings import DriveReadings
-from oed.estimation.prediction.layout import SegmentLayout
+from oed.estimation.prediction.layout import SegmentLayout, without_turns
 from oed.estimation.prediction.logged_readings import LoggedReadings
-from oed.estimation.setup.noise import estimated, group_of, groups, jumps, of_readings, places_of
+from oed.estimation.setup.noise import (
+    estimated,
+    group_of,
+    groups,
+    jumps,
+    of_readings,
+    places_of,
+    sensor_noise,
+)
 from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Knowledge, Unknowns, inverse_of_sum
 from oed.foundation.arrays import Array
@@ -38,7 +46,6 @@ CLOSE = 1e-6
 """Change of the unknowns, in units of their size, at which the search has arrived."""
 EXACT = 1e-12
 """The same where readings are simulated, to judge errors by."""
-FULL_TURN = 2 * np.pi
 ROUGH = 0.01
 """Noise that the search begins with [m, rad]."""
 
@@ -99,7 +106,9 @@ class JointSearch:
     def at_first(self) -> _Weighted:
         """Readings in units of the noise that is specified, or that the search begins with."""
         # Only their ratio matters at first: 1 cm to 0.01 rad.
-        rough = dict.fromkeys(groups(self.layout.quantities), Noise(ROUGH))
+        rough = dict.fromkeys(groups(self.layout.quantities), Noise(ROUGH)) | sensor_noise(
+            self.layout.sensors
+        )
         return _Weighted(self, dict(rough if self.specified is None else self.specified))
 
     @cached_property
@@ -117,9 +126,8 @@ class JointSearch:
             self._remembered.clear()
             found, slopes, own = self._predicted.derivatives(values, starts)
             rates = self._predicted.rates(values, starts, found)
-            left = self.layout.readings - found
-            turns = np.rint(left / FULL_TURN) * self._predicted.wrapping
-            self._remembered[key] = _Linearised(left - FULL_TURN * turns, slopes, own, rates)
+            left = without_turns(self.layout.readings - found, self._predicted.wrapping)
+            self._remembered[key] = _Linearised(left, slopes, own, rates)
         return self._remembered[key]
 
     @cached_property
@@ -148,7 +156,7 @@ class _Weighted:
         if drive is not None:
             return np.asarray((drive.whitener @ values.reshape(drive.order.size, -1)).reshape(values.shape))
         further = (1,) * (values.ndim - 3)
-        size = self._deviations(rates) * (1.0 if layout.sizes is None else layout.sizes)
+        size = self._deviations(rates) * (1.0 if layout.sizes is None else layout.sizes) / self._roots
         present = layout.valid.reshape(*layout.valid.shape, *further)
         white = np.where(present, values / size.reshape(*size.shape, *further), 0.0)
         if layout.whitener is not None:
@@ -161,6 +169,11 @@ class _Weighted:
         names = self.search.layout.quantities
         return np.stack([self.noises[group_of(name)].deviation(*rates) for name in names], axis=-1)
 
+    @property
+    def _roots(self) -> Array | float:
+        # By how much the noise of a mean of several readings is smaller.
+        return 1.0 if self.search.layout.averaged is None else np.sqrt(self.search.layout.averaged)
+
     def renewed(self, values: Array, starts: Array) -> _Weighted:
         """In units of the noise that residuals show."""
         state, layout = self.fit(values, starts), self.search.layout
@@ -168,15 +181,16 @@ class _Weighted:
         rates = np.stack([state.speeds, state.yaw_rates])
         alike = layout.sizes is None
         residuals = state.residuals if alike else state.white * self._deviations((rates[0], rates[1]))
+        single = residuals * self._roots
         for group in groups(quantities):
             own = places_of(group, quantities)
             found[group] = estimated(
-                residuals[..., own][valid[..., own]],
+                single[..., own][valid[..., own]],
                 state.redundancy[..., own][valid[..., own]],
                 of_readings(rates, valid[..., own]),
                 robust=self.search.loss != "linear",
                 grows=self.search.grows and alike,
-                jumps=None if layout.relative else jumps(residuals[..., own], rates, valid[..., own]),
+                jumps=None if layout.relative else jumps(single[..., own], rates, valid[..., own]),
             )
         return replace(self, noises=found)
 

@@ -12,23 +12,23 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
+from oed.estimation.prediction.grids import GAP as GAP
+from oed.estimation.prediction.grids import grid_of, usual_of
+from oed.estimation.prediction.segments import Labelled
 from oed.foundation.arrays import Array, Bools, Places
 from oed.foundation.errors import FileFlaw, LogError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs.log import BRIDGED, Log
 
+FULL_TURN = 2 * np.pi
 CLOCK_STEP = 1e-3
 """Step of the difference quotient by a clock's offset [s]: motion is piecewise linear in time anyway."""
 BEFORE, PARTS = 5.0, 50
 """Time that is looked back on before a segment [s], and in how many periods: longer than any lag lasts."""
-GAP = 5.0
-"""How many times the usual period a step in time has to be to count as a gap."""
-STEPS = (0.02, 0.1)
-"""Shortest and longest steps of the grid through a gap of the poses [s]: shorter ones show no more of a
-robot's motion."""
 SHORTEST, FEWEST = 1.0, 8
 """Length of the shortest segments that are tried [s], and how many steps they have at least."""
 
@@ -53,6 +53,9 @@ class SegmentLayout:
         sizes: of errors whose covariances are given, in those of a typical reading of the same kind,
             (S, 1, quantities).
         whitener: A (S, q, q) with A C A' = 1 for the correlations C of these errors at the last time.
+        sensors: that read beside the poses, by their names.
+        averaged: of how many readings each is the mean, shaped like them; None where each is one.
+        cut_at: the clocks' offset of each log, with which readings on the inputs' clock were put on the grid.
     """
 
     logs: tuple[Log, ...]
@@ -65,6 +68,9 @@ class SegmentLayout:
     relative: bool = False
     sizes: Array | None = None
     whitener: Array | None = None
+    sensors: Labelled = ()
+    averaged: Array | None = None
+    cut_at: tuple[float, ...] = ()
 
     @classmethod
     def of_drive(cls, trajectory: Trajectory, readings: Array) -> SegmentLayout:
@@ -92,7 +98,12 @@ class SegmentLayout:
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """What is read."""
+        """What is read: states of the robot, then the entries of other sensors, as `ranges[2]`."""
+        return (*self.states, *(f"{name}{entry}" for name, one in self.sensors for entry in one.entries))
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Which of the robot's states are read."""
         return self.logs[0].quantities if self.logs else ()
 
     @property
@@ -154,6 +165,24 @@ class SegmentLayout:
         whole = replace(self, times=times)
         return whole.inputs(offsets), whole.steps
 
+    @cached_property
+    def beside_inputs(self) -> Bools | None:
+        """Which readings are means of periods on the inputs' own clock, (S, 1, quantities): these say nothing
+        of the clocks' offset. None of none.
+        """
+        found, first = np.zeros((self.count, 1, len(self.quantities)), dtype=bool), len(self.states)
+        for name, sensor in self.sensors:
+            columns = slice(first, first := first + len(sensor.entries))
+            for number, log in enumerate(self.logs) if sensor.when == "in periods" else ():
+                own = any(one.sensor == name and one.clock == "inputs" for one in log.sensors)
+                found[self.owner == number, :, columns] = own
+        return found if found.any() else None
+
+    @cached_property
+    def cut_offsets(self) -> Array:
+        """The clocks' offsets that the logs were cut with, (clocks,) [s]."""
+        return np.array([self.cut_at[[log.file for log in self.logs].index(file)] for file in self.clocks])
+
     def rates(self, values: Array) -> Array:
         """How fast values (S, n + 1, k) change, by the steps before and after each time, (S, n + 1); the mean
         of motions.
@@ -168,19 +197,30 @@ class SegmentLayout:
             found[:, 1:] += steps
         return np.divide(around, times, out=np.zeros_like(around), where=times > 0)
 
-    def clock_slopes(self, read: Callable[[Array], Array], offsets: Array) -> Array:
+    def clock_slopes(
+        self, read: Callable[[Array], Array], offsets: Array, wrapping: Bools | Literal[False] = False
+    ) -> Array:
         """Derivatives of readings by every clock's offset, (S, ..., clocks).
 
         Args:
             read: readings (S, ...) with clocks at offsets (clocks,) [s].
             offsets: where the derivatives are taken.
+            wrapping: which of a time's readings are angles that jump by full turns.
         """
-        slope = (read(offsets + CLOCK_STEP) - read(offsets - CLOCK_STEP)) / (2 * CLOCK_STEP)
+        change = read(offsets + CLOCK_STEP) - read(offsets - CLOCK_STEP)
+        slope = without_turns(change, wrapping) / (2 * CLOCK_STEP)
         own = self.clock[:, None] == np.arange(len(offsets))
         return np.asarray(slope[..., None] * own.reshape(len(own), *[1] * (slope.ndim - 1), -1))
 
 
-def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> SegmentLayout:
+def without_turns(values: Array, wrapping: Bools | Literal[False]) -> Array:
+    """Values (..., k) less all full turns, of those that are angles."""
+    return np.asarray(values - FULL_TURN * np.rint(values / FULL_TURN) * wrapping)
+
+
+def cut(
+    logs: Sequence[Log], seconds: float, offsets: Sequence[float], sensors: Labelled = ()
+) -> SegmentLayout:
     """Logs cut into segments of about `seconds` each; infinite for whole logs.
 
     Args:
@@ -188,28 +228,43 @@ def cut(logs: Sequence[Log], seconds: float, offsets: Sequence[float]) -> Segmen
         seconds: length of a segment.
         offsets: of each log's clocks, as far as known [s]: readings before the inputs begin or after they
             end are left out.
+        sensors: whose readings beside the poses are on the grid as well, by their names.
 
     Raises:
         LogError: nothing is left of any log.
     """
+    grids = [grid_of(log, sensors, offset) for log, offset in zip(logs, offsets, strict=True)]
     pieces = [
-        (number, part, _grid(log.pose_times[part], _usual(log)))
-        for number, (log, offset) in enumerate(zip(logs, offsets, strict=True))
-        for stretch in stretches(log, offset, seconds)
-        for part in _parts(log.pose_times[stretch], stretch, seconds)
+        (number, slice(grid.read[part[0]], grid.read[part[-1]] + 1))
+        for number, (log, grid, offset) in enumerate(zip(logs, grids, offsets, strict=True))
+        for stretch in stretches(replace(log, pose_times=grid.read_times), offset, seconds)
+        for part in _parts(grid.read_times[stretch], stretch, seconds)
     ]
     if not pieces:
         text = "no poses while the wheels are logged; are the two clocks together?"
         raise LogError([FileFlaw(log.file, 0, 0, "", text) for log in logs])
-    shape = (len(pieces), max(len(grid) for *_, grid in pieces))
-    times, readings = np.zeros(shape), np.zeros((*shape, len(logs[0].quantities)))
-    valid = np.zeros(readings.shape, dtype=bool)
-    for row, (number, part, grid) in enumerate(pieces):
-        times[row] = np.pad(grid, (0, shape[1] - len(grid)), mode="edge")
-        read = np.searchsorted(grid, logs[number].pose_times[part])
-        readings[row, read], valid[row, read] = logs[number].poses[part], True
-    owner = np.array([number for number, *_ in pieces])
-    return SegmentLayout(tuple(logs), owner, times, readings, valid, seconds)
+    shape = (len(pieces), max(part.stop - part.start for _, part in pieces))
+    times, readings = np.zeros(shape), np.zeros((*shape, grids[0].readings.shape[1]))
+    valid, averaged = np.zeros(readings.shape, dtype=bool), np.ones(readings.shape)
+    for row, (number, part) in enumerate(pieces):
+        grid, length = grids[number], part.stop - part.start
+        times[row] = np.pad(grid.times[part], (0, shape[1] - length), mode="edge")
+        for whole, own in ((readings, grid.readings), (valid, grid.valid), (averaged, grid.averaged)):
+            whole[row, :length] = own[part]
+        # The period after a segment's end is the next one's.
+        valid[row, length - 1, grid.of_periods] = False
+    owner = np.array([number for number, _ in pieces])
+    return SegmentLayout(
+        tuple(logs),
+        owner,
+        times,
+        readings,
+        valid,
+        seconds,
+        sensors=sensors,
+        averaged=averaged if sensors else None,
+        cut_at=tuple(offsets),
+    )
 
 
 def shortest_seconds(layout: SegmentLayout) -> float:
@@ -241,7 +296,7 @@ def stretches(log: Log, offset: float, seconds: float = math.inf) -> list[Places
 
 def _interrupted(log: Log, inside: Places, offset: float, seconds: float) -> Bools:
     # Between which poses nothing connects them: neither clock may jump.
-    times, own, usual = log.pose_times[inside], np.diff(log.input_times), _usual(log)
+    times, own, usual = log.pose_times[inside], np.diff(log.input_times), usual_of(log.pose_times)
     longest = max(GAP * usual, min(seconds, BRIDGED)) if log.gap is None else log.gap
     found = np.diff(times) > longest
     if log.motions is not None and log.motions.begins is not None:
@@ -253,19 +308,6 @@ def _interrupted(log: Log, inside: Places, offset: float, seconds: float) -> Boo
     for moment in log.breaks:
         found |= (times[:-1] < moment) & (times[1:] > moment)
     return np.asarray(found)
-
-
-def _usual(log: Log) -> float:
-    # Step between poses [s].
-    return float(np.median(np.diff(log.pose_times)))
-
-
-def _grid(times: Array, usual: float) -> Array:
-    # Times of poses, and others in gaps between them through which motion is carried.
-    steps = np.diff(times)
-    parts = np.where(steps > GAP * usual, np.ceil(steps / np.clip(usual, *STEPS) - 1e-6), 1).astype(int)
-    first = np.concatenate([[0], np.cumsum(parts)])
-    return np.interp(np.arange(first[-1] + 1), first, times)
 
 
 def _parts(times: Array, stretch: Places, seconds: float) -> list[Places]:

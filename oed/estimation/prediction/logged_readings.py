@@ -10,12 +10,14 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from oed.estimation.prediction.layout import SegmentLayout
-from oed.estimation.prediction.segments import Driven, SegmentReadings
+from oed.estimation.prediction.layout import SegmentLayout, cut, without_turns
+from oed.estimation.prediction.localisation import located
+from oed.estimation.prediction.segments import Driven, Labelled, SegmentReadings
 from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.dynamics.system import follows_state
 from oed.robots.models.model import Model
+from oed.robots.sensors.mapped import points_seen
 from oed.robots.sensors.relative_poses import RelativePoses
 
 POSE = 3
@@ -32,22 +34,24 @@ class LoggedReadings:
         layout: the segments.
         unknowns: common to them.
         offsets: of the clocks, as far as known, (clocks,) [s].
-        quantities: that are read.
+        quantities: states that are read.
+        sensors: that read beside them.
     """
 
     layout: SegmentLayout
     unknowns: Unknowns
     offsets: Array
     quantities: tuple[str, ...]
+    sensors: Labelled = ()
 
     @classmethod
     def of(cls, layout: SegmentLayout, unknowns: Unknowns, offsets: Array) -> LoggedReadings:
         """Those that the logs hold."""
-        return cls(layout, unknowns, offsets, layout.quantities)
+        return cls(layout, unknowns, offsets, layout.states, layout.sensors)
 
     def reading(self, *quantities: str) -> LoggedReadings:
-        """Other quantities of the same drives."""
-        return replace(self, quantities=quantities)
+        """Other states of the same drives."""
+        return replace(self, quantities=quantities, sensors=())
 
     def __call__(self, values: Array, starts: Array) -> Array:
         """The readings (S, n + 1, quantities), SI, at unknowns (q,) and starts (S, states)."""
@@ -71,19 +75,23 @@ class LoggedReadings:
         (parameters, place, clocks), steps = self.unknowns.parts(values), self.layout.steps
         offsets = self._offsets(clocks)
         inputs = self.layout.inputs(offsets)
-        driven = Driven(self._begun(starts), inputs, steps, parameters, place)
+        own = place[: self._constants]
+        driven = Driven(self._begun(starts), inputs, steps, parameters, own)
         found, slopes = map(self._on_grid, self._segments.derivatives(driven))
+        found = self._beside_inputs(found, starts, parameters, own)
         columns, size = [self.unknowns.slopes(slopes)], len(parameters)
         if len(clocks):
-            columns.append(self.layout.clock_slopes(partial(self._at, starts, parameters, place), offsets))
+            read = partial(self._at, starts, parameters, place)
+            columns.append(self.layout.clock_slopes(read, offsets, self.wrapping))
         last = size + len(self.unknowns.robot.states)
         # A copy: a view would keep all columns.
         return found, np.concatenate(columns, axis=-1), slopes[..., last - starts.shape[1] : last].copy()
 
-    @property
+    @cached_property
     def wrapping(self) -> Bools:
-        """Which quantities jump by full turns as they are predicted, (quantities,): no states."""
-        return np.zeros(len(self.quantities), dtype=bool)
+        """Which readings jump by full turns as they are predicted, (quantities,): no states."""
+        width = len(self.quantities) + sum(len(one.entries) for _, one in self.sensors)
+        return np.isin(np.arange(width), self._segments.sensor.wrapping)
 
     def disturbed(self, values: Array, starts: Array, noise: Array) -> tuple[Array, Array]:
         """The readings with noise in the inputs, and their derivatives by the unknowns; by clocks they are 0.
@@ -110,7 +118,42 @@ class LoggedReadings:
         further = further_starts(robot, layout, self._offsets(clocks), parameters)
         if layout.relative:
             return further
+        points = points_seen([sensor for _, sensor in self.sensors])
+        if len(points) and not {"x", "y"} <= set(layout.states):
+            return self._located(values, points, further)
         return first_starts(robot, layout, partial(self, values), place, further)
+
+    def _located(self, values: Array, points: Array, further: Array) -> Array:
+        # Whole stretches are located; segments begin where these pass.
+        layout = self.layout
+        whole = cut(layout.logs, np.inf, layout.cut_at, layout.sensors)
+        if whole.count == layout.count:
+            begin = np.pad(further, ((0, 0), (3, 0)))
+            return located(*self._misfit(values), begin, points)
+        stretches = replace(self, layout=whole)
+        starts = stretches.first_starts(values)
+        paths = stretches.reading(*self.unknowns.robot.states)(_unplaced(self.unknowns, values), starts)
+        return np.array([_passing(whole, paths, layout, row) for row in range(layout.count)])
+
+    def _misfit(self, values: Array) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+        # Residuals in units of the noise specified, (S, K), by the starts, and their slopes, (S, K, states).
+        (parameters, place, clocks), layout = self.unknowns.parts(values), self.layout
+        inputs, first, count = layout.inputs(self._offsets(clocks)), len(parameters), layout.count
+        each = (one.deviations or (1.0,) * len(one.entries) for _, one in self.sensors)
+        weights = layout.valid / np.concatenate([np.ones(len(self.quantities)), *each])
+
+        def driven(starts: Array) -> Driven:
+            return Driven(starts, inputs, layout.steps, parameters, place[: self._constants])
+
+        def residuals(starts: Array) -> Array:
+            left = without_turns(layout.readings - self._segments(driven(starts)), self.wrapping)
+            return np.asarray((left * weights).reshape(count, -1))
+
+        def slopes(starts: Array) -> Array:
+            own = self._segments.derivatives(driven(starts))[1][..., first : first + starts.shape[1]]
+            return np.asarray((-own * weights[..., None]).reshape(count, -1, starts.shape[1]))
+
+        return residuals, slopes
 
     def rates(self, values: Array, starts: Array, readings: Array) -> tuple[Array, Array]:
         """Speeds [m/s], 0 where positions are not read, and yaw rates [rad/s] at readings (S, n + 1, k).
@@ -128,9 +171,19 @@ class LoggedReadings:
         return speeds, self.layout.rates(turned)
 
     def _at(self, starts: Array, parameters: Array, place: Array, offsets: Array) -> Array:
-        inputs = self.layout.inputs(offsets)
-        driven = Driven(self._begun(starts), inputs, self.layout.steps, parameters, place)
-        return self._on_grid(self._segments(driven))
+        inputs, own = self.layout.inputs(offsets), place[: self._constants]
+        driven = Driven(self._begun(starts), inputs, self.layout.steps, parameters, own)
+        return self._beside_inputs(self._on_grid(self._segments(driven)), starts, parameters, own)
+
+    def _beside_inputs(
+        self, found: Array, starts: Array, parameters: Array, own: Array, noise: Array | float = 0.0
+    ) -> Array:
+        # What is read on the inputs' own clock is that of the times which it was put on the grid with.
+        layout, chosen = self.layout, self.layout.beside_inputs if self.sensors else None
+        if chosen is None:
+            return found
+        inputs = layout.inputs(layout.cut_offsets) + noise
+        return np.where(chosen, self._segments(Driven(starts, inputs, layout.steps, parameters, own)), found)
 
     def _offsets(self, clocks: Array) -> Array:
         return self.offsets + clocks if len(clocks) else self.offsets
@@ -140,7 +193,31 @@ class LoggedReadings:
         layout, robot = self.layout, self.unknowns.robot
         if layout.relative:
             return SegmentReadings(robot, RelativePoses(every=layout.periods), layout.count, layout.periods)
-        return SegmentReadings.logged(robot, self.quantities, layout.count, layout.periods)
+        return SegmentReadings.logged(robot, self.quantities, layout.count, layout.periods, self.sensors)
+
+    @cached_property
+    def _constants(self) -> int:
+        # Without the sensors beside the poses only the pose sensor's own.
+        return len(self._segments.sensor.nuisances)
+
+
+def _unplaced(unknowns: Unknowns, values: Array) -> Array:
+    # The unknowns with a pose sensor at the robot's origin, whose readings are the states themselves.
+    found = values.copy()
+    for place, name in enumerate(unknowns.names):
+        if name in PLACE:
+            found[place] = 0.0
+    return found
+
+
+def _passing(whole: SegmentLayout, paths: Array, layout: SegmentLayout, row: int) -> Array:
+    # The state (states,) in which stretches pass a segment's begin.
+    begin = layout.times[row, 0]
+    among = np.flatnonzero(whole.owner == layout.owner[row])
+    places = [int(np.argmin(np.abs(whole.times[one] - begin))) for one in among]
+    off = [abs(whole.times[one, place] - begin) for one, place in zip(among, places, strict=True)]
+    nearest = int(np.argmin(off))
+    return np.asarray(paths[among[nearest], places[nearest]])
 
 
 def first_starts(
@@ -158,7 +235,7 @@ def first_starts(
         further: states after the pose, where they are not read, (S, states - 3).
     """
     starts = np.pad(further, ((0, 0), (3, 0)))
-    for column, name in enumerate(layout.quantities):
+    for column, name in enumerate(layout.states):
         starts[:, robot.states.index(name)] = layout.first_readings(column)
     if "heading" in layout.quantities:
         starts[:, 2] -= place[2]

@@ -7,7 +7,7 @@ with periods of no time, which change nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal, NamedTuple
 
@@ -24,6 +24,8 @@ from oed.robots.models.model import Model
 from oed.robots.sensors.placed import LeverArm, PlacedSensor
 
 What = Literal["readings", "slopes", "whitening"]
+Labelled = tuple[tuple[str, Sensor], ...]
+"""Sensors by their names."""
 
 OUTPUTS: dict[What, tuple[int, ...]] = {"readings": (0,), "slopes": (0, 1), "whitening": (2,)}
 """Of the function of a moment's reading."""
@@ -49,31 +51,58 @@ class Driven(NamedTuple):
 
 class LoggedStates(PlacedSensor):
     """What logs hold, as a sensor: a robot's states at all times, x, y and heading at the sensor's place, in
-    units of their noise.
+    units of their noise; and after them what other sensors read, of a period at its begin.
 
     Attributes:
         places: of what is read among the robot's states.
         lever_arm: unknown, like the angle by which the sensor is turned.
+        others: further sensors by their names.
     """
 
     kind: Literal["logged_states"] = "logged_states"
     places: tuple[int, ...]
     lever_arm: LeverArm = LeverArm(known=False)
+    others: Labelled = ()
 
     @property
     def nuisances(self) -> tuple[Nuisance, ...]:
-        """The sensor's place: ahead, to the left [m], turned [rad]."""
-        return (*super().nuisances, Nuisance("turn", 0.0, "rad"))
+        """The sensor's place: ahead, to the left [m], turned [rad]; and those of other sensors."""
+        return (*super().nuisances, Nuisance("turn", 0.0, "rad"), *nuisances_of(self.others))
 
     def reading(self, moment: Moment) -> Expression:
-        """The states' values."""
+        """The states' values, then the readings of the others."""
         heading = moment.state[2] + moment.nuisances["turn"]
         values = [*self.position(moment), heading, *ca.vertsplit(moment.state)[3:]]
-        return ca.vertcat(*(values[place] for place in self.places))
+        read = [values[place] for place in self.places]
+        for label, sensor in self.others:
+            own = {one.name: moment.nuisances[f"{label}.{one.name}"] for one in sensor.nuisances}
+            read.append(sensor.reading(replace(moment, nuisances=own)))
+        return ca.vertcat(*read)
 
     def whitening(self, moment: Moment) -> Expression:
         """Unity."""
-        return ca.SX.eye(len(self.places))
+        return ca.SX.eye(len(self.places) + sum(len(sensor.entries) for _, sensor in self.others))
+
+    @property
+    def wrapping(self) -> tuple[int, ...]:
+        """Those of the others."""
+        found, first = list[int](), len(self.places)
+        for _, sensor in self.others:
+            found += [first + place for place in sensor.wrapping]
+            first += len(sensor.entries)
+        return tuple(found)
+
+    @property
+    def of_periods(self) -> bool:
+        """Whether any of it is the mean of a period."""
+        return any(sensor.when == "in periods" for _, sensor in self.others)
+
+
+def nuisances_of(sensors: Labelled) -> tuple[Nuisance, ...]:
+    """The sensors' nuisances, their names made unique."""
+    return tuple(
+        replace(one, name=f"{label}.{one.name}") for label, sensor in sensors for one in sensor.nuisances
+    )
 
 
 @dataclass(frozen=True)
@@ -93,7 +122,9 @@ class SegmentReadings:
     periods: int
 
     @classmethod
-    def logged(cls, model: Model, quantities: Sequence[str], count: int, periods: int) -> SegmentReadings:
+    def logged(
+        cls, model: Model, quantities: Sequence[str], count: int, periods: int, sensors: Labelled = ()
+    ) -> SegmentReadings:
         """What logs hold of segments: the model's states of those names, at all n + 1 times.
 
         Args:
@@ -101,8 +132,9 @@ class SegmentReadings:
             quantities: names of its states.
             count: segments.
             periods: of each, n.
+            sensors: that read beside them.
         """
-        sensor = LoggedStates(places=tuple(map(model.states.index, quantities)))
+        sensor = LoggedStates(places=tuple(map(model.states.index, quantities)), others=sensors)
         return cls(model, sensor, count, periods)
 
     def __call__(self, driven: Driven) -> Array:
@@ -170,10 +202,11 @@ def _segment(model: Model, sensor: Sensor, periods: int, what: What) -> ca.Funct
 
 def _lengths(sensor: Sensor, times: Expression, instants: Sequence[Sequence[int]]) -> Expression:
     # Of the periods that are read, or the time that a reading lasts.
+    if sensor.when == "in periods" or (isinstance(sensor, LoggedStates) and sensor.of_periods):
+        # What logs hold of a period stands at its begin; after the last time there is none.
+        return ca.horzcat(times, 0)[:, instants[0]]
     if sensor.when == "at samples":
         return ca.MX.zeros(1, len(instants[0]))
-    if sensor.when == "in periods":
-        return times[:, instants[0]]
     ends, begins = instants
     clock = ca.horzcat(0.0, ca.cumsum(times, 1))
     return clock[:, ends] - clock[:, begins]

@@ -66,6 +66,8 @@ def thinned(logs: Sequence[Log], most: int = MOST_POSES) -> tuple[Log, ...]:
     if any(log.motions is not None for log in logs):
         return tuple(_with_fewer_motions(log, most / max(_poses(logs), 1)) for log in logs)
     count = _poses(logs)
+    if count <= most:
+        return tuple(logs)
     each = _averaged_each(logs, math.ceil(count / most))
     if each > 1:
         logs = [_averaged(log, each) for log in logs]
@@ -181,6 +183,9 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
     """
     _require_alike(logs)
     _require_motion(logs)
+    if not logs[0].quantities:
+        # Without poses there is nothing to compare the wheels with before a fit.
+        return PreparedLogs(tuple(logs), np.zeros(len({log.file for log in logs})), 0.0)
     moves = Moves.of(robot, [without_strays(robot, log) for log in logs])
     if compare_clocks:
         moves = replace(moves, offsets=clock_offsets(moves))
@@ -256,6 +261,10 @@ def _held(log: Log) -> str:
 
 
 def _require_motion(logs: Sequence[Log]) -> None:
+    empty = [log for log in logs if len(log.pose_times) < 2]
+    if empty:
+        text = "has neither poses nor anything else that is read of where the robot is"
+        raise LogError([FileFlaw(log.file, 0, 0, "", text) for log in empty])
     text = "no poses while the wheels are logged; do the two clocks begin together?"
     flaws = [FileFlaw(log.file, 0, 0, "", text) for log in logs if not stretches(log, 0.0)]
     if flaws:

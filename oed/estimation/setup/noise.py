@@ -10,6 +10,8 @@ import scipy
 
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.sensor import Sensor, sensor_labels
+from oed.robots.sensors.logged import LoggedSensor
 from oed.robots.sensors.logged import Noise as Noise
 from oed.robots.sensors.relative_poses import logged_sensors
 
@@ -25,8 +27,8 @@ LEAST = 1e-6
 
 
 def group_of(quantity: str) -> str:
-    """The name of the noise that a quantity has."""
-    return GROUPS.get(quantity, quantity)
+    """The name of the noise that a quantity has: `ranges` of `ranges[2]`."""
+    return GROUPS.get(quantity, quantity.partition("[")[0])
 
 
 def places_of(group: str, quantities: Sequence[str]) -> list[int]:
@@ -55,7 +57,23 @@ def specified_noise(
             group = group_of(quantity)
             if group not in found or found[group].at_rest < noise.at_rest:
                 found[group] = noise
-    return {group: noise.divided(math.sqrt(averaged)) for group, noise in found.items()}
+    found = {group: noise.divided(math.sqrt(averaged)) for group, noise in found.items()}
+    sensors = measurement.joint_sensors
+    return found | sensor_noise(tuple(zip(sensor_labels(sensors), sensors, strict=True)))
+
+
+def sensor_noise(sensors: Sequence[tuple[str, Sensor]]) -> dict[str, Noise]:
+    """The noise that sensors specify of their readings, by kind of reading.
+
+    Args:
+        sensors: by their names.
+    """
+    return {
+        group_of(f"{label}{entry}"): Noise(size)
+        for label, sensor in sensors
+        if not isinstance(sensor, LoggedSensor)
+        for entry, size in zip(sensor.entries, sensor.deviations, strict=False)
+    }
 
 
 def of_readings(rates: Array, valid: Bools) -> Array:

@@ -42,6 +42,14 @@ def noise_text(whitening: Expression, units: Sequence[str]) -> str:
     return f"correlated noise ({text})" if np.abs(shared).max() > UNCORRELATED else text
 
 
+def deviations_of(whitening: Expression) -> tuple[float, ...]:
+    """Standard deviations (q,) of one reading by its whitening (q, q); () where they depend on the moment."""
+    if ca.symvar(ca.SX(whitening)):
+        return ()
+    inverse = np.linalg.inv(np.asarray(ca.evalf(whitening), dtype=float))
+    return tuple(np.sqrt(np.diag(inverse @ inverse.T)).tolist())
+
+
 def deviations_text(*sizes: str) -> str:
     """Standard deviations, each in words: `a standard deviation of 5 cm`."""
     text = listing(sizes)

@@ -23,7 +23,7 @@ from oed.foundation.text import count, words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
-from oed.kernel.measurement.description import noise_text, when_text
+from oed.kernel.measurement.description import deviations_of, noise_text, when_text
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement, Nuisance
 from oed.kernel.measurement.moment import AnyMoment
 from oed.kernel.measurement.moment import Moment as Moment
@@ -131,6 +131,17 @@ class Sensor(Measurement):
     def units(self) -> tuple[str, ...]:
         """SI units of a reading's entries; () where the sensor does not say."""
         return ()
+
+    @property
+    def entries(self) -> tuple[str, ...]:
+        """What tells the entries of a reading apart: `.quantity`, `[which]` or both; () where nobody says."""
+        return ("",) if len(self.units) == 1 else tuple(f".{place + 1}" for place in range(len(self.units)))
+
+    @property
+    def deviations(self) -> tuple[float, ...]:
+        """Standard deviations of a reading's entries, SI, where they depend on nothing; else ()."""
+        own = {nuisance.name: ca.SX.sym(nuisance.name) for nuisance in self.nuisances}
+        return deviations_of(self.whitening(cast(Moment, AnyMoment(own))))
 
     @property
     def noise_text(self) -> str:

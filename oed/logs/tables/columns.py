@@ -63,6 +63,24 @@ class Short:
         return value if isinstance(value, Mapping | Component) else {self.key: value}
 
 
+@dataclass(frozen=True)
+class MayBeNone:
+    """Pydantic annotation: poses that are "none", for none of x, y and heading was measured."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Write the word out before validation."""
+        return core_schema.no_info_before_validator_function(self._written_out, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> Mapping[str, Any]:
+        """Either form, for editors."""
+        return {"anyOf": [handler(schema), {"enum": ["none"]}]}
+
+    def _written_out(self, value: Any) -> Any:
+        return dict.fromkeys(("x", "y", "heading"), "none") if value == "none" else value
+
+
 class Column(Component):
     """A column of a table: its name in the header, or its index from 0."""
 
@@ -162,8 +180,8 @@ class PoseColumns(Component):
         """Where the poses of a log are; None where they are in the log itself."""
         return beside(self.file, log)
 
-    def flaws(self, model: System) -> list[Flaw]:
-        """States the robot does not have, units of another kind, nothing measured."""
+    def flaws(self, model: System, *, needed: bool = True) -> list[Flaw]:
+        """States the robot does not have, units of another kind, nothing measured where that is `needed`."""
         key, flaws = ("log", "poses"), []
         units = dict(zip(model.states, model.state_units, strict=True))
         for name, column in self.columns.items():
@@ -173,7 +191,7 @@ class PoseColumns(Component):
                 flaws.append(Flaw((*key, name), text))
             elif reason := unit_reason(column.unit, units[name]):
                 flaws.append(Flaw((*key, name, "unit"), reason))
-        if not self.columns:
+        if needed and not self.columns:
             flaws.append(Flaw(key, "nothing of the robot's pose was measured"))
         if self.form is not None and self.file is None:
             flaws.append(Flaw((*key, "form"), "is that of a file of its own; add `file`"))

@@ -107,8 +107,11 @@ class _Run:
         rows = rows[self.sheet.kept[rows]]
         if self.sheet.own_clock:
             rows = _with_anything(block.series, rows)
-        else:
+        elif self.sheet.quantities:
             rows = rows[~np.isnan(block.series.values[rows]).all(axis=1)]
+        else:
+            # Without poses the times alone, until those of other sensors are known.
+            rows = rows[~np.isnan(block.series.times[rows])]
         series = block.series.rows(rows)
         block.require_filled(series, rows)
         return series.without_repeats() if self.sheet.own_clock else series

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
 from oed.foundation.errors import Flaw, LogError
 from oed.kernel.dynamics.system import System
+from oed.kernel.measurement.measurement import Measurement
 from oed.logs.drive import to_logs
 from oed.logs.form import LogForm, is_bag
 from oed.logs.log import Log
+from oed.logs.sensors import labelled, with_sensors
+from oed.logs.series import together
 from oed.logs.tables.chosen_rows import Records
-from oed.logs.tables.columns import Column, Kept, PoseColumns, Short, TimeColumn
+from oed.logs.tables.columns import Column, Kept, MayBeNone, PoseColumns, Short, TimeColumn
 from oed.logs.tables.csv_drives import drives_in
 from oed.logs.tables.input_columns import AnyInputColumns, InputColumns, OdometryColumns
 from oed.logs.tables.motion_columns import RelativePoseColumns
-from oed.logs.tables.sheet import read_sheet
-from oed.logs.tables.table import Delimiter, read_table
+from oed.logs.tables.sensor_columns import SensorColumns, sensor_flaws
+from oed.logs.tables.sheet import kept_inputs, read_sheet
+from oed.logs.tables.table import Delimiter, Table, read_table
 
 
 class CsvForm(LogForm):
@@ -27,8 +32,10 @@ class CsvForm(LogForm):
         header: whether the first row has the columns' names; by default it has if it is not all numbers.
         time: column of the times.
         inputs: columns of the robot's inputs by their names; a column of the same name by default.
-        poses: columns of the reference poses.
+        poses: columns of the reference poses; "none" where other sensors say where the robot was.
         relative_poses: instead of these, columns of how a sensor moved.
+        sensors: columns of the study's other sensors, by their names: their kinds, and of a second one of a
+            kind `ranges_2` and so on.
         runs: the column that says which run a row belongs to; "run" by default, where there is one.
         records: where rows are of several types, the column that says so, and which have inputs and poses.
         keep: only rows in which these columns have the value, or lie within [low, high]; where others are
@@ -40,8 +47,9 @@ class CsvForm(LogForm):
     header: bool | None = None
     time: Annotated[TimeColumn, Short("column")] = TimeColumn(column="t")
     inputs: AnyInputColumns = {}  # noqa: RUF012
-    poses: PoseColumns = PoseColumns()
+    poses: Annotated[PoseColumns, MayBeNone()] = PoseColumns()
     relative_poses: RelativePoseColumns | None = None
+    sensors: dict[str, Annotated[SensorColumns, Short("column")]] = {}  # noqa: RUF012
     runs: Annotated[Column, Short("column")] | None = None
     records: Records | None = None
     keep: Kept = {}  # noqa: RUF012
@@ -53,15 +61,19 @@ class CsvForm(LogForm):
 
     def flaws(self, model: System) -> list[Flaw]:
         """Inputs and states the robot does not have, units and forms that do not fit."""
-        flaws = [*self.time.flaws("time"), *self.input_columns.flaws(model), *self.reference.flaws(model)]
+        flaws = [*self.time.flaws("time"), *self.input_columns.flaws(model)]
         if self.types_of_poses is not None and self.reference.file is not None:
             text = "the poses are in a file of their own (`poses.file`); leave one of the two out"
             flaws.append(Flaw(("log", "records", "poses"), text))
-        if self.relative_poses is not None and "poses" in self.model_fields_set:
-            flaws.append(
-                Flaw(("log", "relative_poses"), "a log has poses or relative_poses; omit one of them")
-            )
-        return flaws
+        if self.relative_poses is None:
+            return [*flaws, *self.poses.flaws(model, needed=not self.sensors)]
+        if "poses" in self.model_fields_set:
+            text = "a log has poses or relative_poses; omit one of them"
+            flaws.append(Flaw(("log", "relative_poses"), text))
+        if self.sensors:
+            text = "motions of relative_poses are fitted one by one, without other sensors; omit these"
+            flaws.append(Flaw(("log", "sensors"), text))
+        return [*flaws, *self.relative_poses.flaws(model)]
 
     @property
     def input_columns(self) -> InputColumns | OdometryColumns:
@@ -73,6 +85,36 @@ class CsvForm(LogForm):
         """What the wheels are compared with."""
         return self.relative_poses or self.poses
 
+    def beside(self, log: Path) -> dict[str, Path]:
+        """Files beside a log that are read along with it, by the keys within `log` that name them."""
+        key = "poses" if self.relative_poses is None else "relative_poses"
+        named = {key: self.reference, **{f"sensors.{name}": one for name, one in self.sensors.items()}}
+        found = {f"{key}.file": one.beside(log) for key, one in named.items()}
+        return {key: file for key, file in found.items() if file is not None}
+
+    def sensor_flaws(self, measurement: Measurement | None) -> list[Flaw]:
+        """Sensors that the study has not, numbers of columns and units that do not fit."""
+        return sensor_flaws(self.sensors, labelled(measurement))
+
+    def sensed(self, file: Path, logs: list[Log], measurement: Measurement | None) -> list[Log]:
+        """The drives with what sensors beside the poses read.
+
+        Args:
+            file: that was read.
+            logs: the drives in it.
+            measurement: the study's.
+
+        Raises:
+            LogError: every mistake in their columns, each with its line.
+        """
+        if not self.sensors:
+            return logs
+        table, known = kept_inputs(self._table(file), self), labelled(measurement)
+        found = together(
+            partial(one.read, name, known[name], table, self) for name, one in self.sensors.items()
+        )
+        return with_sensors(logs, found)
+
     def read(self, file: Path, model: System) -> list[Log]:
         """The drives in a CSV, one for each run.
 
@@ -81,6 +123,8 @@ class CsvForm(LogForm):
         """
         if is_bag(file):
             raise LogError.about(file, "is a ROS bag, not a CSV; say `kind: rosbag` under `log`")
-        table = read_table(file, self.delimiter, self.header, ragged=self.records is not None)
-        drives = drives_in(read_sheet(table, self, model), model, self.gap)
+        drives = drives_in(read_sheet(self._table(file), self, model), model, self.gap)
         return to_logs(drives, self, self.reference.held)
+
+    def _table(self, file: Path) -> Table:
+        return read_table(file, self.delimiter, self.header, ragged=self.records is not None)

@@ -109,7 +109,7 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
     Raises:
         LogError: columns that are not there, and cells that are no numbers.
     """
-    wheels = table if form.records is None else of_type(table, form.records, "inputs")
+    wheels = _of_inputs(table, form)
     try:
         wheels = _kept(wheels, form)
     except LogError as error:
@@ -140,8 +140,20 @@ def read_sheet(table: Table, form: CsvForm, model: System) -> Sheet:
     )
 
 
+def kept_inputs(table: Table, form: CsvForm) -> Table:
+    """The rows of the inputs that are kept.
+
+    Raises:
+        LogError: every reason against the columns that say so.
+    """
+    return _kept(_of_inputs(table, form), form)
+
+
+def _of_inputs(table: Table, form: CsvForm) -> Table:
+    return table if form.records is None else of_type(table, form.records, "inputs")
+
+
 def _kept(table: Table, form: CsvForm) -> Table:
-    # The rows that are; an error has every reason against them.
     kept, labels = together(
         [
             lambda: kept_rows(table, form.keep, form.skip_invalid_rows, "keep"),

@@ -84,8 +84,10 @@ def _lengths(record: EstimateRecord) -> Table | None:
     if segments is None or len(segments.tried) < 2:
         return None
 
+    units = {one.about: one.unit for one in record.noise}
+
     def size(about: str) -> Column:
-        unit = "m" if about == "position" else "rad"
+        unit = units.get(about) or ("m" if about == "position" else "rad")
         sizes = [one.sizes.get(about) for one in segments.tried]
         return sized(words(about), unit, sizes, lambda one: one.sizes.get(about))
 

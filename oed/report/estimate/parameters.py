@@ -261,9 +261,11 @@ def sentence(text: str) -> str:
 
 def nuisances(record: EstimateRecord) -> Section | None:
     """Everything estimated beside the parameters, None where there is nothing."""
-    places = (one for one in record.nuisances if one.name != "clock_offset")
+    places = (one for one in record.nuisances if one.name in PLACES)
+    own = (one for one in record.nuisances if one.name not in PLACES and one.name != "clock_offset")
     tables = (
         _table("place", places, "Where the pose sensor sits"),
+        _table("constant", own, "Constants of sensors"),
         _clocks(record),
         _noise(record),
         _table("coefficient", record.coefficients, "Coefficients that these give"),
@@ -274,7 +276,7 @@ def nuisances(record: EstimateRecord) -> Section | None:
 
 
 def _table(title: str, some: Iterable[Unknown], caption: str) -> Table:
-    name = Column(title, cell=lambda one: PLACES.get(one.name, words(one.name)))
+    name = Column(title, cell=lambda one: PLACES.get(one.name, words(one.name.replace(".", ": ", 1))))
     return Table.of(some, (name, *estimated()), caption)
 
 
@@ -305,4 +307,6 @@ def _noise(record: EstimateRecord) -> Table:
         Column("growth with speed", "", significant(3), growth("per_speed", "m/s")),
         Column("growth with yaw rate", "", significant(3), growth("per_yaw_rate", "rad/s")),
     )
-    return Table.of(record.noise, columns, "Noise of the poses")
+    own = any("position" in one.about or "heading" in one.about for one in record.noise)
+    caption = "Noise of the poses" if own and len(record.noise) < 3 else "Noise of the readings"
+    return Table.of(record.noise, columns, caption)

@@ -8,6 +8,7 @@ import re
 from oed.foundation.component import Component
 from oed.foundation.text import deviation_text, given_text, listing, words
 from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.sensor import FRAME
 from oed.kernel.solution import NOMINAL
 from oed.records.record import Record
 from oed.records.stored.result import Result
@@ -162,10 +163,12 @@ def nuisance_names(record: Record) -> list[str]:
 
 
 def _grouped(record: Record) -> dict[str, list[StoredNuisance]]:
-    # initial_pose.x, initial_pose.y -> initial_pose; poses.lever_arm.x -> poses.lever_arm; yaw_rate.bias.
+    # initial_pose.x, initial_pose.y -> initial_pose; poses.lever_arm.x -> poses.lever_arm; yaw_rate.bias;
+    # landmarks.landmark_7.x -> landmarks.places.
     groups: dict[str, list[StoredNuisance]] = {}
     for one in record.nuisances:
         full = re.sub(r"^initial_pose_\d+\.", "initial_pose_of_each_run.", one.name)
+        full = re.sub(r"^[^.]+\.(beacon|landmark|tag)_[^.]+\.", r"\1s.places.", full)
         name, _, last = full.rpartition(".")
         groups.setdefault(name if last in STATES else full, []).append(one)
     return groups
@@ -177,6 +180,8 @@ def _called(name: str) -> str:
 
 
 def _known(nuisances: list[StoredNuisance]) -> str:
+    if all(one.deviation == FRAME for one in nuisances):
+        return " (the frame of the map)"
     sizes = [f"± {given_text(one.deviation, one.unit)}" for one in nuisances if one.deviation is not None]
     return f" (prior: {listing(list(dict.fromkeys(sizes)))})" if sizes else ""
 

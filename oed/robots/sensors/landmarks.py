@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import casadi as ca
 from pydantic import Field
@@ -76,8 +76,6 @@ class Sights(MappedSensor):
     noise: SightNoise
     lever_arm: Mounting = Mounting()
     ids: tuple[Id, ...] | None = None
-    listed: ClassVar[str]
-    """The key that lists the points."""
 
     @abstractmethod
     def _orientation(self, place: list[Expression], heading: Expression) -> Expression:
@@ -135,6 +133,16 @@ class Sights(MappedSensor):
         return tuple(UNITS[name] for name in self.quantities) * len(self.places)
 
     @property
+    def entries(self) -> tuple[str, ...]:
+        """The quantities and of which point, as `.range[7]`."""
+        return tuple(f".{name}[{label}]" for label in self.labels for name in self.quantities)
+
+    @property
+    def deviations(self) -> tuple[float, ...]:
+        """Those from far away."""
+        return tuple(self.noise.of(name) or 0.0 for name in self.quantities) * len(self.places)
+
+    @property
     def subject(self) -> str:
         """The quantities, and of which points."""
         return f"the {listing([f'{name}s' for name in self.quantities])} of {self._points}"
@@ -189,7 +197,7 @@ class Landmarks(Sights):
     """
 
     kind: Literal["landmarks"] = "landmarks"
-    point, listed = "landmark", "landmarks"
+    point = "landmark"
     landmarks: Annotated[tuple[Point, ...], Field(min_length=1)]
     quantities: Annotated[tuple[Literal["range", "bearing"], ...], Field(min_length=1)] = ("range", "bearing")
     noise: SightNoise = SightNoise()
@@ -218,7 +226,7 @@ class Tags(Sights):
     """
 
     kind: Literal["tags"] = "tags"
-    point, listed = "tag", "tags"
+    point = "tag"
     tags: Annotated[tuple[Tag, ...], Field(min_length=1)]
     quantities: Annotated[tuple[Literal["range", "bearing", "orientation"], ...], Field(min_length=1)] = (
         "range",

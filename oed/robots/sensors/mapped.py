@@ -71,6 +71,18 @@ class MappedSensor(PlacedSensor):
         free = self.map == "unknown" and self.initial_pose == "unknown"
         return tuple(axis for axis, _ in AXES) if free else ()
 
+    @property
+    def frame(self) -> tuple[str, ...]:
+        """Nuisances that define the frame where nothing else does, as many as it has directions: the place of
+        the first point, and its heading or the direction in which the second is seen from it.
+        """
+        (first, *others), axes = self.places, [axis for axis, _ in AXES]
+        own = [f"{self.point}_{self.labels[0]}.{axis}" for axis in axes[: len(first)]]
+        if len(first) < len(AXES) and others:
+            along = abs(others[0][0] - first[0]) > abs(others[0][1] - first[1])
+            own.append(f"{self.point}_{self.labels[1]}.{'y' if along else 'x'}")
+        return tuple(own)
+
     def seen(self, moment: Moment) -> list[list[Expression]]:
         """Coordinates of every point."""
         return [
@@ -154,6 +166,11 @@ class Ranges(MappedSensor):
     def units(self) -> tuple[str, ...]:
         """The unit of every distance."""
         return ("m",) * len(self.beacons)
+
+    @property
+    def entries(self) -> tuple[str, ...]:
+        """The beacons' numbers."""
+        return tuple(f"[{label}]" for label in self.labels)
 
     @property
     def subject(self) -> str:

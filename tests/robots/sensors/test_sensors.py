@@ -92,8 +92,20 @@ typical_pairs = pytest.mark.parametrize(
 )
 
 
-def slow_beyond_core(robot: Robot) -> Any:
-    return () if robot.name in CORE else pytest.mark.slow
+VARIANTS = {
+    "ranges_to_unknown_beacons",
+    "bearings_from_a_camera",
+    "tags_of_unknown_pose",
+    "tags_from_a_camera_somewhere",
+    "late_positions",
+    "yaw_rate_of_unknown_scale",
+}
+"""Examples whose code is that of others but for a line: quick on one robot."""
+
+
+def slow_beyond_core(robot: Robot, example: Example) -> Any:
+    quick = robot is ROBOTS[0] if example.name in VARIANTS else robot.name in CORE
+    return () if quick else pytest.mark.slow
 
 
 # Both rules where they were always there; the integration knows nothing of the robot.
@@ -102,7 +114,7 @@ pairs_and_rules = pytest.mark.parametrize(
     ("robot", "example", "rule"),
     [
         pytest.param(
-            *case, id="-".join((case[1].name, case[0].name, case[2])), marks=slow_beyond_core(case[0])
+            *case, id="-".join((case[1].name, case[0].name, case[2])), marks=slow_beyond_core(*case[:2])
         )
         for case in CASES
     ],

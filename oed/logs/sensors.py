@@ -1,0 +1,152 @@
+"""What sensors beside the poses read, whatever the file: checked, and given to the drives they read in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from oed.foundation.arrays import Array, Bools
+from oed.foundation.errors import FileFlaw, Flaw, LogError
+from oed.foundation.text import did_you_mean, listing
+from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.sensor import Sensor, sensor_labels
+from oed.logs.drive import MARGIN
+from oed.logs.log import Log, SensorReadings
+from oed.logs.series import Series, shortened
+
+Clock = Literal["inputs", "poses"]
+MOST = {"rad": (2 * np.pi + 1e-3, "deg"), "rad/s": (30.0, "deg/s")}
+"""What directions are at most, a full turn and its rounding, and yaw rates of robots; else they are rather in
+other units."""
+
+
+@dataclass(frozen=True)
+class Sensed:
+    """All that one sensor read in a file.
+
+    Attributes:
+        name: of the sensor.
+        series: times and values (m, q), SI, not-a-number where an entry was not read.
+        clock: whose clock the times are on.
+        runs: which run a row belongs to; None where nobody says.
+    """
+
+    name: str
+    series: Series
+    clock: Clock
+    runs: tuple[str, ...] | None = None
+
+
+def labelled(measurement: Measurement | None) -> dict[str, Sensor]:
+    """A measurement's sensors by the names that `log: sensors:` has for them: their kinds, numbered from the
+    second of a kind on.
+    """
+    sensors = () if measurement is None else measurement.joint_sensors
+    return dict(zip(sensor_labels(sensors), sensors, strict=True))
+
+
+def name_flaws(names: Sequence[str], sensors: dict[str, Sensor]) -> Iterator[tuple[str, Flaw]]:
+    """Names of no sensor of the study, and of sensors that cannot be read so, each with its flaw."""
+    others = [name for name in sensors if name != "poses"]
+    for name in names:
+        key = ("log", "sensors", name)
+        if name == "poses":
+            yield name, Flaw(key, "poses have a key of their own: log: poses")
+        elif name not in sensors:
+            known = f"it measures {listing(others)}" if others else "it measures with no other sensors"
+            text = f"the study's measurement has no {name}; {known}{did_you_mean(name, others)}"
+            yield name, Flaw(key, text)
+        elif not sensors[name].entries:
+            yield name, Flaw(key, f"{name} does not say what its readings are: give it `units`")
+
+
+def default_clock(sensor: Sensor) -> Clock:
+    """The inputs' for what is read of periods, as by a gyroscope on the robot; that of the poses else."""
+    return "inputs" if sensor.when == "in periods" else "poses"
+
+
+def checked(found: Sensed, sensor: Sensor) -> Sensed:
+    """The readings, if they can be those of the sensor.
+
+    Raises:
+        LogError: no reading, times that do not rise, ranges below 0, angles and rates rather in degrees.
+    """
+    series = found.series
+    there = np.asarray(np.isfinite(series.values).any(axis=1))
+    if not there.any():
+        text = f"there is no reading of {found.name}"
+        raise LogError([FileFlaw(series.file, 0, 0, found.name, text)])
+    series = series.rows(there)
+    flaws = [*_value_flaws(series, found.name, sensor)]
+    runs = None if found.runs is None else tuple(np.array(found.runs)[there].tolist())
+    for rows in _by_run(runs, len(series)):
+        flaws += series.rows(rows).clock_flaws()
+    if flaws:
+        raise LogError(shortened(flaws))
+    return replace(found, series=series, runs=runs)
+
+
+def _value_flaws(series: Series, name: str, sensor: Sensor) -> Iterator[FileFlaw]:
+    for place, (entry, unit) in enumerate(zip(sensor.entries, sensor.units, strict=True)):
+        sizes = np.nan_to_num(np.abs(series.values[:, place]))
+        row = int(np.argmax(sizes))
+        limit, right = MOST.get(unit, (np.inf, ""))
+        # Angles may run on over full turns, but for directions that begin anew.
+        if sizes[row] > limit and (unit != "rad" or place in sensor.wrapping):
+            text = f"{sizes[row]:.6g} {unit} is more than {limit:.3g}; in degrees say `unit: {right}`"
+            yield series.flaw(row, f"{name}{entry}", text)
+        for row in np.flatnonzero(series.values[:, place] < 0).tolist() if unit == "m" else ():
+            text = f"a distance is not below 0, got {series.values[row, place]:.6g} m"
+            yield series.flaw(row, f"{name}{entry}", text)
+
+
+def _by_run(runs: tuple[str, ...] | None, count: int) -> list[Bools]:
+    if runs is None:
+        return [np.ones(count, dtype=bool)]
+    return [np.array(runs) == run for run in dict.fromkeys(runs)]
+
+
+def with_sensors(logs: Sequence[Log], found: Sequence[Sensed]) -> list[Log]:
+    """Logs of a file's drives with what the sensors read during each.
+
+    Raises:
+        LogError: readings none of which was made during any drive, drives without poses in which nothing else
+            was read of where the robot was.
+    """
+    given = [[_during(log, one) for one in found] for log in logs]
+    flaws = []
+    for place, one in enumerate(found):
+        if not any(len(row[place].times) for row in given):
+            span = f"{one.series.times.min():.10g} to {one.series.times.max():.10g} s"
+            log = f"from {logs[0].input_times[0]:.10g} to {logs[-1].input_times[-1]:.10g} s"
+            text = f"the readings of {one.name} are from {span}, outside of the log's, {log}"
+            flaws.append(one.series.flaw(0, one.series.clock, f"{text}; are the units of time alike?"))
+    if flaws:
+        raise LogError(flaws)
+    return [
+        _placed(replace(log, sensors=tuple(one for one in row if len(one.times))))
+        for log, row in zip(logs, given, strict=True)
+    ]
+
+
+def _during(log: Log, one: Sensed) -> SensorReadings:
+    clocks = [log.input_times, *([log.pose_times] if one.clock == "poses" else [])]
+    inside = [(one.series.times >= at[0] - MARGIN) & (one.series.times <= at[-1] + MARGIN) for at in clocks]
+    own = np.any(inside, axis=0)
+    if one.runs is not None:
+        stem = Path(log.file).stem
+        own &= np.array([log.name.startswith(f"{stem}[{run}]") for run in one.runs])
+    return SensorReadings(one.name, one.series.times[own], one.series.values[own], one.clock)
+
+
+def _placed(log: Log) -> Log:
+    # Of a log without poses the times are those at which anything else was read of where the robot was.
+    if log.quantities:
+        return log
+    each: list[Array] = [one.times for one in log.sensors if one.clock == "poses"]
+    times = np.unique(np.concatenate([np.zeros(0), *each]))
+    return replace(log, pose_times=times, poses=np.zeros((len(times), 0)))

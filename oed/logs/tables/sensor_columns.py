@@ -1,0 +1,183 @@
+"""Columns of sensors beside the poses: one for every entry of a reading, or rows of one point with its id."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, model_validator
+
+from oed.foundation.arrays import Array
+from oed.foundation.component import Component
+from oed.foundation.errors import Flaw, LogError
+from oed.foundation.files import no_such_file
+from oed.foundation.text import count, listing
+from oed.kernel.measurement.sensor import Sensor
+from oed.logs.input_forms import unit_factor, unit_reason
+from oed.logs.points import ROWS, gathered, quantities_of, units_of
+from oed.logs.sensors import Clock, Sensed, checked, default_clock, name_flaws
+from oed.logs.series import NotInLog, Series, together
+from oed.logs.tables.columns import ColumnPlace, PoseColumn, Short, TimeColumn, beside
+from oed.logs.tables.stamps import read_times
+from oed.logs.tables.table import Delimiter, Table, read_table
+
+if TYPE_CHECKING:
+    from oed.logs.tables.csv_form import CsvForm
+
+RUN = "run"
+
+
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, list | tuple) else [value]
+
+
+class SensorColumns(Component):
+    """Where a sensor's readings are.
+
+    Attributes:
+        column, columns: of the entries of a reading, in their order; or, with `id`, of the only quantity.
+        unit: of all of them, e.g. "deg/s"; SI by default. A column may have its own.
+        id: column that says which beacon, landmark or tag a row is of; a row then has one of them.
+        range, bearing, orientation: columns in such rows; of their own names by default.
+        time: column of their own clock, where it is not that of the rest.
+        clock: "inputs" or "poses", whose clock the times are on; by default a gyroscope's are on the inputs',
+            those of what sees places on the poses'.
+        file: they are in a file of their own, beside the log; "{stem}" stands for the log's stem.
+        delimiter, header: of that file, as of the log's own.
+    """
+
+    columns: Annotated[tuple[Annotated[PoseColumn, Short("column")], ...], BeforeValidator(_as_list)] = ()
+    unit: str | None = None
+    id: ColumnPlace | None = None
+    range: Annotated[PoseColumn, Short("column")] | None = None
+    bearing: Annotated[PoseColumn, Short("column")] | None = None
+    orientation: Annotated[PoseColumn, Short("column")] | None = None
+    time: Annotated[TimeColumn, Short("column")] | None = None
+    clock: Literal["inputs", "poses"] | None = None
+    file: str | None = None
+    delimiter: Delimiter | None = None
+    header: bool | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_column(cls, value: Any) -> Any:
+        if isinstance(value, Mapping) and "column" in value:
+            if "columns" in value:
+                raise ValueError("give `column` or `columns`, not both")
+            return {"columns" if key == "column" else key: one for key, one in value.items()}
+        return value
+
+    def beside(self, log: Path) -> Path | None:
+        """Where the readings of a log are; None where they are in the log itself."""
+        return beside(self.file, log)
+
+    def flaws(self, name: str, sensor: Sensor) -> list[Flaw]:
+        """Numbers of columns and units that do not fit the sensor."""
+        key, flaws = ("log", "sensors", name), []
+        quantities = quantities_of(sensor)
+        if self.id is not None:
+            given = [one for one in ROWS if getattr(self, one) is not None]
+            strangers = [one for one in given if one not in quantities]
+            if not all("[" in entry for entry in sensor.entries):
+                flaws.append(
+                    Flaw((*key, "id"), f"{name} sees no points that ids could tell apart; leave it out")
+                )
+            flaws += [Flaw((*key, one), f"{name} measures {listing(quantities)}") for one in strangers]
+        elif len(self.columns) != len(sensor.entries):
+            wanted = listing([f"{name}{entry}" for entry in sensor.entries[:8]])
+            text = f"expected {count(len(sensor.entries), 'column')} ({wanted}), got {len(self.columns)}"
+            hint = "; or `id`, for rows of one each" if len(sensor.entries) > 1 else ""
+            flaws.append(Flaw((*key, "columns"), f"{text}{hint}"))
+        for column, unit in zip(self._columns(sensor), units_of(sensor, self.id is not None), strict=False):
+            reason = unit_reason(column.unit or self.unit, unit)
+            if reason:
+                flaws.append(Flaw((*key, "unit"), reason))
+        return flaws
+
+    def read(self, name: str, sensor: Sensor, log: Table, form: CsvForm) -> Sensed:
+        """All that the sensor read.
+
+        Raises:
+            LogError: columns that are not there, cells that are no numbers, ids that the study does not know.
+        """
+        table, key = self._table(Path(log.file), log), ("sensors", name)
+        time, where = (form.time, ("time",)) if self.time is None else (self.time, (*key, "time"))
+        columns, units = self._columns(sensor), units_of(sensor, self.id is not None)
+        skip = form.skip_invalid_rows
+        (place, times), *values = together(
+            [
+                partial(_times, table, time, where, skip),
+                *(partial(_numbers, table, one, (*key, self._key(one)), skip) for one in columns),
+            ]
+        )
+        factors = [unit_factor(one.unit or self.unit, unit) for one, unit in zip(columns, units, strict=True)]
+        rows = np.column_stack(values) * factors
+        series, runs = Series(table.file, table.label(place), times, rows, table.lines), _runs(table, form)
+        if self.id is not None:
+            ids = table.texts(table.place(self.id, *key, "id"))
+            series, runs = gathered(series, ids, runs, name, sensor)
+        kept = np.isfinite(series.times)
+        labels = None if runs is None else tuple(np.array(runs)[kept].tolist())
+        chosen: Clock = self.clock or default_clock(sensor)
+        return checked(Sensed(name, series.rows(kept), chosen, labels), sensor)
+
+    def _key(self, column: PoseColumn) -> str:
+        return next((one for one in ROWS if getattr(self, one) is column), "columns")
+
+    def _table(self, log: Path, table: Table) -> Table:
+        own = self.beside(log)
+        if own is None:
+            return table
+        if not own.exists():
+            raise LogError([NotInLog(str(own), 0, 0, "file", no_such_file(own), ("log", "sensors"))])
+        return read_table(own, self.delimiter, self.header)
+
+    def _columns(self, sensor: Sensor) -> tuple[PoseColumn, ...]:
+        if self.id is None or self.columns:
+            return self.columns
+        wanted = [one for one in ROWS if one in quantities_of(sensor)] or ["range"]
+        return tuple(getattr(self, one) or PoseColumn(column=one) for one in wanted)
+
+
+def _times(table: Table, column: TimeColumn, key: Sequence[str], skip: bool) -> tuple[int, Array]:
+    place = table.place(column.column, *key, "column")
+    return place, read_times(table, place, column, skip=skip)
+
+
+def _numbers(table: Table, column: Any, key: Sequence[str], skip: bool) -> Array:
+    values, flaws = table.numbers(table.place(column.column, *key, "column"))
+    if flaws and (not skip or len(flaws) == len(values)):
+        raise LogError(flaws)
+    return values
+
+
+def _runs(table: Table, form: CsvForm) -> list[str] | None:
+    column = RUN if form.runs is None else form.runs.column
+    return table.texts(table.place(column, "runs", "column")) if column in table.header else None
+
+
+def sensor_flaws(columns: Mapping[str, SensorColumns], sensors: dict[str, Sensor]) -> list[Flaw]:
+    """What in `log: sensors:` does not fit the study's measurement."""
+    wrong = dict(name_flaws(list(columns), sensors))
+    flaws = list(wrong.values())
+    for name, one in columns.items():
+        if name not in wrong:
+            flaws += one.flaws(name, sensors[name])
+    return [*flaws, *_twice(columns)]
+
+
+def _twice(columns: Mapping[str, SensorColumns]) -> list[Flaw]:
+    # A column that two sensors share.
+    seen: dict[tuple[str | None, int | str], str] = {}
+    flaws = []
+    for name, one in columns.items():
+        for column in one.columns if one.id is None else ():
+            place = (one.file, column.column)
+            if place in seen:
+                text = f"the column {column.column} is that of {seen[place]} already"
+                flaws.append(Flaw(("log", "sensors", name), text))
+            seen[place] = name
+    return flaws
