@@ -15,14 +15,20 @@ from scipy.interpolate import BSpline
 
 STRAIGHT = 1e-12
 """Yaw rate [rad/s] below which an arc is driven as a straight line."""
+SLIGHT = 1e-4
+"""Turn [rad] below which an arc is a series in it."""
 
 
 def arc_displacement(heading: float, yaw_rate: float, period: float) -> tuple[np.ndarray, np.ndarray]:
     """Displacements (2,) of a unit forward and of a unit lateral speed during one period, by the radius."""
     if abs(yaw_rate) < STRAIGHT:
         ahead = period * np.array([math.cos(heading), math.sin(heading)])
+    elif abs(turn := period * yaw_rate) < SLIGHT:
+        # Differences of nearly the same sines are rounding.
+        cosine, sine, along, across = math.cos(heading), math.sin(heading), 1 - turn**2 / 6, turn / 2
+        ahead = period * np.array([along * cosine - across * sine, along * sine + across * cosine])
     else:
-        end = heading + period * yaw_rate
+        end = heading + turn
         ahead = np.array([math.sin(end) - math.sin(heading), math.cos(heading) - math.cos(end)]) / yaw_rate
     return ahead, np.array([-ahead[1], ahead[0]])
 

@@ -311,5 +311,5 @@ class TestWithoutTrajectory:
         (path,) = score_logs(study, [folder / "drive_0.csv"]).paths
         record = estimate(study, [folder / "drive_0.csv"])
         errors = [*path.result.standard_deviations.values()]
-        own = [one["standard_error"] for one in record.data["parameters"]]
+        own = [one.error("information") for one in record.parameters]
         assert errors == pytest.approx(own, rel=0.5)

@@ -115,10 +115,10 @@ def speeds(trajectory: Trajectory, model: Model) -> np.ndarray:
     return trajectory.inputs[:, places]
 
 
-def assert_the_moves_are_made(name: str, solution: Solution, size: float, bends: bool = False):
+def assert_the_moves_are_made(name: str, solution: Solution, size: float, lag: float = 0.0):
     path = solution.evaluation.path
     # A robot that lags still turns where the drive ends; one that steers while it rolls cuts a turn's peak.
-    missing = 3 * SAMPLING if bends else SAMPLING
+    missing = (1 + 8 * lag) * SAMPLING
     place, turn = ENDS[name]
     assert abs(complex(*path[-1, :2]) - size * place) < 2 * SAMPLING * size
     assert path[-1, 2] == pytest.approx(turn, abs=missing)
@@ -172,8 +172,10 @@ def test_every_robot_drives_what_suits_it(example: Example, name: str):
     assert largest.evaluation.feasible
     assert chosen.evaluation.objective >= largest.evaluation.objective * (1 - 1e-3)
     size = np.ptp(largest.evaluation.path[:, :2], axis=0).max() / (2 if name == "square" else 1)
-    bends = example.mean is not None or steers(example.model)
-    assert_the_moves_are_made(name, largest, size, bends=bends)
+    lag = getattr(example.model, "lag_omega", None) or (
+        0.25 if example.mean or steers(example.model) else 0.0
+    )
+    assert_the_moves_are_made(name, largest, size, lag)
     if steers(example.model) and name != "straight":
         assert_it_steers_without_a_stop(largest.trajectory, example.model)
 
