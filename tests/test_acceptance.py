@@ -23,6 +23,7 @@ def floor_of(errors: np.ndarray, **other: Any) -> Floor:
     return Floor(friction=0.5, fits=tuple(fits), repeats=Repeats(errors, 4000, seed=1), **given)
 
 
+@pytest.mark.slow
 def test_medians_from_a_record_are_those_of_the_trial():
     # Those of the record were found as it ran.
     trial = load_record(TRIAL).data["physics"]

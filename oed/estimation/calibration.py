@@ -205,7 +205,7 @@ class _Work:
         notes = [*thinning_notes(self.logs, found.logs), *fitted.notes]
         notes += unread(self.problem.measurement, found.logs)
         self.announce("error bars")
-        rates = None if fit.by_reading is None else drift_rates(fit)
+        rates = _drift_of(fit)
         covariances = self._covariances(fit, segmenting, rates)
         doubts, dilution = plausibility_doubts(fit, covariances[0].matrix), dilution_of(fit, self.seed)
         if dilution is not None:
@@ -243,8 +243,7 @@ class _Work:
             return None
 
         def covariance(other: Fit) -> Covariance:
-            rates = None if other.by_reading is None else drift_rates(other)
-            return self._covariances(other, segmenting, rates)[0]
+            return self._covariances(other, segmenting, _drift_of(other))[0]
 
         return ModelSelection(self._fitting, found, covariance, self.announce).compared(fit)
 
@@ -297,6 +296,11 @@ class _Work:
         if wanted not in ways:
             raise ProblemError.about(("calibration", "covariance"), _missing(wanted, blocks))
         return tuple(sorted(found, key=lambda one: one.name != wanted))
+
+
+def _drift_of(fit: Fit) -> DriftRates | None:
+    # Motions between two times have what the robot drifts in their noise.
+    return None if fit.motions or fit.by_reading is None else drift_rates(fit)
 
 
 def _clocks(fit: Fit, other: PreparedLogs) -> list[float]:

@@ -5,6 +5,7 @@ each is asked once for all that it will be asked.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any, ClassVar, Literal
 
 import casadi as ca
@@ -125,6 +126,8 @@ def _try_sensor(sensor: Sensor, system: System) -> None:
     function = signaller(system)
     signals = {name: ca.SX.sym(name, function.size1_out(name)) for name in function.name_out()}
     moment = Moment(system, state, inputs, signals, own)
+    if sensor.when == "between samples":
+        moment = replace(moment, earlier=moment, elapsed=ca.SX.sym("elapsed"))
     rows = _shape("reading", sensor.reading(moment), (None, 1))[0]
     _shape("whitening", sensor.whitening(moment), (rows, rows))
     if len(sensor.units) not in (0, rows):

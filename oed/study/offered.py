@@ -19,7 +19,7 @@ class Offer:
         text: what it is.
         noise: the usual standard deviation of each of its quantities, with its unit.
         entries: YAML of the sensors it is made of; {position} and so on stand for the noise, {beacons} for
-            the places of beacons.
+            the places of beacons, {mounting} for how a sensor that is to be known is mounted.
         aliases: what people call it.
         headings: whether logs of it have the robot's heading.
         relative: whether logs of it have motions instead of poses.
@@ -75,7 +75,7 @@ OFFERS = {
     "relative_poses": Offer(
         "lidar scan matching or visual odometry: how the sensor moved since the reading before",
         {"position": "0.5 cm", "heading": "0.5 deg"},
-        ["{{kind: relative_poses, every: 5, noise: {{position: {position}, heading: {heading}}}}}"],
+        ["{{kind: relative_poses, every: 5, noise: {{position: {position}, heading: {heading}}}{mounting}}}"],
         ("relative pose", "scan matching", "scan matcher", "visual odometry", "icp", "lidar"),
         relative=True,
     ),
@@ -206,14 +206,18 @@ def require_unit(what: str, given: str, usual: str) -> None:
         )
 
 
-def entries_of(sensor: str, noise: Mapping[str, str], beacons: Sequence[str]) -> list[str]:
+def entries_of(
+    sensor: str, noise: Mapping[str, str], beacons: Sequence[str], *, mounted: bool = False
+) -> list[str]:
     """YAML of each sensor that is used together.
 
     Args:
         sensor: its name.
         noise: the standard deviations of its quantities.
         beacons: places of beacons, as YAML has them.
+        mounted: whether it has to be known how a sensor is mounted: the robot has a place of its own to find.
     """
     offer = offer_of(sensor)
     entries = [*offer.entries, *([TRAILER] if "trailer_angle" in noise else [])]
-    return [entry.format(**noise, beacons=", ".join(beacons)) for entry in entries]
+    mounting = ", mounting: {known: true}" if mounted else ""
+    return [entry.format(**noise, beacons=", ".join(beacons), mounting=mounting) for entry in entries]

@@ -47,6 +47,8 @@ UNSURE = "5 %"
 """How far the parameters of a robot may be from their nominal values before its first drive."""
 IDENTIFIABLE = {"skid_steer": ("wheel_radius_right", "wheel_radius_left", "track")}
 """What to estimate of robots whose parameters are not identifiable all together."""
+PLACED = ("offset_drive", "skid_steer_icr")
+"""Robots with a place of their own among the parameters, which no sensor whose place is unknown can find."""
 SENSORS = tuple(OFFERS)
 """What a first study may measure with."""
 
@@ -190,7 +192,7 @@ def _text(
     return _template(choice.designs).render(
         choice=choice,
         sensor=offer_of(choice.sensor),
-        entries=entries_of(choice.sensor, noise, corners),
+        entries=entries_of(choice.sensor, noise, corners, mounted=_kind(choice.robot) in PLACED),
         typical_noise=not choice.noise,
         robot=choice.robot.replace("_", " "),
         kind=_kind(choice.robot),

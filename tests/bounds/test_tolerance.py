@@ -165,6 +165,7 @@ def test_the_exact_bound_is_exceeded_within_the_tolerance_and_the_widened_one_is
     assert 87.0 < longer.objective <= certificate.widened.upper_bound <= 1.0005 * longer.objective
 
 
+@pytest.mark.slow
 def test_what_satisfies_the_limits_exactly_is_held_against_the_exact_bound(hundred):
     problem, certificate = hundred
     exact = scored_drive(problem, certificate.drive.inputs)

@@ -391,6 +391,7 @@ class TestEvaluate:
         assert re.search(r"exceeds workspace by [\d.]+ m?m \(back-off for other robots included\)", out)
         assert "wheel speed by" not in out
 
+    @pytest.mark.slow
     def test_a_drive_written_by_solve_scores_the_same(self, capsys, folder: Path):
         _, solved, _ = call_json(capsys, "solve", "quick.yaml", "--quiet", "--workers", "1", "--out", "there")
         _, scored, _ = call_json(capsys, "evaluate", "quick.yaml", "there/genetic.csv")
@@ -400,6 +401,7 @@ class TestEvaluate:
 
 class TestSchema:
     @pytest.mark.parametrize("arguments", [[], ["--json"]])
+    @pytest.mark.slow
     def test_one_object(self, capsys, arguments: list[str]):
         code, out, err = call(capsys, "schema", *arguments)
         assert (code, err) == (0, "")
@@ -538,12 +540,14 @@ class TestValidate:
 
 
 class TestExport:
+    @pytest.mark.slow
     def test_writes_the_drive(self, folder, capsys):
         call(capsys, "solve", "quick.yaml", "--out", "made", "--quiet")
         code, data, _ = call_json(capsys, "export", "made", "--to", "csv")
         assert code == 0
         assert Path(data["export"]).read_text().startswith("t,wheel_speed_right,wheel_speed_left,v,omega")
 
+    @pytest.mark.slow
     def test_names_the_formats_there_are(self, folder, capsys):
         call(capsys, "solve", "quick.yaml", "--out", "made", "--quiet")
         code, _, err = call(capsys, "export", "made", "--to", "dxf")

@@ -52,6 +52,7 @@ def test_a_run_whose_reader_leaves_is_done_all_the_same(
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["schema"], ["check", "study.yaml", "--json"]])
+@pytest.mark.slow
 def test_nobody_reads(
     folder: Path, unread: TextIO, monkeypatch: pytest.MonkeyPatch, capsys, arguments: list[str]
 ) -> None:

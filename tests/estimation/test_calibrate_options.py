@@ -37,6 +37,7 @@ def within(found: Calibration, true=TRUE, times: float = 5.0) -> bool:
 
 
 class TestOptions:
+    @pytest.mark.slow
     def test_defaults(self):
         found = calibrate(logged_problem(), [LOG])
         assert within(found)
@@ -150,6 +151,7 @@ class TestOptions:
         wanted = np.array([right / track, -left / track, right / 2, left / 2])
         assert np.all(np.abs(values - wanted) < 5 * errors)
 
+    @pytest.mark.slow
     def test_the_effective_track_is_the_track(self):
         found = found_by()
         track, error = found.effective_track
@@ -178,6 +180,7 @@ class TestOptions:
 
 class TestOddLogs:
     @pytest.mark.parametrize("noise", [NOISE, (0.0, 0.0)])
+    @pytest.mark.slow
     def test_a_robot_at_rest(self, noise):
         log = log_of(course(inputs=np.zeros((60, 2)), seconds=6), noise=noise)
         found = calibrate(logged_problem(), [log])

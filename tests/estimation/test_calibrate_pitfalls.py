@@ -25,6 +25,7 @@ OMNI = OmniThree(wheel_radius=0.04, centre_distance=0.18)
 TRUE = np.array([*TRUTH.values()])
 
 
+@pytest.mark.slow
 def test_a_sensor_that_looks_backwards():
     log = log_of(course(), noise=NOISE, place=(0.1, -0.05, np.pi - 0.1))
     found = calibrate(logged_problem(), [log], options(segment="log"))
@@ -33,6 +34,7 @@ def test_a_sensor_that_looks_backwards():
     assert not any(one.doubtful for log in found.logs for one in log.findings)
 
 
+@pytest.mark.slow
 def test_wheels_of_other_sizes_on_a_gentle_turn_are_not_exchanged_wheels():
     inputs = np.tile([3.6, 4.0], (200, 1)) * (1 + 0.1 * np.sin(np.arange(200) / 9))[:, None]
     drive = course(parameters=np.array([0.06, 0.05, 0.2]), inputs=inputs)

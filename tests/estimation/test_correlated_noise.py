@@ -180,10 +180,17 @@ class TestSelection:
         short = fit_of(logs, seconds=4.0)
         assert bounded_errors(search_of(logs), short.values, short.noises) is None
 
+    @pytest.mark.parametrize("seed", range(3))
+    def test_white_noise_is_not_taken_for_errors_that_last(self, seed: int):
+        drive = course(seconds=40.0, seed=seed)
+        whole = fit_of([log_of(drive, noise=NOISE, seed=seed, quantities=POSITIONS, every=4)])
+        assert bounded_errors(search_of(whole.layout.logs), whole.values, whole.noises) is None
+
 
 class TestEstimate:
     LOGS = (satellites(2), satellites(3))
 
+    @pytest.mark.slow
     def test_of_whole_logs(self):
         found = estimated()
         # By growth of the residuals alone, segments would be short.

@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 from oed.cli.design_commands import LATER
 
 CODE = """
@@ -24,6 +26,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_tasks_find_modules_loaded(tmp_path):
     # In a process of its own: the pool is one for all tests.
     (tmp_path / "ahead.py").write_text(CODE)
@@ -33,6 +36,7 @@ def test_tasks_find_modules_loaded(tmp_path):
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+@pytest.mark.slow
 def test_a_run_needs_what_it_loads_ahead():
     # Of the modules' own names one mistyped would be found by nothing else.
     code = "from importlib import import_module\n" + "\n".join(f"import_module({one!r})" for one in LATER)

@@ -230,6 +230,7 @@ class TestEveryEpigraph:
     @criteria
     @pytest.mark.parametrize("size", [1, 2, 3])
     @pytest.mark.parametrize("blocks", [1, 2])
+    @pytest.mark.slow
     def test_its_maximum_is_the_criterion(self, kind, size: int, blocks: int):
         criterion, matrices = example(kind, size, blocks), moderate_blocks(size, size, blocks)
         epigraph = criterion.epigraph([ca.SX(ca.DM(matrix)) for matrix in matrices])

@@ -99,12 +99,14 @@ def require_gained(problem: Problem, wider: Problem, name: str, step: float, rel
 
 
 @pytest.mark.parametrize("name", LARGER)
+@pytest.mark.slow
 def test_a_gain_is_what_designing_again_gains(name: str):
     limit, larger, step = LARGER[name]
     assert require_gained(limited(limit), limited(larger), name, step) > 1e-6
 
 
 @pytest.mark.parametrize("criterion", [D(), A()], ids=["D", "A"])
+@pytest.mark.slow
 def test_gains_are_in_efficiency_whatever_the_criterion(criterion: Criterion):
     wider, step = LARGER["workspace"][1:]
     problems = [limited(one, criterion=criterion) for one in (ROOM, wider)]
@@ -120,6 +122,7 @@ def test_gains_of_robust_drives_are_those_under_tightened_limits(kind: str):
     assert require_gained(*problems, "workspace", step) > 1e-4
 
 
+@pytest.mark.slow
 def test_gains_of_a_search_on_fewer_samples_are_those_of_all():
     problem = limited(ROOM, samples=120)
     search, unknowns = begun(problem)
@@ -130,6 +133,7 @@ def test_gains_of_a_search_on_fewer_samples_are_those_of_all():
     assert own == pytest.approx(whole, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_search_says_what_its_first_stage_gained():
     problem = limited(ROOM)
     plain, decided = (
@@ -140,6 +144,7 @@ def test_a_search_says_what_its_first_stage_gained():
     assert "second_stage" in decided.stages
 
 
+@pytest.mark.slow
 def test_searches_that_cannot_know_say_nothing():
     problem = limited(ROOM)
     assert solve(problem, Genetic(generations=3, population=8), workers=1).gains == {}

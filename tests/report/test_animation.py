@@ -64,6 +64,7 @@ class TestMotion:
             found = np.array([run.at(time) for time in times])
             np.testing.assert_allclose(found, poses[:, : found.shape[1]], atol=1e-9)
 
+    @pytest.mark.slow
     def test_the_path_grows(self):
         run = Cast.of(towing().best).runs[0]
         lengths = [np.hypot(*np.diff(run.until(time), axis=0).T).sum() for time in np.linspace(0, 8, 9)]
@@ -73,6 +74,7 @@ class TestMotion:
 
 
 class TestCast:
+    @pytest.mark.slow
     def test_runs_follow_each_other_after_a_rest(self):
         cast = Cast.of(crab().best)
         assert cast.length(2.0) == pytest.approx(3 * 4 + 2 * PAUSE)

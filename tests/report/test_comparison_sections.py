@@ -230,6 +230,7 @@ class TestFinding:
         assert title == "Most precise: known"
         assert "not identifiable" in said
 
+    @pytest.mark.slow
     def test_names_lead_to_the_reports_that_there_are(self, flagship: Record, tmp_path: Path):
         (tmp_path / "a run").mkdir()
         (tmp_path / "a run" / "report.html").touch()

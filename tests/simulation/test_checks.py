@@ -60,6 +60,7 @@ class TestRightCovariance:
         assert np.mean(values <= ALPHA) <= ALPHA + 3 * math.sqrt(ALPHA * (1 - ALPHA) / SEEDS)
 
     @pytest.mark.parametrize("name", ["bias", "covariance", "NEES", "distribution"])
+    @pytest.mark.slow
     def test_exact_tests_have_uniform_p_values(self, name: str):
         values = [check.p_value for checks in right_ones() for check in checks if check.name == name]
         assert stats.kstest(values, "uniform").pvalue > 1e-3

@@ -291,3 +291,21 @@ def test_what_fails_later_is_named_too(folder: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(type(criterion).__mro__[1], "judge", lambda *_: sys.exit(3))
     with pytest.raises(UserMistake, match="own:LogSmallest: judge: SystemExit: 3"):
         criterion.value([np.eye(2)])
+
+
+def test_a_sensor_may_read_between_two_moments(folder: Path):
+    own = (
+        "import casadi as ca\nimport oed\n\n\nclass Odometer(oed.Sensor):\n"
+        '    kind: str = "odometer"\n    when = "between samples"\n\n'
+        "    def reading(self, moment):\n"
+        "        return ca.norm_2(moment.state[:2] - moment.earlier.state[:2]) / moment.elapsed\n\n"
+        "    def whitening(self, moment):\n        return ca.SX(1 / 0.01)\n"
+    )
+    (folder / "own.py").write_text(own, encoding="utf-8")
+    keys = yaml.safe_load(STUDY)
+    keys["measurement"][1] = {"kind": "python", "object": "own:Odometer", "every": 4}
+    keys["limits"].pop("own")
+    keys["criterion"] = "D"
+    (folder / "study.yaml").write_text(yaml.safe_dump(keys), encoding="utf-8")
+    sensor = load_study(folder / "study.yaml").problem.measurement.joint_sensors[1]
+    assert sensor.columns(20) == [4, 8, 12, 16, 20]

@@ -306,6 +306,7 @@ class TestCommand:
         assert words in capsys.readouterr().err
         assert list(Path().iterdir()) == []
 
+    @pytest.mark.slow
     def test_it_asks_at_a_terminal(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
         answers = [
             *("spaceship", "akermann", "ackermann"),  # the robot
@@ -352,11 +353,13 @@ class TestCommand:
         assert capsys.readouterr().err.startswith("mine.yaml exists; write over it (yes, no) [no]: ")
         assert (Path("mine.yaml").read_text() == "mine") == (code == 2)
 
+    @pytest.mark.slow
     def test_a_pilot_drive_is_one(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
         monkeypatch.setattr("sys.stdin", Terminal("\n" * 9))
         assert main(["init", "--robot", "husky", "--room", "9 m x 9 m"]) == 0
         assert "How many drives" not in capsys.readouterr().err
 
+    @pytest.mark.slow
     def test_a_study_for_logs_alone(self, capsys: pytest.CaptureFixture[str]):
         assert main(["init", "--robot", "husky", "--only-estimate", "--noise", "position=3 cm"]) == 0
         assert "then: oed estimate husky.yaml LOG..." in capsys.readouterr().err
@@ -364,6 +367,7 @@ class TestCommand:
         assert not study.problem.designed
         assert study.problem.measurement.noise.position == pytest.approx(0.03)
 
+    @pytest.mark.slow
     def test_it_is_asked_for_and_no_room_then(self, monkeypatch, capsys: pytest.CaptureFixture[str]):
         answers = ["ackermann", "estimate", "6 cm", "", "positions", "3 mm"]
         monkeypatch.setattr("sys.stdin", Terminal("\n".join(answers) + "\n"))
@@ -377,6 +381,7 @@ class TestCommand:
         assert main(["init", "--robot", "create_3", *flags]) == 2
         assert "--only-estimate designs no drive; leave --room and --runs out" in capsys.readouterr().err
 
+    @pytest.mark.slow
     def test_a_new_folder_is_named(self, capsys: pytest.CaptureFixture[str]):
         assert main(["init", "new/mine.yaml", "--robot", "create_3"]) == 0
         assert "wrote new/mine.yaml in a new folder, new;" in capsys.readouterr().err
@@ -409,6 +414,7 @@ def test_every_robot_that_begins_so_is_proposed():
         sizes_needed("turtlebot")
 
 
+@pytest.mark.slow
 def test_a_study_says_how_it_is_given_what_a_first_one_calls_so():
     text = starter(Choice("create_3")).replace("kind: poses", "kind: positions")
     wanted = re.escape("what `oed init` calls positions is {kind: poses, quantities: [x, y], noise")

@@ -194,7 +194,7 @@ BROKEN_SENSORS = {
         "[wheel_radius, track]",
         "estimate",
         "estimate",
-        "left, track) or coefficients (c11, c12, c21, c22), got wheel_radius, track",
+        "yaw_rate.bias), got wheel_radius, track; did you mean wheel_radius_right or wheel_radius_left?",
     ),
     "parameters of both kinds": (
         "[wheel_radius_right, track]",

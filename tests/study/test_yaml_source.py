@@ -338,6 +338,7 @@ BOMB = nested("abcdefghij")
     ],
     ids=lambda value: value[:20] if isinstance(value, str) else None,
 )
+@pytest.mark.slow
 def test_what_no_study_is_made_of_is_named_by_line(text: str, line: int, message: str):
     flaw = flaw_of(text)
     assert flaw.line == line

@@ -226,6 +226,7 @@ class TestDraws:
         assert replace(again, worst=None) == replace(found, worst=None)
         np.testing.assert_array_equal(again.worst, found.worst)
 
+    @pytest.mark.slow
     def test_another_seed_draws_others(self):
         problem, drive, found, _ = counted("box")
         assert not np.array_equal(violation_probability(problem, drive, draws=FEW, seed=1).worst, found.worst)

@@ -42,6 +42,7 @@ def log_of(study: Study, record: Record, name: str, path: Path) -> Path:
     return write_log(path, study.problem, record.result(name).drive.trajectory, {})
 
 
+@pytest.mark.slow
 def test_the_log_of_a_drive_is_worth_the_drive(study, record, saved, tmp_path):
     trajectory = record.result("square").drive.trajectory
     found = score_logs(study, [log_of(study, record, "square", tmp_path / "log.csv")], saved)

@@ -79,6 +79,7 @@ def record(folder: Path, study: Study) -> EstimateRecord:
 
 
 class TestEstimate:
+    @pytest.mark.slow
     def test_intervals_hold_the_truth(self, record: EstimateRecord):
         for entry in record.parameters:
             low, high = entry.interval
@@ -138,6 +139,7 @@ class TestEstimate:
         with pytest.raises(UserMistake, match="hold_out: expected a share of each log"):
             estimate(study, [folder / "drive_0.csv"], hold_out=share)
 
+    @pytest.mark.slow
     def test_logs_apart_are_only_reckoned(self, record: EstimateRecord, study: Study, folder: Path):
         held = record.data["held_out"]
         assert held["logs"] == ["drive_2"]

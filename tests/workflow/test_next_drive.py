@@ -147,6 +147,7 @@ class TestLoop:
 
 
 class TestMistakes:
+    @pytest.mark.slow
     def test_target_for_what_is_not_estimated(self, study, designed, tmp_path):
         log = drive(study, designed, None, tmp_path / "drive.csv", np.random.default_rng(7))
         with pytest.raises(UserMistake, match="--target wheelbase: expected one of wheel_radius_right"):

@@ -124,6 +124,7 @@ class TestRecord:
 
 
 class TestFiles:
+    @pytest.mark.slow
     def test_what_is_written(self, ran):
         _, record, out = ran
         drives = {entry.trajectory for entry in record.results}
@@ -298,6 +299,7 @@ class TestBestOf:
         assert best_of([], E()) is None
 
 
+@pytest.mark.slow
 def test_baselines_as_long_as_the_design_break_limits_only_where_that_is_asked_for(tmp_path: Path):
     asked = {"baselines": "[straight, random]", "seed": 5}
     found, wanted = (

@@ -65,6 +65,7 @@ class Striking:
 
 
 class TestAgain:
+    @pytest.mark.slow
     def test_a_complete_run_takes_the_place_of_the_old_one(self, finished: Path, tmp_path: Path):
         other = saved_study(tmp_path, TEXT.replace("kind: genetic,", "kind: genetic, name: another,"))
         record = run(other, finished, workers=1)
@@ -81,6 +82,7 @@ class TestAgain:
         assert load_record(finished).data == json.loads(record.to_json())
 
     @pytest.mark.parametrize("stage", ["genetic", "score baselines"])
+    @pytest.mark.slow
     def test_an_interrupted_one_leaves_it_bit_for_bit(self, study: Study, finished: Path, stage: str):
         before = contents(finished)
         record = run(study, finished, workers=1, progress=Striking(stage, KeyboardInterrupt()))
@@ -98,6 +100,7 @@ class TestAgain:
         again = run(study, finished, workers=1, progress=Striking(stage, KeyboardInterrupt()))
         assert again.folder == finished.with_name("out.interrupted-2")
 
+    @pytest.mark.slow
     def test_one_that_fails_leaves_it_too_and_keeps_what_it_has(self, study: Study, finished: Path):
         before = contents(finished)
         with pytest.raises(Failure, match="no memory") as caught:
@@ -114,6 +117,7 @@ class TestAgain:
         assert "The run was interrupted" in (record.folder / "report.md").read_text()
         assert not (finished.parent / ".out.oed").exists()
 
+    @pytest.mark.slow
     def test_only_one_at_a_time(self, study: Study, tmp_path: Path):
         class Second(Striking):
             def begin(self, description: str, total: int) -> None:
@@ -160,6 +164,7 @@ class TestNoRoom:
         assert load_record(place).best.name == "genetic"
         assert (Path(place) / "genetic.csv").is_file()
 
+    @pytest.mark.slow
     def test_nowhere_at_all(self, finished: Path, tmp_path: Path, full, monkeypatch, capsys):
         monkeypatch.chdir(tmp_path)
         write_study(tmp_path, TEXT)
@@ -173,6 +178,7 @@ class TestNoRoom:
         assert "nowhere else either" in err
         assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
 
+    @pytest.mark.slow
     def test_no_room_for_the_report_alone(self, tmp_path: Path, full, monkeypatch, capsys):
         monkeypatch.chdir(tmp_path)
         write_study(tmp_path, TEXT)

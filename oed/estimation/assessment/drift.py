@@ -24,7 +24,7 @@ def drift(fit: Fit, rates: DriftRates) -> Covariance:
     covariance Q_j.
 
     Intervals are those of Student's t with the kurtosis that errors have whose variance is as unsure as the
-    rates make it, its logarithm normal: e^(s^2) = (d - 2) / (d - 4) for its standard deviation s and d
+    rates make it, its logarithm normal: e^(s^2) = (d - 2) / (d - 4) for that logarithm's deviation s and d
     degrees of freedom.
     """
     parts = drifting_scores(fit) * rates.values[:, None, None]

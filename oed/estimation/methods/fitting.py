@@ -68,6 +68,12 @@ class Segmenting:
     tried: dict[float, dict[str, float]]
     drifts: bool
 
+    @property
+    def turns_drift(self) -> bool:
+        """Whether measured headings leave the wheels' in longer segments: readings' errors do not grow."""
+        sizes = [one.get("heading", 0.0) for one in self.tried.values()]
+        return sizes[-1] ** 2 > GROWTH * sizes[0] ** 2
+
 
 def longest_without_drift(
     layout: Callable[[float], SegmentLayout], fit: Callable[[SegmentLayout], Fit]
@@ -117,10 +123,10 @@ def _lengths(whole: SegmentLayout) -> Iterator[float]:
 
 
 def if_bounded(short: Segmenting, whole: JointSearch) -> Segmenting:
-    """Whole logs, where their errors last but do not grow; else the segments that show no drift.
+    """Whole logs, where their errors last but do not grow; else the segments that were chosen.
 
     Args:
-        short: segments beyond whose length residuals grow.
+        short: the longest segments whose residuals hardly grow.
         whole: the search over whole logs.
     """
     fit = short.fit
@@ -128,7 +134,7 @@ def if_bounded(short: Segmenting, whole: JointSearch) -> Segmenting:
     if noise is None:
         return short
     found = CorrelatedReadings(whole).fit(fit.values, noise)
-    found = replace(found, notes=(*found.notes, BOUNDED))
+    found = replace(found, notes=(*found.notes, *([BOUNDED] if short.drifts else [])))
     return replace(short, seconds=math.inf, fit=found, drifts=False)
 
 
@@ -289,7 +295,7 @@ class Fitting:
             return None, self._over_windows(Windows(layout(length), unknowns, offsets))
         if chosen == "auto":
             segmenting = longest_without_drift(layout, fit)
-            if segmenting.drifts and self._may_last(segmenting.fit.layout):
+            if self._may_last(segmenting.fit.layout) and not segmenting.turns_drift:
                 whole = self._search(layout(math.inf), unknowns, offsets)
                 segmenting = if_bounded(segmenting, whole)
             return segmenting, self._correlated(segmenting.fit, unknowns)

@@ -26,7 +26,7 @@ from oed.foundation.arrays import Array, Bools
 
 POSE = ("x", "y", "heading")
 """What errors are looked for in."""
-MOST = 1000
+MOST = 500
 """Times of all logs together that are looked at, spread evenly."""
 RIGID = 1e-6
 """Least variance of a step, relative to that of what it shows in: precisions are to be finite."""
@@ -42,6 +42,8 @@ ENOUGH = 1e-5
 """Relative change of the likelihood's logarithm at which its search has arrived."""
 STEP = 1e-4
 """Of the likelihood's difference quotients, in logarithms of the sizes: rounding shows in smaller ones."""
+CLEAR = 10.0
+"""By how much Akaike's criterion has to be less for errors that last than for white noise."""
 TINY = 1e-12
 """Information that is none, relative to what exact readings would have."""
 
@@ -312,7 +314,7 @@ def has_lasting_form(quantities: Sequence[str]) -> bool:
 
 
 def bounded_errors(search: JointSearch, values: Array, noises: Mapping[str, Noise]) -> GaussMarkov | None:
-    """The errors that last, if whole logs are likelier to have these than drift; else None.
+    """The errors that last, if whole logs are likelier to have these than drift, or none; else None.
 
     Args:
         search: over whole logs.
@@ -325,9 +327,9 @@ def bounded_errors(search: JointSearch, values: Array, noises: Mapping[str, Nois
     criterion, sizes = lasting.greatest()
     found = lasting.noise(sizes)
     # What lasts as long as the logs shows no bound.
-    if found.seconds > rest.seconds or criterion > drift.greatest()[0]:
+    if found.seconds > rest.seconds or criterion > Lasting(rest, ()).greatest()[0] - CLEAR:
         return None
-    return found
+    return found if criterion < drift.greatest()[0] else None
 
 
 def _eliminated(matrices: Array, exact: Array, kept: int) -> tuple[Array, float]:

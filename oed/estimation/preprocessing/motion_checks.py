@@ -31,10 +31,12 @@ ROUNDS = 30
 FAIR, FAR_BETTER = 0.02, 0.25
 """Share of the motion that may be left unexplained without a look, and what has to be left of it at most by
 another reading where it is not plainly bad."""
+LUCK = 0.005
+"""Share of the motion left unexplained below which one reading is as good as another."""
 AS_LIKELY = 2.0
 """What leaves at most so many times what the best explanation leaves is as likely."""
-STRAYS = "stray_motions"
-"""Name of what is found of them."""
+STRAYS, LEFT_OUT = "stray_motions", "motions_left_out"
+"""Names of what is found of them, and of those that are not fitted."""
 
 
 def without_strays(robot: Model, log: Log, offset: float = 0.0) -> Log:
@@ -61,6 +63,17 @@ def without_strays(robot: Model, log: Log, offset: float = 0.0) -> Log:
         "hardly matter to the estimates"
     )
     return log.following(~wrong).found(STRAYS, text, doubtful=True)
+
+
+def with_left_out(log: Log, offset: float) -> Log:
+    """The log with a word on motions during which its wheels are not logged: none of them is fitted."""
+    if log.motions is None or (count := int(np.count_nonzero(~driven(log, offset)))) == 0:
+        return log
+    text = (
+        f"{count} of {len(log.motions)} relative poses are outside of the wheels' log or across a gap in it; "
+        "left out"
+    )
+    return log.found(LEFT_OUT, text)
 
 
 def _strays(robot: Model, log: Log, offset: float) -> Bools:
@@ -102,6 +115,8 @@ def motion_fault(moves: Moves, logs: Sequence[Log]) -> str | None:
     for text, read in MISREAD.items():
         own = Moves.of(moves.robot, [without_strays(moves.robot, _as(log, read)) for log in logs])
         tried.append((worst(own, own.inputs, any_side=True), text))
+    # A share of next to nothing is the luck of the noise.
+    tried = [(max(left, LUCK), text) for left, text in tried]
     least = min(left for left, _ in tried)
     if least >= (min(BETTER * as_given, BAD) if as_given >= BAD else FAR_BETTER * as_given):
         return None

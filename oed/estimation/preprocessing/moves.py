@@ -39,6 +39,8 @@ COARSE, FINE = 0.05, 0.01
 """Steps of the search [s]; the fit refines what it finds."""
 BEYOND = 3.0
 """How many times as large as that of noise alone the mean square of moves has to be to be judged."""
+SOME = 40
+"""Moves of a clock that the search begins with, about."""
 CLEAR = 0.9
 """An offset is taken for real where it leaves at most this share of what no offset leaves unexplained."""
 
@@ -249,21 +251,33 @@ def _with_jumps(layout: SegmentLayout) -> Bools:
 
 def clock_offsets(moves: Moves) -> Array:
     """What the inputs' clocks show when the poses' show 0, (clocks,) [s]; 0 where no motion shows it."""
-    layout = moves.layout
-    return np.array([_offset(moves.within(layout.clock == clock)) for clock in range(len(layout.clocks))])
+    clock, clocks = moves.layout.clock, len(moves.layout.clocks)
+    counts = np.bincount(clock, minlength=clocks)
+    # Where about they are shows in some of each clock's moves.
+    number = np.arange(moves.layout.count) - np.searchsorted(clock, clock)
+    some = moves.within(number % (1 + counts // SOME)[clock] == 0)
+    steps = np.arange(-REACH, REACH + COARSE / 2, COARSE)
+    coarse = steps[:, None] * np.ones(clocks)
+    best = _best(coarse, _left_by_clocks(some, coarse))
+    tried = np.vstack([np.zeros(clocks), best + np.arange(-COARSE, COARSE + FINE / 2, FINE)[:, None]])
+    left = _left_by_clocks(moves, tried)
+    best, least = _best(tried[1:], left[1:]), left[1:].min(axis=0)
+    return np.where((least < CLEAR * left[0]) & (counts >= FEWEST), best, 0.0)
 
 
-def _offset(moves: Moves) -> float:
-    if moves.layout.count < FEWEST:
-        return 0.0
-    measured, clocks = moves.measured(), len(moves.layout.clocks)
+def _best(tried: Array, left: Array) -> Array:
+    # Of offsets (tries, clocks) those that leave least.
+    return np.asarray(np.take_along_axis(tried, left.argmin(axis=0)[None], axis=0)[0])
 
-    def left(offset: float) -> float:
-        shares = unexplained(measured, replace(moves, offsets=np.full(clocks, offset)).predicted())
-        return float(np.prod([max(share, 1e-9) for share in shares.values()])) if shares else 1.0
 
-    coarse = np.arange(-REACH, REACH + COARSE / 2, COARSE)
-    best = min(coarse, key=left)
-    fine = best + np.arange(-COARSE, COARSE + FINE / 2, FINE)
-    best = min(fine, key=left)
-    return float(best) if left(best) < CLEAR * left(0.0) else 0.0
+def _left_by_clocks(moves: Moves, tried: Array) -> Array:
+    # What offsets (tries, clocks) leave of each clock's moves unexplained, alike; all clocks at a time.
+    measured, clock = moves.measured(), moves.layout.clock
+    found = np.ones(tried.shape)
+    for row, offsets in enumerate(tried):
+        predicted = replace(moves, offsets=offsets).predicted()
+        for place in range(len(offsets)):
+            both = ({name: one[clock == place] for name, one in own.items()} for own in (measured, predicted))
+            shares = unexplained(*both)
+            found[row, place] = np.prod([max(share, 1e-9) for share in shares.values()])
+    return found

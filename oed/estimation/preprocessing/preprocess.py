@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.prediction.layout import GAP, stretches
-from oed.estimation.preprocessing.motion_checks import motion_fault, without_strays
+from oed.estimation.preprocessing.motion_checks import motion_fault, with_left_out, without_strays
 from oed.estimation.preprocessing.moves import Moves, clock_offsets
 from oed.estimation.preprocessing.wiring_checks import (
     explained_by_other_sizes,
@@ -191,7 +191,7 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
         moves = replace(moves, offsets=clock_offsets(moves))
     if logs[0].motions is not None:
         apart = dict(zip(moves.layout.clocks, map(float, moves.offsets), strict=True))
-        logs = [without_strays(robot, log, apart[log.file]) for log in logs]
+        logs = [with_left_out(without_strays(robot, log, apart[log.file]), apart[log.file]) for log in logs]
         moves = replace(Moves.of(robot, logs), offsets=moves.offsets)
     flaws, doubts = [], dict[str, str]()
     for index, file in enumerate(moves.layout.clocks):

@@ -160,8 +160,8 @@ class System(ABC):
         return float(ca.norm_2(found[self.velocity_signal][:2]))
 
     def lever(self, entry: Input) -> float:
-        """The length [m] by which a speed in m/s is one of its inputs in rad/s, nominal: of a wheel its
-        radius; 0 where none is known.
+        """The length [m] by which a speed in m/s is one of its inputs in rad/s, nominal; 0 where none is
+        known.
         """
         return 0.0
 

@@ -395,6 +395,7 @@ class TestSizes:
             (solution,) = baselines(robot_problem(ACKERMANN, limits=limits), "circle")
             assert solution.evaluation.feasible == fits
 
+    @pytest.mark.slow
     def test_a_free_start_uses_a_room_with_a_corner(self):
         room = Polygon(points=((0, 0), (4, 0), (4, 1), (1, 1), (1, 4), (0, 4)))
         problem = robot_problem(

@@ -32,14 +32,16 @@ from oed.robots.sensors import Displacements
 SAMPLES, PERIOD, TOP = 24, 0.1, 10.0
 NOISE = {"position": 2e-3, "heading": 0.01}
 
+ALIKE = [EXAMPLES["mecanum"][0], EXAMPLES["omni_three"][0]]
+"""Whose wheels are all of one size."""
 sideways = pytest.mark.parametrize(
-    "example", [*EXAMPLES["mecanum"], *EXAMPLES["omni_three"]], ids=lambda example: example.name
-)
-alike = pytest.mark.parametrize(
     "example",
-    [EXAMPLES["mecanum"][0], EXAMPLES["omni_three"][0]],
-    ids=lambda example: example.name,
+    [
+        pytest.param(one, id=one.name, marks=() if one in ALIKE else pytest.mark.slow)
+        for one in (*EXAMPLES["mecanum"], *EXAMPLES["omni_three"])
+    ],
 )
+alike = pytest.mark.parametrize("example", ALIKE, ids=lambda example: example.name)
 rules = pytest.mark.parametrize("rule", ["arc", "midpoint"])
 seeds = st.integers(0, 2**32 - 1)
 
