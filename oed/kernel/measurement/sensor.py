@@ -278,8 +278,13 @@ def moment_reading(sensor: Sensor, system: System) -> ca.Function:
 
 
 def reading_by_signal(sensor: Sensor, system: System, name: str) -> ca.Function:
-    """The derivatives (n, q) of what a sensor reads at one moment by a signal (n,) of the system, as a function
-    of (state, inputs, parameters, nuisances, period).
+    """The derivatives (n, q) of what a sensor reads at one moment by a signal (n,), as a function of (state,
+    inputs, parameters, nuisances, period).
+
+    Args:
+        sensor: that reads.
+        system: whose signal it is.
+        name: of the signal.
     """
     state, inputs = ca.SX.sym("state", len(system.states)), ca.SX.sym("inputs", len(system.inputs))
     parameters, own = ca.SX.sym("p", len(system.parameters)), ca.SX.sym("nuisances", len(sensor.nuisances))
