@@ -35,7 +35,7 @@ from oed.estimation.methods.fit import Fit
 from oed.estimation.prediction.layout import cut
 from oed.estimation.setup.noise import group_of
 from oed.logs.log import Log
-from oed.robots.sensors import Ranges, YawRate
+from oed.robots.sensors import Ranges, Several, YawRate
 
 TRUE = truth_of(ROBOT, **TRUTH)
 NOISE = (0.0005, 0.003)
@@ -181,6 +181,18 @@ def test_costs_no_more_than_a_pass_along_the_log():
 
 
 class TestRates:
+    def test_are_those_of_the_poses_where_other_sensors_read_as_well(self):
+        drive = drifting(course(seconds=30.0, seed=1), TRUE, 3 * USUALLY, 1)
+        log = with_sensors(drive, gyro(drive, noise=0.01, bias=0.02), noise=NOISE, seed=1)
+        poses = logged_problem().measurement
+        problem = logged_problem(measurement=Several(sensors=(poses, YawRate(noise=0.01))))
+        found, alone = (
+            calibrate(one, [read], options(segment=4.0)).drift
+            for one, read in ((problem, log), (logged_problem(), replace(log, sensors=())))
+        )
+        assert found.seconds == alone.seconds
+        np.testing.assert_allclose(found.values, alone.values, rtol=0.1)
+
     def test_are_those_that_the_robot_drifts_with(self):
         logs = [driven(seed, 30.0, 3.0) for seed in range(3)]
         found = drift_rates(fit_of(logs, seconds=2.0))
