@@ -302,7 +302,7 @@ class _Work:
 
 def _drift_of(fit: Fit) -> DriftRates | None:
     # Motions between two times have what the robot drifts in their noise.
-    return None if fit.motions or fit.by_reading is None else drift_rates(fit)
+    return None if fit.motions or fit.by_start is None else drift_rates(fit)
 
 
 def _clocks(fit: Fit, other: PreparedLogs) -> list[float]:

@@ -14,7 +14,8 @@ from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import Parameter
 from oed.robots.baselines import suited
 from oed.robots.models import MODELS, Model, PythonRobot
-from oed.robots.models.model import nominal_coefficients, robot_of
+from oed.robots.models.coefficients import nominal_coefficients
+from oed.robots.models.model import robot_of
 from oed.robots.presets import preset, preset_names
 from oed.study.offered import OFFERS, entries_of, noise_of, offer_of, require_unit, usual_noise
 from oed.study.study import Study, read_study

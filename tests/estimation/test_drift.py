@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sensed import PLACES, gyro, sighted, with_sensors
 from simulated import (
     ORIGIN,
     ROBOT,
@@ -19,6 +20,7 @@ from simulated import (
     logged_problem,
     loosely,
     options,
+    search_of,
     truth_of,
     twists_of,
     unknowns_of,
@@ -27,10 +29,13 @@ from windowed import drifting
 
 from oed.estimation import calibrate
 from oed.estimation.assessment.covariance import Covariance, information
-from oed.estimation.assessment.drift import drift, drifting_scores
+from oed.estimation.assessment.drift import carried_along, drift, drifting_scores
 from oed.estimation.methods.drift_rates import USUAL, DriftRates, drift_rates
 from oed.estimation.methods.fit import Fit
+from oed.estimation.prediction.layout import cut
+from oed.estimation.setup.noise import group_of
 from oed.logs.log import Log
+from oed.robots.sensors import Ranges, Several, YawRate
 
 TRUE = truth_of(ROBOT, **TRUTH)
 NOISE = (0.0005, 0.003)
@@ -68,33 +73,41 @@ def dense(fit: Fit, sits: Sequence[float]) -> Callable[[np.ndarray], np.ndarray]
     """Covariance (p, p), by rates, of least squares whose readings move with every step's error: by full
     matrices and difference quotients of arcs, the start as unknown as the parameters.
     """
-    (log,), names = fit.layout.logs, fit.layout.quantities
-    steps = np.diff(log.pose_times)
-    speeds = np.diff(log.integrals_at(log.pose_times, 0.0), axis=0) / steps[:, None]
-    mount, back = as_pose(np.array(sits)), (-complex(*sits[:2]) * np.exp(-1j * sits[2]), -sits[2])
+    (log,), layout, mount = fit.layout.logs, fit.layout, as_pose(np.array(sits))
+    times = layout.times[0]
+    steps = np.diff(times)
+    speeds = np.diff(log.integrals_at(times, 0.0), axis=0) / steps[:, None]
 
-    def path(values: np.ndarray, start: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    def path(values: np.ndarray, start: np.ndarray, errors: np.ndarray) -> list[Pose]:
         twists = twists_of(ROBOT, speeds, fit.values[:3] + values)
-        found = [after(as_pose(fit.starts[0][:3] + start), mount)]
+        found = [as_pose(fit.starts[0][:3] + start)]
         for index, (ahead, left, turn) in enumerate(errors.reshape(-1, 3)):
             move = as_pose(arcs(ORIGIN, twists[[index]], steps[[index]])[1])
-            (here, before), (there, turned) = found[-1], after(found[-1], after(after(back, move), mount))
+            (here, before), (there, turned) = found[-1], after(found[-1], move)
             middle, way = (here + there) / 2, np.exp(0.5j * (before + turned))
             off = middle + (there - middle) * np.exp(1j * turn) + (ahead + 1j * left) * way
             found.append((off, turned + turn))
-        return np.array([(place.real, place.imag, heading) for place, heading in found])
+        return found
 
     def read(values: np.ndarray, start: np.ndarray, errors: np.ndarray) -> np.ndarray:
-        return path(values, start, errors)[:, [("x", "y", "heading").index(name) for name in names]].ravel()
+        robot = path(values, start, errors)
+        rates = [*np.diff([heading for _, heading in robot]) / steps, 0.0]
+        columns = {"yaw_rate": rates}
+        for place, beacon in enumerate(PLACES, start=1):
+            columns[f"ranges[{place}]"] = [abs(complex(*beacon) - at) for at, _ in robot]
+        each = [after(pose, mount) for pose in robot]
+        columns |= {"x": [at.real for at, _ in each], "y": [at.imag for at, _ in each]}
+        columns["heading"] = [heading for _, heading in each]
+        return np.column_stack([columns[name] for name in layout.quantities])[layout.valid[0]]
 
     none, still = np.zeros(3), np.zeros(3 * len(steps))
-    sizes = [fit.noises["heading" if name == "heading" else "position"].at_rest for name in names]
-    weight = np.tile(1 / np.array(sizes), len(steps) + 1)[:, None]
+    sizes = np.array([fit.noises[group_of(name)].at_rest for name in layout.quantities])
+    weight = (1 / np.broadcast_to(sizes, layout.valid[0].shape)[layout.valid[0]])[:, None]
     by_values = weight * slopes(lambda off: read(off, none, still), 3)
     by_start = weight * slopes(lambda off: read(none, off, still), 3)
     by_errors = weight * slopes(lambda off: read(none, none, off), len(still))
-    moves = np.diff(path(none, none, still), axis=0)
-    length, turning = np.hypot(*moves[:, :2].T), np.abs(moves[:, 2])
+    robot = path(none, none, still)
+    length, turning = (np.abs(np.diff([pose[part] for pose in robot])) for part in (0, 1))
     solve = np.linalg.pinv(np.hstack([by_values, by_start]))
 
     def covariance(rates: np.ndarray) -> np.ndarray:
@@ -106,17 +119,43 @@ def dense(fit: Fit, sits: Sequence[float]) -> Callable[[np.ndarray], np.ndarray]
     return covariance
 
 
+def require_dense(fit: Fit, sits: Sequence[float]) -> None:
+    expected = dense(fit, sits)
+    for kind in np.eye(4):
+        rates = 1e-4 * kind + 1e-6
+        found = drift(fit, DriftRates(rates, np.zeros((4, 4))))
+        np.testing.assert_allclose(found.matrix[:3, :3], expected(rates), rtol=1e-4)
+        assert found.half_width == pytest.approx(1.96, abs=0.001)
+
+
 @pytest.mark.parametrize("quantities", [("x", "y", "heading"), ("x", "y")], ids=len)
 @pytest.mark.parametrize("sits", [ORIGIN, SITS], ids=["centred", "off"])
 def test_is_what_full_matrices_say(quantities: tuple[str, ...], sits: tuple[float, float, float]):
     log = log_of(course(seconds=4.0, period=0.4), place=sits, noise=NOISE, quantities=quantities)
     fit = fit_of([log], unknowns_of(sits=sits))
-    expected = dense(fit, sits)
-    for kind in np.eye(4):
-        rates = 1e-4 * kind + 1e-6
-        found = drift(fit, DriftRates(rates, np.zeros((4, 4))))
-        np.testing.assert_allclose(found.matrix, expected(rates), rtol=1e-4)
-        assert found.half_width == pytest.approx(1.96, abs=0.001)
+    require_dense(fit, sits)
+
+
+SENSED = {
+    "ranges": (Ranges(beacons=PLACES, noise=0.01),),
+    "a gyro": (YawRate(noise=0.01, bias="known"),),
+    "both": (Ranges(beacons=PLACES, noise=0.01), YawRate(noise=0.01, bias="known")),
+}
+
+
+@pytest.mark.parametrize("name", SENSED)
+def test_further_sensors_have_the_drift_of_what_they_see(name: str):
+    # Of a gyroscope it is that of each period alone, of ranges all that went before.
+    drive, read = course(seconds=4.0, period=0.4), []
+    if name != "a gyro":
+        rows = np.arange(0, len(drive.times), 2)
+        read.append(sighted(drive, "ranges", "r", PLACES, noise=[0.01], rows=rows))
+    if name != "ranges":
+        read.append(gyro(drive, noise=0.01))
+    log = with_sensors(drive, *read, noise=(0.01, 0.0), quantities=("x", "y"))
+    labelled = tuple((sensor.kind, sensor) for sensor in SENSED[name])
+    layout = cut([log], np.inf, [0.0], labelled)
+    require_dense(replace(search_of([log]), layout=layout).fit(), ORIGIN)
 
 
 def test_segments_drift_apart_from_each_other():
@@ -127,25 +166,33 @@ def test_segments_drift_apart_from_each_other():
     for row in range(layout.count):
         one = replace(layout, owner=layout.owner[[row]], times=layout.times[[row]])
         one = replace(one, readings=layout.readings[[row]], valid=layout.valid[[row]])
-        own = {"residuals": fit.residuals[[row]], "by_reading": fit.by_reading[[row]]}
+        own = {"starts": fit.starts[[row]], "by_start": fit.by_start[[row]]}
         each.append(drifting_scores(replace(fit, layout=one, **own)))
     np.testing.assert_allclose(drifting_scores(fit), sum(each), rtol=1e-9)
 
 
 def test_costs_no_more_than_a_pass_along_the_log():
-    fit = fit_of([log_of(course(seconds=2.0), noise=NOISE)])
-    count = 50_000
-    times = np.linspace(0.0, 1e3, count)[None]
+    times = np.linspace(0.0, 1e3, 50_000)[None]
     path = np.stack([np.cos(times), np.sin(times), times], axis=-1)
-    layout = replace(fit.layout, times=times, readings=path, valid=np.ones(times.shape, dtype=bool))
-    long = replace(fit, layout=layout, residuals=np.zeros_like(path), by_reading=np.ones((*path.shape, 3)))
     began = time.process_time()
-    assert np.isfinite(drifting_scores(long)).all()
+    assert np.isfinite(carried_along(path, np.ones((*path.shape, 3)))).all()
     # A matrix of all readings by all steps would fill 20 gigabytes.
     assert time.process_time() - began < 3.0
 
 
 class TestRates:
+    def test_are_those_of_the_poses_where_other_sensors_read_as_well(self):
+        drive = drifting(course(seconds=30.0, seed=1), TRUE, 3 * USUALLY, 1)
+        log = with_sensors(drive, gyro(drive, noise=0.01, bias=0.02), noise=NOISE, seed=1)
+        poses = logged_problem().measurement
+        problem = logged_problem(measurement=Several(sensors=(poses, YawRate(noise=0.01))))
+        found, alone = (
+            calibrate(one, [read], options(segment=4.0)).drift
+            for one, read in ((problem, log), (logged_problem(), replace(log, sensors=())))
+        )
+        assert found.seconds == alone.seconds
+        np.testing.assert_allclose(found.values, alone.values, rtol=0.1)
+
     def test_are_those_that_the_robot_drifts_with(self):
         logs = [driven(seed, 30.0, 3.0) for seed in range(3)]
         found = drift_rates(fit_of(logs, seconds=2.0))

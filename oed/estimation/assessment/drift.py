@@ -11,8 +11,7 @@ import numpy as np
 from oed.estimation.assessment.covariance import Covariance, white_scores
 from oed.estimation.methods.drift_rates import DriftRates
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.windows import READ
-from oed.estimation.prediction.logged_readings import LoggedReadings
+from oed.estimation.prediction.logged_readings import POSE, LoggedReadings
 from oed.foundation.arrays import Array
 
 SUREST = 1e6
@@ -38,43 +37,40 @@ def drift(fit: Fit, rates: DriftRates) -> Covariance:
 
 
 def drifting_scores(fit: Fit) -> Array:
-    """Covariance (4, q, q) of the scores by each kind of drift at a rate of 1.
+    """Covariance (4, q, q) of the scores by each kind of drift at a rate of 1."""
+    assert fit.by_start is not None
+    states = LoggedReadings.of(fit.layout, fit.unknowns, fit.offsets).path(fit.values, fit.starts)
+    # A robust loss makes the scores follow the readings less.
+    return fit.bend**2 * carried_along(states[..., :POSE], fit.by_start, fit.by_errors)
+
+
+def carried_along(path: Array, by_start: Array, by_errors: Array | None = None) -> Array:
+    """Covariance (4, q, q) of what errors of each kind do along a path, at a rate of 1.
 
     An error of a step moves all later poses of its segment like a rigid body, about the place where it
-    happens. What it does to the scores is a sum over the readings to come: all steps together cost one pass
-    along the log, whatever the sensor.
+    happens, as an error of the start moves all of them: dz_k/dx_j = dz_k/dx_0 (dx_j/dx_0)^-1. What it does
+    is a sum over the readings to come: all steps together cost one pass along the log, whatever the sensors.
+    What is read of motion itself, as by a gyroscope, has the errors of its own period and no others.
+
+    Args:
+        path: poses of the robot (S, n + 1, 3).
+        by_start: derivatives by the first of these through each reading, (S, n + 1, 3, q).
+        by_errors: by errors of the periods that readings are of, ahead, to the left and turned, alike.
     """
-    path = _path(fit)
+    path = path - path[:, :1] * [1.0, 1.0, 0.0]
     moves = np.diff(path, axis=1)
     x, y, heading = np.moveaxis(path[:, :-1] + moves / 2, -1, 0)[..., None]
-    by_x, by_y, by_heading = _by_pose(fit)
-    about = by_heading - path[..., 1, None] * by_x + path[..., 0, None] * by_y
-    along_x, along_y, turned = map(_later, (by_x, by_y, about))
+    along_x, along_y, turned = map(_later, np.moveaxis(by_start, 2, 0))
     ahead = np.cos(heading) * along_x + np.sin(heading) * along_y
     left = np.cos(heading) * along_y - np.sin(heading) * along_x
     turn = turned + y * along_x - x * along_y
+    if by_errors is not None:
+        ahead, left, turn = (
+            whole + by_errors[:, :-1, kind] for kind, whole in enumerate((ahead, left, turn))
+        )
     length, turning = np.hypot(moves[..., 0], moves[..., 1]), np.abs(moves[..., 2])
     pairs = ((length, ahead), (length, left), (length, turn), (turning, turn))
-    # A robust loss makes the scores follow the readings less.
-    return np.stack([fit.bend**2 * np.einsum("sj,sja,sjb->ab", size, way, way) for size, way in pairs])
-
-
-def _path(fit: Fit) -> Array:
-    # Predicted poses of the sensor (S, n + 1, 3), from the segment's first place.
-    layout, names = fit.layout, fit.layout.quantities
-    if set(READ) <= set(names):
-        found = (layout.readings - fit.residuals)[..., [names.index(name) for name in READ]]
-    else:
-        found = LoggedReadings(layout, fit.unknowns, fit.offsets, READ)(fit.values, fit.starts)
-    return np.asarray(found - found[:, :1] * [1.0, 1.0, 0.0])
-
-
-def _by_pose(fit: Fit) -> list[Array]:
-    # Derivatives of the scores by x, y and heading at all readings, each (S, n + 1, q).
-    assert fit.by_reading is not None
-    by_reading, names = fit.by_reading, fit.layout.quantities
-    none = np.zeros_like(by_reading[:, :, 0])
-    return [by_reading[:, :, names.index(name)] if name in names else none for name in READ]
+    return np.stack([np.einsum("sj,sja,sjb->ab", size, way, way) for size, way in pairs])
 
 
 def _later(values: Array) -> Array:

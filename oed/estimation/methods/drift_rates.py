@@ -21,6 +21,7 @@ from oed.estimation.methods.window_noise import (
 )
 from oed.estimation.methods.windows import READ, Motions, Windows
 from oed.estimation.prediction.layout import SegmentLayout, cut, shortest_seconds
+from oed.estimation.setup.unknowns import PLACE
 from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.system import follows_state
 from oed.logs.log import Log
@@ -83,8 +84,9 @@ class DriftRates:
 
 def drift_rates(fit: Fit) -> DriftRates:
     """The most likely rates at a joint fit's solution, given how large they usually are."""
-    if set(fit.layout.quantities) != set(READ) or follows_state(fit.unknowns.robot):
+    if set(fit.layout.states) != set(READ) or follows_state(fit.unknowns.robot):
         return DriftRates.usual()
+    fit = _of_poses(fit)
     layout = _layout(fit)
     likelihood = _likelihood(fit, Windows(layout, fit.unknowns, fit.offsets))
     assert likelihood.prior is not None
@@ -98,6 +100,20 @@ def drift_rates(fit: Fit) -> DriftRates:
     odds = likelihood.surprise(found)[0] - none.surprise(none.greatest(begin))[0]
     shown = None if 0 < odds < BEYOND_DOUBT else bool(odds <= 0)
     return DriftRates(np.exp(logs[OF_POSES:]), _spread(likelihood, logs), shown, layout.seconds)
+
+
+def _of_poses(fit: Fit) -> Fit:
+    # Without the constants of other sensors, which windows of poses do not depend on.
+    unknowns, poses = fit.unknowns, dict(list(fit.unknowns.constants.items())[: len(PLACE)])
+    kept = [at for at, name in enumerate(unknowns.names) if name in poses or name not in unknowns.constants]
+    place = tuple(name for name in unknowns.place if name in poses)
+    return replace(
+        fit,
+        unknowns=replace(unknowns, place=place, sits=unknowns.sits[: len(poses)], constants=poses),
+        values=fit.values[kept],
+        knowledge=fit.knowledge[np.ix_(kept, kept)],
+        scores=fit.scores[:, kept],
+    )
 
 
 def _layout(fit: Fit) -> SegmentLayout:
@@ -114,7 +130,8 @@ def _without_outliers(fit: Fit, number: int) -> Log:
     # Poses that a robust loss gives little weight would be mistaken for drift.
     layout, log = fit.layout, fit.layout.logs[number]
     far = (fit.weights < 1) & (np.abs(fit.white) > OUTLYING)
-    doubtful = (layout.valid & far).any(axis=-1) & (layout.owner == number)[:, None]
+    own = slice(len(layout.states))
+    doubtful = (layout.valid & far)[..., own].any(axis=-1) & (layout.owner == number)[:, None]
     if not doubtful.any():
         return log
     kept = ~np.isin(log.pose_times, layout.times[doubtful])

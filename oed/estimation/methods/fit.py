@@ -44,8 +44,10 @@ class Fit(Brief):
         swing: how much less than `information` says the scores vary with a robust loss; 1 for least squares.
         volumes: logarithm of the determinant of the noise's covariance, window by window given those before,
             (S,), where noise is correlated, starts taken out; None where every reading's is its own.
-        by_reading: derivatives of every segment's scores by its readings, 1/SI, (S, n + 1, quantities, q);
-            None of windows, of designed drives and where noise is correlated.
+        by_start: derivatives of every segment's scores by the pose of its start, through what is read at each
+            time, (S, n + 1, 3, q); None of motions, of designed drives and where noise is correlated.
+        by_errors: the same by an error of the motion after each time, ahead, to the left and turned, through
+            what is read of that motion itself; None where nothing is.
         correlated: noise of the readings that lasts, of which `noises` are the white part; None of others.
     """
 
@@ -70,7 +72,8 @@ class Fit(Brief):
     bend: float = 1.0
     swing: float = 1.0
     volumes: Array | None = None
-    by_reading: Array | None = None
+    by_start: Array | None = None
+    by_errors: Array | None = None
     correlated: GaussMarkov | None = None
 
     @property

@@ -26,7 +26,7 @@ from oed.estimation.methods.gauss_newton import (
 )
 from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import SegmentLayout, without_turns
-from oed.estimation.prediction.logged_readings import LoggedReadings
+from oed.estimation.prediction.logged_readings import POSE, LoggedReadings
 from oed.estimation.setup.noise import (
     estimated,
     group_of,
@@ -207,6 +207,7 @@ class _Weighted:
         leverage = np.einsum("sia,sia->si", left @ inverse_of_sum(information.sum(axis=0), known), left)
         pulls = weights * white / np.where(root > 0, root, 1.0)
         weighted = left.reshape(found.slopes.shape) * root[..., None]
+        by_start, by_errors = self._by_poses(values, starts, weighted)
         return Fit(
             unknowns=search.unknowns,
             values=values,
@@ -227,10 +228,24 @@ class _Weighted:
             motions=search.layout.relative,
             bend=bend,
             swing=swing,
-            by_reading=None if search.drive or search.correlated else self._white(weighted, found.rates),
+            by_start=by_start,
+            by_errors=by_errors,
             correlated=search.correlated,
             volumes=self._volumes(_flat(own)),
         )
+
+    def _by_poses(self, values: Array, starts: Array, weighted: Array) -> tuple[Array | None, Array | None]:
+        # What errors of poses do to the scores, through readings that each have a noise of their own.
+        search, predicted = self.search, self.search._predicted
+        if isinstance(predicted, DriveReadings) or search.correlated or search.layout.relative:
+            return None, None
+        found, errors = search.linearised(values, starts), predicted.by_errors(values, starts)
+        by_reading = self._white(weighted, found.rates)
+
+        def through(slopes: Array) -> Array:
+            return np.asarray(np.einsum("skic,skiq->skcq", slopes, by_reading))
+
+        return through(found.own[..., :POSE]), None if errors is None else through(errors)
 
     def _volumes(self, own: Array) -> Array | None:
         # Of correlated noise, with what starts take out of the readings.

@@ -87,6 +87,26 @@ class LoggedReadings:
         # A copy: a view would keep all columns.
         return found, np.concatenate(columns, axis=-1), slopes[..., last - starts.shape[1] : last].copy()
 
+    def path(self, values: Array, starts: Array) -> Array:
+        """The robot's states, of its origin, (S, n + 1, states)."""
+        parameters, place, clocks = self.unknowns.parts(values)
+        every = self.reading(*self.unknowns.robot.states)
+        return every._at(starts, parameters, np.zeros_like(place), self._offsets(clocks))
+
+    def by_errors(self, values: Array, starts: Array) -> Array | None:
+        """Derivatives of what is read of each period by an error of its motion: ahead, to the left [m],
+        turned [rad], (S, n + 1, quantities, 3); None where nothing is read of periods.
+        """
+        if not any(sensor.when == "in periods" for _, sensor in self.sensors):
+            return None
+        parameters, place, clocks = self.unknowns.parts(values)
+        inputs, steps = self.layout.inputs(self._offsets(clocks)), self.layout.steps
+        found = self._segments.by_twist(Driven(starts, inputs, steps, parameters, place))
+        lengths = np.pad(steps, ((0, 0), (0, 1)))[..., None, None]
+        mean = np.divide(found, lengths, out=np.zeros_like(found), where=lengths > 0)
+        each = [sensor.when == "in periods" for _, sensor in self.sensors for _ in sensor.entries]
+        return np.asarray(mean * np.array([False] * len(self.quantities) + each)[:, None])
+
     @cached_property
     def wrapping(self) -> Bools:
         """Which readings jump by full turns as they are predicted, (quantities,): no states."""
@@ -132,7 +152,7 @@ class LoggedReadings:
             return located(*self._misfit(values), begin, points)
         stretches = replace(self, layout=whole)
         starts = stretches.first_starts(values)
-        paths = stretches.reading(*self.unknowns.robot.states)(_unplaced(self.unknowns, values), starts)
+        paths = stretches.path(values, starts)
         return np.array([_passing(whole, paths, layout, row) for row in range(layout.count)])
 
     def _misfit(self, values: Array) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
@@ -175,14 +195,12 @@ class LoggedReadings:
         driven = Driven(self._begun(starts), inputs, self.layout.steps, parameters, own)
         return self._beside_inputs(self._on_grid(self._segments(driven)), starts, parameters, own)
 
-    def _beside_inputs(
-        self, found: Array, starts: Array, parameters: Array, own: Array, noise: Array | float = 0.0
-    ) -> Array:
+    def _beside_inputs(self, found: Array, starts: Array, parameters: Array, own: Array) -> Array:
         # What is read on the inputs' own clock is that of the times which it was put on the grid with.
         layout, chosen = self.layout, self.layout.beside_inputs if self.sensors else None
         if chosen is None:
             return found
-        inputs = layout.inputs(layout.cut_offsets) + noise
+        inputs = layout.inputs(layout.cut_offsets)
         return np.where(chosen, self._segments(Driven(starts, inputs, layout.steps, parameters, own)), found)
 
     def _offsets(self, clocks: Array) -> Array:
@@ -199,15 +217,6 @@ class LoggedReadings:
     def _constants(self) -> int:
         # Without the sensors beside the poses only the pose sensor's own.
         return len(self._segments.sensor.nuisances)
-
-
-def _unplaced(unknowns: Unknowns, values: Array) -> Array:
-    # The unknowns with a pose sensor at the robot's origin, whose readings are the states themselves.
-    found = values.copy()
-    for place, name in enumerate(unknowns.names):
-        if name in PLACE:
-            found[place] = 0.0
-    return found
 
 
 def _passing(whole: SegmentLayout, paths: Array, layout: SegmentLayout, row: int) -> Array:

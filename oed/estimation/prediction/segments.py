@@ -19,15 +19,15 @@ from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import carrier, stepper
 from oed.kernel.measurement.measurement import Nuisance
-from oed.kernel.measurement.sensor import Moment, Sensor, moment_reading
+from oed.kernel.measurement.sensor import Moment, Sensor, moment_reading, reading_by_signal
 from oed.robots.models.model import Model
 from oed.robots.sensors.placed import LeverArm, PlacedSensor
 
-What = Literal["readings", "slopes", "whitening"]
+What = Literal["readings", "slopes", "whitening", "by twist"]
 Labelled = tuple[tuple[str, Sensor], ...]
 """Sensors by their names."""
 
-OUTPUTS: dict[What, tuple[int, ...]] = {"readings": (0,), "slopes": (0, 1), "whitening": (2,)}
+OUTPUTS: dict[What, tuple[int, ...]] = {"readings": (0,), "slopes": (0, 1), "whitening": (2,), "by twist": ()}
 """Of the function of a moment's reading."""
 
 
@@ -151,6 +151,11 @@ class SegmentReadings:
         width = len(self.model.parameters) + len(self.model.states) + len(self.sensor.nuisances)
         return self._by_segment(found), self._by_segment(slopes, width)
 
+    def by_twist(self, driven: Driven) -> Array:
+        """Derivatives of the readings by the robot's twist at their times, (S, K, q, 3)."""
+        (found,) = direct_call(self._function("by twist"), *driven)
+        return self._by_segment(found, 3)
+
     def whitening(self, driven: Driven) -> Array:
         """A (S, K, q, q) of every reading, with A R A' = 1 for the covariance R of its noise."""
         (found,) = direct_call(self._function("whitening"), *driven)
@@ -197,7 +202,7 @@ def _segment(model: Model, sensor: Sensor, periods: int, what: What) -> ca.Funct
         places = (block_columns(np.array(columns), size + states) for columns in instants)
         moments.append(ca.vertcat(*(carried[:, own] for own in places)))
     found = _moment(sensor, model, what).map(count).call(moments)
-    return ca.Function(what, [start, inputs, times, parameters, nuisances], found)
+    return ca.Function(what.replace(" ", "_"), [start, inputs, times, parameters, nuisances], found)
 
 
 def _lengths(sensor: Sensor, times: Expression, instants: Sequence[Sequence[int]]) -> Expression:
@@ -218,6 +223,10 @@ def _moment(sensor: Sensor, model: Model, what: What) -> ca.Function:
     whole = moment_reading(sensor, model)
     symbols = [ca.SX.sym(whole.name_in(place), *whole.size_in(place)) for place in range(whole.n_in())]
     pose, carried, *others = symbols
+    if what == "by twist":
+        return ca.Function(
+            "moment", [pose, *others], [reading_by_signal(sensor, model, "twist")(pose, *others)]
+        )
     found = whole.call(symbols)
     wanted = [ca.densify(found[place]) for place in OUTPUTS[what]]
     return ca.Function("moment", [pose, *others, *([carried] if what == "slopes" else [])], wanted)

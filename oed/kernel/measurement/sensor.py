@@ -277,6 +277,27 @@ def moment_reading(sensor: Sensor, system: System) -> ca.Function:
     )
 
 
+def reading_by_signal(sensor: Sensor, system: System, name: str) -> ca.Function:
+    """The derivatives (n, q) of what a sensor reads at one moment by a signal (n,), as a function of (state,
+    inputs, parameters, nuisances, period).
+
+    Args:
+        sensor: that reads.
+        system: whose signal it is.
+        name: of the signal.
+    """
+    state, inputs = ca.SX.sym("state", len(system.states)), ca.SX.sym("inputs", len(system.inputs))
+    parameters, own = ca.SX.sym("p", len(system.parameters)), ca.SX.sym("nuisances", len(sensor.nuisances))
+    period = ca.SX.sym("period")
+    nuisances = {one.name: own[place] for place, one in enumerate(sensor.nuisances)}
+    signals = dict(system.signals(state, inputs, parameters, period))
+    more = ca.SX.sym("more", *signals[name].shape)
+    signals[name] = signals[name] + more
+    reading = sensor.reading(Moment(system, state, inputs, signals, nuisances, None, 0.0))
+    slopes = ca.substitute(ca.jacobian(reading, more), more, ca.SX.zeros(*more.shape))
+    return ca.Function("by_signal", [state, inputs, parameters, own, period], [ca.densify(slopes).T])
+
+
 def joint_readings(sensors: Sequence[Sensor], drive: Drive) -> tuple[Sequence[Expression], Expression]:
     """What all sensors read of `drive`, their nuisances at nominal values, in units of the noise: of each
     (rows,), and the derivatives of all by (parameters, start states, nuisances), (M, columns).

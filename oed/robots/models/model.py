@@ -23,6 +23,7 @@ from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter, System, follows_state, label_of
 from oed.robots.models.arcs import Integration, chord
+from oed.robots.models.coefficients import coefficient_parameters, coefficient_twist
 from oed.robots.models.plausibility import size_flaws
 
 if TYPE_CHECKING:
@@ -35,8 +36,6 @@ RATES = {
     "commanded_yaw_rate": "commanded_yaw_acceleration",
 }
 """Quantity of an input -> what its rate is called, where that has a name of its own."""
-ROUNDING = 1e-12
-"""Share of the largest coefficient of its row below which one is rounding of the geometry."""
 
 
 def rate_of(entry: Input) -> str:
@@ -388,47 +387,6 @@ class CoefficientRobot(Model):
     def physical(self) -> Model:
         """The base robot."""
         return self.base
-
-
-def coefficient_twist(model: Model, inputs: Expression, parameters: Expression) -> Expression:
-    """The twist (3,) of a robot whose [yaw rate; forward speed] is c @ effective inputs [Choi, eq. 5].
-
-    A third row of c gives the lateral speed, which is 0 without it.
-
-    Args:
-        model: the robot.
-        inputs: of one sample, (inputs,), SI.
-        parameters: values, (p,), SI.
-    """
-    product = model.coefficients(parameters) @ model.effective_inputs(inputs, parameters)
-    return ca.vertcat(product[1], product[2] if product.shape[0] == 3 else 0, product[0])
-
-
-def nominal_coefficients(model: Model) -> Array:
-    """The matrix c at the nominal parameter values; what is 0 by the robot's geometry is exactly 0."""
-    values = np.asarray(ca.evalf(model.coefficients(ca.DM(model.nominal))), dtype=float)
-    largest = np.abs(values).max(axis=1, keepdims=True)
-    return np.where(np.abs(values) > ROUNDING * largest, values, 0.0)
-
-
-def coefficient_parameters(model: Model) -> tuple[Parameter, ...]:
-    """The coefficients at their nominal values, row by row: yaw rate [1], then forward and lateral speed [m].
-
-    The precision of one that is 0 by the robot's geometry refers to the largest of its unit.
-    """
-    nominal = nominal_coefficients(model)
-    turning, moving = (float(np.abs(rows).max(initial=0.0)) for rows in (nominal[:1], nominal[1:]))
-    return tuple(
-        Parameter(name, float(value), unit, 0.0 if value else largest)
-        for names, values, unit, largest in zip(
-            model.coefficient_names,
-            nominal,
-            ("", "m", "m"),
-            (turning, moving, moving),
-            strict=False,
-        )
-        for name, value in zip(names, values, strict=True)
-    )
 
 
 def robot_of(system: System) -> Model:

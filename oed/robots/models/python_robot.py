@@ -19,7 +19,8 @@ from oed.foundation.own.part import OwnPart
 from oed.foundation.quantities import LARGEST, parse_quantity
 from oed.foundation.shown import shown, written
 from oed.kernel.dynamics.system import Input, Parameter, follows_state, stepper
-from oed.robots.models.model import Model, nominal_coefficients
+from oed.robots.models.coefficients import nominal_coefficients
+from oed.robots.models.model import Model
 
 MOST_NAMES = 200
 """Inputs, states or parameters of a robot, and its coefficients; real ones have a tenth of it."""

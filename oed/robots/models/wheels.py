@@ -13,7 +13,8 @@ from oed.foundation.component import Component
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter
-from oed.robots.models.model import Model, coefficient_twist
+from oed.robots.models.coefficients import coefficient_twist
+from oed.robots.models.model import Model
 
 PositiveLength = Annotated[Length, Field(gt=0)]
 

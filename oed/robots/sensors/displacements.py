@@ -18,7 +18,8 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement, regression
-from oed.robots.models.model import coefficient_parameters, robot_of
+from oed.robots.models.coefficients import coefficient_parameters
+from oed.robots.models.model import robot_of
 
 Regressor = Literal["position", "heading", "both"]
 NoiseModel = Literal["increments", "absolute"]
