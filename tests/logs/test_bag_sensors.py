@@ -11,7 +11,7 @@ from logged import ROBOT, form
 from test_bag_logs import ANGLES, START, TABLE, TYPES, Message, header, joints, poses, quaternion, write_bag
 
 from oed.foundation.errors import LogError, ProblemError
-from oed.logs import Log, read_logs
+from oed.logs import BagForm, Log, read_logs
 from oed.robots.sensors import Landmarks, Ranges, Several, YawRate
 
 TIMES = TABLE[:, 0]
@@ -141,3 +141,10 @@ def test_faults(tmp_path: Path, sensors: dict[str, Any], words: str):
 def test_keys_that_do_not_fit(keys: dict[str, Any], words: str):
     with pytest.raises(ProblemError, match=words):
         read_logs(["drive"], form(kind="rosbag", **keys), ROBOT, SENSORS)
+
+
+def test_what_has_to_be_recorded_for_it():
+    sensors = {"yaw_rate": {}, "ranges": {"topics": ["/uwb/1", "/uwb/2"]}}
+    own = BagForm(joint_states="/joints", poses="none", sensors=sensors)
+    assert own.topics == ("/joints", "/uwb/1", "/uwb/2")
+    assert own.types == ("sensor_msgs/msg/Imu",)
