@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from simulated import arcs
+from driving import arcs
 
 from oed.robots.models import DifferentialDrive
 
