@@ -58,7 +58,7 @@ class Calibration(Brief, Renamed):
         fit: the solution.
         covariances: by the ways that apply, the chosen one first.
         segmenting: how the length of segments was found, None where it was given.
-        drift: how fast the robot drifts, None of methods that compare windows.
+        drift: how fast the robot drifts, None of methods that compare windows and of relative poses.
         logs: that were used, with what was found in them.
         diagnostics: tests of what the fit leaves.
         weak_directions: what is not identifiable from the logs.
@@ -203,7 +203,7 @@ class _Work:
         segmenting, fit = fitted.segmenting, fitted.fit
         notes = [*thinning_notes(self.logs, found.logs), *fitted.notes]
         self.announce("error bars")
-        rates = None if fit.by_reading is None else drift_rates(fit)
+        rates = drift_rates(fit)
         covariances = self._covariances(fit, segmenting, rates)
         doubts, dilution = plausibility_doubts(fit, covariances[0].matrix), dilution_of(fit, self.seed)
         if dilution is not None:
@@ -240,8 +240,7 @@ class _Work:
             return None
 
         def covariance(other: Fit) -> Covariance:
-            rates = None if other.by_reading is None else drift_rates(other)
-            return self._covariances(other, segmenting, rates)[0]
+            return self._covariances(other, segmenting, drift_rates(other))[0]
 
         return ModelSelection(self._fitting, found, covariance, self.announce).compared(fit)
 
@@ -326,7 +325,7 @@ def _most_trusted(
 
 def _missing(wanted: CovarianceName, blocks: Blocks) -> str:
     if wanted == "drift":
-        return "drift is judged beside all poses of segments; use method: joint, or bootstrap"
+        return "drift is judged beside all poses of segments; use poses and method: joint, or bootstrap"
     return (
         f"the logs are too short for {wanted}: {blocks.independent} blocks; log more, or information or drift"
     )
