@@ -17,6 +17,7 @@ from places import PROBLEMS, ROOT
 
 import oed
 from oed.cli import main
+from oed.logs import CsvForm
 from oed.report.estimate.parameters import estimate_rows
 from oed.robots.limits import LIMITS
 from oed.robots.models import MODELS
@@ -46,6 +47,15 @@ WHOLE = yaml.safe_load(blocks("reference/study", "yaml")[0])
 def study_with(page: str, number: int, **keys: object) -> str:
     """The study that is explained, with the keys of a block of a page instead of its own."""
     return yaml.safe_dump({**WHOLE, **yaml.safe_load(blocks(page, "yaml")[number]), **keys})
+
+
+TWO_WHEELS = {
+    "format": 1,
+    "name": "Two wheels",
+    "robot": {"kind": "differential_drive", "wheel_radius": 0.05, "track": 0.2},
+    "measurement": {"kind": "poses", "noise": {"position": 0.01, "heading": 0.02}},
+}
+"""A study that only estimates."""
 
 
 @pytest.fixture(scope="module")
@@ -179,6 +189,43 @@ def test_the_keys_for_logs_are_accepted(number: int):
     study = parse_study(study_with("howto/logs", number))
     assert study.log.kind == yaml.safe_load(blocks("howto/logs", "yaml")[number])["log"].get("kind", "csv")
     assert study.log.flaws(study.problem.model) == []
+
+
+def rows(page: str, table: int) -> list[list[str]]:
+    """What stands as code in the last column of each row of a table; alternatives apart."""
+    tables = re.findall(r"^\|[-|]+\|\n((?:\|.*\n)+)", PAGES[page], flags=re.MULTILINE)
+    return [
+        re.findall(r"`([^`]+)`", part)
+        for line in tables[table].splitlines()
+        for part in re.split(r"; |, or ", line.split("|")[2])
+    ]
+
+
+def keys_of(codes: list[str]) -> dict[str, object]:
+    return {key: value for code in codes for key, value in yaml.safe_load(code).items()}
+
+
+LOOKS = [keys_of(codes) for codes in rows("howto/logs", 0) if codes]
+ROBOTS = [keys_of(codes) for codes in rows("howto/logs", 1)]
+
+
+@pytest.mark.parametrize("keys", LOOKS, ids=str)
+def test_each_look_of_a_log_has_valid_keys(keys: dict[str, object]):
+    beside = {"measurement": keys.pop("measurement")} if "measurement" in keys else {}
+    study = parse_study(yaml.safe_dump(TWO_WHEELS | beside | {"log": keys}))
+    assert study.log.flaws(study.problem.model) == []
+    assert set(keys) <= study.log.model_fields_set | {"kind"}
+
+
+@pytest.mark.parametrize("keys", ROBOTS, ids=str)
+def test_each_robot_has_valid_keys(keys: dict[str, object]):
+    study = parse_study(yaml.safe_dump(TWO_WHEELS | keys))
+    assert study.log.flaws(study.problem.model) == []
+
+
+def test_every_key_of_a_log_is_in_the_table():
+    named = {key for keys in LOOKS for key in keys}
+    assert set(CsvForm.model_fields) - named == {"delimiter"}
 
 
 def test_the_keys_for_estimates_are_accepted():

@@ -59,7 +59,7 @@ class Calibration(Brief, Renamed):
         fit: the solution.
         covariances: by the ways that apply, the chosen one first.
         segmenting: how the length of segments was found, None where it was given.
-        drift: how fast the robot drifts, None of methods that compare windows.
+        drift: how fast the robot drifts, None of methods that compare windows and of relative poses.
         logs: that were used, with what was found in them.
         diagnostics: tests of what the fit leaves.
         weak_directions: what is not identifiable from the logs.
@@ -205,7 +205,7 @@ class _Work:
         notes = [*thinning_notes(self.logs, found.logs), *fitted.notes]
         notes += unread(self.problem.measurement, found.logs)
         self.announce("error bars")
-        rates = _drift_of(fit)
+        rates = drift_rates(fit)
         covariances = self._covariances(fit, segmenting, rates)
         doubts, dilution = plausibility_doubts(fit, covariances[0].matrix), dilution_of(fit, self.seed)
         if dilution is not None:
@@ -245,7 +245,7 @@ class _Work:
             return None
 
         def covariance(other: Fit) -> Covariance:
-            return self._covariances(other, segmenting, _drift_of(other))[0]
+            return self._covariances(other, segmenting, drift_rates(other))[0]
 
         return ModelSelection(self._fitting, found, covariance, self.announce).compared(fit)
 
@@ -300,11 +300,6 @@ class _Work:
         return tuple(sorted(found, key=lambda one: one.name != wanted))
 
 
-def _drift_of(fit: Fit) -> DriftRates | None:
-    # Motions between two times have what the robot drifts in their noise.
-    return None if fit.motions or fit.by_start is None else drift_rates(fit)
-
-
 def _clocks(fit: Fit, other: PreparedLogs) -> list[float]:
     # Of logs from a file of the fit as that has them.
     known = dict(zip(fit.layout.clocks, map(float, fit.clock_offsets), strict=True))
@@ -335,7 +330,7 @@ def _most_trusted(
 
 def _missing(wanted: CovarianceName, blocks: Blocks) -> str:
     if wanted == "drift":
-        return "drift is judged beside all poses of segments; use method: joint, or bootstrap"
+        return "drift is judged beside all poses of segments; use poses and method: joint, or bootstrap"
     return (
         f"the logs are too short for {wanted}: {blocks.independent} blocks; log more, or information or drift"
     )

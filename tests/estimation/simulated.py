@@ -14,6 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from builders import input_limits, problem_of
+from driving import arcs
 
 from oed.estimation import CalibrationOptions
 from oed.estimation.methods.fit import Fit
@@ -66,19 +67,6 @@ def rich_inputs(model: Model, times: np.ndarray, seed: int = 0, size: float = 1.
         swing = np.sin(waves).sum(axis=0)
         columns.append(2 + 2.2 * swing if speed else 0.14 * swing)
     return size * np.column_stack(columns)
-
-
-def arcs(start: Sequence[float], twists: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Poses (N + 1, 3) after body twists (N, 3) held for `steps` (N,) [s] each."""
-    turns = twists[:, 2] * steps
-    headings = start[2] + np.concatenate([[0.0], np.cumsum(turns)])
-    # Along an arc of angle a the mean direction is (e^(ja) - 1) / (ja).
-    small = np.abs(turns) < 1e-6
-    safe = np.where(small, 1.0, turns)
-    mean = np.where(small, 1 + 0.5j * turns, (np.exp(1j * safe) - 1) / (1j * safe))
-    moves = (twists[:, 0] + 1j * twists[:, 1]) * steps * mean * np.exp(1j * headings[:-1])
-    places = start[0] + 1j * start[1] + np.concatenate([[0.0], np.cumsum(moves)])
-    return np.column_stack([places.real, places.imag, headings])
 
 
 def twists_of(model: Model, inputs: np.ndarray, parameters: np.ndarray) -> np.ndarray:

@@ -164,6 +164,18 @@ class TestBadMatches:
         outliers = {one.about: one for one in found.diagnostics if one.name == "outliers"}
         assert not outliers["position"].passed
 
+    def test_they_are_no_drift(self, tmp_path: Path):
+        found = estimated(logs_of(tmp_path, matched(4, bad=0.05, seconds=60)), loss="cauchy")
+        assert found.drift is None
+        plain, chosen = (
+            one.deviations[:3]
+            for one in (next(w for w in found.covariances if w.name == "information"), found.covariances[0])
+        )
+        assert np.all(chosen < 3 * plain)
+        texts = [one.message for one in found.diagnostics if one.name == "outliers" and not one.passed]
+        assert texts
+        assert all(text.endswith("outliers; the loss bounds what they do") for text in texts)
+
     def test_they_are_left_out_of_the_path(self, tmp_path: Path):
         drive = matched(4, noise=exact, bad=0.05)
         found = estimated(logs_of(tmp_path, drive), loss="cauchy")

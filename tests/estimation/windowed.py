@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from simulated import ORIGIN, Course, arcs, loosely, truth_of, twists_of, unknowns_of
+from driving import arcs
+from simulated import ORIGIN, Course, loosely, truth_of, twists_of, unknowns_of
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gls import WeightedWindows

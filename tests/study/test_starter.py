@@ -110,8 +110,7 @@ TOGETHER = [
     (robot, sensor)
     for place, robot in enumerate(robots())
     for number, sensor in enumerate(SENSORS)
-    if fits(robot, sensor)
-    and (robot not in preset_names() or number in (0, 1 + place % (len(SENSORS) - 1)))
+    if fits(robot, sensor) and (robot not in preset_names() or number in (0, 1 + place % (len(SENSORS) - 1)))
 ]
 
 

@@ -11,6 +11,7 @@ import scipy
 from oed.estimation.methods.fit import Fit
 from oed.estimation.setup.noise import groups, in_turn, places_of
 from oed.foundation.arrays import Array, Bools
+from oed.foundation.text import words
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.robots.sensors.logged import Noise
 
@@ -117,10 +118,16 @@ def _whiteness(fit: Fit, group: str, places: list[int]) -> Diagnostic:
         text = f"{group} residuals are white: nothing is left that the model could explain"
     else:
         text = (
-            f"{group} residuals are not white (correlation {values[0]:.2f} from one reading to the next): "
-            "F^-1 is too small; trust the bootstrap, the sandwich or drift"
+            f"{group} residuals are not white (correlation {values[0]:.2f} from one reading to the next)"
+            + _after_not_white(fit)
         )
     return Diagnostic("whiteness", group, statistic, p_value, p_value > ALPHA, text)
+
+
+def _after_not_white(fit: Fit) -> str:
+    if fit.correlated is not None:
+        return ", beside errors that last, which are allowed for"
+    return ": F^-1 is too small; trust the bootstrap, the sandwich or drift"
 
 
 def _outliers(fit: Fit, group: str, places: list[int]) -> Diagnostic:
@@ -129,7 +136,8 @@ def _outliers(fit: Fit, group: str, places: list[int]) -> Diagnostic:
     passed = bool(count <= max(5 * expected, 3))
     share = count / z.size
     text = f"{100 * share:.2f} % of the {group} residuals lie beyond {FAR:g} standard deviations"
-    text += "" if passed else ": outliers; a robust loss (loss: huber) bounds what they do"
+    robust = "the loss" if (fit.weights < 1).any() else "a robust loss (loss: huber)"
+    text += "" if passed else f": outliers; {robust} bounds what they do"
     return Diagnostic("outliers", group, share, None, passed, text)
 
 
@@ -209,7 +217,7 @@ def _tied(names: tuple[str, ...], relative: Array) -> tuple[str, ...]:
     sizes = np.sqrt(np.diag(relative))
     ties = relative / np.outer(sizes, sizes)
     return tuple(
-        f"{names[first]} and {names[second]} are identifiable only together (correlation "
+        f"{words(names[first])} and {words(names[second])} are identifiable only together (correlation "
         f"{ties[first, second]:+.3f}): each alone is less sure than their combination"
         for first in range(len(names))
         for second in range(first + 1, len(names))

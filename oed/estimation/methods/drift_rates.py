@@ -82,8 +82,14 @@ class DriftRates:
         return f"drift, {origin}: {drift_in_words(self.values)}"
 
 
-def drift_rates(fit: Fit) -> DriftRates:
-    """The most likely rates at a joint fit's solution, given how large they usually are."""
+def drift_rates(fit: Fit) -> DriftRates | None:
+    """The most likely rates at a joint fit's solution, given how large they usually are.
+
+    None of methods that compare windows, whose errors have the drift in them, and of relative poses likewise:
+    each begins where the robot is.
+    """
+    if fit.motions or fit.by_start is None:
+        return None
     if set(fit.layout.states) != set(READ) or follows_state(fit.unknowns.robot):
         return DriftRates.usual()
     fit = _of_poses(fit)

@@ -15,7 +15,7 @@ import numpy as np
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.noise import group_of
 from oed.foundation.arrays import Array
-from oed.foundation.text import given_text
+from oed.foundation.text import size_text
 from oed.robots.sensors.logged import Noise
 
 
@@ -98,11 +98,11 @@ class GaussMarkov:
         """What it is, in words."""
         units = {"position": "m"}
         sizes = (
-            f"{name} by {given_text(size, units.get(name, 'rad'))} beside "
-            f"{given_text(self.white[name], units.get(name, 'rad'))} from reading to reading"
+            f"{name} by {size_text(size, units.get(name, 'rad'), 2)} beside "
+            f"{size_text(self.white[name], units.get(name, 'rad'), 2)} from reading to reading"
             for name, size in self.lasting.items()
         )
         return (
-            f"errors of the readings last for some {given_text(self.seconds, 's')}: {', '.join(sizes)}; "
+            f"errors of the readings last for some {size_text(self.seconds, 's', 2)}: {', '.join(sizes)}; "
             "standard errors allow for the correlation"
         )

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from simulated import arcs
+from driving import arcs
 
 from oed.robots.models import DifferentialDrive
 
@@ -81,12 +81,12 @@ def seen(before: np.ndarray, after: np.ndarray, place: Sequence[float] = MOUNTED
     return np.column_stack([moved.real, moved.imag, later - heading])
 
 
-def wheel_speeds(times: np.ndarray, seed: int) -> np.ndarray:
-    """Turns in place both ways, straight lines, arcs: (n, 2) [rad/s], each for `HELD` periods."""
+def wheel_speeds(times: np.ndarray, seed: int, held: int = HELD) -> np.ndarray:
+    """Turns in place both ways, straight lines, arcs: (n, 2) [rad/s], each for so many periods."""
     rng = np.random.default_rng([seed, 7])
     each = np.array([[1, -1], [-1, 1], [1, 1], [-1, -1], [1, 0.4], [0.4, 1], [1, -0.3]])
-    chosen = rng.permutation(np.tile(each, (1 + len(times) // (7 * HELD), 1)))
-    return 1.2 * np.repeat(chosen, HELD, axis=0)[: len(times)]
+    chosen = rng.permutation(np.tile(each, (1 + len(times) // (7 * held), 1)))
+    return 1.2 * np.repeat(chosen, held, axis=0)[: len(times)]
 
 
 def matched(
@@ -95,6 +95,7 @@ def matched(
     seconds: float = 120.0,
     period: float = 0.1,
     every: int = 8,
+    held: int = HELD,
     noise: Callable[[np.ndarray], np.ndarray] | None = None,
     bad: float = 0.0,
     offset: float = 0.0,
@@ -108,6 +109,7 @@ def matched(
         seconds: how long.
         period: of the wheels' log [s].
         every: of its readings a scan.
+        held: periods that the wheels turn alike.
         noise: errors (m, 3) of standard normal numbers; independent ones of `NOISE` by default.
         bad: share of matches that go wrong.
         offset: what the wheels' clock shows when the lidar's shows 0 [s].
@@ -116,7 +118,7 @@ def matched(
     """
     rng = np.random.default_rng([seed, 3])
     times = period * np.arange(round(seconds / period) + 1)
-    speeds = wheel_speeds(times[1:], seed)
+    speeds = wheel_speeds(times[1:], seed, held)
     right, left, track = (truth or TRUTH).values()
     forward = (right * speeds[:, 0] + left * speeds[:, 1]) / 2
     turning = (right * speeds[:, 0] - left * speeds[:, 1]) / track

@@ -1,6 +1,6 @@
 """Twins of real robots: fine simulations of what they truly do, and what encoders and trackers show of it.
 
-Nothing here is the package's: twists are written out, and integrated in steps of `STEP`.
+Nothing here is the package's: twists are written out, and integrated by exact arcs in steps of `STEP`.
 """
 
 from __future__ import annotations
@@ -10,12 +10,24 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from simulated import arcs
 
 from oed.records.record import EstimateRecord
 
 STEP = 0.005
 """Of the simulations [s]."""
+
+
+def arcs(start: Sequence[float], twists: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Poses (N + 1, 3) after body twists (N, 3) held for `steps` (N,) [s] each."""
+    turns = twists[:, 2] * steps
+    headings = start[2] + np.concatenate([[0.0], np.cumsum(turns)])
+    # Along an arc of angle a the mean direction is (e^(ja) - 1) / (ja).
+    small = np.abs(turns) < 1e-6
+    safe = np.where(small, 1.0, turns)
+    mean = np.where(small, 1 + 0.5j * turns, (np.exp(1j * safe) - 1) / (1j * safe))
+    moves = (twists[:, 0] + 1j * twists[:, 1]) * steps * mean * np.exp(1j * headings[:-1])
+    places = start[0] + 1j * start[1] + np.concatenate([[0.0], np.cumsum(moves)])
+    return np.column_stack([places.real, places.imag, headings])
 
 
 @dataclass(frozen=True)
