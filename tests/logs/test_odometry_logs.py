@@ -96,3 +96,24 @@ def test_columns_that_are_not_there_and_cells_that_are_no_numbers(tmp_path: Path
     rows[5][3] = "abc"
     (flaw,) = flaws_of(write(tmp_path / "a.csv", rows, HEADER), model=Unicycle(), inputs=KEYS)
     assert (flaw.line, flaw.key) == (7, "oyaw")
+
+
+@pytest.mark.parametrize(
+    ("row", "column", "cell", "line", "words"),
+    [
+        (5, 1, "nan", 7, "finite number"),
+        (5, 2, "inf", 7, "finite number"),
+        (5, 1, "1,5", 7, "cells"),
+        (5, 3, "left", 7, "finite number"),
+        (5, 2, "1e308", 7, ""),
+        (9, 0, "0.1", 11, "time goes back"),
+        (9, 0, "", 11, "empty"),
+        (9, 0, "noon", 11, ""),
+    ],
+)
+def test_faults_have_their_line(tmp_path: Path, row: int, column: int, cell: str, line: int, words: str):
+    rows = cells(table(odometry()))
+    rows[row][column] = cell
+    (flaw,) = flaws_of(write(tmp_path / "a.csv", rows, HEADER), model=Unicycle(), inputs=KEYS)
+    assert flaw.line == line, flaw
+    assert words in flaw.message

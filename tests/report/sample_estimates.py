@@ -174,7 +174,11 @@ def estimate() -> Data:
     return {
         "format": 1,
         "oed_version": "1.2.3",
-        "study": {"name": "Small <robot>", "robot": {"kind": "differential_drive", "track": 0.2}},
+        "study": {
+            "name": "Small <robot>",
+            "robot": {"kind": "differential_drive", "track": 0.2},
+            "trajectory": {"duration": 60.0},
+        },
         "seed": 5,
         "method": "joint",
         "parameters": [

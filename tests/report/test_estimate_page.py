@@ -17,7 +17,7 @@ from oed.report import write_estimate
 from oed.report.estimate import estimate_sections
 from oed.report.estimate.parameters import estimate_lines, estimate_rows, gains, warnings
 from oed.report.figures.calibration import residuals_of
-from oed.report.figures.reckoned import LOOKS
+from oed.report.figures.reckoned import LOOKS, errors
 from oed.report.parts.section import Section, Table, lasting, span_text
 
 
@@ -31,6 +31,22 @@ def table(part_: Section, caption: str) -> Table:
 
 def visible(html: str) -> str:
     return re.sub(r"<style>.*?</style>|<[^>]*>", " ", html, flags=re.S)
+
+
+def test_errors_are_drawn_over_the_time_since_the_start():
+    (reckoned, *_) = read({**estimate(), "paths": [path("drive", "fitted")]}).paths
+    stamped = reckoned.model_copy(update={"t": tuple(1.7e9 + time for time in reckoned.t)})
+    for panel in errors([stamped]).panels:
+        assert all(line.x[0] == 0 and line.x[-1] == pytest.approx(5.0) for line in panel.parts)
+
+
+def test_who_designed_no_drive_is_not_sent_to_the_folder_of_one():
+    data = estimate()
+    designed, alone = ({**data["study"], "trajectory": own} for own in ({"duration": 60.0}, None))
+    said = [" ".join(section({**data, "study": study}, "Summary").paragraphs) for study in (designed, alone)]
+    assert "oed next DIR LOG" in said[0]
+    assert "oed next" not in said[1]
+    assert "add `trajectory` and `limits` to the study" in said[1]
 
 
 @pytest.fixture(scope="module")

@@ -71,7 +71,7 @@ def summary(record: EstimateRecord) -> Section:
         "Summary",
         _finding(record),
         judged,
-        SAY("next", *_worst(record)),
+        SAY("next", *_worst(record), bool((record.study or {}).get("trajectory"))),
         path_picture(record),
         _brief(record),
         notices=noted,

@@ -72,7 +72,9 @@ def _shape(one: ReckonedPath) -> float:
 
 
 def errors(drawn: Sequence[ReckonedPath]) -> spec.Plot:
-    """Position and heading errors over time, before and after: a column for each log with times."""
+    """Position and heading errors over the time since each log's start, before and after: a column for each
+    log with times.
+    """
     timed = [one for one in drawn if one.t][:MOST_LOGS]
     rows = [[one.position_errors for one in timed]]
     turned = [found for one in timed if (found := one.heading_errors) is not None]
@@ -84,6 +86,7 @@ def errors(drawn: Sequence[ReckonedPath]) -> spec.Plot:
         for place, (one, pair) in enumerate(zip(timed, row, strict=True)):
             last, first = row is rows[-1], row is rows[0]
             times = np.array(one.t, dtype=float)
+            times -= np.nanmin(times)
             lines = [
                 spec.Line(times, factor * values, look)
                 for values, look in zip(pair, (BEFORE, AFTER), strict=True)
