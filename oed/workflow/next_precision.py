@@ -72,7 +72,7 @@ def _ratio(error: float | None, base: float | None) -> float:
 
 def _ratio_in_words(found: EstimateRecord) -> str:
     if found.covariance_kind == "information":
-        return "the logs show no drift, and readings are as independent as the design takes them to be"
+        return "the logs show no drift that matters, and readings are thought to be independent of each other"
     return "as much larger than F^-1 as those of the logs so far"
 
 

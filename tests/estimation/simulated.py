@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from builders import input_limits, problem_of
-from driving import arcs
+from twin_drives import arcs
 
 from oed.estimation import CalibrationOptions
 from oed.estimation.methods.fit import Fit

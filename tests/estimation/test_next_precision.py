@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from driving import arcs
 from simulated import Course, course, fit_of, log_of, twists_of, unknowns_of
+from twin_drives import arcs
 from windowed import drifting
 
 from oed.estimation.methods.drift_rates import USUAL

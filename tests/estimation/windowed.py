@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from driving import arcs
 from simulated import ORIGIN, Course, loosely, truth_of, twists_of, unknowns_of
+from twin_drives import arcs
 
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gls import WeightedWindows

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 from bags import START, STORES, header, pose, write_bag_1
-from driving import STEP, Twin, driven, tracked, waves, write_csv
 from scan_matching import MOUNTED, TRUTH, matched
+from twin_drives import STEP, Twin, driven, tracked, waves, write_csv
 
 
 @dataclass(frozen=True)

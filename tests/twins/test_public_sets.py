@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from driving import pulls
 from public_sets import SETS, PublicSet
 from scipy import stats
+from twin_drives import pulls
 
 from oed.cli import main
 from oed.records.record import load_estimate

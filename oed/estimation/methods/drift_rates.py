@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from oed.estimation.methods.faint_drift import faint_drift
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.window_noise import (
     OF_POSES,
@@ -79,6 +80,8 @@ class DriftRates:
             if self.seconds is None
             else (f"as windows of {self.seconds:.3g} s show it beside the noise of poses")
         )
+        if self.shown is False:
+            origin = "which windows do not show, as far as whole logs leave it open beside the noise of poses"
         return f"drift, {origin}: {drift_in_words(self.values)}"
 
 
@@ -105,6 +108,9 @@ def drift_rates(fit: Fit) -> DriftRates | None:
     none = replace(likelihood, parts=without)
     odds = likelihood.surprise(found)[0] - none.surprise(none.greatest(begin))[0]
     shown = None if 0 < odds < BEYOND_DOUBT else bool(odds <= 0)
+    if shown is False:
+        mean, unsure = faint_drift(fit, layout.logs, USUAL)
+        return DriftRates(mean * USUAL, np.full((len(USUAL),) * 2, unsure), shown, layout.seconds)
     return DriftRates(np.exp(logs[OF_POSES:]), _spread(likelihood, logs), shown, layout.seconds)
 
 

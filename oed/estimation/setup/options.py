@@ -127,9 +127,9 @@ class CalibrationOptions(Component):
             drift shows, of windows 2 s.
         covariance: information (F^-1), drift (of a fit to a robot whose pose is a random walk about what its
             inputs say, at the rates that the logs show, or that are usual where they show none), sandwich, or
-            moving-block bootstrap; auto takes F^-1 where the logs show that there is no drift, the bootstrap
-            of eight or more whole logs, else drift or the bootstrap, whichever says larger errors; of windows
-            the bootstrap where there are enough.
+            moving-block bootstrap; auto takes F^-1 where the logs show that there is no drift that would make
+            its standard errors a quarter larger, the bootstrap of eight or more whole logs, else drift or the
+            bootstrap, whichever says larger errors; of windows the bootstrap where there are enough.
         block: length of the bootstrap's blocks and of the sandwich's correlations [s]; auto takes whole
             logs where there are eight or more, a fifth of each else.
         replicates: of the bootstrap.
