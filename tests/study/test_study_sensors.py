@@ -194,7 +194,7 @@ BROKEN_SENSORS = {
         "[wheel_radius, track]",
         "estimate",
         "estimate",
-        "left, track) or coefficients (c11, c12, c21, c22), got wheel_radius, track",
+        "yaw_rate.bias), got wheel_radius, track; did you mean wheel_radius_right or wheel_radius_left?",
     ),
     "parameters of both kinds": (
         "[wheel_radius_right, track]",
@@ -288,6 +288,31 @@ BROKEN_SENSORS = {
         "expected some of the estimated wheel_radius_right, track, got wheel_radius_left",
     ),
 }
+
+
+LANDMARKS = "{kind: landmarks, landmarks: [[1 m, 1 m]], noise: {range: 1 cm, bearing: 1 deg}"
+TAGS = "{kind: tags, tags: [[1 m, 1 m, 0 deg]], noise: {range: 1 cm, bearing: 1 deg, orientation: 1 deg}"
+
+
+@pytest.mark.parametrize(
+    ("sensor", "key"),
+    [
+        (f"{LANDMARKS}, map: -1 cm}}", "map"),
+        (f"{LANDMARKS}, quantities: [orientation]}}", "quantities.0"),
+        (LANDMARKS.replace("1 deg", "1 m") + "}", "noise.bearing"),
+        (LANDMARKS.replace("range: 1 cm, bearing: 1 deg", "3 cm") + "}", "noise.3 cm"),
+        (LANDMARKS.replace("[[1 m, 1 m]]", "[[1 m]]") + "}", "landmarks.0.1"),
+        (LANDMARKS.replace(" landmarks: [[1 m, 1 m]],", "") + "}", "landmarks"),
+        (f"{TAGS}, map: {{position: 5 cm}}}}", "map.heading"),
+        (f"{TAGS}, lever_arm: {{heading_deviation: 3 cm}}}}", "lever_arm.heading_deviation"),
+        (TAGS.replace(", 0 deg", "") + "}", "tags.0.2"),
+    ],
+)
+def test_what_is_named_as_its_kind(sensor: str, key: str):
+    """Mistakes beside the landmarks, the tags, are not theirs."""
+    for text, place in ((sensor, "measurement"), (f"[{sensor}]", "measurement.0")):
+        (flaw,) = flaws_of(f"{without(SMALL, 'measurement:')}measurement: {text}\n")
+        assert flaw.key == f"{place}.{key}"
 
 
 class TestSensors:
