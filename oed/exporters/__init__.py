@@ -19,6 +19,7 @@ from oed.foundation.work.folders import in_order
 from oed.records.record import ESTIMATE_FILE as ESTIMATE
 from oed.records.record import FILE as RECORD
 from oed.records.record import Record, load_estimate, load_record, require_no_results
+from oed.records.stored.door import read_echo
 
 EXPORTERS: dict[str, Callable[[Request], Path]] = {
     "csv": write_csv,
@@ -104,5 +105,6 @@ def _record_in(place: Path, to: str) -> Record:
         if found.study is None:
             raise RecordError.about(found.file, "missing", "study")
         known = {"version": found.oed_version, "echo": found.study, "certificate": None, "validation": None}
-        return Record.of(found, **known, parameters=[], nuisances=[], results=[]).at(place / ESTIMATE)
+        record = Record.of(found, **known, parameters=[], nuisances=[], results=[]).at(place / ESTIMATE)
+        return record.of_study(read_echo(found.study, place / ESTIMATE, designs=False))
     return load_record(place)

@@ -93,13 +93,32 @@ def part_error(error: ValidationError, part: type[BaseModel], given: Mapping[str
 
 def _places(detail: ErrorDetails, given: Any) -> Iterator[str]:
     # Parts of a path that are no keys (a union's labels) are passed over, but what is missing is none either.
-    for part in detail["loc"]:
+    for part in untagged(detail["loc"], given):
         inside = isinstance(given, Mapping) and part in given
         if inside or (isinstance(given, list | tuple) and isinstance(part, int) and part < len(given)):
             given = given[part]
             yield str(part)
     if detail["type"] == "missing":
         yield str(detail["loc"][-1])
+
+
+def untagged(path: Sequence[str | int], given: Any) -> tuple[str | int, ...]:
+    """A path of pydantic's without labels that are keys as well: `landmarks` have a key `landmarks`.
+
+    Args:
+        path: of keys, and of labels where a union is entered.
+        given: what it leads into.
+    """
+    kept, entered = list[str | int](), False
+    for part in path:
+        inside = isinstance(given, Mapping) and part in given
+        if entered and inside and given.get(KIND) == part:
+            entered = False
+            continue
+        kept.append(part)
+        if inside or (isinstance(given, list | tuple) and isinstance(part, int) and part < len(given)):
+            given, entered = given[part], True
+    return tuple(kept)
 
 
 def telling(texts: Sequence[str]) -> Sequence[str]:

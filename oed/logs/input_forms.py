@@ -98,9 +98,12 @@ class _WithUnit(InputForm, ABC):
 
     def _reason(self, entry: Input, lever: float) -> tuple[str, str]:
         if not self._of_rim(entry):
-            alone = "" if self.radius is None else "is that of a rim; give the rim's `unit`, e.g. m/s"
             reason = unit_reason(self.unit, self._si(entry))
-            return ("unit", reason) if reason else ("radius", alone)
+            if reason or self.radius is None:
+                return "unit", reason
+            if entry.quantity != WHEEL:
+                return "radius", f"is that of a wheel's rim, and {entry.name} has none; leave it out"
+            return "radius", "is that of a rim; give the rim's `unit`, e.g. m/s"
         if not (self.radius or lever):
             return "unit", f"{self.unit} is the speed of a rim; say of which `radius` the wheel is"
         return "", ""

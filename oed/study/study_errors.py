@@ -7,7 +7,7 @@ from pydantic_core import ErrorDetails
 
 from oed.foundation.component import Component
 from oed.foundation.errors import FileFlaw
-from oed.foundation.wording import KIND, sentence, telling
+from oed.foundation.wording import KIND, sentence, telling, untagged
 from oed.study.offered import as_studies_have
 from oed.study.yaml_source import Source
 
@@ -53,7 +53,7 @@ def _offered(detail: ErrorDetails) -> str:
 
 
 def _place(detail: ErrorDetails, source: Source, message: str = "") -> FileFlaw:
-    path, missing = detail["loc"], detail["type"] == "missing"
+    path, missing = untagged(detail["loc"], source.data), detail["type"] == "missing"
     if detail["type"] == "union_tag_invalid":
         # The mistyped value's own line: that of `kind`, or of `form`.
         tag, given = detail["ctx"]["tag"], detail["input"]

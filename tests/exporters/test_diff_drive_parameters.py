@@ -220,6 +220,14 @@ class TestExport:
         assert said in comment(text)
         assert "track 0.1873 m (nominal 0.2 m)" in comment(text)
 
+    def test_estimated_by_a_study_of_no_drive(self, tmp_path: Path):
+        echo = {key: value for key, value in study_of().echo().items() if key not in ("trajectory", "limits")}
+        entries = [{"name": name, "value": value} for name, value in ESTIMATED.items()]
+        kept = {"format": 1, "oed_version": "1", "study": echo, "parameters": entries}
+        (tmp_path / "estimate.json").write_text(json.dumps(kept))
+        text = export(tmp_path, "ros2_yaml").read_text()
+        assert effective(parsed(text)) == pytest.approx(tuple(ESTIMATED.values()))
+
     @pytest.mark.parametrize(
         "text", ["{", "[]", "{}", '{"parameters": [{"name": "track"}]}', '{"parameters": [1]}']
     )

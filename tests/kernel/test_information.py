@@ -88,6 +88,7 @@ def test_a_nominal_zero_has_no_relative_precision():
     (flaw,) = scaling_flaws((make_block(nominal=np.array([0.0, 0.1])),), "relative")
     assert flaw.key == ("criterion", "scaling")
     assert flaw.message.startswith("c21 is nominally 0")
+    assert "scaling: {c21: ..., c22: ...}, " in flaw.message
     assert scaling_flaws((make_block(nominal=np.array([0.0, 0.1])),), {"c21": 1.0, "c22": 1.0}) == []
 
 

@@ -153,3 +153,6 @@ class TestRims:
     def test_a_yaw_rate_has_no_rim(self):
         (flaw,) = form(inputs={"omega": {"column": 1, "unit": "m/s", "radius": "5 cm"}}).flaws(Unicycle())
         assert "whose unit is of another kind" in flaw.message
+        (flaw,) = form(inputs={"v": {"column": 1, "unit": "m/s", "radius": "5 cm"}}).flaws(Unicycle())
+        assert flaw.key == ("log", "inputs", "v", "radius")
+        assert flaw.message == "is that of a wheel's rim, and v has none; leave it out"

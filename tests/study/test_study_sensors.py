@@ -290,6 +290,31 @@ BROKEN_SENSORS = {
 }
 
 
+LANDMARKS = "{kind: landmarks, landmarks: [[1 m, 1 m]], noise: {range: 1 cm, bearing: 1 deg}"
+TAGS = "{kind: tags, tags: [[1 m, 1 m, 0 deg]], noise: {range: 1 cm, bearing: 1 deg, orientation: 1 deg}"
+
+
+@pytest.mark.parametrize(
+    ("sensor", "key"),
+    [
+        (f"{LANDMARKS}, map: -1 cm}}", "map"),
+        (f"{LANDMARKS}, quantities: [orientation]}}", "quantities.0"),
+        (LANDMARKS.replace("1 deg", "1 m") + "}", "noise.bearing"),
+        (LANDMARKS.replace("range: 1 cm, bearing: 1 deg", "3 cm") + "}", "noise.3 cm"),
+        (LANDMARKS.replace("[[1 m, 1 m]]", "[[1 m]]") + "}", "landmarks.0.1"),
+        (LANDMARKS.replace(" landmarks: [[1 m, 1 m]],", "") + "}", "landmarks"),
+        (f"{TAGS}, map: {{position: 5 cm}}}}", "map.heading"),
+        (f"{TAGS}, lever_arm: {{heading_deviation: 3 cm}}}}", "lever_arm.heading_deviation"),
+        (TAGS.replace(", 0 deg", "") + "}", "tags.0.2"),
+    ],
+)
+def test_what_is_named_as_its_kind(sensor: str, key: str):
+    """Mistakes beside the landmarks, the tags, are not theirs."""
+    for text, place in ((sensor, "measurement"), (f"[{sensor}]", "measurement.0")):
+        (flaw,) = flaws_of(f"{without(SMALL, 'measurement:')}measurement: {text}\n")
+        assert flaw.key == f"{place}.{key}"
+
+
 class TestSensors:
     """Lists of sensors, and what is estimated from them."""
 

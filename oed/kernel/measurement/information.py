@@ -175,7 +175,11 @@ def scaling_flaws(
         if scaling == "relative":
             zero = [name for name in names if block.scales[block.parameters.index(name)] == 0]
             if zero:
-                text = f"{', '.join(zero)} is nominally 0 and has no relative precision; give its scale"
+                sizes = ", ".join(f"{name}: ..." for name in names)
+                text = (
+                    f"{', '.join(zero)} is nominally 0 and has no relative precision; give the `criterion` "
+                    f"sizes in SI, scaling: {{{sizes}}}, or scaling: none"
+                )
                 flaws.append(Flaw(("criterion", "scaling"), text))
     if isinstance(scaling, Mapping):
         flaws += _scale_name_flaws([name for names in chosen for name in names], scaling)
