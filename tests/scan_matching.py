@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from driving import arcs
+from twin_drives import arcs
 
 from oed.robots.models import DifferentialDrive
 

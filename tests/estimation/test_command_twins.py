@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bags import START, TYPES, header, pose, twist_message, write_bag
-from driving import STEP, Twin, driven, pulls, tracked, waves, write_csv
 from studies import saved_study
+from twin_drives import STEP, Twin, driven, pulls, tracked, waves, write_csv
 
 from oed.estimation import CalibrationOptions, calibrate
 from oed.logs import Log

@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from driving import arcs
 from hypothesis import given
 from hypothesis import strategies as st
 from simulated import ROBOT, TRUTH, course, log_of, readings, truth_of, twists_of
+from twin_drives import arcs
 
 from oed.estimation import DeadReckoning, dead_reckoned
 

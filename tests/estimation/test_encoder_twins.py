@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from driving import Twin, driven, pulls, tracked, waves, write_csv
 from studies import saved_study
+from twin_drives import Twin, driven, pulls, tracked, waves, write_csv
 
 from oed.workflow.estimate_logs import estimate
 

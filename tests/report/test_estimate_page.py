@@ -410,7 +410,7 @@ def test_pieces_of_logs_are_no_logs(pieces: int, said: str):
         ),
         (
             False,
-            "no drift shows beside the pose sensor's noise",
+            "no drift shows beside the sensors' noise",
             "whole logs (2 in all), which show no drift.",
         ),
         (None, "they are too short to show whether there is", "whole logs (2 in all). Standard"),
