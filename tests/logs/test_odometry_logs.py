@@ -96,3 +96,11 @@ def test_columns_that_are_not_there_and_cells_that_are_no_numbers(tmp_path: Path
     rows[5][3] = "abc"
     (flaw,) = flaws_of(write(tmp_path / "a.csv", rows, HEADER), model=Unicycle(), inputs=KEYS)
     assert (flaw.line, flaw.key) == (7, "oyaw")
+
+
+def test_odometry_is_not_its_own_reference():
+    (flaw,) = form(inputs=KEYS, poses={"x": "ox", "y": "oy", "heading": "oyaw"}).flaws(Unicycle())
+    assert flaw.key == ("log", "inputs")
+    assert "name the columns of the odometry" in flaw.message
+    assert form(inputs=KEYS, poses={"x": "ox", "y": "oy", "file": "{stem}_b.csv"}).flaws(Unicycle()) == []
+    assert form(inputs=KEYS).flaws(Unicycle()) == []

@@ -61,7 +61,18 @@ class CsvForm(LogForm):
             flaws.append(
                 Flaw(("log", "relative_poses"), "a log has poses or relative_poses; omit one of them")
             )
-        return flaws
+        return [*flaws, *self._own_reference()]
+
+    def _own_reference(self) -> list[Flaw]:
+        # Compared with itself odometry is right, whatever it is.
+        odometry, poses = self.inputs, self.reference
+        if isinstance(odometry, dict) or isinstance(poses, RelativePoseColumns) or poses.file is not None:
+            return []
+        if self.types_of_poses is not None or any(
+            getattr(odometry, name).column != getattr(poses, name).column for name in ("x", "y")
+        ):
+            return []
+        return [Flaw(("log", "inputs"), "the poses are those of `poses`; name the columns of the odometry")]
 
     @property
     def input_columns(self) -> InputColumns | OdometryColumns:
