@@ -117,3 +117,11 @@ def test_faults_have_their_line(tmp_path: Path, row: int, column: int, cell: str
     (flaw,) = flaws_of(write(tmp_path / "a.csv", rows, HEADER), model=Unicycle(), inputs=KEYS)
     assert flaw.line == line, flaw
     assert words in flaw.message
+
+
+def test_odometry_is_not_its_own_reference():
+    (flaw,) = form(inputs=KEYS, poses={"x": "ox", "y": "oy", "heading": "oyaw"}).flaws(Unicycle())
+    assert flaw.key == ("log", "inputs")
+    assert "name the columns of the odometry" in flaw.message
+    assert form(inputs=KEYS, poses={"x": "ox", "y": "oy", "file": "{stem}_b.csv"}).flaws(Unicycle()) == []
+    assert form(inputs=KEYS).flaws(Unicycle()) == []

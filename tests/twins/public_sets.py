@@ -307,6 +307,26 @@ def husky(folder: Path, seed: int, seconds: float = 120.0) -> Path:
     return write_dated(folder / f"husky_{seed}.csv", "stamp,right_mps,left_mps", twin.times[rows], speeds)
 
 
+BEACONS = np.array([[6.0, 0.0], [-4.0, 5.0], [-4.0, -5.0], [5.0, 7.0]])
+
+
+def uwb(folder: Path, seed: int, seconds: float = 90.0) -> Path:
+    """Distances to beacons in turn, a tenth not heard, 12 cm too long; a gyroscope beside the wheels."""
+    twin = driven(lambda t: bumps(t, seed, (2.5, 2.5), (2.5, 2.5)), lambda u: two_wheels(HUSKY, u), seconds)
+    rows, seen, rng = twin.rows(20), twin.rows(16, 0.4), np.random.default_rng([seed, 6])
+    places, which = tracked(twin, seen, seed, (0.0, 0.0))[:, :2], np.arange(len(seen)) % len(BEACONS)
+    ranges = np.linalg.norm(places - BEACONS[which], axis=1) + 0.12 + 0.08 * rng.normal(size=len(seen))
+    turned = np.degrees(two_wheels(HUSKY, twin.inputs[rows])[:, 2])
+    heard = rng.uniform(size=len(seen)) > 0.1
+    columns = {"t": twin.times[seen], "beacon": which + 1, "range": ranges}
+    write_csv(folder / f"uwb_{seed}_ranges.csv", {name: one[heard] for name, one in columns.items()})
+    right, left = (0.165 * twin.inputs[rows]).T
+    gyro = turned + 0.8 + 0.4 * rng.normal(size=len(rows))
+    table = {"t": twin.times[rows], "right_mps": right, "left_mps": left, "gyro_z": gyro}
+    write_csv(folder / f"uwb_{seed}.csv", table)
+    return folder / f"uwb_{seed}.csv"
+
+
 def write_dated(file: Path, head: str, times: np.ndarray, cells: np.ndarray) -> Path:
     """A CSV whose first column has dates, as in ISO 8601."""
     start = datetime(2023, 5, 31, 14, 3, 7, tzinfo=UTC)
@@ -335,4 +355,5 @@ SETS = (
     PublicSet("optiodom_omni3", OMNI3, each(optiodom_omni3, 3)),
     PublicSet("commanded", COMMANDED, each(commanded, 2), ("clock_offset",)),
     PublicSet("husky", HUSKY, each(husky, 2), place=ANTENNA),
+    PublicSet("uwb", HUSKY, each(uwb, 1)),
 )

@@ -66,7 +66,8 @@ class CsvForm(LogForm):
             text = "the poses are in a file of their own (`poses.file`); leave one of the two out"
             flaws.append(Flaw(("log", "records", "poses"), text))
         if self.relative_poses is None:
-            return [*flaws, *self.poses.flaws(model, needed=not self.sensors)]
+            own = self.poses.flaws(model, needed=not self.sensors)
+            return [*flaws, *own, *self._own_reference()]
         if "poses" in self.model_fields_set:
             text = "a log has poses or relative_poses; omit one of them"
             flaws.append(Flaw(("log", "relative_poses"), text))
@@ -74,6 +75,17 @@ class CsvForm(LogForm):
             text = "motions of relative_poses are fitted one by one, without other sensors; omit these"
             flaws.append(Flaw(("log", "sensors"), text))
         return [*flaws, *self.relative_poses.flaws(model)]
+
+    def _own_reference(self) -> list[Flaw]:
+        # Compared with itself odometry is right, whatever it is.
+        odometry, poses = self.inputs, self.reference
+        if isinstance(odometry, dict) or isinstance(poses, RelativePoseColumns) or poses.file is not None:
+            return []
+        if self.types_of_poses is not None or any(
+            getattr(odometry, name).column != getattr(poses, name).column for name in ("x", "y")
+        ):
+            return []
+        return [Flaw(("log", "inputs"), "the poses are those of `poses`; name the columns of the odometry")]
 
     @property
     def input_columns(self) -> InputColumns | OdometryColumns:
