@@ -37,6 +37,7 @@ def test_medians_from_a_record_are_those_of_the_trial():
         np.testing.assert_allclose(found, expected, rtol=2e-4)
 
 
+@pytest.mark.slow
 def test_a_missed_goal_is_printed_and_fails(capsys: pytest.CaptureFixture[str]):
     assert main([str(TRIAL)]) == 1
     lines = capsys.readouterr().out.splitlines()

@@ -68,6 +68,7 @@ def shown(flagship, driven, record, estimate) -> dict[str, object]:
     }
 
 
+@pytest.mark.slow
 def test_short_forms_are_a_few_lines(flagship, driven, record, estimate):
     for name, one in shown(flagship, driven, record, estimate).items():
         text = repr(one)
@@ -205,6 +206,7 @@ def test_a_solution_is_drawn_in_its_room(flagship):
 
 
 @pytest.mark.parametrize(("one", "other"), [("path", "best_path"), ("inputs", "wheel_speeds")])
+@pytest.mark.slow
 def test_figures_have_the_same_names_everywhere(one, other, driven, record):
     for subject in (driven, record):
         pair = [subject.plot(name).axes[0].get_lines() for name in (one, other)]
@@ -258,6 +260,7 @@ def helped(thing: object) -> str:
     return pydoc.plain(pydoc.render_doc(thing))
 
 
+@pytest.mark.slow
 def test_help_fits_on_some_screens():
     assert len(helped(oed)) < 30_000
     for name in dir(oed):

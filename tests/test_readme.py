@@ -48,6 +48,7 @@ def test_make_targets_exist(target: str):
     subprocess.run(["make", "-n", target], cwd=ROOT, check=True, capture_output=True)
 
 
+@pytest.mark.slow
 def test_init_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     (words,) = [words for words in commands() if words[:2] == ["oed", "init"]]

@@ -96,6 +96,7 @@ def test_the_numbers_of_a_hundred_samples() -> None:
     assert found.complete
 
 
+@pytest.mark.slow
 def test_forward_only() -> None:
     allowed = limits(100, (0.0, 10.0), ends=0.0)
     found = lattice_bound(allowed, BOTH, NOTHING)
@@ -159,6 +160,7 @@ def test_bounds_hold_what_enumeration_finds(allowed: SpeedLimits, weights: Array
 
 
 @pytest.mark.parametrize("allowed", TINY, ids=range(len(TINY)))
+@pytest.mark.slow
 def test_the_largest_trace_is_that_of_enumeration(allowed: SpeedLimits) -> None:
     everything = corners_of_all(allowed)
     rng = np.random.default_rng(0)

@@ -125,6 +125,7 @@ def test_the_largest_of_unequal_steps_counts() -> None:
     assert largest_spread(-1.0, 1.0, 0.0, steps, read) == expected
 
 
+@pytest.mark.slow
 def test_very_many_readings_are_bounded_still() -> None:
     read = reading_every(5000, 1)
     found = largest_spread(-1.0, 1.0, None, np.full(5000, 0.5), read)

@@ -173,6 +173,7 @@ def test_what_satisfies_the_limits_exactly_is_held_against_the_exact_bound(hundr
     assert 0 <= certificate.gap(exact.objective) <= 2e-4
 
 
+@pytest.mark.slow
 def test_no_drive_within_the_tolerance_beats_the_widened_bound(hundred):
     problem, certificate = hundred
     wider, rng = problem.widened(ALL_BUT), np.random.default_rng(2)

@@ -109,6 +109,7 @@ def test_no_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert capsys.readouterr().err.startswith(f"{tmp_path / 'record.json'}: no record there")
 
 
+@pytest.mark.slow
 def test_interrupted(folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
     from oed.report.film.stage import Stage
 

@@ -124,6 +124,7 @@ class TestCheck:
             ("quick.yaml", True),
         ]
 
+    @pytest.mark.slow
     def test_wrong_studies_among_right_ones(self, capsys, folder: Path):
         write_study(folder, TEXT.replace("18 cm", "18 kg"), "wrong.yaml")
         code, out, err = call(capsys, "check", "wrong.yaml", "study.yaml", "nowhere.yaml")
@@ -164,6 +165,7 @@ class TestSolve:
         assert "objective" in out
         assert "ipopt: Converged" in out
 
+    @pytest.mark.slow
     def test_as_json(self, capsys, folder: Path):
         code, data, err = call_json(capsys, "solve", "quick.yaml", "--workers", "1")
         assert code == 0
@@ -337,6 +339,7 @@ class TestRefusedAtTheStart:
         ],
         ids=lambda command: command[0],
     )
+    @pytest.mark.slow
     def test_a_place_that_cannot_be_written_to(self, capsys, folder: Path, command: list[str], out: str):
         before = sorted(folder.rglob("*"))
         code, _, err = call(capsys, *command, "--out", out)
@@ -345,6 +348,7 @@ class TestRefusedAtTheStart:
         assert len(err.splitlines()) == 1
         assert sorted(folder.rglob("*")) == before
 
+    @pytest.mark.slow
     def test_a_name_that_is_too_long(self, capsys, folder: Path):
         write_study(folder, small(solvers=f"{GENETIC[:-1]}, name: {'x' * 260}}}"), "long.yaml")
         for command in ("check", "run"):
@@ -354,6 +358,7 @@ class TestRefusedAtTheStart:
 
 
 class TestEvaluate:
+    @pytest.mark.slow
     def test_a_path(self, capsys, folder: Path):
         code, out, err = call(capsys, "evaluate", "study.yaml", "path.csv")
         assert (code, err) == (0, "")
@@ -366,6 +371,7 @@ class TestEvaluate:
         assert out.splitlines()[: len(lines)] == lines
         assert "objective" in out.splitlines()[len(lines)]
 
+    @pytest.mark.slow
     def test_as_json(self, capsys, folder: Path):
         code, data, _ = call_json(capsys, "evaluate", "study.yaml", "path.csv")
         assert code == 0
@@ -374,6 +380,7 @@ class TestEvaluate:
         assert data["objective"] > 0
         assert data["feasible"]
 
+    @pytest.mark.slow
     def test_limits_exceeded_are_named(self, capsys, folder: Path):
         text = (folder / "path.csv").read_text()
         (folder / "path.csv").write_text(text.replace("\n1.25,0.25,", "\n1.25,12,"))
@@ -429,6 +436,7 @@ class TestMistakes:
     """One clear message on standard error with file and line, exit code 2, no traceback."""
 
     @pytest.mark.parametrize(("command", "text", "message"), MISTAKES.values(), ids=MISTAKES.keys())
+    @pytest.mark.slow
     def test_in_words(self, capsys, folder: Path, command: list[str], text: str, message: str):
         write_study(folder, text, "wrong.yaml")
         code, out, err = call(capsys, *command)

@@ -66,6 +66,7 @@ def test_nobody_reads(
 
 
 @pytest.mark.parametrize("stream", ["stdin", "stdout", "stderr"])
+@pytest.mark.slow
 def test_closed_streams(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], stream: str
 ) -> None:
@@ -84,6 +85,7 @@ def test_closed_streams_of_the_program(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["check", "study.yaml"], ["schema", "--json"]])
+@pytest.mark.slow
 def test_full_output(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str]
 ) -> None:

@@ -63,6 +63,7 @@ class TestOptions:
         )
 
     @pytest.mark.parametrize("way", ["sandwich", "bootstrap"])
+    @pytest.mark.slow
     def test_covariance_of_too_few_parts_is_refused(self, way):
         with pytest.raises(ProblemError, match=rf"calibration\.covariance: .*too short for {way}: 1 blocks"):
             found_by(covariance=way)
@@ -79,6 +80,7 @@ class TestOptions:
         with pytest.raises(ProblemError, match=r"calibration\.noise: .*no noise of x, y; use noise"):
             found_by(problem=problem, noise="stated")
 
+    @pytest.mark.slow
     def test_every_sensor_states_the_noise_of_what_it_reads(self):
         model = TractorTrailer(wheel_radius=0.05, track=0.2, hitch_offset=0.1, trailer_length=0.4)
         both = Several(sensors=(Poses(noise=STATED), TrailerAngle(noise=0.004)))
@@ -188,18 +190,21 @@ class TestOddLogs:
         assert all(name in " ".join(found.weak_directions) for name in TRUTH)
         assert np.sqrt(np.diag(found.covariance)) == pytest.approx(ROBOT.nominal, rel=0.05)
 
+    @pytest.mark.slow
     def test_headings_that_never_change(self):
         log = log_of(course(ROBOT, truth_of(ROBOT), start=(0, 0, 0), inputs=np.full((60, 2), 3.0), seconds=6))
         found = found_by([log])
         assert np.isfinite(found.values).all()
         assert any("track" in text for text in found.weak_directions)
 
+    @pytest.mark.slow
     def test_two_poses(self):
         for rows in ([0, 50], [40, 41]):
             log = log_of(course(seconds=6.0), noise=NOISE, rows=np.array(rows))
             with pytest.raises(LogError, match="log more poses"):
                 calibrate(logged_problem(), [log])
 
+    @pytest.mark.slow
     def test_a_log_that_hardly_overlaps_its_poses(self):
         late = replace(LOG, pose_times=LOG.pose_times + 5.5)
         assert np.isfinite(calibrate(logged_problem(), [late]).values).all()

@@ -79,6 +79,7 @@ def test_logs_are_blocks_by_themselves_where_there_are_enough():
     assert 0.4 < np.sqrt(np.mean(np.square(scores))) < 2.2
 
 
+@pytest.mark.slow
 def test_a_short_log_that_drifts_has_error_bars_of_drift():
     log = log_of(course(seconds=3.5, drift=0.05), noise=(0.0002, 0.0005))
     found = calibrate(logged_problem(), [log])
@@ -98,7 +99,7 @@ def test_of_few_windows_there_is_f_alone_and_a_warning():
 
 def test_drift_is_judged_by_all_poses():
     log = log_of(course(seconds=20.0), noise=(0.0002, 0.0005))
-    with pytest.raises(ProblemError, match=r"calibration\.covariance: .*use method: joint"):
+    with pytest.raises(ProblemError, match=r"calibration\.covariance: .*method: joint"):
         calibrate(logged_problem(), [log], options(method="gls", covariance="drift"))
 
 
@@ -117,6 +118,7 @@ def test_the_sensor_sits_where_the_study_says(arm, sits, fixed):
     assert mount.deviations == ({"sensor_x": 0.01, "sensor_y": 0.01} if arm.deviation else {})
 
 
+@pytest.mark.slow
 def test_an_arm_roughly_known_is_estimated_from_there():
     measurement = Poses(
         noise=AbsoluteNoise(position=0.002, heading=0.005),
@@ -224,6 +226,7 @@ def test_a_single_log_is_reckoned_by_its_own_estimate():
     assert after.rmse_position < 0.5 * before.rmse_position
 
 
+@pytest.mark.slow
 def test_a_coefficient_that_is_0_by_the_geometry_is_no_estimate_of_0_without_error():
     log = log_of(course(OMNI, np.array([0.041, 0.19]), seconds=10.0), noise=NOISE)
     asked = options(segment="log", clock_offset=False)

@@ -35,6 +35,7 @@ def data(calibration: Calibration) -> dict:
 
 
 class TestData:
+    @pytest.mark.slow
     def test_json_holds_it(self, data: dict, tmp_path: Path):
         record = EstimateRecord.model_validate({"format": 1, **data})
         path = save_estimate(record, tmp_path / "new")

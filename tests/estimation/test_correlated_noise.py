@@ -208,12 +208,14 @@ class TestEstimate:
         assert own.rmse_position < 2 * by_hand.rmse_position
         assert np.all(np.diag(found.covariance) > 9 * np.diag(white.inverse))
 
+    @pytest.mark.slow
     def test_with_correlated_noise_as_asked_for(self):
         found = estimated(segment="log", noise="correlated")
         assert found.fit.correlated is not None
         assert found.fit.converged
         assert found.values == pytest.approx(estimated().values, rel=1e-4)
 
+    @pytest.mark.slow
     def test_gls_of_positions_alone(self):
         found = estimated(method="gls", segment="log")
         asked = estimated(segment="log", noise="correlated")
@@ -226,6 +228,7 @@ class TestEstimate:
         specified = logged_problem().measurement.noise.position
         assert found.fit.correlated.white == {"position": pytest.approx(specified)}
 
+    @pytest.mark.slow
     def test_likelihood_is_that_of_what_starts_leave(self):
         fit = CorrelatedReadings(search_of(self.LOGS)).fit()
         found = FittedReadings.of([fit]).likelihood(fit, options(noise="stated"))

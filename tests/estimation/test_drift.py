@@ -145,6 +145,7 @@ SENSED = {
 
 
 @pytest.mark.parametrize("name", SENSED)
+@pytest.mark.slow
 def test_further_sensors_have_the_drift_of_what_they_see(name: str):
     # Of a gyroscope it is that of each period alone, of ranges all that went before.
     drive, read = course(seconds=4.0, period=0.4), []
@@ -182,6 +183,7 @@ def test_costs_no_more_than_a_pass_along_the_log():
 
 
 class TestRates:
+    @pytest.mark.slow
     def test_are_those_of_the_poses_where_other_sensors_read_as_well(self):
         drive = drifting(course(seconds=30.0, seed=1), TRUE, 3 * USUALLY, 1)
         log = with_sensors(drive, gyro(drive, noise=0.01, bias=0.02), noise=NOISE, seed=1)
@@ -241,6 +243,7 @@ class TestRates:
         assert np.all(np.sqrt(found.values) < 0.6 * USUALLY)
 
 
+@pytest.mark.slow
 def test_residuals_that_grow_less_than_twofold_are_drift_all_the_same():
     # Too little for shorter segments, and much for error bars.
     found = calibrate(logged_problem(), [driven(3, 30.0, 0.15)], options(clock_offset=False, sensor_place=()))

@@ -397,6 +397,7 @@ class TestNegativeControls:
             np.testing.assert_allclose(more[:2], 1, rtol=1e-9)
             assert more[2:].min() > 1.1
 
+    @pytest.mark.slow
     def test_least_squares_are_biased_where_errors_in_variables_are_not(self):
         problem = make("increments", "1 cm", "10 deg", samples=200, segments="samples")
         drive = random_drive(problem, 3)

@@ -71,6 +71,7 @@ class TestEstimates:
         assert found.fit.unknowns.place == ()
         np.testing.assert_allclose(found.fit.values[:3], TRUE[:3], rtol=1e-5)
 
+    @pytest.mark.slow
     def test_a_prior_of_the_mounting_counts(self, tmp_path: Path):
         logs = logs_of(tmp_path, matched(seconds=60))
         asked = partial(problem_of, model=NOMINAL, limits=input_limits, criterion=D())

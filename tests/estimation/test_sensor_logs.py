@@ -259,6 +259,7 @@ def test_wheels_carry_a_drive_through_a_time_in_which_nothing_is_seen():
     assert cut([replace(log, gap=1.0)], np.inf, [0.0], sensors).count == 2
 
 
+@pytest.mark.slow
 def test_a_sensor_that_logs_lack_is_named():
     drive = course(seconds=6.0, period=0.1)
     twin = Twin((POSITIONS, GYRO), lambda *_: None, {})
@@ -290,6 +291,7 @@ def test_readings_go_from_clock_to_clock():
     np.testing.assert_allclose(read.integrals_at(np.array([0.5, 2.0])), [[0.5], [2.0]])
 
 
+@pytest.mark.slow
 def test_a_landmark_elsewhere_than_the_study_has_it_is_named():
     drive = course(seconds=8.0, period=0.1, seed=3)
     wrong = [*PLACES[:3], (PLACES[3][0] + 0.6, PLACES[3][1])]

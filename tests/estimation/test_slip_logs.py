@@ -165,6 +165,7 @@ def test_windows_do_not_tell_how_they_begin(method: str):
         calibrate(logged_problem(model=ROBOT), logs_of(1), options(method=method))
 
 
+@pytest.mark.slow
 def test_segments_share_no_yaw_rate_with_a_log_that_begins_in_motion():
     drive = driven()
     part = log_of(drive, rows=np.arange(40, len(drive.times)))

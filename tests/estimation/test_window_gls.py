@@ -34,6 +34,7 @@ TRUE = truth_of(ROBOT, **TRUTH)
     [(ROBOT, TRUE, PLACE), (ICR, ICR_TRUTH, ("sensor_y",)), (TRICYCLE, TRICYCLE_TRUTH, PLACE)],
     ids=["differential", "icr", "tricycle"],
 )
+@pytest.mark.slow
 def test_without_noise_everything_is_exact(model, truth, place):
     sits = [at if name in place else 0.0 for name, at in zip(PLACE, SITS, strict=True)]
     # The wheels' clock is off by a whole period, so that nothing lies between its knots.
@@ -73,6 +74,7 @@ def noisy() -> Fit:
     return gls(logs, unknowns_of(place=PLACE, clocks=3))
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_they_are_said_to_be(noisy):
     off = noisy.values - [*TRUE, *SITS, 0, 0, 0]
     assert off @ noisy.total @ off < 22  # chi square of nine, 99 %

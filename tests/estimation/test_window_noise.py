@@ -152,6 +152,7 @@ def test_its_derivatives_are_difference_quotients(part):
     assert found == pytest.approx(quotient / (2 * step[part]), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_noise_and_drift_are_told_apart():
     drive = drifting(course(seconds=400, period=0.2), TRUE, (0.01, 0.005, 0.03), seed=0)
     fit = gls([log_of(drive, noise=(0.001, 0.005))])
@@ -162,6 +163,7 @@ def test_noise_and_drift_are_told_apart():
     assert numbers[:2] == pytest.approx([10, 5], rel=0.25)
 
 
+@pytest.mark.slow
 def test_jitter_of_the_clock_grows_with_speed():
     drive = course(seconds=400, period=0.2)
     late = np.random.default_rng(5).normal(scale=0.01, size=len(drive.times))

@@ -59,6 +59,7 @@ class TestContent:
         with Reader(bag) as reader:
             assert {one.topic for one in reader.connections} == {PLAN, COMMAND}
 
+    @pytest.mark.slow
     def test_commands(self, tmp_path: Path, storage: str):
         study = study_of()
         bag = export(saved(tmp_path, study), "rosbag2", storage=storage)
@@ -86,6 +87,7 @@ class TestContent:
         assert velocities[-1].tolist() == [0.0, 0.0]
         assert len(found[0].effort) == 0
 
+    @pytest.mark.slow
     def test_plan(self, tmp_path: Path, storage: str):
         study = study_of()
         bag = export(saved(tmp_path, study), "rosbag2", storage=storage)
@@ -115,6 +117,7 @@ def test_a_steered_wheel(tmp_path: Path):
 
 
 @each_storage
+@pytest.mark.slow
 def test_every_run_is_a_bag_of_its_own(tmp_path: Path, storage: str):
     study = study_of(runs=2)
     folder = export(saved(tmp_path, study), "rosbag2", storage=storage)
@@ -134,6 +137,7 @@ def test_old_releases_can_read_the_metadata(tmp_path: Path):
 
 
 class TestPlace:
+    @pytest.mark.slow
     def test_a_bag_is_not_written_over(self, tmp_path: Path):
         folder = saved(tmp_path, study_of())
         bag = export(folder, "rosbag2")
@@ -143,6 +147,7 @@ class TestPlace:
         assert (bag / "metadata.yaml").read_text() == before
 
     @pytest.mark.parametrize("runs", [1, 2])
+    @pytest.mark.slow
     def test_unless_it_is_forced(self, tmp_path: Path, runs: int):
         folder = saved(tmp_path, study_of(runs=runs))
         export(folder, "rosbag2")
@@ -170,6 +175,7 @@ class TestPlace:
             export(folder, "rosbag2")
         assert [file.name for file in folder.iterdir()] == ["record.json"]
 
+    @pytest.mark.slow
     def test_a_full_disk_is_said(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         folder = saved(tmp_path, study_of())
         export(folder, "rosbag2")

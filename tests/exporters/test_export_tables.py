@@ -203,6 +203,7 @@ class TestResults:
         assert "it holds results" in capsys.readouterr().err
         assert (tmp_path / "sweep.json").read_text() == "found"
 
+    @pytest.mark.slow
     def test_nor_does_a_bag_of_a_folder_of_theirs(self, tmp_path: Path):
         pytest.importorskip("rosbags")
         folder = saved(tmp_path / "run", study_of())

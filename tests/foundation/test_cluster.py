@@ -157,6 +157,7 @@ class TestAddress:
     def test_sound(self, address: str):
         assert Cluster(address).address == address
 
+    @pytest.mark.slow
     def test_nobody_answers(self, monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr(cluster, "CONNECTING", 0.2)
         with pytest.raises(Failure, match=r"no Dask scheduler answers at tcp://127.0.0.1:9"):

@@ -184,6 +184,7 @@ def killed_at(step: int, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("place", ["beside", "working", "mounted"])
+@pytest.mark.slow
 def test_killed_at_any_moment_of_the_swap_there_is_the_old_or_the_new(
     tmp_path: Path, place: str, monkeypatch: pytest.MonkeyPatch
 ):
@@ -304,6 +305,7 @@ class TestLock:
             pass
 
     @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nothing ends a process so suddenly")
+    @pytest.mark.slow
     def test_a_killed_process_leaves_no_lock_and_its_run_is_kept(self, old: Path, caplog):
         program = (
             "import sys, os, signal; from oed.foundation.work.folders import drafted\n"

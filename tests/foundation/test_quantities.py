@@ -57,6 +57,7 @@ from oed.foundation.quantities import (
         (2, "s", 2.0),
     ],
 )
+@pytest.mark.slow
 def test_si_value(value, unit, expected):
     assert parse_quantity(value, unit) == pytest.approx(expected, rel=1e-12)
 

@@ -83,6 +83,7 @@ def test_a_wall_of_millimetres_is_not_crossed():
 
 
 @pytest.mark.parametrize("rule", ["arc", "midpoint"])
+@pytest.mark.slow
 def test_an_arc_outside_the_room_is_seen(rule: str):
     # A quarter turn between two points: the path bulges by centimetres.
     space = {"integration": rule}
@@ -133,6 +134,7 @@ def test_splines_of_many_coefficients_are_looked_at_between_few_samples(degree, 
         assert found == pytest.approx(truth, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_no_feasible_drive_of_many_coefficients_beats_its_bound():
     spline = Spline(degree=2, coefficients=602)
     space = DesignSpace(duration=6, samples=6, spline=spline)
@@ -236,6 +238,7 @@ def test_motion_between_the_samples_counts():
     )
 
 
+@pytest.mark.slow
 def test_a_trailer_between_the_samples():
     model = TractorTrailer(wheel_radius=RADIUS, track=TRACK, hitch_offset=0.1, trailer_length=0.4)
     problem = moving(TrailerAngle(bounds=0.5), model=model, duration=4.0, samples=1)
@@ -301,6 +304,7 @@ def test_what_cannot_be_bounded_is_said_to_be_checked_at_points(limit: Limit):
 
 
 @pytest.mark.parametrize("kind", ["chance", "tube", "scenarios"])
+@pytest.mark.slow
 def test_robust_limits_hold_between_the_points(kind: str):
     uncertain = {
         "uncertainty": Uncertainty(track="5 %", wheel_radius_right="5 %"),
@@ -326,6 +330,7 @@ def test_the_tolerance_is_the_only_one():
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.6])
+@pytest.mark.slow
 def test_thin_walls_of_large_rooms_are_not_tolerated_away(angle: float):
     # A wall of 4 mm that is a part of the outline of a room of 12 m, or an obstacle, however they are turned.
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])

@@ -208,6 +208,7 @@ class TestEveryEpigraph:
     @criteria
     @few
     @given(seed=seeds, size=sizes, blocks=block_counts)
+    @pytest.mark.slow
     def test_it_begins_consistent(self, kind, seed: int, size: int, blocks: int):
         criterion, matrices = example(kind, size, blocks), moderate_blocks(seed, size, blocks)
         objective, equalities, terms = epigraph_values(criterion, matrices)

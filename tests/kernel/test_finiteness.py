@@ -130,6 +130,7 @@ class TestWhatIsDone:
             found = oed.solve(problem, solver, seed=0, workers=1)
             assert found.evaluation is None or np.isfinite(found.evaluation.path).all()
 
+    @pytest.mark.slow
     def test_a_search_of_nothing_else_says_why(self, monkeypatch: pytest.MonkeyPatch):
         # Where the random drives asked first happened to be finite.
         monkeypatch.setattr("oed.optimize.require_identifiable", lambda problem: None)
@@ -145,6 +146,7 @@ class TestWhatIsDone:
 
 
 @pytest.mark.parametrize("name", ["straight", "circle", "random"])
+@pytest.mark.slow
 def test_a_limit_of_changes_keeps_a_drive_of_one_sample(name: str):
     space = DesignSpace(duration=2, samples=1, spline=Spline(coefficients=8))
     problem = posed_problem(limits=(SPEED, ACCELERATION, WheelJerk(bounds=30.0), BOX), design=space)

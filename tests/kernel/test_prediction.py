@@ -76,6 +76,7 @@ class TestRows:
     @quantities
     @settings(max_examples=15)
     @given(seed=seeds, count=st.integers(1, 4))
+    @pytest.mark.slow
     def test_rows_are_the_derivatives_of_the_poses(self, example: Example, quantity: str, seed: int, count):
         model = example.model
         legs = random_legs(seed, count, model)

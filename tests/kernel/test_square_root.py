@@ -372,6 +372,7 @@ def test_displacements_that_cancel_to_rounding_tell_nothing(noise_model: str):
     assert open_.objective > 0
 
 
+@pytest.mark.slow
 def test_a_faint_motion_is_none_that_cancels():
     problem = load_study(PROBLEMS / "mecanum.yaml").problem
     sideways = driven_once(problem, "sideways_square")

@@ -141,6 +141,7 @@ class TestLag:
         known = oed.evaluate(lag_problem(), a_drive(problem)).objective
         assert oed.evaluate(problem, a_drive(problem)).objective < known
 
+    @pytest.mark.slow
     def test_a_design_beats_every_step_and_pulse(self):
         problem = lag_problem()
         found = oed.solve(problem, oed.Ipopt(starts=4), seed=0)
@@ -244,6 +245,7 @@ class Force(Level):
         return moment.signals["force"]
 
 
+@pytest.mark.slow
 def test_a_response_without_states():
     problem = lag_problem(model=Product(), measurement=Force())
     drive = a_drive(problem)

@@ -145,6 +145,7 @@ def quadratic_rows(points: Sequence[float]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("count", [3, 6])
+@pytest.mark.slow
 def test_largest_prediction_variance_of_the_best_determinant_is_parameters_over_points(count: int):
     # The equivalence theorem [Kiefer and Wolfowitz, Canad. J. Math. 12, 1960].
     points, evaluation = best(Quadratic(), (-1, 1), count, D(scaling="none"))
@@ -187,6 +188,7 @@ def test_box_and_lucas_two_observations():
     np.testing.assert_allclose(times, [1.2295, 6.8577], rtol=0, atol=5e-5)
 
 
+@pytest.mark.slow
 def test_best_times_do_not_depend_on_the_scaling():
     scaled, _ = best(BoxLucas(), (0, 20), 2, D(scaling={"theta_1": 1.0, "theta_2": 100.0}))
     np.testing.assert_allclose(scaled, [1.2295, 6.8577], rtol=0, atol=5e-5)

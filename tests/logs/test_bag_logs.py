@@ -89,6 +89,7 @@ def wheels() -> list[Message]:
 
 class TestRoundTrip:
     @pytest.mark.parametrize("plugin", list(StoragePlugin))
+    @pytest.mark.slow
     def test_either_storage(self, tmp_path: Path, wheels: list[Message], plugin: StoragePlugin):
         path = write_bag(tmp_path / "drive", [*wheels, *poses(ODOMETRY)], plugin)
         log = read(path)
@@ -112,6 +113,7 @@ class TestRoundTrip:
             "tf2_msgs/msg/TFMessage",
         ],
     )
+    @pytest.mark.slow
     def test_every_type_of_pose(self, tmp_path: Path, wheels: list[Message], kind: str):
         require_alike(read(write_bag(tmp_path / "drive", [*wheels, *poses(kind)])))
 
@@ -120,12 +122,14 @@ class TestRoundTrip:
         np.testing.assert_allclose(log.input_times - START, TABLE[:, 0] + 0.001, atol=1e-6)
         np.testing.assert_allclose(log.pose_times - START, TABLE[:, 0] + 0.002, atol=1e-6)
 
+    @pytest.mark.slow
     def test_speeds(self, tmp_path: Path):
         path = write_bag(tmp_path / "drive", [*joints(TABLE[:, 0], (), TABLE[:, 1:3]), *poses(ODOMETRY)])
         keys = {name: {"held": "next"} for name in INPUTS}
         # Times since 1970 are good to a fraction of a microsecond.
         require_alike(read(path, inputs=keys), angle=1e-5)
 
+    @pytest.mark.slow
     def test_speeds_though_there_are_angles(self, tmp_path: Path, wheels: list[Message]):
         path = write_bag(tmp_path / "drive", [*wheels, *poses(ODOMETRY)])
         keys = {name: {"joint": joint, "form": "speed"} for name, joint in zip(INPUTS, JOINTS, strict=True)}
@@ -166,6 +170,7 @@ class TestRoundTrip:
         assert "counter_wrapped" in found(log)
         assert "say `wrap: 6.28319`" in flaws_of(path, kind="rosbag")[0].message
 
+    @pytest.mark.slow
     def test_one_of_several_transforms(self, tmp_path: Path, wheels: list[Message]):
         kind = "tf2_msgs/msg/TFMessage"
         both = [*poses(kind, "/tf"), *poses(kind, "/tf", frames=("map", "odom"))]
@@ -184,6 +189,7 @@ class TestRoundTrip:
         (flaw,) = flaws_of(path, kind="rosbag", poses={"frame": "map", "child": "base_link"})
         assert flaw.message == f"no poses in /tf; it has {told}"
 
+    @pytest.mark.slow
     def test_messages_without_numbers_are_skipped_on_request(self, tmp_path: Path, wheels: list[Message]):
         odometry = poses(ODOMETRY)
         wheels[7][2].position[0] = wheels[7][2].position[1] = wheels[9][2].position[1] = np.nan
@@ -201,6 +207,7 @@ class TestRoundTrip:
         ]
         assert [text.rpartition(" ")[2] for text in said] == ["8)", "21)"]
 
+    @pytest.mark.slow
     def test_what_a_joint_has_not_is_no_reading(self, tmp_path: Path):
         """Drivers fill in nan for speeds that nobody measures, and for joints that are no wheels."""
         gripper = np.full(len(TABLE), np.nan)
@@ -269,6 +276,7 @@ class TestFlaws:
         (flaw,) = flaws_of(bag, kind="rosbag")
         assert (flaw.file, flaw.message) == (str(database), expected)
 
+    @pytest.mark.slow
     def test_no_topics_and_several(self, tmp_path: Path, wheels: list[Message]):
         both = [*poses(ODOMETRY, "/odom"), *poses("geometry_msgs/msg/PoseStamped", "/mocap")]
         path = write_bag(tmp_path / "drive", [*wheels, *both])
@@ -296,6 +304,7 @@ class TestFlaws:
         )
         assert flaw.named == ("log", "poses", "topic")
 
+    @pytest.mark.slow
     def test_joints_that_are_not_clear(self, tmp_path: Path):
         messages = joints(TABLE[:, 0], ANGLES, names=("a", "right_b"))
         path = write_bag(tmp_path / "drive", [*messages, *poses(ODOMETRY)])
@@ -306,6 +315,7 @@ class TestFlaws:
         assert said == "no joint right; did you mean right_b? the bag has a, right_b"
 
     @pytest.mark.parametrize(("form", "what"), [("angle", "positions"), ("speed", "speeds")])
+    @pytest.mark.slow
     def test_joints_without_what_is_wanted(self, tmp_path: Path, form: str, what: str):
         data = ((), TABLE[:, 1:3]) if form == "angle" else (ANGLES, ())
         path = write_bag(tmp_path / "drive", [*joints(TABLE[:, 0], *data), *poses(ODOMETRY)])
@@ -313,6 +323,7 @@ class TestFlaws:
         messages = [flaw.message for flaw in flaws_of(path, kind="rosbag", inputs=keys)]
         assert messages == [f"the joint {joint} has no {what} in the bag" for joint in JOINTS]
 
+    @pytest.mark.slow
     def test_stamps_of_zero(self, tmp_path: Path, wheels: list[Message]):
         for _, _, message in wheels:
             message.header.stamp.sec = message.header.stamp.nanosec = 0

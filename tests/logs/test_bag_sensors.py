@@ -81,6 +81,7 @@ def read(path: Path, sensors: dict[str, Any], **keys: Any) -> Log:
     return log
 
 
+@pytest.mark.slow
 def test_an_imu_is_found_by_itself(tmp_path: Path):
     (gyro,) = read(bag(tmp_path, imu()), {"yaw_rate": {}}).sensors
     assert (gyro.sensor, gyro.clock) == ("yaw_rate", "inputs")
@@ -88,11 +89,13 @@ def test_an_imu_is_found_by_itself(tmp_path: Path):
     np.testing.assert_allclose(gyro.values[:, 0], RATES)
 
 
+@pytest.mark.slow
 def test_any_field_of_a_topic(tmp_path: Path):
     sensors = {"yaw_rate": {"topic": "/imu", "field": "angular_velocity.z", "unit": "deg/s"}}
     np.testing.assert_allclose(read(bag(tmp_path, imu()), sensors).sensors[0].values[:, 0], np.radians(RATES))
 
 
+@pytest.mark.slow
 def test_a_topic_for_each_beacon_and_no_poses(tmp_path: Path):
     path = bag(tmp_path, beacon("/a", 1.0, 0.0), beacon("/b", 2.0, 0.01), with_poses=False)
     log = read(path, {"ranges": {"topics": ["/a", "/b"]}}, poses="none")
@@ -105,6 +108,7 @@ def test_a_topic_for_each_beacon_and_no_poses(tmp_path: Path):
     np.testing.assert_allclose(ranges.times[second], START + TIMES[:40] + 0.01, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_list_of_landmarks_in_a_message(tmp_path: Path):
     (seen,) = read(bag(tmp_path, markers(SEEN)), {"landmarks": POINTS}).sensors
     np.testing.assert_allclose(seen.values, [[2.0, 0.5, 1.0, -0.2], [np.nan, np.nan, 1.5, 0.1]])
@@ -123,6 +127,7 @@ def test_a_list_of_landmarks_in_a_message(tmp_path: Path):
         ({"landmarks": POINTS | {"id": "position.x"}}, "landmarks has no id '2'; the study has 4 and 9"),
     ],
 )
+@pytest.mark.slow
 def test_faults(tmp_path: Path, sensors: dict[str, Any], words: str):
     with pytest.raises(LogError) as caught:
         read(bag(tmp_path, imu(), markers(SEEN)), sensors)

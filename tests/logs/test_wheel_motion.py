@@ -54,6 +54,7 @@ def counts(log: Log) -> np.ndarray:
 
 @FEW
 @given(ticks=drives())
+@pytest.mark.slow
 def test_ticks_of_each_row_are_all_counted(ticks: np.ndarray):
     expected = np.cumsum(ticks, axis=0) - ticks[0]
     np.testing.assert_array_equal(counts(read(ticks)), expected)
@@ -61,6 +62,7 @@ def test_ticks_of_each_row_are_all_counted(ticks: np.ndarray):
 
 @FEW
 @given(ticks=drives(), start=st.integers(0, 65_535), wrap=st.sampled_from([256, 1000, 65_536]))
+@pytest.mark.slow
 def test_a_running_counter_counts_the_same_even_where_it_begins_anew(
     ticks: np.ndarray, start: int, wrap: int
 ):
@@ -71,6 +73,7 @@ def test_a_running_counter_counts_the_same_even_where_it_begins_anew(
 
 @FEW
 @given(ticks=drives(), sign=st.sampled_from([1, -1]))
+@pytest.mark.slow
 def test_the_sign_turns_everything_round(ticks: np.ndarray, sign: int):
     np.testing.assert_array_equal(read(ticks, sign=sign).integrals, sign * read(ticks).integrals)
 

@@ -167,6 +167,7 @@ def test_where_every_search_fails_the_best_screened_drive_is_returned(monkeypatc
     assert [start.status for start in solution.starts] == [Status.FAILED] * 2
 
 
+@pytest.mark.slow
 def test_drives_refused_between_the_samples_make_room_for_others(monkeypatch: pytest.MonkeyPatch):
     """However many of the best candidates leave the limits there."""
     problem, seen = small(), []
@@ -286,6 +287,7 @@ def test_a_start_that_fewer_samples_see_as_worth_less_is_scored():
     assert search.met(start, worth.objective) is None
 
 
+@pytest.mark.slow
 def test_tightening_leaves_something_between_two_bounds():
     problem = problem_of(limits=(SPEED, BOX))
     search = LocalSearch(problem, SETTINGS)

@@ -71,6 +71,7 @@ def test_up_to_600_samples_are_looked_at_one_by_one():
 
 @measurements
 @pytest.mark.parametrize("runs", [1, 2])
+@pytest.mark.slow
 def test_corrected_it_tells_what_all_samples_tell(measurement, runs: int):
     design = fine_problem().design.model_copy(update={"runs": runs})
     grid = Grid(fine_problem(design=design, measurement=measurement), 60)

@@ -26,6 +26,7 @@ def example(factor: float = 2.0) -> ca.Function:
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_the_numbers_are_the_same_to_the_last_bit(cache: Path):
     plain = example()
     quick = compiled(plain)
@@ -36,6 +37,7 @@ def test_the_numbers_are_the_same_to_the_last_bit(cache: Path):
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_what_was_compiled_is_kept_and_used_again(cache: Path, monkeypatch: pytest.MonkeyPatch):
     compiled(example())
     (library,) = cache.iterdir()

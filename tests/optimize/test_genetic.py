@@ -92,12 +92,14 @@ class TestOperators:
     @pytest.mark.parametrize(
         ("crossover", "mutation"), [("sbx", "gaussian"), ("uniform", "polynomial"), ("two_point", "gaussian")]
     )
+    @pytest.mark.slow
     def test_of_the_genetic_algorithm(self, crossover: str, mutation: str):
         options = Genetic(population=40, generations=20, crossover=crossover, mutation=mutation)
         solution = solve(PROBLEM, options, seed=0, workers=1)
         assert solution.evaluation.feasible
         assert solution.evaluation.objective >= 0.7 * upper_bound(4)
 
+    @pytest.mark.slow
     def test_they_make_a_difference(self, genetic: Solution):
         others = [{"crossover": "uniform"}, {"crossover": "two_point"}, {"mutation": "gaussian"}]
         for options in others:
@@ -105,6 +107,7 @@ class TestOperators:
             assert np.abs(other.trajectory.coefficients - genetic.trajectory.coefficients).max() > 1e-6
 
     @pytest.mark.parametrize("variant", ["DE/rand/1/bin", "DE/best/2/exp"])
+    @pytest.mark.slow
     def test_variants_of_differential_evolution(self, variant: str):
         options = DifferentialEvolution(population=40, generations=20, variant=variant)
         assert solve(PROBLEM, options, seed=0, workers=1).evaluation.feasible
@@ -232,6 +235,7 @@ class TestPolish:
         solver = Ipopt(starts=1, perturbations=0, second_stage="none", start_from=earlier.name, **options)
         return solve(problem, solver, seed=0, workers=1, earlier={earlier.name: earlier})
 
+    @pytest.mark.slow
     def test_it_ends_at_least_as_good(self, genetic: Solution):
         polished = self.polish(PROBLEM, genetic)
         assert polished.evaluation.feasible

@@ -380,6 +380,7 @@ def test_infeasible_limits_are_named():
     assert "workspace" in solution.message
 
 
+@pytest.mark.slow
 def test_parameters_that_no_drive_tells_apart_are_singular():
     # One coefficient: both segments turn alike.
     problem = problem_of(

@@ -54,6 +54,7 @@ def stacked(design: DesignExpressions) -> tuple[ca.Function, ca.Function]:
 
 
 @variants
+@pytest.mark.slow
 def test_jacobian_is_the_finite_difference(overrides):
     design = make_design(overrides)
     values, jacobian = stacked(design)
@@ -155,6 +156,7 @@ class TestProgram:
         return program, ca.Function("reached", [design.terms.unknowns], [reached])
 
     @pytest.mark.parametrize("backoff", [0.0, 0.1])
+    @pytest.mark.slow
     def test_backoff_tightens_a_limit_by_its_share(self, backoff: float):
         program, reached = self.program()
         start = np.full(program.design.terms.size, 0.1)
@@ -183,6 +185,7 @@ class TestGoingOn:
         problem = problem_of(design=DesignSpace(**SPACE))
         return LocalSearch(problem, Settings(300, 1e-8, None, "none"))
 
+    @pytest.mark.slow
     def test_multipliers_that_mislead_are_forgotten(self, search: LocalSearch, monkeypatch):
         monkeypatch.setattr(program, "WARM_ITERATIONS", 1)
         again, alone = self._solved(search)

@@ -85,6 +85,7 @@ def test_perturbed_drives_stay_within_the_bounds(design):
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 12])
+@pytest.mark.slow
 def test_starts_are_reproducible(count: int):
     design = DesignExpressions(problem_of())
     first, second = (starting_points(design, count, np.random.default_rng(7)) for _ in range(2))

@@ -107,18 +107,21 @@ class TestStage:
         assert scale == pytest.approx(box.height / height, rel=1e-6)
         assert np.hypot(*(moved / scale - expected)) < 0.3 * stage._panels[0]._half
 
+    @pytest.mark.slow
     def test_the_trace_grows(self):
         stage = stage_of(towing())
         seen = [len(looks_like(stage.frame(time), TRACE["color"])) for time in (0.0, 2.0, 4.0, 8.0)]
         assert seen == sorted(seen)
         assert seen[-1] > 200
 
+    @pytest.mark.slow
     def test_a_frame_does_not_depend_on_those_before(self):
         stage = stage_of(crab())
         early = stage.frame(3.0)
         stage.frame(20.0)
         np.testing.assert_array_equal(stage.frame(3.0), early)
 
+    @pytest.mark.slow
     def test_size_is_even(self):
         assert not any(side % 2 for side in stage_of(steered()).frame(0.0).shape[:2])
 

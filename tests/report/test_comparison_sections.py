@@ -173,6 +173,7 @@ class TestSeveralRecords:
         # One room: their paths share a figure and its scale.
         assert {path.name for path in (tmp_path / "figures").iterdir()} == {"paths_1.svg", "precision.svg"}
 
+    @pytest.mark.slow
     def test_records_without_a_design_are_named(self, flagship: Record, tmp_path: Path):
         nothing = {**flagship.data, "results": [], "best": None, "validation": None}
         write_comparison([("first", flagship), ("empty", record_from(nothing))], tmp_path)

@@ -253,6 +253,7 @@ def _added(one: dict[str, Any]) -> dict[str, Any]:
     return {"drive": None if drive is None else {"runs": 1, **drive}, "margins": margins, **said}
 
 
+@pytest.mark.slow
 def test_an_older_record_is_read(tmp_path: Path):
     data = copy.deepcopy(shipped("choi_skid_steer"))
     for key in ("inputs", "nuisances", "interrupted", "best", "robustness", "physics"):
@@ -268,6 +269,7 @@ def test_an_older_record_is_read(tmp_path: Path):
     assert load_record(tmp_path).results[0].drive.runs == 1
 
 
+@pytest.mark.slow
 def test_names_are_no_formulas(tmp_path: Path):
     data = copy.deepcopy(shipped("obstacle_course"))
     data["results"] = data["results"][:1]

@@ -82,6 +82,7 @@ def test_every_estimate_gets_a_whole_page(kind: str, tmp_path: Path):
     assert "@import" not in html
 
 
+@pytest.mark.slow
 def test_the_page_says_what_the_data_say(undrawn: Path):
     text = (undrawn / "estimate.md").read_text(encoding="utf-8")
     assert "| wheel radius | mm | 42 | 41.852 | 0.013 | 41.826 to 41.878 | -0.352 |" in text
@@ -455,6 +456,7 @@ def test_the_console_tells_the_same(capsys: pytest.CaptureFixture[str]):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.slow
 def test_the_console_copes_with_what_is_missing(kind: str, capsys: pytest.CaptureFixture[str]):
     print_estimate(read(KINDS[kind]()))
     assert not {"nan", "None", "NaN"} & set(re.findall(r"[A-Za-z]+", capsys.readouterr().out))

@@ -191,6 +191,7 @@ def test_figures_are_written_in_further_formats(tmp_path: Path) -> None:
         render("Page", made, tmp_path, figures=("gif",))
 
 
+@pytest.mark.slow
 def test_a_narrow_figure_stays_narrow(tmp_path: Path) -> None:
     one = Panel((), title="One")
     wide, narrow = (
@@ -218,6 +219,7 @@ def test_the_page_calls_no_drive_by_what_found_it(designed: Record) -> None:
 
 
 @pytest.mark.parametrize("widest", [25.0, 90.0, 1e3, 1e5, 1e7])
+@pytest.mark.slow
 def test_labels_of_a_wide_range_stay_apart(widest: float) -> None:
     scales = [ranking.Scale(f"p{number}", "mm", (0.0013, 0.0013 * widest), ("", "")) for number in range(4)]
     figure = drawn(ranking.ranking(["a", "b"], [True, False], scales))

@@ -67,6 +67,7 @@ def rows(text: str) -> list[list[str]]:
     return [[re.sub(r"\\", "", cell) for cell in line] for line in lines if not line[0].startswith("-")]
 
 
+@pytest.mark.slow
 def test_every_run_is_a_row_the_newest_first(page: Path):
     heading, *found = rows(page.with_suffix(".md").read_text())
     assert heading[0] == "Study"

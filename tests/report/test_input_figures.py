@@ -27,6 +27,7 @@ def with_limit(record: Record, name: str, limit: dict[str, object] | None) -> Re
     return record_from(data)
 
 
+@pytest.mark.slow
 def test_one_figure_for_each_quantity_and_rate() -> None:
     told = captions(sample_rooms.steered(), "Wheel speeds and steering angles, and their rates")
     assert list(told) == ["wheel_speeds", "wheel_accelerations", "steering_angles", "steering_rates"]
@@ -46,6 +47,7 @@ def test_angles_are_in_degrees_and_wheels_in_radians() -> None:
     assert 0.9 * np.rad2deg(largest) < np.nanmax(shown) <= np.rad2deg(largest) + 1e-9
 
 
+@pytest.mark.slow
 def test_four_wheels_have_four_dashes() -> None:
     told = captions(sample_rooms.crab(), "Wheel speeds and accelerations")["wheel_speeds"]
     assert "front left (solid), front right (dashed), rear left (dash-dotted), rear right (dotted)" in told
@@ -63,6 +65,7 @@ def test_every_input_is_drawn_with_its_label() -> None:
     assert 0 <= box.x0 < box.x1 <= figure.bbox.x1
 
 
+@pytest.mark.slow
 def test_limits_of_single_inputs_are_told() -> None:
     record = sample_rooms.towing()
     ((values, rates),) = groups_of(record, 2)

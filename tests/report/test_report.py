@@ -265,6 +265,7 @@ def test_text_filters() -> None:
     assert markdown_text("x_y `a_b` *") == r"x\_y `a_b` \*"
 
 
+@pytest.mark.slow
 def test_reports_only_read() -> None:
     # The film of simulated physics simulates; all else is drawn and told from what a record holds.
     allowed = {f"oed.{room}" for room in ("foundation", "kernel", "records", "report", "robots")}
@@ -280,6 +281,7 @@ def test_reports_only_read() -> None:
                 assert not name.startswith("oed") or ".".join(name.split(".")[:2]) in allowed, file
 
 
+@pytest.mark.slow
 def test_reports_ask_the_parts_of_a_study_and_know_none_by_its_kind() -> None:
     parts = (*SENSORS, *CRITERIA, *WORKSPACES, *OBSTACLES, *MODELS)
     # A circle is a baseline too.
@@ -329,6 +331,7 @@ def _titled(text: str) -> Plot:
     return Plot([Panel((), title=text)])
 
 
+@pytest.mark.slow
 def test_figures_do_not_steer_and_leave_letters_to_the_viewer() -> None:
     assert r"a\x1b[2J\x9b\u202e\x07 $x" in svg_text(_titled(f"a{STEERING} $x"))
     assert "車輪" in svg_text(_titled("車輪"))

@@ -98,6 +98,7 @@ def test_circular_workspace_is_drawn_and_seen_whole() -> None:
     assert not {"obstacle", "robot's body"} & set(legend(figure))
 
 
+@pytest.mark.slow
 def test_body_is_drawn_at_both_ends_of_every_run() -> None:
     record = sample_rooms.crab()
     ax = drawn(record).axes[0]
@@ -111,6 +112,7 @@ def test_body_is_drawn_at_both_ends_of_every_run() -> None:
     assert "Hatched shapes are obstacles." in caption
 
 
+@pytest.mark.slow
 def test_a_point_in_a_rectangle_has_none_of_that() -> None:
     caption = section(full(), "Paths in the workspace").figures[0].caption
     assert "body" not in caption
@@ -118,6 +120,7 @@ def test_a_point_in_a_rectangle_has_none_of_that() -> None:
     assert legend(drawn(full())) == ["start", "end", "forwards", "segments meet"]
 
 
+@pytest.mark.slow
 def test_a_robot_that_drives_sideways_never_drives_backwards() -> None:
     record = sample_rooms.crab()
     path = path_of(record, record.results[0])
@@ -215,6 +218,7 @@ def test_player_knows_the_trailer() -> None:
     assert "trailer" not in section(full(), "Summary").animation.drives[0]
 
 
+@pytest.mark.slow
 def test_unknown_shapes_are_left_out() -> None:
     class Blob(CircularRoom):
         """A room of the user's own."""

@@ -214,6 +214,7 @@ class TestSearches:
         figure = drawn(part.figures[0].figure)
         assert "its own criterion" in figure.axes[0].get_ylabel()
 
+    @pytest.mark.slow
     def test_one_criterion_needs_no_such_words(self):
         flagship = load_record(FLAGSHIP)
         parts = {part.title: part for part in sections_of(flagship)}
@@ -316,6 +317,7 @@ class TestMeasured:
     @pytest.mark.parametrize(
         ("estimator", "formula"), [("gls", "σ²(W'K⁻¹W)⁻¹"), ("ols", "σ²(W'W)⁻¹W'KW(W'W)⁻¹")]
     )
+    @pytest.mark.slow
     def test_absolute_noise_has_its_own_formula(self, estimator: str, formula: str):
         own = record("absolute")
         measurement = {**own.data["study"]["measurement"], "estimator": estimator}
@@ -434,6 +436,7 @@ class TestValidation:
         assert ["takes no part in these estimates" in text for text in texts] == [False, True]
 
 
+@pytest.mark.slow
 def test_beacons_are_drawn_as_far_as_they_are_near():
     figure = drawn(section(record("sensors"), "Paths in the workspace").figures[0].figure)
     assert [entry.get_text() for entry in figure.legends[0].get_texts()][-1] == "beacon"

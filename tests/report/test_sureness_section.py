@@ -122,6 +122,7 @@ def test_without_a_bound_the_best_is_the_measure_and_the_page_says_what_to_add()
     )
 
 
+@pytest.mark.slow
 def test_starts_by_another_criterion_are_left_out_and_named():
     _, picture, ax = strip_of("sensors")
     assert len(dots(ax, STARTS)) == 2

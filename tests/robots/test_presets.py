@@ -48,6 +48,7 @@ def test_the_published_ones_are_there():
 
 
 @presets
+@pytest.mark.slow
 def test_it_makes_a_study_that_can_be_told(name: str):
     found = study(f"{{preset: {name}}}")
     found.require_identifiable()

@@ -132,6 +132,7 @@ class TestWrongCovariance:
         assert nees_distribution(tally(errors()), 0.01).p_value > 0.01
 
     @pytest.mark.parametrize("factor", [0.95, 1.05], ids=["5 % too small", "5 % too large"])
+    @pytest.mark.slow
     def test_five_per_cent_are_noticed(self, factor: float):
         noticed = 0
         for seed in range(20):

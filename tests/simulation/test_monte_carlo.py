@@ -140,6 +140,7 @@ class TestNegativeControls:
         assert sum(self.passes(seed, REPLICATES, factor) for seed in range(10)) <= 3
         assert not any(self.passes(seed, 10_000, factor) for seed in range(5))
 
+    @pytest.mark.slow
     def test_the_right_one_passes(self):
         assert all(self.passes(seed, REPLICATES, 1.0) for seed in range(10))
 
@@ -172,6 +173,7 @@ class TestNegativeControls:
 class TestPredictedHeading:
     """The first stage's errors enter the second: its positions scatter more than predicted."""
 
+    @pytest.mark.slow
     def test_little_noise_of_the_turns_does_little(self):
         result = validated("predicted", "position", ("1 cm", "0.001 deg"))
         np.testing.assert_allclose(result.paired_ratio, 1, atol=1e-3)
@@ -248,6 +250,7 @@ class TestMeasuredHeading:
         assert error.max() < 5e-4
         np.testing.assert_allclose(bias, self.shrink - 1, atol=4 * error.max())
 
+    @pytest.mark.slow
     def test_per_segment_estimates_tend_to_the_formula(self):
         # [k^2 W'W + (1 - k^2) S1]^-1 k W'W c with S1 the sum of the samples' own W'W.
         regression, bias, error = self.paired_bias("ols", 100)
@@ -262,11 +265,13 @@ class TestMeasuredHeading:
         np.testing.assert_allclose(bias, expected, atol=4 * error.max() + 0.05 * np.abs(expected).max())
 
     @pytest.mark.parametrize("segments", ["samples", 100])
+    @pytest.mark.slow
     def test_the_correction_removes_it(self, segments):
         _, bias, error = self.paired_bias("errors_in_variables", segments)
         assert error.max() < 2e-4
         assert np.abs(bias).max() < 5e-4 + 3 * error.max()
 
+    @pytest.mark.slow
     def test_without_noise_all_agree(self):
         problem = make("position", position="1 cm", heading="1e-6 deg")
         expected = simulated(problem, "known", 100)[1]
@@ -291,6 +296,7 @@ def same(first: Validation, second: Validation) -> None:
 
 class TestSeed:
     @every_way
+    @pytest.mark.slow
     def test_the_same_seed_gives_the_same_result(self, name: EstimatorName, heading: Heading):
         first, again, other = (
             validate(make(), DRIVE, estimator=name, heading=heading, replicates=300, seed=seed)

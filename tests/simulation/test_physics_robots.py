@@ -130,6 +130,7 @@ class TestFromAModel:
 class TestVariation:
     SPREAD = Variation(friction=0.1, grip=0.05, gain=0.2, centre_of_mass=0.003)
 
+    @pytest.mark.slow
     def test_scatters_as_it_says(self):
         rng, nominal = np.random.default_rng(0), FourWheels()
         drawn = [self.SPREAD.draw(nominal, rng) for _ in range(400)]

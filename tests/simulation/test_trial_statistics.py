@@ -17,6 +17,7 @@ def test_medians():
     np.testing.assert_array_equal(repeats(errors).medians, [[2, 5], [4, 10]])
 
 
+@pytest.mark.slow
 def test_intervals_of_a_median_hold_it_as_often_as_they_say():
     rng = np.random.default_rng(2)
     held = [

@@ -90,6 +90,7 @@ def test_a_study_of_ones_own_parts_is_solved_saved_and_read_again(folder: Path) 
     assert oed.evaluate(study.problem, best.drive.trajectory).objective == pytest.approx(best.objective)
 
 
+@pytest.mark.slow
 def test_its_echo_is_the_same_study(folder: Path) -> None:
     study = load(folder)
     again = parse_study(json.dumps(study.echo()))
@@ -203,6 +204,7 @@ class TestFromPython:
             recorded_study(read, trust=True)
 
 
+@pytest.mark.slow
 def test_a_study_with_other_keys_is_checked_anew(folder: Path) -> None:
     study = load(folder)
     assert study.changed(name="Another").name == "Another"

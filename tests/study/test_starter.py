@@ -168,6 +168,7 @@ def require_read_as_it_says(study: Study, file: Path) -> None:
         ("positions_and_yaw_rate", {"yaw_rate": "3 deg/s"}, ["kind: yaw_rate, noise: 3 deg/s"]),
     ],
 )
+@pytest.mark.slow
 def test_the_noise_of_the_sensor_is_taken(sensor: str, noise: dict[str, str], found: list[str]):
     text = starter(Choice("create_3", room=LARGE, sensor=sensor, noise=noise))
     assert all(words in text for words in found)
@@ -207,6 +208,7 @@ def test_the_papers_regression_is_not_for_steered_robots():
         starter(Choice("ackermann", sensor="displacements"))
 
 
+@pytest.mark.slow
 def test_every_key_is_explained_and_every_number_has_its_unit():
     text = starter(Choice("ackermann"))
     assert text.startswith("# ")
@@ -214,6 +216,7 @@ def test_every_key_is_explained_and_every_number_has_its_unit():
     assert "wheelbase: 40 cm   # a typical size: put in yours" in text
 
 
+@pytest.mark.slow
 def test_sizes_given_are_taken():
     text = starter(Choice("ackermann", sizes={"wheelbase": "33 cm", "body_radius": "25 cm"}))
     model = parse_study(text).problem.model
@@ -231,6 +234,7 @@ def test_sizes_given_are_taken():
         ("circle 2", (-2, 2, -2, 2)),
     ],
 )
+@pytest.mark.slow
 def test_rooms(room: str, expected: tuple[float, ...]):
     limits = parse_study(starter(Choice("turtlebot3_burger", room=room))).problem.limits
     workspace = next(limit for limit in limits if limit.name == "workspace")
@@ -250,6 +254,7 @@ def test_a_room_smaller_than_the_robot_is_said():
         starter(Choice("husky", room="1 m x 1 m"))
 
 
+@pytest.mark.slow
 def test_runs():
     assert parse_study(starter(Choice("create_3", runs=3))).problem.design.runs == 3
 
@@ -275,6 +280,7 @@ class TestCommand:
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr("sys.stdin", io.StringIO())
 
+    @pytest.mark.slow
     def test_flags(self, capsys: pytest.CaptureFixture[str]):
         assert (
             main(["init", "mine.yaml", "--robot", "create_3", "--room", "5 m x 4 m", "--sensor", "ranges"])
@@ -283,15 +289,18 @@ class TestCommand:
         assert "oed run mine.yaml" in capsys.readouterr().err
         assert load_study("mine.yaml").problem.measurement.kind == "ranges"
 
+    @pytest.mark.slow
     def test_the_default_name(self):
         assert main(["init", "--robot", "tricycle", "--size", "wheelbase=1.1 m", "--duration", "30 s"]) == 0
         problem = load_study("tricycle.yaml").problem
         assert (problem.model.wheelbase, problem.design.duration) == (1.1, 30)
 
+    @pytest.mark.slow
     def test_json(self, capsys: pytest.CaptureFixture[str]):
         assert main(["init", "--robot", "husky", "--room", "9 m x 9 m", "--json"]) == 0
         assert json.loads(capsys.readouterr().out) == {"study": "husky.yaml"}
 
+    @pytest.mark.slow
     def test_a_file_is_not_written_over(self, capsys: pytest.CaptureFixture[str]):
         Path("mine.yaml").write_text("mine")
         assert main(["init", "mine.yaml", "--robot", "create_3"]) == 2
@@ -352,6 +361,7 @@ class TestCommand:
         assert max(len(one) for one in shown if one.endswith(": ") or re.match(r"  [a-z_\d]+  ", one)) <= 80
 
     @pytest.mark.parametrize(("answer", "code"), [("yes", 0), ("Y", 0), ("no", 2), ("n", 2), ("", 2)])
+    @pytest.mark.slow
     def test_what_is_there_is_asked_about_first(
         self, answer: str, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ):

@@ -23,6 +23,7 @@ STUDIES = sorted(PROBLEMS.glob("*.yaml"))
 
 class TestShipped:
     @pytest.mark.parametrize("file", STUDIES, ids=lambda file: file.stem)
+    @pytest.mark.slow
     def test_every_shipped_study_loads_and_its_echo_is_the_same(self, file: Path):
         study = load_study(file)
         assert study.source == str(file)

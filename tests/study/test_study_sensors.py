@@ -382,6 +382,7 @@ class TestSensors:
         study, again = parse_study(text), parse_study(yaml.safe_dump(parse_study(text).echo()))
         assert (again.problem.estimate, again.problem.prior) == (study.problem.estimate, study.problem.prior)
 
+    @pytest.mark.slow
     def test_a_prior_covariance_is_echoed_too(self):
         prior = "prior: {parameters: [track, wheel_radius_right], covariance: [[1e-6, 1e-7], [1e-7, 4e-8]]}\n"
         text = SENSORS[: SENSORS.index("prior:")] + prior + SENSORS[SENSORS.index("limits:") :]

@@ -43,6 +43,7 @@ def test_any_robot_does_without_limits(kind: str):
         study.require_designed()
 
 
+@pytest.mark.slow
 def test_what_the_logs_identify_is_looked_at_all_the_same():
     parse_study(ONLY).require_identifiable()
     headings = "{kind: poses, quantities: [heading], noise: {heading: 5 mrad}}"

@@ -384,6 +384,7 @@ def flaws_in(text: str) -> tuple[FileFlaw, ...]:
     return ()
 
 
+@pytest.mark.slow
 def test_any_text_is_data_or_flaws():
     draw = random.Random(0)
     for trial in range(500):

@@ -231,6 +231,7 @@ class TestDraws:
         problem, drive, found, _ = counted("box")
         assert not np.array_equal(violation_probability(problem, drive, draws=FEW, seed=1).worst, found.worst)
 
+    @pytest.mark.slow
     def test_batches_do_not_matter(self, monkeypatch: pytest.MonkeyPatch):
         problem, drive, found, _ = counted("box")
         monkeypatch.setattr("oed.uncertainty.departures.BATCH", 7)
@@ -240,6 +241,7 @@ class TestDraws:
 
 class TestInterval:
     @given(draws=st.integers(1, 80), seed=st.integers(0, 99))
+    @pytest.mark.slow
     def test_it_is_clopper_and_pearsons(self, draws: int, seed: int):
         problem, drive, _, _ = counted("box")
         found = violation_probability(problem, drive, draws=draws, seed=seed)
@@ -318,6 +320,7 @@ def test_a_drive_that_is_not_a_number_anywhere_leaves():
 
 
 @pytest.mark.parametrize("kind", [Curved, Pointwise])
+@pytest.mark.slow
 def test_a_limit_without_bounds_is_checked_on_the_finer_grid(kind: type[Curved]):
     space = DesignSpace(duration=6, samples=6, rest_to_rest=False)
     parts: dict[str, Any] = {"design": space, "within": {"track": 1e-5}}

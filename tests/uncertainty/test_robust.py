@@ -255,18 +255,21 @@ class TestBackOff:
         kept, _, _, _ = compared("rectangle", "chance")
         np.testing.assert_allclose(kept[:, 0], 0.0, atol=1e-12)
 
+    @pytest.mark.slow
     def test_margins_are_smaller_by_it(self):
         problem, drive = made(CASES["circle"], Robust())
         values, _, low = backed_off(problem, drive)
         margin = next(one for one in evaluate(problem, drive).margins if one.name == "workspace")
         assert margin.margin == pytest.approx((values - low).min(), abs=1e-9)
 
+    @pytest.mark.slow
     def test_limits_on_the_inputs_are_as_they_were(self):
         problem, drive = made(CASES["rectangle"], Robust())
         tight, plain = (evaluate(one, drive).margins for one in (problem, replace(problem, robust=None)))
         moved = {one.name for one, other in zip(tight, plain, strict=True) if one != other}
         assert moved == {"workspace"}
 
+    @pytest.mark.slow
     def test_more_uncertainty_leaves_less_room(self):
         margins = []
         for percent in (1, 2, 4, 8):
@@ -301,6 +304,7 @@ class TestScenarios:
         assert workspace_margin(problem, drive) == pytest.approx(min(margins), abs=1e-9)
 
     @pytest.mark.parametrize("kind", ["chance", "tube", "scenarios"])
+    @pytest.mark.slow
     def test_further_robots_are_kept_as_well(self, kind: str):
         far = (0.06, 0.04, 0.2)
         problem, drive = made(CASES["rectangle"], Robust(kind=kind))
@@ -347,10 +351,12 @@ class TestObjective:
         each = [self.objective(problem, drive, np.array([RADIUS, 0.0]) + move) for move in moves]
         assert evaluate(problem, drive).objective == pytest.approx(min(each), rel=1e-9)
 
+    @pytest.mark.slow
     def test_the_nominal_one_is_that_of_the_nominal_robot(self):
         problem, drive = self.problem("nominal", E, RADII)
         assert evaluate(problem, drive).objective == evaluate(replace(problem, robust=None), drive).objective
 
+    @pytest.mark.slow
     def test_the_worst_is_below_the_nominal_one(self):
         values = []
         for objective in ("worst", "nominal"):

@@ -57,6 +57,7 @@ def test_the_log_of_a_drive_is_worth_the_drive(study, record, saved, tmp_path):
     assert 0 < found.first.share_of_bound <= found.first.efficiency
 
 
+@pytest.mark.slow
 def test_what_is_found_in_the_log_is_told(study, record, saved, tmp_path, capsys):
     file = log_of(study, record, "square", tmp_path / "log.csv")
     file.write_text(file.read_text().rsplit(",", 2)[0])
@@ -64,6 +65,7 @@ def test_what_is_found_in_the_log_is_told(study, record, saved, tmp_path, capsys
     assert [(one["log"], one["name"]) for one in found if one["name"] == "cut_off"] == [("log", "cut_off")]
 
 
+@pytest.mark.slow
 def test_long_logs_are_cut_to_the_duration_of_the_study(study, record, tmp_path):
     path = log_of(study, record, "square", tmp_path / "log.csv")
     rows = [line.split(",") for line in path.read_text().splitlines()]
@@ -106,6 +108,7 @@ def test_a_robust_study_tells_how_many_robots_leave(study, record, saved):
     assert score_path(study, saved / "square.csv", saved).data["robustness"] is None
 
 
+@pytest.mark.slow
 def test_shares_are_plain_data(study, record, saved, tmp_path):
     data = score_logs(study, [log_of(study, record, "square", tmp_path / "log.csv")], saved).data
     assert data["worth"][0]["name"] == "log"

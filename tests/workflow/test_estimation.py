@@ -86,10 +86,12 @@ class TestEstimate:
             assert low < TRUTH[entry.name] < high
             assert high - low < 0.01 * entry.value
 
+    @pytest.mark.slow
     def test_is_written_and_read(self, record: EstimateRecord, folder: Path):
         assert load_estimate(folder / "out").data == record.data
         assert load_estimate(folder / "out" / "estimate.json").values == record.values
 
+    @pytest.mark.slow
     def test_what_cannot_be_saved_is_found_all_the_same(
         self, study: Study, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ):
@@ -148,6 +150,7 @@ class TestEstimate:
         assert without.values == record.values
         assert without.data["held_out"] is None
 
+    @pytest.mark.slow
     def test_stages_are_told(self, folder: Path, study: Study):
         class Listener:
             def __init__(self):

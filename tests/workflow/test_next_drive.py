@@ -154,11 +154,13 @@ class TestMistakes:
             next_drive(designed, [log], targets={"wheelbase": "1 mm"})
 
     @pytest.mark.parametrize("size", ["1 deg", "0 mm", "-1 %", "much"])
+    @pytest.mark.slow
     def test_target_that_is_no_size(self, study, designed, tmp_path, size):
         log = drive(study, designed, None, tmp_path / "drive.csv", np.random.default_rng(7))
         with pytest.raises(UserMistake, match="--target track: expected"):
             next_drive(designed, [log], targets={"track": size})
 
+    @pytest.mark.slow
     def test_an_impossible_duration_leaves_nothing_behind(self, study, designed, tmp_path):
         log = drive(study, designed, None, tmp_path / "drive.csv", np.random.default_rng(7))
         with pytest.raises(StudyError, match="needs at least 6 coefficients"):

@@ -131,6 +131,7 @@ class TestFiles:
         assert drives == {f"{name.replace(' ', '_')}.csv" for name in NAMES}
         assert {path.name for path in out.iterdir()} == {*drives, "record.json"}
 
+    @pytest.mark.slow
     def test_the_record_is_the_file(self, ran):
         _, record, out = ran
         assert load_record(out).data == json.loads(record.to_json())
@@ -142,6 +143,7 @@ class TestFiles:
             objective = evaluate(study.problem, drive).objective
             assert objective == pytest.approx(entry.objective, rel=1e-9, abs=1e-9)
 
+    @pytest.mark.slow
     def test_nothing_without_a_folder(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         study = make_study(tmp_path, small(solvers=GENETIC, baselines="[circle]"))
         monkeypatch.chdir(tmp_path)

@@ -54,6 +54,7 @@ def axes(*over: str) -> list[Axis]:
     return [parse_axis(one) for one in over]
 
 
+@pytest.mark.slow
 def test_the_table_says_what_the_records_say(swept):
     folder, data = swept
     assert (

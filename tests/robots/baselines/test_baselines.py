@@ -154,6 +154,7 @@ class TestForwardOnly:
     problem = problem_of(limits=(WheelSpeed(bounds=(0, 10)), ACCELERATION, BOX))
 
     @pytest.mark.parametrize("name", ["square", "straight_and_spin"])
+    @pytest.mark.slow
     def test_spins_exceed_the_wheel_speed(self, name: str):
         (solution,) = baselines(self.problem, name)
         assert not solution.evaluation.feasible
@@ -162,6 +163,7 @@ class TestForwardOnly:
         assert "wheel_speed" in solution.message
 
     @pytest.mark.parametrize("name", ["straight", "circle", "figure_eight", "random"])
+    @pytest.mark.slow
     def test_the_others_can_be_driven(self, name: str):
         (solution,) = baselines(self.problem, name)
         assert solution.evaluation.feasible
@@ -230,6 +232,7 @@ class TestStudies:
         assert solution.trajectory.start.tolist() == [0.3, -0.2, 2.5]
         assert solution.evaluation.feasible
 
+    @pytest.mark.slow
     def test_random_paths_are_reproducible(self, flagship: Problem):
         first, again, other = (baselines(flagship, "random", seed=seed)[0].trajectory for seed in (1, 1, 2))
         np.testing.assert_array_equal(first.coefficients, again.coefficients)

@@ -190,9 +190,11 @@ def test_a_trailer_that_folds_up_is_named(example: Example, name: str):
 
 @pytest.mark.parametrize("example", ROBOTS, ids=lambda example: example.name)
 class TestSuited:
+    @pytest.mark.slow
     def test_names(self, example: Example):
         assert suited(robot_problem(example.model)) == tuple(driven(example.model))
 
+    @pytest.mark.slow
     def test_the_others_say_why(self, example: Example):
         problem = robot_problem(example.model)
         refusals = {name: reason for name in NAMES if (reason := refusal(problem, name))}
@@ -223,6 +225,7 @@ class TestFlaws:
         problem = robot_problem(model, limits=limits)
         assert ("straight_and_spin" in suited(problem)) == able
 
+    @pytest.mark.slow
     def test_too_few_periods_to_steer_in(self):
         # A change of steering before the arcs and one after, of a period at least, and a period between.
         enough, few = (
@@ -283,6 +286,7 @@ class TestSpins:
         assert steps[np.abs(turns) > 1e-6].max() < 1e-6
         assert np.abs(solution.evaluation.states[-1, :3]).max() < 1e-6
 
+    @pytest.mark.slow
     def test_a_move_on_the_spot_is_no_move_ahead(self):
         # The check of the moves made can fail.
         straight = driven_once(robot_problem(TWO_SIDED), "straight")

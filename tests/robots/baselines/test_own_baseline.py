@@ -61,6 +61,7 @@ def load(folder: Path, moves: str = MOVES, robot: str = ROBOT, limit: str = "") 
     return load_study(folder / "study.yaml")
 
 
+@pytest.mark.slow
 def test_it_is_made_as_large_as_fits_and_as_long_as_asked(folder: Path) -> None:
     study = load(folder)
     own = study.file.baselines[1]
@@ -100,6 +101,7 @@ def test_what_is_no_list_of_moves_is_refused_by_its_key(folder: Path, moves: str
         load(folder, moves)
 
 
+@pytest.mark.slow
 def test_a_robot_that_cannot_drive_it_is_named(folder: Path) -> None:
     car = "{kind: ackermann, wheel_radius: 5 cm, wheelbase: 30 cm}"
     study = load(folder, robot=car, limit=" steering_angle: 30 deg,")
@@ -127,6 +129,7 @@ class Bow(oed.Baseline):
         return [oed.Move(sign * size, sign * 0.5)]
 
 
+@pytest.mark.slow
 def test_in_python_the_baseline_itself_will_do(folder: Path) -> None:
     study = load(folder).changed(baselines=["straight", Bow(name="my bow")])
     (found,) = baselines(study.problem, study.file.baselines[1])

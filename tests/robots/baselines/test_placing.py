@@ -92,6 +92,7 @@ class TestPlaced:
         assert not only.reversed
         assert only.largest == pytest.approx(0.1, rel=0.05)
 
+    @pytest.mark.slow
     def test_around_an_obstacle_it_goes_elsewhere(self):
         room = Rectangle(x=(-2, 2), y=(-1, 1))
         post = Obstacles(shapes=(CircularObstacle(x=0, y=0, radius=0.3),))

@@ -133,6 +133,7 @@ def test_pieces_make_up_the_shape(outline):
 
 @settings(max_examples=25)
 @given(outline=outlines())
+@pytest.mark.slow
 def test_pieces_make_up_any_shape(outline: np.ndarray):
     assert_pieces(outline, pieces_of(outline))
 
@@ -154,6 +155,7 @@ def test_a_convex_shape_is_one_piece_without_pockets(outline: np.ndarray, share:
 
 
 @every_outline
+@pytest.mark.slow
 def test_direction_and_first_corner_do_not_matter(outline):
     points = grid_around(outline, 9)
     expected = room_rows(outline, points).min(axis=0)
@@ -254,6 +256,7 @@ def on_seams(outline) -> np.ndarray:
 
 
 @every_outline
+@pytest.mark.slow
 def test_nothing_passes_where_pieces_meet(outline):
     points = on_seams(outline)
     truth = signed_distance(outline, points)

@@ -223,6 +223,7 @@ def test_step_jacobian_is_the_finite_difference(example: Example, rule: str, str
 
 
 @robots
+@pytest.mark.slow
 def test_twist_jacobian_is_the_finite_difference(example: Example):
     model, rng = example.model, np.random.default_rng(5)
     count = len(model.inputs)
@@ -357,6 +358,7 @@ class TestSlip:
         np.testing.assert_allclose(twist_of(self.robot, speeds), expected, rtol=1e-13, atol=1e-15)
 
     @pytest.mark.parametrize("speed", [0.0, 5.0, -5.0])
+    @pytest.mark.slow
     def test_derivative_is_smooth_across_a_straight(self, speed: float):
         symbol = ca.SX.sym("speeds", 2)
         twist = self.robot.twist(symbol, ca.DM(self.robot.nominal))

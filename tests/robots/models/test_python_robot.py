@@ -280,6 +280,7 @@ class TestTwoFolders:
         (place / "my_robots.py").write_text(MODULE.replace('turning_gain", 0.5', 'turning_gain", 0.7'))
         return place
 
+    @pytest.mark.slow
     def test_each_study_has_the_class_beside_it(self, folder: Path, other: Path):
         assert [gains_of(load(place)) for place in (folder, other, folder)] == [
             [0.9, 0.5],
@@ -287,6 +288,7 @@ class TestTwoFolders:
             [0.9, 0.5],
         ]
 
+    @pytest.mark.slow
     def test_check_reads_each_of_them(self, folder: Path, other: Path, capsys: pytest.CaptureFixture[str]):
         load(folder)
         load(other)
@@ -602,6 +604,7 @@ class TestStreams:
         "line",
         ["sys.stdout.close()", "sys.stdout = sys.stderr = None", "sys.stderr.close()", "print('hello')"],
     )
+    @pytest.mark.slow
     def test_the_answer_is_told_all_the_same(self, folder: Path, line: str, capsys):
         own(folder)
         (folder / "own.py").write_text(OWN.replace("import sys", f"import sys; {line}"))

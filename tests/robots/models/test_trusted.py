@@ -268,6 +268,7 @@ class TestFiles:
     @pytest.mark.parametrize(
         "file", ["../private.txt", "{stem}/../../private.txt", "/etc/passwd", "link.csv"]
     )
+    @pytest.mark.slow
     def test_poses_lie_beside_their_log(self, place: Path, capsys: pytest.CaptureFixture[str], file: str):
         self.changed(place, log={"kind": "csv", "poses": {"file": file, "form": "csv"}})
         command = ["next", str(place / "own"), str(place / "logs" / "log.csv"), "--quiet"]
@@ -282,6 +283,7 @@ class TestFiles:
             word for word in ("private:", "root:") if word in (said + trusted).replace(str(place), "")
         ]
 
+    @pytest.mark.slow
     def test_poses_beside_their_log_are_read(self, place: Path, capsys: pytest.CaptureFixture[str]):
         (place / "logs" / "log.poses.csv").write_text("no poses\n")
         self.changed(place, log={"kind": "csv", "poses": {"file": "{stem}.poses.csv"}})
@@ -296,6 +298,7 @@ class TestFiles:
             ["export", "--to", "ros2_yaml"],
         ],
     )
+    @pytest.mark.slow
     def test_priors_are_numbers(self, place: Path, capsys: pytest.CaptureFixture[str], command: list[str]):
         os.mkfifo(place / "pipe")
         folder = self.changed(place, prior={"record": str(place / "pipe")})

@@ -134,6 +134,7 @@ def test_per_sample_midpoint_information_is_the_sum_of_speeds(seed: int):
 
 
 @given(seed=seeds, segments=st.sampled_from([1, 3, 10, SAMPLES]))
+@pytest.mark.slow
 def test_segment_information_depends_on_the_segments_ends_only(seed: int, segments: int):
     problem, speeds = problem_for(ROBOTS[0].model, "arc", segments, "position"), random_speeds(seed)
     twists = np.array([oracle.differential_twist(row, RADIUS, RADIUS, TRACK) for row in speeds])

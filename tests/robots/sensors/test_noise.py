@@ -100,6 +100,7 @@ def test_information_is_numpys(example: Example, rule: str, estimator: str, segm
 
 @estimators
 @pytest.mark.parametrize("noise_model", ["increments", "absolute"])
+@pytest.mark.slow
 def test_scaling_none_leaves_the_noise_out_and_relative_does_not(noise_model: str, estimator: str):
     way = {"noise_model": noise_model, "estimator": estimator}
     inputs = some_inputs()
@@ -165,6 +166,7 @@ def test_one_segment_has_the_errors_of_two_poses(estimator: str):
 @settings(max_examples=10)
 @given(turn=st.floats(-7, 7), x=st.floats(-20, 20), segments=st.sampled_from([2, 5, SAMPLES]))
 @estimators
+@pytest.mark.slow
 def test_where_the_drive_begins_is_of_no_matter(estimator: str, turn: float, x: float, segments: int):
     problem = problem_for(segments=segments, noise_model="absolute", estimator=estimator)
     here = driven(problem, some_inputs()).information["position"]
@@ -196,6 +198,7 @@ class TestNaiveVariance:
 
     @pytest.mark.parametrize("name", ["position", "heading"])
     @estimators
+    @pytest.mark.slow
     def test_simulated_estimates_scatter_as_promised(self, name: str, estimator: str):
         found = self.drive(noise_model="absolute", estimator=estimator)
         design, difference = (

@@ -209,6 +209,7 @@ class TestOracle:
             np.testing.assert_allclose(by_coefficients, expected, rtol=1e-14, atol=rounding)
 
     @pairs_and_rules
+    @pytest.mark.slow
     def test_readings_and_information(self, example: Example, robot: Robot, rule: str):
         expected = experiment(robot, [example], rule)
         found = driven(
@@ -489,6 +490,7 @@ class TestInitialPose:
 
     @settings(max_examples=8)
     @given(position=st.floats(1e-5, 1.0), heading=st.floats(1e-4, 1.0), seed=seeds)
+    @pytest.mark.slow
     def test_the_more_is_known_the_more_is_told(self, position: float, heading: float, seed: int):
         inputs = some_inputs(seed)
         noise, prior = {"position": SIGMA, "heading": 0.01}, {"position": position, "heading": heading}
@@ -530,6 +532,7 @@ class TestNuisances:
 
     @settings(max_examples=6)
     @given(seed=seeds, deviation=st.floats(1e-4, 1.0))
+    @pytest.mark.slow
     def test_the_more_is_known_the_more_is_told(self, seed: int, deviation: float):
         inputs, noise = some_inputs(seed), {"position": SIGMA, "heading": 0.01}
         arms = [{"x": 0.1}, {"x": 0.1, "known": False, "deviation": deviation}, {"x": 0.1, "known": False}]
@@ -612,6 +615,7 @@ class TestBounds:
 
     @settings(max_examples=30)
     @given(seed=seeds, amplitude=st.floats(0.5, 40), heading=st.sampled_from([1e-4, 1e-2, 0.5]))
+    @pytest.mark.slow
     def test_coefficients(self, seed: int, amplitude: float, heading: float):
         inputs = np.random.default_rng(seed).uniform(-amplitude, amplitude, (self.COUNT, 2))
         found = self.score(inputs, heading, estimate=C)
@@ -632,6 +636,7 @@ class TestBounds:
         model=st.sampled_from([PLAIN, UNEQUAL]),
         heading=st.sampled_from([1e-4, 1e-2, 0.5]),
     )
+    @pytest.mark.slow
     def test_radii_and_track(self, seed: int, amplitude: float, model: DifferentialDrive, heading: float):
         inputs = np.random.default_rng(seed).uniform(-amplitude, amplitude, (self.COUNT, 2))
         found = self.score(inputs, heading, model)

@@ -104,6 +104,7 @@ def test_uncorrelated_wheels_at_full_speed_reach_the_cap(example: Example):
 @rules
 @settings(max_examples=8)
 @given(seed=seeds)
+@pytest.mark.slow
 def test_no_drive_is_above_the_cap(example: Example, rule: str, seed: int):
     problem = sideways_problem(
         model=example.model, integration=rule, measurement=Displacements(segments="samples")
@@ -114,6 +115,7 @@ def test_no_drive_is_above_the_cap(example: Example, rule: str, seed: int):
 @alike
 @settings(max_examples=8)
 @given(seed=seeds)
+@pytest.mark.slow
 def test_information_on_radius_and_distance(example: Example, seed: int):
     speeds, model = random_speeds(example, seed), example.model
     found = driven(sideways_problem(model=example.model), speeds).design_matrices
