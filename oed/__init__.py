@@ -26,8 +26,8 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
         OffsetDrive, TractorTrailer, Unicycle, Model, DesignSpace, StartPose
     Sensors
         Poses, RelativePoses, Displacements, Ranges, Landmarks, Tags, YawRate, TrailerAngle, Several,
-        AbsoluteNoise, PoseNoise, SightNoise, LeverArm, Mounting, PosePrior, Prior, regression, Sensor,
-        Measurement, Moment, Block, Nuisance
+        AbsoluteNoise, PoseNoise, SightNoise, LeverArm, CameraArm, Mounting, PosePrior, Prior, regression,
+        Sensor, Measurement, Moment, Block, Nuisance
     Limits
         WheelSpeed, WheelAcceleration, WheelJerk, BodySpeed, YawRateLimit, LateralAcceleration, TurningRadius,
         SteeringAngle, SteeringRate, CommandedSpeed, CommandedAcceleration, CommandedYawRate,

@@ -113,6 +113,7 @@ from .robots.models import Tricycle as Tricycle
 from .robots.models import Unicycle as Unicycle
 from .robots.sensors import AbsoluteNoise as AbsoluteNoise
 from .robots.sensors import Block as Block
+from .robots.sensors import CameraArm as CameraArm
 from .robots.sensors import Displacements as Displacements
 from .robots.sensors import Landmarks as Landmarks
 from .robots.sensors import LeverArm as LeverArm

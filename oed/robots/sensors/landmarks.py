@@ -51,7 +51,7 @@ class SightNoise(Component):
         return found
 
 
-class Mounting(LeverArm):
+class CameraArm(LeverArm):
     """Where on the robot a camera sits, and where it looks.
 
     Attributes:
@@ -74,7 +74,7 @@ class Sights(MappedSensor):
 
     quantities: tuple[str, ...]
     noise: SightNoise
-    lever_arm: Mounting = Mounting()
+    lever_arm: CameraArm = CameraArm()
     ids: tuple[Id, ...] | None = None
 
     @abstractmethod
