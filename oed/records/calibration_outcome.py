@@ -9,6 +9,7 @@ import numpy as np
 
 from oed.estimation import Calibration, Compared, Comparison, DeadReckoning, HeldOut, correlations
 from oed.estimation.methods.drift_rates import DriftRates
+from oed.estimation.methods.gauss_markov import GaussMarkov
 from oed.estimation.setup.noise import group_of, groups, places_of
 from oed.foundation.arrays import Array
 from oed.records.stored.compared import ComparedModel, FittedParameter, Models
@@ -18,6 +19,7 @@ from oed.records.stored.estimate import (
     Estimated,
     EstimateRecord,
     FoundDrift,
+    FoundLasting,
     FoundNoise,
     ReadLog,
     Reckoned,
@@ -57,6 +59,7 @@ def estimate_of(found: Calibration, **origin: Any) -> EstimateRecord:
             FoundNoise.of(noise, about=name, unit=_unit_of(found, name))
             for name, noise in found.fit.noises.items()
         ],
+        lasting=_lasting(found.fit.correlated),
         converged=found.fit.converged,
         not_identifiable=found.weak_directions,
         logs=_logs(found),
@@ -163,6 +166,10 @@ def _drift(rates: DriftRates | None) -> FoundDrift | None:
         shown=rates.shown,
         seconds=rates.seconds,
     )
+
+
+def _lasting(noise: GaussMarkov | None) -> FoundLasting | None:
+    return None if noise is None else FoundLasting.of(noise, **noise.lasting)
 
 
 def _logs(found: Calibration) -> list[ReadLog]:

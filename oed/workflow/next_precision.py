@@ -1,4 +1,6 @@
-"""How precise an estimate will be after a drive that is designed, under the drift that logs show."""
+"""How precise an estimate will be after a drive that is designed, under the drift that logs show, or with
+readings whose errors last as theirs do.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +10,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from oed.estimation.assessment.covariance import information
 from oed.estimation.assessment.drift import drift
 from oed.estimation.methods.drift_rates import DriftRates
 from oed.estimation.methods.fitting import Fitting
+from oed.estimation.methods.gauss_markov import GaussMarkov
 from oed.estimation.methods.window_noise import drift_in_words
 from oed.estimation.methods.windows import READ
 from oed.estimation.prediction.layout import cut
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.unknowns import Unknowns
 from oed.foundation.arrays import Array
+from oed.foundation.text import size_text
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs.log import Log
 from oed.records.record import EstimateRecord, Record
@@ -53,11 +58,15 @@ def predicted(record: Record, found: EstimateRecord, study: Study) -> Predicted:
     if best is None or not best.covariances:
         return Predicted({})
     known = np.array(found.covariance, dtype=float)
-    if found.covariance_kind == "information" or found.drift is None or best.drive is None:
+    lasts, drifts = found.lasting is not None, found.drift is not None
+    by_white = found.covariance_kind == "information" and not lasts
+    if by_white or best.drive is None or not (lasts or drifts):
         gained, base, basis = white_information(record, found), "information", _ratio_in_words(found)
     else:
-        gained, base = drifting_information(best.drive.trajectory, found, study), "drift"
-        basis = f"the next drive is thought to drift {_rates_in_words(found)}"
+        gained = planned_information(best.drive.trajectory, found, study)
+        base, basis = (
+            ("information", _lasting_in_words(found)) if lasts else ("drift", _drift_in_words(found))
+        )
     # Where parts of the logs disagree more than that, so will those of the next drive.
     kind = found.covariance_kind or base
     more = np.array([_ratio(one.error(kind), one.error(base)) for one in found.parameters])
@@ -76,10 +85,16 @@ def _ratio_in_words(found: EstimateRecord) -> str:
     return "as much larger than F^-1 as those of the logs so far"
 
 
-def _rates_in_words(found: EstimateRecord) -> str:
+def _drift_in_words(found: EstimateRecord) -> str:
     assert found.drift is not None
     origin = "as robots usually do" if found.drift.seconds is None else "as the logs so far show"
-    return f"{origin}, {drift_in_words(_rates(found).values)}"
+    return f"the next drive is thought to drift {origin}, {drift_in_words(_rates(found).values)}"
+
+
+def _lasting_in_words(found: EstimateRecord) -> str:
+    assert found.lasting is not None
+    seconds = size_text(found.lasting.seconds, "s", 2)
+    return f"errors of the next drive's readings are thought to last for {seconds}, as the logs so far show"
 
 
 def _rates(found: EstimateRecord) -> DriftRates:
@@ -100,12 +115,12 @@ def white_information(record: Record, found: EstimateRecord) -> Array:
     return gained
 
 
-def drifting_information(trajectory: Trajectory, found: EstimateRecord, study: Study) -> Array:
-    """Information (p, p) that a fit like an estimate's will have of a drive, logged alike and drifting alike.
+def planned_information(trajectory: Trajectory, found: EstimateRecord, study: Study) -> Array:
+    """Information (p, p) that a fit like an estimate's will have of a drive, logged alike and erring alike.
 
     Args:
         trajectory: of the drive.
-        found: the estimate, with the drift that it found.
+        found: the estimate, with the drift or the lasting errors of readings that it found.
         study: of the robot as it is known.
     """
     robot, names = robot_of(study.problem.system), tuple(found.values)
@@ -114,8 +129,17 @@ def drifting_information(trajectory: Trajectory, found: EstimateRecord, study: S
     noises = {one.about: _noise(one.at_rest, one.per_speed, one.per_yaw_rate) for one in found.noise}
     quantities = tuple(found.logs[0].quantities or READ)
     logs = planned_logs(robot, trajectory, _step(found, trajectory), quantities)
-    fit = fitting.planned(logs, math.inf if seconds is None else seconds, noises)
-    return np.asarray(np.linalg.inv(drift(fit, _rates(found)).matrix[: len(names), : len(names)]))
+    lasting = _lasting(found, noises)
+    fit = fitting.planned(logs, math.inf if seconds is None else seconds, noises, lasting)
+    then = information(fit) if lasting else drift(fit, _rates(found))
+    return np.asarray(np.linalg.inv(then.matrix[: len(names), : len(names)]))
+
+
+def _lasting(found: EstimateRecord, noises: Mapping[str, Noise]) -> GaussMarkov | None:
+    if found.lasting is None:
+        return None
+    white = {name: noise.at_rest for name, noise in noises.items()}
+    return GaussMarkov(white, found.lasting.sizes, found.lasting.seconds)
 
 
 def _noise(*parts: float | None) -> Noise:

@@ -6,18 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from simulated import Course, course, fit_of, log_of, twists_of, unknowns_of
+from simulated import Course, course, fit_of, lasting, log_of, search_of, twists_of, unknowns_of
 from twin_drives import arcs
 from windowed import drifting
 
 from oed.estimation.methods.drift_rates import USUAL
+from oed.estimation.methods.gauss_markov import GaussMarkov
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs.log import Log
 from oed.records.record import EstimateRecord
+from oed.records.stored.estimate import FoundLasting
 from oed.robots.models import DifferentialDrive
 from oed.study.study import Study
 from oed.workflow.estimate_logs import estimate
-from oed.workflow.next_precision import drifting_information, planned_logs
+from oed.workflow.next_precision import planned_information, planned_logs
 from oed.workflow.studies import parse_study
 
 STUDY = """
@@ -33,6 +35,7 @@ ROBOT = DifferentialDrive(wheel_radius=0.033, track=0.16)
 TRUE = np.array(ROBOT.nominal)
 NOISE = (0.001, 0.005)
 STEP = 0.1
+LASTS = (0.02, 4.0)
 
 
 @pytest.fixture(scope="module")
@@ -86,15 +89,15 @@ def test_more_drift_is_less_information(study, trajectory, found):
     worse = found.model_copy(
         update={"drift": found.drift.model_copy(update={"ahead": 3 * found.drift.ahead})}
     )
-    less = np.linalg.inv(drifting_information(trajectory, found, study))
-    more = np.linalg.inv(drifting_information(trajectory, worse, study))
+    less = np.linalg.inv(planned_information(trajectory, found, study))
+    more = np.linalg.inv(planned_information(trajectory, worse, study))
     assert np.linalg.eigvalsh(more - less).min() > -1e-9 * np.trace(less)
     assert more[0, 0] > 2 * less[0, 0]
 
 
 @pytest.mark.slow
 def test_errors_are_as_large_as_predicted_where_robots_drift(study, trajectory, found):
-    predicted = np.linalg.inv(drifting_information(trajectory, found, study))
+    predicted = np.linalg.inv(planned_information(trajectory, found, study))
     (planned,) = planned_logs(ROBOT, trajectory, STEP, ("x", "y", "heading"))
     drive, unknowns = as_course(planned), unknowns_of(ROBOT)
     seconds = found.segments.seconds or np.inf
@@ -105,3 +108,28 @@ def test_errors_are_as_large_as_predicted_where_robots_drift(study, trajectory, 
     # By white noise alone the same drive would be thought far better than it is.
     white = np.mean([errors[k] < 1.96 * np.sqrt(np.diag(one.inverse)) for k, one in enumerate(fits)], axis=0)
     assert np.all(white < 0.7)
+
+
+@pytest.mark.slow
+def test_errors_are_as_large_as_predicted_where_those_of_readings_last(study, trajectory, found):
+    size, seconds = LASTS
+    sizes = {one.about: one.at_rest for one in found.noise}
+    noise = found.model_copy(update={"lasting": FoundLasting(position=size, seconds=seconds)})
+    still = [one.model_copy(update={"per_speed": 0.0, "per_yaw_rate": 0.0}) for one in found.noise]
+    segments = found.segments.model_copy(update={"seconds": None})
+    whole = noise.model_copy(update={"noise": still, "segments": segments})
+    predicted = np.linalg.inv(planned_information(trajectory, whole, study))
+    (planned,) = planned_logs(ROBOT, trajectory, STEP, ("x", "y", "heading"))
+    drive, known = as_course(planned), GaussMarkov(sizes, {"position": size}, seconds)
+    white = (sizes["position"], sizes["heading"])
+    logs = [lasting(log_of(drive, noise=white, seed=seed), size, seconds, seed) for seed in range(100)]
+    fits = [
+        search_of([one], unknowns_of(ROBOT), specified=known.noises, correlated=known).fit() for one in logs
+    ]
+    errors = np.abs([one.values - TRUE for one in fits])
+    held = np.mean(errors < 1.96 * np.sqrt(np.diag(predicted)), axis=0)
+    assert np.all((held >= 0.9) & (held <= 0.99))
+    # By white noise alone the same drive would be thought far better than it is.
+    alone = whole.model_copy(update={"lasting": FoundLasting(seconds=seconds)})
+    short = np.linalg.inv(planned_information(trajectory, alone, study))
+    assert np.all(np.mean(errors < 1.96 * np.sqrt(np.diag(short)), axis=0) < 0.7)

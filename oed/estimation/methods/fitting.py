@@ -14,13 +14,13 @@ import numpy as np
 from oed.estimation.methods.beforehand import known_before, punctual
 from oed.estimation.methods.correlated_readings import CorrelatedReadings
 from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.gauss_markov import GaussMarkov
 from oed.estimation.methods.gls import WeightedWindows
 from oed.estimation.methods.joint import JointSearch
 from oed.estimation.methods.noise_selection import bounded_errors, has_lasting_form
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows
 from oed.estimation.prediction.layout import FEWEST, SegmentLayout, cut, shortest_seconds, usual_step
-from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.prediction.motion_layout import motion_segments, noise_specified
 from oed.estimation.prediction.segments import Labelled, nuisances_of
 from oed.estimation.preprocessing.preprocess import PreparedLogs
@@ -193,7 +193,13 @@ class Fitting:
             segmenting, fit = self._solved(prepared, unknowns)
         return Fitted(fit, segmenting, tuple(notes))
 
-    def planned(self, logs: Sequence[Log], seconds: float, noises: Mapping[str, Noise]) -> Fit:
+    def planned(
+        self,
+        logs: Sequence[Log],
+        seconds: float,
+        noises: Mapping[str, Noise],
+        correlated: GaussMarkov | None = None,
+    ) -> Fit:
         """What the joint fit will be to readings of such noise, by logs without any error of the robot at its
         nominal parameters.
 
@@ -201,23 +207,22 @@ class Fitting:
             logs: of the drives.
             seconds: length of the segments; infinite for whole logs.
             noises: of the readings.
+            correlated: the same where they last.
         """
         prepared = PreparedLogs(tuple(logs), np.zeros(len({log.file for log in logs})), 0.0)
-        unknowns = self._unknowns(prepared)
-        fit = self._at_nominal(prepared, unknowns, seconds, noises)
-        shown = tuple(name for name in unknowns.place if name not in _hidden_by_place(fit))
-        if shown == unknowns.place:
-            return fit
-        return self._at_nominal(prepared, replace(unknowns, place=shown), seconds, noises)
-
-    def _at_nominal(
-        self, prepared: PreparedLogs, unknowns: Unknowns, seconds: float, noises: Mapping[str, Noise]
-    ) -> Fit:
         layout = cut(prepared.logs, seconds, prepared.clocks)
-        known = self._known(unknowns, layout)
-        search = JointSearch(layout, unknowns, prepared.offsets, known, specified=noises)
-        starts = LoggedReadings.of(layout, unknowns, prepared.offsets).first_starts(unknowns.nominal)
-        return search.at_first.fit(unknowns.nominal, starts)
+
+        def at_nominal(unknowns: Unknowns) -> Fit:
+            known = self._known(unknowns, layout)
+            search = JointSearch(
+                layout, unknowns, prepared.offsets, known, specified=noises, correlated=correlated
+            )
+            return search.at_first.fit(unknowns.nominal, search.first_starts(unknowns.nominal))
+
+        unknowns = self._unknowns(prepared)
+        fit = at_nominal(unknowns)
+        shown = tuple(name for name in unknowns.place if name not in _hidden_by_place(fit))
+        return fit if shown == unknowns.place else at_nominal(replace(unknowns, place=shown))
 
     def _require_suitable(self, prepared: PreparedLogs) -> None:
         # Motions that a sensor read of itself are fitted one by one; windows are of poses.

@@ -144,9 +144,10 @@ class _Weighted:
 
     def __call__(self, values: Array, starts: Array) -> Rows:
         found = self.search.linearised(values, starts)
-        white = self._white(found.residuals, found.rates)
-        slopes, own = (self._white(columns, found.rates) for columns in (found.slopes, found.own))
-        return Rows(white.reshape(len(white), -1), _flat(slopes), _flat(own))
+        every = np.concatenate([found.residuals[..., None], found.slopes, found.own], axis=-1)
+        white = _flat(self._white(every, found.rates))
+        first = 1 + found.slopes.shape[-1]
+        return Rows(white[..., 0], white[..., 1:first], white[..., first:])
 
     def _white(self, values: Array, rates: tuple[Array, Array]) -> Array:
         # Residuals (S, K, k) or their derivatives (S, K, k, q).

@@ -151,6 +151,20 @@ class FoundDrift(Stored):
     seconds: Positive | None = None
 
 
+class FoundLasting(Stored):
+    """Errors of readings that last, as `GaussMarkov` has them: sizes, SI, and the correlations' time [s]."""
+
+    seconds: Positive
+    position: Positive | None = None
+    heading: Positive | None = None
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """Standard deviations by the noises' names, of those that last; SI."""
+        known = {"position": self.position, "heading": self.heading}
+        return {name: size for name, size in known.items() if size is not None}
+
+
 class Diagnostic(Stored):
     """A test of the fit."""
 
@@ -325,6 +339,7 @@ class EstimateRecord(Presented, SavedFile):
     segments: Segments | None = None
     drift: FoundDrift | None = None
     noise: Entries[FoundNoise]
+    lasting: FoundLasting | None = None
     converged: bool | None = None
     not_identifiable: Annotated[Entries[str], Field(alias="untold")]
     doubts: Entries[Doubt]
