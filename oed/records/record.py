@@ -13,7 +13,7 @@ from oed.foundation.errors import UserMistake
 from oed.foundation.files import inside, write_text
 from oed.foundation.work.folders import in_order, interrupted_runs
 from oed.records.stored.consistency import require_one_study
-from oed.records.stored.door import checked, read_echo, read_file
+from oed.records.stored.door import checked, read_echo, read_file, read_object
 from oed.records.stored.estimate import EstimateRecord as EstimateRecord
 from oed.records.stored.loop import StoredLoop
 from oed.records.stored.plan import PlannedPoint, StoredPlan
@@ -61,8 +61,19 @@ def load_record(folder: str | Path) -> Record:
         RecordError: no record there, or one with keys that are missing or something else than they are to be.
     """
     path = saved_file(folder, FILE)
-    hint = "" if path.exists() else beside(folder)
+    hint = "" if path.exists() else beside(folder) or _only_estimated(path.parent)
     return known_record(read_file(path, "a record", "oed run", "results", hint), path)
+
+
+def _only_estimated(folder: Path) -> str:
+    # What to do where a folder holds an estimate alone.
+    path = folder / ESTIMATE_FILE
+    if not path.exists():
+        return ""
+    text = "; there is an estimate alone: `oed run` the study that it was made with"
+    study = read_object(path, "", "expected an estimate").get("study")
+    designs = isinstance(study, dict) and study.get("trajectory")
+    return text if designs else f"{text}, once `trajectory` and `limits` in it say which drives there can be"
 
 
 def known_record(data: Mapping[str, Any], path: Path) -> Record:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
@@ -40,6 +41,8 @@ ADVICE = {
     "mapping values are not allowed here": "put text with a colon in quotes, and close what brackets open",
 }
 """What to do about some of what PyYAML says."""
+FILES_SHOWN = 5
+"""Studies of a folder that are named."""
 _SHOWN = 60
 """Letters of a wrong value that are shown."""
 
@@ -283,6 +286,10 @@ def read_yaml(file: str | Path) -> YamlSource:
     Raises:
         StudyError: no such file, not text, not YAML, a key given twice, or out of all bounds.
     """
+    if os.path.isdir(file):
+        inside = ", ".join(sorted(one.name for one in Path(file).glob("*.yaml"))[:FILES_SHOWN])
+        hint = f"; studies in it: {inside}" if inside else "; `oed init` makes a study"
+        raise StudyError.about(file, f"expected a file, got a folder{hint}")
     # No character has more than four bytes.
     return parse_yaml(text_of(file, StudyError, most=4 * CHARACTERS), str(file))
 

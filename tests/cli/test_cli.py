@@ -476,6 +476,31 @@ class TestMistakes:
         assert command[-1] in err
         assert command[-1] in data["error"]
 
+    @pytest.mark.parametrize("command", [["report"], ["validate"], ["next", "a.csv"]])
+    def test_a_study_for_its_results(self, capsys, folder: Path, command: list[str]):
+        name, *further = command
+        code, _, err = call(capsys, name, "study.yaml", *further)
+        assert code == 2
+        assert "got a study: `oed run study.yaml` makes one; give the folder that it writes" in err
+
+    @pytest.mark.parametrize("command", [["run"], ["evaluate", "a.csv"], ["plan", "--to", "track 1 mm"]])
+    def test_a_folder_for_a_study(self, capsys, folder: Path, command: list[str]):
+        name, *further = command
+        code, _, err = call(capsys, name, ".", *further)
+        assert code == 2
+        assert "expected a file, got a folder; studies in it: " in err
+        assert "study.yaml" in err
+
+    @pytest.mark.parametrize("designs", [True, False])
+    def test_an_estimate_for_a_design(self, capsys, folder: Path, designs: bool):
+        keys = {"trajectory": {"duration": 1.0}} if designs else {}
+        data = {"format": 1, "parameters": [], "study": keys}
+        (folder / "estimate.json").write_text(json.dumps(data))
+        code, _, err = call(capsys, "next", ".", "a.csv")
+        assert code == 2
+        assert "there is an estimate alone: `oed run` the study that it was made with" in err
+        assert ("once `trajectory` and `limits` in it say" in err) == (not designs)
+
     def test_a_folder_that_cannot_be_written_to(self, capsys, folder: Path):
         arguments = ("solve", "quick.yaml", "--quiet", "--workers", "1", "--out", "path.csv")
         code, data, _ = call_json(capsys, *arguments)

@@ -21,6 +21,8 @@ from oed.study.yaml_source import PlainSource
 
 FORMAT: Final = 1
 """Of all files."""
+STUDIES = (".yaml", ".yml")
+"""What files of studies end in."""
 DIGITS = 100
 """Of a whole number."""
 SHOWN = 12
@@ -77,20 +79,22 @@ def read_file(path: Path, what: str, command: str, needed: str, hint: str = "") 
         RecordError: as `read_object` does.
     """
     name = what.split()[-1]
+    study = f"expected {what}, got a study: `{command} {path}` makes one; give the folder that it writes"
     expected = f"expected {what} of format {FORMAT}; make it again with `{command}`"
-    data = read_object(path, f"no {name} there; make one with `{command}`{hint}", expected)
+    data = read_object(path, f"no {name} there; make one with `{command}`{hint}", expected, study)
     if data.get("format") != FORMAT or needed not in data:
         raise RecordError.about(path, expected)
     return data
 
 
-def read_object(path: Path, absent: str, expected: str) -> dict[str, Any]:
+def read_object(path: Path, absent: str, expected: str, study: str = "") -> dict[str, Any]:
     """The JSON object in a file.
 
     Args:
         path: the file.
         absent: what to say where there is none.
         expected: what to say of JSON that is something else.
+        study: what to say of a study; by default that it is not JSON.
 
     Raises:
         RecordError: no such file, not text, not JSON, numbers that JSON has not, something else.
@@ -99,6 +103,8 @@ def read_object(path: Path, absent: str, expected: str) -> dict[str, Any]:
         text = text_of(path, RecordError, absent=absent)
         data = json.loads(text, parse_constant=_refuse, parse_int=_whole)
     except json.JSONDecodeError as error:
+        if study and path.suffix in STUDIES and not text.lstrip().startswith("{"):
+            raise RecordError.about(path, study) from None
         raise RecordError(
             [FileFlaw(str(path), error.lineno, error.colno, "", f"cannot be read: not JSON: {error.msg}")]
         ) from None
