@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,9 @@ STEP = 1e-4
 """Of the likelihood's difference quotients, in logarithms of the sizes: rounding shows in smaller ones."""
 CLEAR = 10.0
 """By how much Akaike's criterion has to be less for errors that last than for white noise."""
+SHARES = (0.1, 0.3, 1.0)
+"""Of the residuals' size, and of the first guess of their time, that errors which last may be: a likelihood
+is so broad in both that it rises at one of them where it rises at all."""
 TINY = 1e-12
 """Information that is none, relative to what exact readings would have."""
 
@@ -243,6 +247,18 @@ class Lasting(ErrorModel):
         """As large as the residuals, for a part of the logs."""
         return np.array([*self.rest.sizes[self.places], PART * self.rest.seconds])
 
+    @property
+    def shows(self) -> bool:
+        """Whether a guess of such errors is likelier than next to none, by a part of what a search has to
+        find: a look, for a search takes a hundred times as long.
+        """
+        white, begin = np.array(list(self.rest.white.values())), self.begin
+        none = self.surprise(np.concatenate([white, RIGID * begin[:-1], begin[-1:]]))
+        guesses = [
+            np.r_[np.full(len(begin) - 1, size), time] * begin for size, time in product(SHARES, SHARES)
+        ]
+        return min(self.surprise(np.concatenate([white, one])) for one in guesses) < none - CLEAR / 4
+
     def chain(self, sizes: Array) -> Chain:
         """Stationary from the first."""
         count = len(self.rest.groups)
@@ -324,6 +340,8 @@ def bounded_errors(search: JointSearch, values: Array, noises: Mapping[str, Nois
     rest = Remainder.of(search, values, search.first_starts(values), noises)
     # The wheels' heading is what drifts: where a measured one goes away from it, nothing shows which errs.
     lasting, drift = Lasting(rest, ("position",)), Drift(rest)
+    if not lasting.shows:
+        return None
     criterion, sizes = lasting.greatest()
     found = lasting.noise(sizes)
     # What lasts as long as the logs shows no bound.
