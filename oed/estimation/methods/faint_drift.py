@@ -24,6 +24,9 @@ SIZES = 0.001 * 2.0 ** np.arange(13)
 beside any noise to four times the usual."""
 WITHIN = 3.0
 """How far the logarithm of the white noise may be from that of the fit."""
+UNLIKELY = 100.0
+"""By how much -2 times the likelihood's logarithm has to rise above its least for larger drift to weigh
+nothing: e^-50 beside variances that differ by a factor of 1e7."""
 
 
 class OfOneSize(Drift):
@@ -51,7 +54,7 @@ class OfOneSize(Drift):
 
     def surprises(self) -> Array:
         """Twice the negative logarithm of the likelihood of each of `SIZES`, with the white noise that is
-        likeliest beside it.
+        likeliest beside it; infinite beyond those that are unlikely.
         """
         first = np.log(list(self.rest.white.values()))
         bounds, found, white = np.column_stack([first - WITHIN, first + WITHIN]), list[float](), first
@@ -67,7 +70,9 @@ class OfOneSize(Drift):
             best = scipy.optimize.minimize(surprise, white, method="L-BFGS-B", bounds=bounds, options=options)
             found.append(float(best.fun))
             white = best.x
-        return np.array(found)
+            if found[-1] > min(found) + UNLIKELY:
+                break
+        return np.pad(found, (0, len(SIZES) - len(found)), constant_values=np.inf)
 
 
 def faint_drift(fit: Fit, logs: Sequence[Log], usual: Array) -> tuple[float, float]:
