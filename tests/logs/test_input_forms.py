@@ -156,3 +156,19 @@ class TestRims:
         (flaw,) = form(inputs={"v": {"column": 1, "unit": "m/s", "radius": "5 cm"}}).flaws(Unicycle())
         assert flaw.key == ("log", "inputs", "v", "radius")
         assert flaw.message == "is that of a wheel's rim, and v has none; leave it out"
+
+
+def test_a_column_is_one_quantity():
+    same = {INPUTS[0]: "w", INPUTS[1]: "w"}
+    (flaw,) = form(inputs=same).flaws(ROBOT)
+    assert flaw.key == ("log", "inputs", INPUTS[1])
+    assert flaw.message == f"column w is read as inputs.{INPUTS[0]} already; name another"
+    (flaw,) = form(time="x").flaws(ROBOT)
+    assert (flaw.key, flaw.message.partition(" already")[0]) == (
+        ("log", "poses", "x"),
+        "column x is read as time",
+    )
+    (flaw,) = form(poses={"heading": "y"}).flaws(ROBOT)
+    assert flaw.key == ("log", "poses", "heading")
+    # Columns of another file are others.
+    assert not form(time="x", poses={"file": "{stem}_poses.csv"}).flaws(ROBOT)

@@ -15,7 +15,7 @@ from oed.logs.log import Log
 from oed.logs.sensors import labelled, with_sensors
 from oed.logs.series import together
 from oed.logs.tables.chosen_rows import Records
-from oed.logs.tables.columns import Column, Kept, MayBeNone, PoseColumns, Short, TimeColumn
+from oed.logs.tables.columns import Column, ColumnPlace, Kept, MayBeNone, PoseColumns, Short, TimeColumn
 from oed.logs.tables.csv_drives import drives_in
 from oed.logs.tables.input_columns import AnyInputColumns, InputColumns, OdometryColumns
 from oed.logs.tables.motion_columns import RelativePoseColumns
@@ -67,7 +67,7 @@ class CsvForm(LogForm):
             flaws.append(Flaw(("log", "records", "poses"), text))
         if self.relative_poses is None:
             own = self.poses.flaws(model, needed=not self.sensors)
-            return [*flaws, *own, *self._own_reference()]
+            return [*flaws, *own, *self._own_reference(), *self._read_twice(model)]
         if "poses" in self.model_fields_set:
             text = "a log has poses or relative_poses; omit one of them"
             flaws.append(Flaw(("log", "relative_poses"), text))
@@ -86,6 +86,22 @@ class CsvForm(LogForm):
         ):
             return []
         return [Flaw(("log", "inputs"), "the poses are those of `poses`; name the columns of the odometry")]
+
+    def _read_twice(self, model: System) -> list[Flaw]:
+        # A column is one quantity: two wheels by one of them would turn alike, whatever the robot did.
+        each: dict[tuple[str, ...], ColumnPlace] = {("log", "time"): self.time.column}
+        inputs = self.input_columns.columns(model).items()
+        each |= {("log", "inputs", name): one.column for name, one in inputs}
+        # Poses of odometry are looked at beside it.
+        if isinstance(self.inputs, dict) and self.poses.file is None and self.types_of_poses is None:
+            each |= {("log", "poses", name): one.column for name, one in self.poses.columns.items()}
+        known, flaws = dict[ColumnPlace, str](), list[Flaw]()
+        for key, column in each.items():
+            if column in known:
+                text = f"column {column} is read as {known[column]} already; name another"
+                flaws.append(Flaw(key, text))
+            known.setdefault(column, ".".join(key[1:]))
+        return flaws
 
     @property
     def input_columns(self) -> InputColumns | OdometryColumns:
