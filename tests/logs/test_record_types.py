@@ -114,8 +114,8 @@ def test_rows_are_kept_of_each_type(file: Path, rows: list[list[str]]):
     [
         (
             {"inputs": "odm"},
-            "no row is of type 'odm'; did you mean odom?; the types are odom (200 rows), mocap (100 rows), "
-            "battery (4 rows)",
+            "no row is of type 'odm'; the types are odom (200 rows), mocap (100 rows), battery (4 rows); "
+            "did you mean odom?",
         ),
         ({"poses": "vicon"}, "no row is of type 'vicon'; the types are odom"),
         ({"inputs": 3}, "no row is of type 3; the types are odom"),

@@ -56,9 +56,8 @@ def of_type(table: Table, records: Records, which: str) -> Table:
         return even(table.only(chosen))
     known = {name: count for name, count in Counter(cells).most_common(TYPES) if count >= OFTEN and name}
     shown = ", ".join(f"{name} ({count} rows)" for name, count in known.items())
-    text = f"no row is of type {_plain(wanted)}{did_you_mean(str(wanted), known)}"
-    if shown:
-        text += f"; the types are {shown}"
+    types = f"; the types are {shown}" if shown else ""
+    text = f"no row is of type {_plain(wanted)}{types}{did_you_mean(str(wanted), known)}"
     raise LogError([NotInLog(table.file, 0, 0, "records", text, ("log", "records", which))])
 
 
