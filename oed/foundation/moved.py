@@ -96,7 +96,7 @@ RENAMED = {
     "robots.models.tricycle": "robots.models.steered",
     "robots.models.tryout": "robots.models.python_robot",
     "robots.sensors.python_sensor": "robots.own_parts",
-    "robots.sensors.ranges": "robots.sensors.placed",
+    "robots.sensors.ranges": "robots.sensors.mapped",
     "robots.sensors.trailer_angle": "robots.sensors.biased",
     "robots.sensors.yaw_rate": "robots.sensors.biased",
     "robots.tried": "robots.own_parts",

@@ -18,8 +18,9 @@ from oed.robots.limits import Polygon, Rectangle, WheelAcceleration, WheelSpeed
 from oed.robots.models import DifferentialDrive, OffsetDrive, SkidSteer, SkidSteerIcr, TractorTrailer
 from oed.robots.sensors import Displacements, Poses, Ranges, YawRate
 from oed.robots.sensors.displacements import PoseNoise
-from oed.robots.sensors.placed import LeverArm, PosePrior
+from oed.robots.sensors.mounting import LeverArm
 from oed.robots.sensors.poses import AbsoluteNoise
+from oed.robots.sensors.prior import PosePrior
 from oed.robots.sensors.several import Several
 from oed.robots.space import DesignSpace, StartPose
 

@@ -16,7 +16,7 @@ from oed.kernel.measurement.prior import Prior
 from oed.robots.models import TractorTrailer
 from oed.robots.sensors import Displacements, Poses, Several, TrailerAngle
 from oed.robots.sensors.logged import Noise
-from oed.robots.sensors.placed import LeverArm
+from oed.robots.sensors.mounting import LeverArm
 from oed.robots.sensors.poses import AbsoluteNoise
 
 NOISE = (0.002, 0.005)

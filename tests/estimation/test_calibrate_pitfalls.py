@@ -17,7 +17,7 @@ from oed.kernel.dynamics.system import Parameter
 from oed.robots.models import OmniThree
 from oed.robots.sensors import Poses
 from oed.robots.sensors.logged import Noise
-from oed.robots.sensors.placed import LeverArm
+from oed.robots.sensors.mounting import LeverArm
 from oed.robots.sensors.poses import AbsoluteNoise
 
 NOISE = (0.002, 0.005)

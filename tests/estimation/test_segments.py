@@ -15,7 +15,7 @@ from oed.estimation.prediction.segments import Driven, SegmentReadings
 from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.measurement.sensor import Sensor, readings
 from oed.robots.sensors import Poses, Ranges, YawRate
-from oed.robots.sensors.placed import LeverArm
+from oed.robots.sensors.mounting import LeverArm
 
 COUNT, PERIODS = 3, 6
 XYH = ("x", "y", "heading")

@@ -39,7 +39,8 @@ from oed.robots.limits.workspace import Circle, CircularObstacle, Obstacles
 from oed.robots.models import Mecanum, SkidSteerSlip, TractorTrailer
 from oed.robots.sensors import Displacements, Poses, Ranges, RelativePoses, Several
 from oed.robots.sensors import YawRate as Gyroscope
-from oed.robots.sensors.placed import LeverArm, PosePrior
+from oed.robots.sensors.mounting import LeverArm
+from oed.robots.sensors.prior import PosePrior
 from oed.robots.space import DesignSpace, StartPose
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty

@@ -34,8 +34,8 @@ from oed.kernel.measurement.sensor import sensor_labels
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.logs.log import Log
 from oed.robots.models.model import Model
-from oed.robots.sensors.logged import PLACE as UNITS
 from oed.robots.sensors.logged import Noise
+from oed.robots.sensors.mounting import PLACE as UNITS
 
 ASKEW = 0.5
 """Angle by which a sensor has to be turned on the robot for the search to start from there [rad]."""

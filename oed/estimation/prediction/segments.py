@@ -21,7 +21,8 @@ from oed.kernel.dynamics.system import carrier, stepper
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import Moment, Sensor, moment_reading, reading_by_signal
 from oed.robots.models.model import Model
-from oed.robots.sensors.placed import LeverArm, PlacedSensor
+from oed.robots.sensors.mounting import CameraArm
+from oed.robots.sensors.placed import PlacedSensor
 
 What = Literal["readings", "slopes", "whitening", "by twist"]
 Labelled = tuple[tuple[str, Sensor], ...]
@@ -61,18 +62,17 @@ class LoggedStates(PlacedSensor):
 
     kind: Literal["logged_states"] = "logged_states"
     places: tuple[int, ...]
-    lever_arm: LeverArm = LeverArm(known=False)
+    lever_arm: CameraArm = CameraArm(known=False)  # type: ignore[assignment]  # Another mounting.
     others: Labelled = ()
 
     @property
     def nuisances(self) -> tuple[Nuisance, ...]:
         """The sensor's place: ahead, to the left [m], turned [rad]; and those of other sensors."""
-        return (*super().nuisances, Nuisance("turn", 0.0, "rad"), *nuisances_of(self.others))
+        return (*super().nuisances, *nuisances_of(self.others))
 
     def reading(self, moment: Moment) -> Expression:
         """The states' values, then the readings of the others."""
-        heading = moment.state[2] + moment.nuisances["turn"]
-        values = [*self.position(moment), heading, *ca.vertsplit(moment.state)[3:]]
+        values = [*self.sensor_pose(moment), *ca.vertsplit(moment.state)[3:]]
         read = [values[place] for place in self.places]
         for label, sensor in self.others:
             own = {one.name: moment.nuisances[f"{label}.{one.name}"] for one in sensor.nuisances}

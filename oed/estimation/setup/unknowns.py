@@ -16,8 +16,8 @@ from oed.kernel.measurement.measurement import Measurement, Nuisance
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.robots.models.model import Model
 from oed.robots.models.twists import coefficient_values
-from oed.robots.sensors.logged import PLACE as UNITS
-from oed.robots.sensors.logged import Mount
+from oed.robots.sensors.mounting import PLACE as UNITS
+from oed.robots.sensors.mounting import LeverArm, Mount
 from oed.robots.sensors.relative_poses import logged_sensors
 
 PlaceName = Literal["sensor_x", "sensor_y", "sensor_heading"]
@@ -144,7 +144,7 @@ def specified_mount(measurement: Measurement, *, relative: bool = False) -> Moun
     own motion if `relative`, else of the others.
     """
     logged = logged_sensors(measurement, relative)
-    return next((sensor.mount for sensor in logged if sensor.mount is not None), Mount())
+    return next((sensor.mount for sensor in logged if sensor.mount is not None), LeverArm())
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from oed.kernel.dynamics.system import System, label_of
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import Moment, Sensor, Start
 from oed.robots.sensors.logged import Noise
-from oed.robots.sensors.placed import InitialPose, known_to, start_of
+from oed.robots.sensors.prior import InitialPose, known_to, start_of
 
 STATE = 3
 """Place of the trailer's angle among the states."""

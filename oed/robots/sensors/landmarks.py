@@ -15,10 +15,10 @@ from oed.foundation.text import count, given_text, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.description import deviations_text
-from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import Moment
 from oed.robots.sensors.mapped import NEAREST, LengthMap, MappedSensor, distance
-from oed.robots.sensors.placed import LeverArm, PosePrior
+from oed.robots.sensors.mounting import CameraArm
+from oed.robots.sensors.prior import PosePrior
 
 UNITS = {"range": "m", "bearing": "rad", "orientation": "rad"}
 """SI units of what is seen."""
@@ -51,30 +51,12 @@ class SightNoise(Component):
         return found
 
 
-class CameraArm(LeverArm):
-    """Where on the robot a camera sits, and where it looks.
-
-    Attributes:
-        heading: how far it is turned to the left [rad].
-        heading_deviation: standard deviation of that, where the place is not known [rad].
-    """
-
-    heading: Angle = 0.0
-    heading_deviation: Annotated[Angle, Field(gt=0)] | None = None
-
-    @property
-    def nuisances(self) -> tuple[Nuisance, ...]:
-        """Its coordinates and its heading."""
-        turn = Nuisance("lever_arm.heading", self.heading, "rad", self.heading_deviation)
-        return (*super().nuisances, turn)
-
-
 class Sights(MappedSensor):
     """Points of the room, each seen from the robot: some of range, bearing, orientation, point by point."""
 
     quantities: tuple[str, ...]
     noise: SightNoise
-    lever_arm: CameraArm = CameraArm()
+    lever_arm: CameraArm = CameraArm()  # type: ignore[assignment]  # Another mounting.
     ids: tuple[Id, ...] | None = None
 
     @abstractmethod
@@ -88,8 +70,7 @@ class Sights(MappedSensor):
 
     def reading(self, moment: Moment) -> Expression:
         """The quantities, point by point."""
-        x, y = self.position(moment)
-        heading = self.pose(moment)[2] + moment.nuisances.get("lever_arm.heading", self.lever_arm.heading)
+        x, y, heading = self.sensor_pose(moment)
         cosine, sine = ca.cos(heading), ca.sin(heading)
         values = []
         for place in self.seen(moment):

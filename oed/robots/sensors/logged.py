@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from oed.foundation.arrays import Array
-
-PLACE: Mapping[str, str] = {"sensor_x": "m", "sensor_y": "m", "sensor_heading": "rad"}
-"""Where on the robot a sensor of poses sits, with SI units: ahead of the origin and to its left, and how it
-is turned."""
+from oed.robots.sensors.mounting import Mount
 
 
 @dataclass(frozen=True)
@@ -42,23 +39,6 @@ class Noise:
     def divided(self, factor: float) -> Noise:
         """All its parts smaller by a factor."""
         return Noise(self.at_rest / factor, self.per_speed / factor, self.per_yaw_rate / factor)
-
-
-@dataclass(frozen=True)
-class Mount:
-    """Where a pose sensor sits, as far as the study says.
-
-    Attributes:
-        sits: ahead, to the left [m], turned [rad].
-        fixed: whether ahead and to the left are known, and not to be estimated.
-        deviations: what is known of places that are estimated [m, rad].
-        heading_fixed: whether the angle is known, and not to be estimated.
-    """
-
-    sits: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    fixed: bool = False
-    deviations: Mapping[str, float] = field(default_factory=dict)
-    heading_fixed: bool = False
 
 
 @runtime_checkable

@@ -16,7 +16,8 @@ from oed.foundation.text import count, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import Moment, Sensor
-from oed.robots.sensors.placed import PlacedSensor, PosePrior, known_to
+from oed.robots.sensors.placed import PlacedSensor
+from oed.robots.sensors.prior import PosePrior, known_to
 
 NEAREST = 1e-3
 """Distance [m] at which a range is rounded off, so that it has derivatives at the point itself."""

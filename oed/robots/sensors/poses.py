@@ -13,7 +13,8 @@ from oed.foundation.text import count, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.sensor import Moment
-from oed.robots.sensors.logged import Mount, Noise
+from oed.robots.sensors.logged import Noise
+from oed.robots.sensors.mounting import LeverArm
 from oed.robots.sensors.placed import PlacedSensor
 from oed.robots.sensors.pose_noise import UNITS, Quantity
 from oed.robots.sensors.pose_noise import AbsoluteNoise as AbsoluteNoise
@@ -80,11 +81,9 @@ class Poses(PlacedSensor):
         return self.noise.of_each(self.quantities)
 
     @property
-    def mount(self) -> Mount:
-        """The lever arm's end. An arm of 0 is one that nobody gave: a sensor seldom sits where it should."""
-        arm = self.lever_arm
-        known = {} if arm.deviation is None else dict.fromkeys(("sensor_x", "sensor_y"), arm.deviation)
-        return Mount((arm.x, arm.y, 0.0), arm.known and bool(arm.x or arm.y), known)
+    def mount(self) -> LeverArm:
+        """The lever arm."""
+        return self.lever_arm
 
     def flaws(self, system: System, samples: int) -> list[Flaw]:
         """Quantities without noise or given twice, a covariance of another size."""

@@ -5,59 +5,20 @@ from __future__ import annotations
 from typing import ClassVar, Literal
 
 import casadi as ca
-from pydantic import model_validator
 
 from oed.foundation.arrays import Array
-from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
-from oed.foundation.quantities import Angle, Length
 from oed.foundation.text import count, given_text
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Measurement, Nuisance
 from oed.kernel.measurement.sensor import Moment, Sensor, When
-from oed.robots.sensors.logged import PLACE, LoggedSensor, Mount, Noise
-from oed.robots.sensors.placed import PosePrior, place_text
+from oed.robots.sensors.logged import LoggedSensor, Noise
+from oed.robots.sensors.mounting import Mounting, Pose, place_text
 from oed.robots.sensors.pose_noise import UNITS, AbsoluteNoise, Quantity
 
 READ: tuple[Quantity, ...] = ("x", "y", "heading")
 """What is read of a motion."""
-
-
-class Mounting(Component):
-    """How a sensor is mounted on the robot.
-
-    Attributes:
-        x, y: where it sits, ahead of the robot's origin and to its left [m].
-        heading: by how much it is turned to the left [rad].
-        known: whether that is known; else it is estimated along with the parameters.
-        deviation: standard deviations of what is known of it beforehand.
-    """
-
-    x: Length = 0.0
-    y: Length = 0.0
-    heading: Angle = 0.0
-    known: bool = False
-    deviation: PosePrior | None = None
-
-    @model_validator(mode="after")
-    def _deviation_of_what_is_unknown(self) -> Mounting:
-        if self.known and self.deviation is not None:
-            raise ValueError("a deviation belongs to a mounting that is estimated: omit it, or known: true")
-        return self
-
-    @property
-    def place(self) -> tuple[float, float, float]:
-        """Ahead, to the left [m], turned [rad]."""
-        return self.x, self.y, self.heading
-
-    @property
-    def deviations(self) -> dict[str, float]:
-        """Standard deviations of what is known of it beforehand, by the names of `PLACE`."""
-        if self.deviation is None:
-            return {}
-        each = (self.deviation.position, self.deviation.position, self.deviation.heading)
-        return dict(zip(PLACE, each, strict=True))
 
 
 class RelativePoses(Sensor):
@@ -81,13 +42,7 @@ class RelativePoses(Sensor):
     @property
     def nuisances(self) -> tuple[Nuisance, ...]:
         """The mounting, where it is not known."""
-        if self.mounting.known:
-            return ()
-        known = self.mounting.deviations
-        return tuple(
-            Nuisance(name, value, unit, known.get(name))
-            for (name, unit), value in zip(PLACE.items(), self.mounting.place, strict=True)
-        )
+        return self.mounting.nuisances
 
     @property
     def angles(self) -> tuple[int, ...]:
@@ -105,14 +60,9 @@ class RelativePoses(Sensor):
             cosine * ahead + sine * left, cosine * left - sine * ahead, heading - heading_before
         )
 
-    def _pose(self, moment: Moment) -> tuple[Expression, Expression, Expression]:
+    def _pose(self, moment: Moment) -> Pose:
         # Of the sensor.
-        ahead, left, turned = (
-            moment.nuisances.get(name, value) for name, value in zip(PLACE, self.mounting.place, strict=True)
-        )
-        x, y, heading = moment.state[0], moment.state[1], moment.state[2]
-        cosine, sine = ca.cos(heading), ca.sin(heading)
-        return x + ahead * cosine - left * sine, y + ahead * sine + left * cosine, heading + turned
+        return self.mounting.pose((moment.state[0], moment.state[1], moment.state[2]), moment)
 
     def whitening(self, moment: Moment) -> Expression:
         """1 / sigma of each quantity at the motion's mean speed; a covariance's inverse Cholesky factor."""
@@ -142,7 +92,7 @@ class RelativePoses(Sensor):
     @property
     def remark(self) -> str:
         """How the sensor is mounted."""
-        x, y, heading = self.mounting.place
+        x, y, heading = self.mounting.sits
         place = place_text(x, y) or "at the robot's origin"
         turned = f" and is turned by {given_text(heading, 'rad')}" if heading else ""
         return f"; the sensor sits {place}{turned}{'' if self.mounting.known else ', estimated too'}"
@@ -157,10 +107,9 @@ class RelativePoses(Sensor):
         return self.noise.of_each(READ)
 
     @property
-    def mount(self) -> Mount:
+    def mount(self) -> Mounting:
         """As it is mounted."""
-        known = self.mounting.known
-        return Mount(self.mounting.place, known, self.mounting.deviations, heading_fixed=known)
+        return self.mounting
 
     def flaws(self, system: System, samples: int) -> list[Flaw]:
         """No motion within the drive, quantities without noise, a covariance of another size."""
