@@ -106,7 +106,8 @@ def _run(options: argparse.Namespace) -> int:
     outcome.report(lambda: write_report(record, out))
 
     notes = [note for note in record.notes if note != CUT_SHORT]
-    further = [f"Drive: oed export {out} --to rosbag2"] if record.best is not None else []
+    exports = [f"oed export {out} --to {kind}" for kind in ("ros2_node", "rosbag2")]
+    further = [f"Drive: {exports[0]}", f"   or: {exports[1]}"] if record.best is not None else []
     outcome.show(
         options, {**record.plain(), **outcome.place}, lambda: _found(options, record, outcome), notes, further
     )

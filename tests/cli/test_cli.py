@@ -287,7 +287,7 @@ class TestRun:
         assert code == 0
         assert "Limits satisfied." in out
         assert "Page:  there" in out
-        assert "Drive: oed export there --to rosbag2" in out
+        assert "Drive: oed export there --to ros2_node\n   or: oed export there --to rosbag2\n" in out
         assert not (folder / "reports").exists()
         assert load_record(folder / "there").best.name == "genetic"
 

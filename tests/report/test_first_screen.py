@@ -51,7 +51,9 @@ def test_the_page_begins_with_the_drive_and_the_answer(designed: Record) -> None
     assert first.paragraphs[0].startswith("A drive of 4 s in a room")
     assert [row[0] for row in first.tables[0].rows] == ["c21", "c22"]
     assert not any(one.first for one in others)
-    assert next(title for title, _ in first.commands).startswith("As a ROS 2 bag")
+    node, bag, *_ = first.commands
+    assert node[0].startswith("As a ROS 2 node that plays it")
+    assert bag == ("As a ROS 2 bag", "oed export . --to rosbag2")
     # A reader without scripts sees the drive as well, also where it is the only one.
     assert [one.name for one in first.figures] == ["best_path"]
     alone = designed.model_copy(update={"results": designed.results[:1]})

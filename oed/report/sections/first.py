@@ -53,8 +53,8 @@ def _commands(record: Record) -> tuple[tuple[str, str], ...]:
         return ()
     study = record.provenance.study if record.provenance is not None else ""
     estimating = f"oed estimate {study or 'STUDY.yaml'} LOG.csv"
-    typed = ("oed export . --to rosbag2", "oed export . --to json", estimating)
-    return tuple(zip(SAY.paragraphs("commands"), typed, strict=True))
+    exporting = (f"oed export . --to {kind}" for kind in ("ros2_node", "rosbag2", "json"))
+    return tuple(zip(SAY.paragraphs("commands"), (*exporting, estimating), strict=True))
 
 
 def _downloads(record: Record) -> tuple[Download, ...]:
