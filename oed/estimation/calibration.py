@@ -216,9 +216,9 @@ class _Work:
             # The other ways stay what their names say.
             chosen, *others = covariances
             covariances = (replace(chosen, matrix=dilution.widened(chosen.matrix)), *others)
+        doubts += odd_points(fit)
         if len(covariances) == 1 and not fit.correlated:
-            notes.append(TOO_SHORT)
-        notes += odd_points(fit)
+            doubts += (Doubt("", "short_logs", TOO_SHORT),)
         if rates is not None and covariances[0].name == "drift":
             notes.append(rates.words)
         notes += [ITSELF_DRIFTING] if found.relative else []

@@ -94,7 +94,7 @@ def test_of_few_windows_there_is_f_alone_and_a_warning():
     chosen = options(method="two_stage", block=5.0, clock_offset=False, sensor_place=())
     found = calibrate(logged_problem(), [log_of(course(seconds=10.0), noise=(0.0002, 0.0005))], chosen)
     assert [one.name for one in found.covariances] == ["information"]
-    assert any("true errors are several times as large" in note for note in found.notes)
+    assert any("true errors are several times as large" in one.message for one in found.doubts)
 
 
 def test_drift_is_judged_by_all_poses():

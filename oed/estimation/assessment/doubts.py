@@ -32,8 +32,8 @@ class Doubt:
     """Why an estimate may not be what it seems.
 
     Attributes:
-        parameter: its name.
-        name: "sign", "size", "prior" or "input_noise".
+        parameter: its name; "" where it is about all of them.
+        name: "sign", "size", "prior", "input_noise", "odd_point" or "short_logs".
         message: a sentence with the size, and what to do.
     """
 

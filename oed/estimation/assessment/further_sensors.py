@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from oed.estimation.assessment.doubts import Doubt
 from oed.estimation.methods.fit import Fit
 from oed.estimation.setup.noise import groups, places_of
 from oed.kernel.measurement.measurement import Measurement
@@ -16,6 +17,10 @@ from oed.robots.sensors.relative_poses import logged_sensors
 
 ODD_POINT = 3.0
 """How many times as far off as others a landmark is that looks like a mistake."""
+ODD = (
+    "{} is {:.0f} times as far off as others of its kind: is its place in the study right, and is it "
+    "the one of that id?"
+)
 
 
 def unread(measurement: Measurement, logs: Sequence[Log]) -> list[str]:
@@ -40,19 +45,15 @@ def _key(sensor: Sensor) -> str:
     return "" if isinstance(sensor, LoggedSensor) else "sensors: "
 
 
-def odd_points(fit: Fit) -> list[str]:
+def odd_points(fit: Fit) -> tuple[Doubt, ...]:
     """Points that stand elsewhere than the study has them, or are others than their ids say."""
-    quantities, notes = fit.layout.quantities, list[str]()
+    quantities, found = fit.layout.quantities, list[Doubt]()
     for group in groups(quantities):
         own = [place for place in places_of(group, quantities) if quantities[place].endswith("]")]
         left = np.where(fit.layout.valid, fit.residuals, 0.0)[..., own]
         counts = fit.layout.valid[..., own].sum(axis=(0, 1))
         sizes = np.sqrt((left**2).sum(axis=(0, 1)) / np.maximum(counts, 1))
         usual = float(np.median(sizes[sizes > 0])) if np.count_nonzero(sizes) > 2 else np.inf
-        notes += [
-            f"{quantities[place]} is {size / usual:.0f} times as far off as others of its kind: is its place "
-            "in the study right, and is it the one of that id?"
-            for place, size in zip(own, sizes, strict=True)
-            if size > ODD_POINT * usual
-        ]
-    return notes
+        odd = [(quantities[place], size / usual) for place, size in zip(own, sizes, strict=True)]
+        found += [Doubt("", "odd_point", ODD.format(name, share)) for name, share in odd if share > ODD_POINT]
+    return tuple(found)

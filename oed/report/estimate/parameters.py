@@ -62,11 +62,13 @@ WORTH_A_LINE = 0.02
 
 
 def summary(record: EstimateRecord) -> Section:
-    """The first screen: paths before and after beside the estimates, whether to trust them, what next."""
-    noted = (*warnings(record), *map(sentence, record.notes))
+    """The first screen: warnings; paths before and after beside the estimates, whether to trust them, what
+    next, and what was decided on the way.
+    """
+    warned = warnings(record)
     failed = sum(not one.passed for one in record.diagnostics)
     unseen = bool(tested(record.test_set) or folds_of(record))
-    judged = SAY("trust", len(warnings(record)), failed, len(record.diagnostics), unseen)
+    judged = SAY("trust", len(warned), failed, len(record.diagnostics), unseen)
     made = Section.of(
         "Summary",
         _finding(record),
@@ -74,9 +76,10 @@ def summary(record: EstimateRecord) -> Section:
         SAY("next", *_worst(record), bool((record.study or {}).get("trajectory"))),
         path_picture(record),
         _brief(record),
-        notices=noted,
+        notices=warned,
     )
-    return replace(made, first=True, folds=(Section("Intervals", tables=(estimates(record),)),))
+    intervals = Section("Intervals", tables=(estimates(record),))
+    return replace(made, first=True, remarks=tuple(map(sentence, record.notes)), folds=(intervals,))
 
 
 def _finding(record: EstimateRecord) -> str:

@@ -240,6 +240,7 @@ class Section:
     Attributes:
         title: heading.
         notices: sentences that must not be overlooked, shown first.
+        remarks: sentences for those who ask, in small print below the tables.
         paragraphs: plain text; `backticks` mark code.
         figures: drawn below the paragraphs.
         tables: below the figures.
@@ -260,6 +261,7 @@ class Section:
     tables: tuple[Table, ...] = ()
     figures: tuple[Picture, ...] = ()
     notices: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     animation: Animation | None = None
     film: Film | None = None
     links: tuple[tuple[str, str], ...] = ()
