@@ -22,14 +22,12 @@ from oed.records.stored.estimate import (
     FoundLasting,
     FoundNoise,
     ReadLog,
-    Reckoned,
-    ReckonedPath,
     Residuals,
     Segments,
     TriedLength,
     Unknown,
-    UnseenLogs,
 )
+from oed.records.stored.reckoned import Reckoned, ReckonedPath, UnseenLogs
 
 PATHS, POINTS = 12, 400
 """How many paths are kept for drawing, and how many points of each."""

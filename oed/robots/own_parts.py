@@ -22,7 +22,8 @@ from oed.kernel.dynamics.rollout import drive_shape
 from oed.kernel.dynamics.system import System, signaller
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.measurement import Block, Measurement
-from oed.kernel.measurement.sensor import Moment, Sensor, moment_reading
+from oed.kernel.measurement.moment import moment_reading
+from oed.kernel.measurement.sensor import Moment, Sensor
 from oed.kernel.problem import Problem
 from oed.robots.space import DesignSpace
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from oed.records.stored.parts import Interval, Number, Positive, Stored, require_known
-
-Maybe = Number | None
+from oed.records.stored.parts import Interval, Maybe, Positive, Stored, require_known
 
 
 class FittedParameter(Stored):

@@ -199,7 +199,11 @@ def _listed(found: Any) -> Any:
 
 Entries = Annotated[list[Kind], BeforeValidator(_listed), Field(default_factory=list)]
 """A list that older files leave out."""
-Interval = Annotated[list[Number | None], Field(min_length=2, max_length=2)]
+Maybe = Number | None
+Column = list[Maybe]
+Place = Annotated[Column, Rounded(5)]
+"""Coordinates of a path [m], or times [s]."""
+Interval = Annotated[Column, Field(min_length=2, max_length=2)]
 
 
 def require_table(what: str, rows: Sequence[Sequence[Any]], count: int | None, width: int | None) -> None:

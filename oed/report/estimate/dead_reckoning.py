@@ -8,7 +8,8 @@ from functools import partial
 from typing import Any
 
 from oed.foundation.text import count, own_unit, significant, size_text, to_error, unit_text, words
-from oed.records.stored.estimate import Estimated, EstimateRecord, Reckoned, ReckonedPath, UnseenLogs
+from oed.records.stored.estimate import Estimated, EstimateRecord
+from oed.records.stored.reckoned import Reckoned, ReckonedPath, UnseenLogs
 from oed.report.estimate.logs import MOST_ROWS
 from oed.report.figures import reckoned as figures
 from oed.report.parts.prose import Prose

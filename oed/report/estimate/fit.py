@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from oed.foundation.text import error_text, fixed, in_signs, own_unit, shown_unit, significant, slug, words
-from oed.records.stored.estimate import Column as Numbers
 from oed.records.stored.estimate import EstimateRecord, TriedLength
+from oed.records.stored.parts import Column as Numbers
 from oed.report.figures import calibration as figures
 from oed.report.figures.calibration import Residuals, residuals_of
 from oed.report.parts.prose import Prose

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from oed.foundation.text import unit_for
-from oed.records.stored.estimate import ReckonedPath
+from oed.records.stored.reckoned import ReckonedPath
 from oed.report.figures import spec
 from oed.report.figures.spec import INK, SECOND, Look, mark, stroke
 

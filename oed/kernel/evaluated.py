@@ -1,0 +1,180 @@
+"""What is said of a trajectory that was scored."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from oed.foundation.arrays import Array
+from oed.foundation.moved import Renamed
+from oed.foundation.presenting import (
+    PARAMETER_COLUMNS,
+    Card,
+    Fact,
+    Presented,
+    dataframe,
+    given,
+    number,
+    parameter_rows,
+)
+from oed.foundation.text import quantity, size_text, words
+from oed.kernel.margin import Margin
+from oed.kernel.measurement.square_root import SquareRoot
+
+
+def _amount(margin: Margin) -> str:
+    # Rates stay in radians, as they are mostly given; angles are in degrees.
+    if margin.unit.startswith("rad/"):
+        return quantity(margin.violation, margin.unit, 2)
+    return size_text(margin.violation, margin.unit, 2)
+
+
+@dataclass(frozen=True, repr=False)
+class Evaluation(Presented, Renamed):
+    """What `evaluate` says of a trajectory; all SI.
+
+    Attributes:
+        objective: the criterion's value, larger is better; of a robust problem the one it asks for.
+        lambda_min, lambda_max: extreme eigenvalues of the information in the criterion's scaling.
+        singular_values: of W, descending, blocks together: of the paper's regressors unscaled, of sensors
+            in units of the noise and scaled, with all nuisances eliminated.
+        norm_y: size of the noise-free measurement at the nominal parameters, |W c|; of sensors in units of
+            the noise.
+        path_length: of the robot's origin [m].
+        margins: of every limit, at all times; of a robust problem less its back-off.
+        design_matrices: W of each block by name.
+        square_roots: information of each block by name, on the parameters the criterion judges, in its
+            scaling; of the nominal robot.
+        full_square_roots: the same of each block's estimated parameters, SI.
+        identifiable: whether all is that the criterion asks about.
+        covariances: predicted, of each block's estimated parameters, SI; infinite variances of those that are
+            not identifiable; {} without noise.
+        parameters: the estimated parameters' names by block.
+        states: at the samples, (N + runs, states), run by run.
+        path: on the fine grid, (10 N + runs, states).
+        nominal, units: nominal values and SI units of the estimated parameters, by name.
+    """
+
+    objective: float
+    lambda_min: float
+    lambda_max: float
+    singular_values: Array
+    norm_y: float
+    path_length: float
+    margins: tuple[Margin, ...]
+    design_matrices: Mapping[str, Array]
+    square_roots: Mapping[str, SquareRoot]
+    full_square_roots: Mapping[str, SquareRoot]
+    identifiable: bool
+    covariances: Mapping[str, Array]
+    parameters: Mapping[str, tuple[str, ...]]
+    states: Array
+    path: Array
+    nominal: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def information(self) -> Mapping[str, Array]:
+        """F of each block by name, on the parameters the criterion judges, in its scaling."""
+        return {name: root.matrix for name, root in self.square_roots.items()}
+
+    @cached_property
+    def full_information(self) -> Mapping[str, Array]:
+        """F of each block's estimated parameters, SI."""
+        return {name: root.matrix for name, root in self.full_square_roots.items()}
+
+    @property
+    def smallest_singular_value(self) -> float:
+        """s_min(W)."""
+        return float(self.singular_values[-1])
+
+    @property
+    def condition_number(self) -> float:
+        """cond(W) = s_max / s_min; infinite for a singular design."""
+        largest, smallest = float(self.singular_values[0]), self.smallest_singular_value
+        return largest / smallest if smallest > 0 else np.inf
+
+    @property
+    def log_determinant(self) -> float:
+        """Log det of the information, all blocks together; minus infinity for a singular design."""
+        return float(sum(root.log_determinant for root in self.square_roots.values()))
+
+    @property
+    def standard_deviations(self) -> dict[str, float]:
+        """Predicted standard deviation of each estimated parameter, SI; {} without noise."""
+        return {
+            name: float(size)
+            for block, covariance in self.covariances.items()
+            for name, size in zip(self.parameters[block], np.sqrt(np.diag(covariance)), strict=True)
+        }
+
+    @property
+    def singular(self) -> bool:
+        """Whether some combination of the parameters that the criterion judges is not identifiable."""
+        return not all(root.complete for root in self.square_roots.values())
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every limit is satisfied."""
+        return all(margin.satisfied for margin in self.margins)
+
+    @property
+    def checked_at_points(self) -> tuple[str, ...]:
+        """Limits that were checked at some points only: between them nothing is known."""
+        return tuple(margin.name for margin in self.margins if not margin.certain)
+
+    @property
+    def violations(self) -> dict[str, float]:
+        """Amount by which each limit that is not satisfied is exceeded, in its SI unit."""
+        return {margin.name: margin.violation for margin in self.margins if not margin.satisfied}
+
+    @property
+    def limits_text(self) -> str:
+        """How the limits fare, in words: `satisfied`, `duration exceeded by 0.50 s`."""
+        broken = [one for one in self.margins if not one.satisfied]
+        each = [f"{words(one.name)} exceeded by {_amount(one)}" for one in broken]
+        return "; ".join(each) or "satisfied"
+
+    @property
+    def facts(self) -> tuple[Fact, ...]:
+        """What a reader is shown of it, by name; units on every number that has one."""
+        return given(
+            ("limits", self.limits_text),
+            ("path length", size_text(self.path_length, "m")),
+            ("objective", number(self.objective)),
+            ("condition number", number(self.condition_number)),
+            ("not identifiable", "" if self.identifiable else "a combination that the criterion asks about"),
+        )
+
+    @property
+    def precision(self) -> tuple[tuple[str, ...], ...]:
+        """A row of every estimated parameter: name, nominal value and predicted standard error; () without
+        noise.
+        """
+        errors = self.standard_deviations
+        return parameter_rows(tuple(errors), self.nominal, errors, self.units)
+
+    def _card(self) -> Card:
+        title = f"Evaluation: {'feasible' if self.feasible else 'infeasible'}"
+        return Card(title, self.facts, PARAMETER_COLUMNS, self.precision, leads=True)
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame with a row per estimated parameter: nominal value and standard error, SI; no row
+        without noise.
+
+        Raises:
+            UserMistake: pandas is not installed.
+        """
+        errors = self.standard_deviations
+        return dataframe(
+            {
+                "name": list(errors),
+                "nominal": [self.nominal.get(one) for one in errors],
+                "standard_error": list(errors.values()),
+                "unit": [self.units.get(one, "") for one in errors],
+            }
+        )
