@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
@@ -41,20 +41,16 @@ class SensorDescription(Component):
     remark: str | None = None
 
 
-class PythonSensor(OwnPart, Sensor):
+class PythonSensor(OwnPart, Sensor, extra="allow"):
     """The sensor that `object` ("my_module:MySensor") makes of all further keys."""
-
-    model_config = ConfigDict(extra="allow")
 
     noun = "sensor"
     kind: Literal["python"] = "python"
     described: SensorDescription | None = None
 
 
-class PythonLimit(OwnPart, Limit):
+class PythonLimit(OwnPart, Limit, extra="allow"):
     """The limit that `object` ("my_module:MyLimit") makes of all further keys."""
-
-    model_config = ConfigDict(extra="allow")
 
     name: ClassVar[str] = "own"
     noun = "limit"

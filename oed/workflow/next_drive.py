@@ -101,7 +101,7 @@ class NextDrive(Brief):
 
 @typed
 def next_drive(
-    saved: Record,
+    saved: Record | Study,
     logs: Sequence[str | Path],
     *,
     targets: Mapping[str, str] | None = None,
@@ -116,8 +116,8 @@ def next_drive(
     """Estimate from logs; then design the drive that adds most information, or say that it is enough.
 
     Args:
-        saved: record of the design that was driven. Where its study has a prior, that counts: logs that made
-            it must not be given again.
+        saved: record of the design that was driven, or its study. Where that has a prior, it counts: logs
+            that made it must not be given again.
         logs: of all drives since.
         targets: standard errors wanted, by parameter, with a unit ("0.2 mm") or relative ("0.1 %").
         least_gain: share of the worst standard error that another drive has to take away.
@@ -136,50 +136,9 @@ def next_drive(
         LogError: logs that cannot be read, or do not fit the robot.
         NotSaved: `out` could not be written to in the end; the error has what was found.
     """
-    study = recorded_study(saved, trust=trust)
-    if not trust:
+    study = saved if isinstance(saved, Study) else recorded_study(saved, trust=trust)
+    if isinstance(saved, Record) and not trust:
         _refuse_outside(saved, logs)
-    return next_drive_of(
-        study,
-        logs,
-        targets=targets,
-        least_gain=least_gain,
-        duration=duration,
-        out=out,
-        seed=seed,
-        workers=workers,
-        progress=progress,
-    )
-
-
-def next_drive_of(
-    study: Study,
-    logs: Sequence[str | Path],
-    *,
-    targets: Mapping[str, str] | None = None,
-    least_gain: float = LEAST_GAIN,
-    duration: float | None = None,
-    out: str | Path | None = None,
-    seed: int | None = None,
-    workers: Workers | None = None,
-    progress: Progress | None = None,
-) -> NextDrive:
-    """What `next_drive` does, for the study of the design that was driven instead of its record.
-
-    Args:
-        study: of that design, and of how logs are read. Where it has a prior, that counts.
-        logs: of all drives since.
-        targets: standard errors wanted, by parameter, with a unit or relative.
-        least_gain: share of the worst standard error that another drive has to take away.
-        duration: of each run of the next drive [s]; that of the last one if None.
-        out: folder for the next study, its record and designs, and the estimate; nothing is written without.
-        seed: of every random draw, instead of the study's.
-        workers: processes, or a cluster; does not change the result.
-        progress: informed how far the work is.
-
-    Raises:
-        UserMistake, StudyError, LogError, NotSaved: as `next_drive` does.
-    """
     require_own_parameters(study)
     with run_folder(out) as folder:
         aims = aims_of(study, targets or {}, "--target")

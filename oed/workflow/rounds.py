@@ -22,7 +22,7 @@ from oed.records.record import LOOP_FILE, load_record
 from oed.records.stored.loop import KnownParameter, LoopRound, SeenLog, StoredLoop, round_folder
 from oed.study.study import Study
 from oed.workflow.arrivals import LogFolder, Sign
-from oed.workflow.next_drive import NextDrive, next_drive_of
+from oed.workflow.next_drive import NextDrive, next_drive
 from oed.workflow.runner import run
 from oed.workflow.saving import save_estimate
 
@@ -74,7 +74,7 @@ class Rounds:
         to: format of drives for the robot.
         command: that drives; None for somebody who is told.
         search: options of `run`.
-        next: options of `next_drive_of`.
+        next: options of `next_drive`.
         most: drives.
         waiting: time between looks, and for which logs have to stay as they are [s].
         tell: called with each line for who drives.
@@ -213,7 +213,7 @@ class Rounds:
         at = inside(self.place, round_folder(number + 1))
         logs = [self.folder.path(name) for name in self.found.logs]
         try:
-            found = next_drive_of(self.study, logs, out=at, **self.next)
+            found = next_drive(self.study, logs, out=at, **self.next)
         except LogError as error:
             self._refuse(error)
             return

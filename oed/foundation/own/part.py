@@ -24,6 +24,12 @@ UNMADE = {"code": "is not run"}
 """Pydantic's context in which parts of the user's own are read as the names they are."""
 
 
+class OwnDescription(Component):
+    """What a part of the user's own says of itself."""
+
+    kind: str | None = None
+
+
 class OwnPart(Component):
     """A part by its class's name; all keys but these are the class's fields.
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import ConfigDict
-
 from oed.foundation.component import Component
 from oed.foundation.own.part import OwnPart
 from oed.kernel.criteria.criterion import Criterion
@@ -23,10 +21,8 @@ class CriterionDescription(Component):
     proportional: bool | None = None
 
 
-class PythonCriterion(OwnPart, Criterion):
+class PythonCriterion(OwnPart, Criterion, extra="allow"):
     """The criterion that `object` ("my_module:MyCriterion") makes of all further keys."""
-
-    model_config = ConfigDict(extra="allow")
 
     noun = "criterion"
     kind: Literal["python"] = "python"

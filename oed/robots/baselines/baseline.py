@@ -7,11 +7,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from oed.foundation.component import Component
 from oed.foundation.own.code import place_of
-from oed.foundation.own.part import OwnCodeError, OwnPart
+from oed.foundation.own.part import OwnCodeError, OwnDescription, OwnPart
 from oed.foundation.shown import written
 from oed.robots.baselines.patterns import Move
 
@@ -70,20 +70,12 @@ def _finite(move: Move) -> bool:
     return all(isinstance(one, float | int) and math.isfinite(one) for one in numbers)
 
 
-class BaselineDescription(Component):
-    """What a baseline of the user's own says of itself."""
-
-    kind: str | None = None
-
-
-class PythonBaseline(OwnPart, Baseline):
+class PythonBaseline(OwnPart, Baseline, extra="allow"):
     """The baseline that `object` ("my_module:MyBaseline") makes of all further keys."""
-
-    model_config = ConfigDict(extra="allow")
 
     noun = "baseline"
     kind: Literal["python"] = "python"
-    described: BaselineDescription | None = None
+    described: OwnDescription | None = None
 
     def try_out(self, part: Any) -> None:
         """Ask the baseline for two laps.

@@ -11,11 +11,9 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import ConfigDict
 
-from oed.foundation.component import Component
 from oed.foundation.files import identifier_flaw
-from oed.foundation.own.part import OwnPart
+from oed.foundation.own.part import OwnDescription, OwnPart
 from oed.foundation.quantities import LARGEST, parse_quantity
 from oed.foundation.shown import shown, written
 from oed.kernel.dynamics.system import Input, Parameter, follows_state, stepper
@@ -33,20 +31,12 @@ UNIT = 40
 EXPRESSIONS: tuple[Any, ...] = (ca.SX, ca.DM, np.ndarray, int, float)
 
 
-class RobotDescription(Component):
-    """What a robot of the user's own says of itself."""
-
-    kind: str | None = None
-
-
-class PythonRobot(OwnPart, Model):
+class PythonRobot(OwnPart, Model, extra="allow"):
     """The robot that `object` ("my_module:MyRobot") makes of all further keys."""
-
-    model_config = ConfigDict(extra="allow")
 
     noun = "robot"
     kind: Literal["python"] = "python"
-    described: RobotDescription | None = None
+    described: OwnDescription | None = None
 
     def try_out(self, part: Any) -> None:
         """Ask the robot for everything.
