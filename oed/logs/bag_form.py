@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Discriminator, Tag
+from pydantic import Tag
 
 from oed.foundation.errors import Flaw, LogError
 from oed.kernel.dynamics.system import System
@@ -17,24 +17,19 @@ from oed.logs.bag import JOINTS, POSES, Bag, Clock, open_bag
 from oed.logs.bag_inputs import AnyBagInputs, OdometryTopic, meant
 from oed.logs.bag_poses import PoseTopic
 from oed.logs.bag_reading import BagReading, Reading
-from oed.logs.bag_sensors import SensorTopic, topic_flaws, usual_type
+from oed.logs.bag_sensors import SensorTopic, usual_type
 from oed.logs.drive import RecordedDrive, to_logs
 from oed.logs.form import LogForm
 from oed.logs.integrals import on_one_clock
 from oed.logs.log import Finding, Log
-from oed.logs.sensors import labelled, with_sensors
+from oed.logs.sensors import labelled, source_flaws, with_sensors
 from oed.logs.series import Series, together
-from oed.logs.tables.columns import Short
+from oed.logs.tables.columns import NONE_OR_GIVEN, Short
 from oed.logs.tables.input_columns import unknown_input
 
-
-def _pose_topic(value: Any) -> str:
-    return "none" if value == "none" else "topic"
-
-
 AnyPoseTopic = Annotated[
-    Annotated[Literal["none"], Tag("none")] | Annotated[PoseTopic, Short("topic"), Tag("topic")],
-    Discriminator(_pose_topic),
+    Annotated[Literal["none"], Tag("none")] | Annotated[PoseTopic, Short("topic"), Tag("given")],
+    NONE_OR_GIVEN,
 ]
 
 
@@ -101,15 +96,10 @@ class BagForm(LogForm):
         nowhere = self.poses == "none" and not self.sensors
         text = "nothing says where the robot was: name a sensor that does under `sensors`"
         own = [Flaw(("log", "poses"), text)] if nowhere else []
-        return [*own, *topic_flaws(self.sensors, labelled(measurement))]
+        return [*own, *source_flaws(self.sensors, measurement)]
 
     def sensed(self, file: Path, logs: list[Log], measurement: Measurement | None) -> list[Log]:
         """The drive with what sensors beside the poses read.
-
-        Args:
-            file: that was read.
-            logs: the drives in it.
-            measurement: the study's.
 
         Raises:
             LogError: topics that are not there, readings that cannot be the sensors'.

@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, model_validator
+from pydantic import model_validator
 
-from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.text import count, did_you_mean, listing
 from oed.kernel.measurement.sensor import Sensor
@@ -18,7 +17,7 @@ from oed.logs.bag import Bag
 from oed.logs.bag import Clock as Stamps
 from oed.logs.input_forms import unit_factor, unit_reason
 from oed.logs.points import ROWS, gathered, quantities_of, units_of
-from oed.logs.sensors import Sensed, checked, default_clock, name_flaws
+from oed.logs.sensors import AS_LIST, Sensed, SensorSource, checked
 from oed.logs.series import Series, together
 
 USUAL = {
@@ -29,36 +28,28 @@ USUAL = {
 STEP = re.compile(r"[^.\[\]]+")
 
 
-def _as_list(value: Any) -> Any:
-    return value if isinstance(value, list | tuple) else [value]
+Listed = Annotated[tuple[str, ...], AS_LIST]
 
 
-Listed = Annotated[tuple[str, ...], BeforeValidator(_as_list)]
-
-
-class SensorTopic(Component):
+class SensorTopic(SensorSource):
     """Where in a bag a sensor's readings are. Paths are like `angular_velocity.z` or `data[2]`.
 
     Attributes:
         topic, topics: of the messages; several where each entry of a reading has its own. By default the only
             one of a type that the sensor usually sends (Imu, Range).
         field, fields: paths of the entries of a reading, in their order; one for all of several topics.
-        unit: of them, e.g. "deg/s"; SI by default.
         each: path of a list in a message, each of whose items is of one beacon, landmark or tag.
         id: path, within the item or message, of which it is.
         range, bearing, orientation: paths beside that; of their own names by default.
-        clock: "inputs" or "poses", whose clock the times are on; by default a gyroscope's are on the inputs'.
     """
 
     topics: Listed = ()
     fields: Listed = ()
-    unit: str | None = None
     each: str | None = None
     id: str | None = None
     range: str | None = None
     bearing: str | None = None
     orientation: str | None = None
-    clock: Literal["inputs", "poses"] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -77,11 +68,9 @@ class SensorTopic(Component):
             got = f"{count(topics, 'topic')} and {count(fields, 'field')}"
             text = f"expected {count(wanted, 'field')} of one topic, or as many topics; got {got}"
             flaws.append(Flaw((*key, "fields"), text))
-        for unit in dict.fromkeys(units_of(sensor, self.id is not None)):
-            reason = unit_reason(self.unit, unit)
-            if reason:
-                flaws.append(Flaw((*key, "unit"), reason))
-        return flaws
+        units = dict.fromkeys(units_of(sensor, self.id is not None))
+        reasons = (unit_reason(self.unit, unit) for unit in units)
+        return [*flaws, *(Flaw((*key, "unit"), reason) for reason in reasons if reason)]
 
     def read(self, name: str, sensor: Sensor, bag: Bag, stamps: Stamps, *, skip: bool) -> Sensed:
         """All that the sensor read.
@@ -105,7 +94,7 @@ class SensorTopic(Component):
             )
         factors = [unit_factor(self.unit, unit) for unit in sensor.units]
         series = series.with_values(series.values * factors)
-        return checked(Sensed(name, series, self.clock or default_clock(sensor)), sensor)
+        return checked(Sensed(name, series, self.clock_of(sensor)), sensor)
 
     def _fields(self, sensor: Sensor) -> tuple[str, ...]:
         usual = USUAL.get(str(sensor.kind))
@@ -132,16 +121,6 @@ def usual_type(name: str) -> tuple[str, ...]:
     kind, _, number = name.rpartition("_")
     usual = USUAL.get(kind if number.isdigit() else name)
     return () if usual is None else usual[:1]
-
-
-def topic_flaws(topics: Mapping[str, SensorTopic], sensors: dict[str, Sensor]) -> list[Flaw]:
-    """What in `log: sensors:` does not fit the study's measurement."""
-    wrong = dict(name_flaws(list(topics), sensors))
-    fitting = {name: one for name, one in topics.items() if name not in wrong}
-    return [
-        *wrong.values(),
-        *(flaw for name, one in fitting.items() for flaw in one.flaws(name, sensors[name])),
-    ]
 
 
 def _only(bag: Bag, name: str, sensor: Sensor) -> str:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from pydantic import BeforeValidator
 
 from oed.foundation.arrays import Array, Bools
+from oed.foundation.component import Component
 from oed.foundation.errors import FileFlaw, Flaw, LogError
 from oed.foundation.text import did_you_mean, listing
 from oed.kernel.measurement.measurement import Measurement
@@ -19,6 +22,8 @@ from oed.logs.log import Log, SensorReadings
 from oed.logs.series import Series, shortened
 
 Clock = Literal["inputs", "poses"]
+AS_LIST = BeforeValidator(lambda value: value if isinstance(value, list | tuple) else [value])
+"""One for a list of one."""
 MOST = {"rad": (2 * np.pi + 1e-3, "deg"), "rad/s": (30.0, "deg/s")}
 """What directions are at most, a full turn and its rounding, and yaw rates of robots; else they are rather in
 other units."""
@@ -49,8 +54,37 @@ def labelled(measurement: Measurement | None) -> dict[str, Sensor]:
     return dict(zip(sensor_labels(sensors), sensors, strict=True))
 
 
-def name_flaws(names: Sequence[str], sensors: dict[str, Sensor]) -> Iterator[tuple[str, Flaw]]:
-    """Names of no sensor of the study, and of sensors that cannot be read so, each with its flaw."""
+class SensorSource(Component, ABC):
+    """Where a sensor's readings are.
+
+    Attributes:
+        unit: of them, e.g. "deg/s"; SI by default.
+        clock: "inputs" or "poses", whose clock the times are on; by default a gyroscope's are on the inputs',
+            those of what sees places on the poses'.
+    """
+
+    unit: str | None = None
+    clock: Clock | None = None
+
+    @abstractmethod
+    def flaws(self, name: str, sensor: Sensor) -> list[Flaw]:
+        """What of this does not fit the sensor of that name."""
+
+    def clock_of(self, sensor: Sensor) -> Clock:
+        """Whose clock the times are on."""
+        return self.clock or ("inputs" if sensor.when == "in periods" else "poses")
+
+
+def source_flaws(sources: Mapping[str, SensorSource], measurement: Measurement | None) -> list[Flaw]:
+    """What in `log: sensors:` does not fit the study's measurement."""
+    sensors = labelled(measurement)
+    wrong = dict(_name_flaws(list(sources), sensors))
+    fitting = ((name, one) for name, one in sources.items() if name not in wrong)
+    return [*wrong.values(), *(flaw for name, one in fitting for flaw in one.flaws(name, sensors[name]))]
+
+
+def _name_flaws(names: Sequence[str], sensors: dict[str, Sensor]) -> Iterator[tuple[str, Flaw]]:
+    # Names of no sensor of the study, and of sensors that cannot be read so, each with its flaw.
     others = [name for name in sensors if name != "poses"]
     for name in names:
         key = ("log", "sensors", name)
@@ -62,11 +96,6 @@ def name_flaws(names: Sequence[str], sensors: dict[str, Sensor]) -> Iterator[tup
             yield name, Flaw(key, text)
         elif not sensors[name].entries:
             yield name, Flaw(key, f"{name} does not say what its readings are: give it `units`")
-
-
-def default_clock(sensor: Sensor) -> Clock:
-    """The inputs' for what is read of periods, as by a gyroscope on the robot; that of the poses else."""
-    return "inputs" if sensor.when == "in periods" else "poses"
 
 
 def checked(found: Sensed, sensor: Sensor) -> Sensed:

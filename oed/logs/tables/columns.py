@@ -115,30 +115,38 @@ class PoseColumn(Column):
     unit: str | None = None
 
 
-def _pose_column(value: Any) -> str:
-    return "none" if value == "none" else "column"
-
-
+NONE_OR_GIVEN = Discriminator(lambda value: "none" if value == "none" else "given")
+"""What is the word "none", or tagged "given"."""
 AnyPoseColumn = Annotated[
-    Annotated[Literal["none"], Tag("none")] | Annotated[PoseColumn, Short("column"), Tag("column")],
-    Discriminator(_pose_column),
+    Annotated[Literal["none"], Tag("none")] | Annotated[PoseColumn, Short("column"), Tag("given")],
+    NONE_OR_GIVEN,
 ]
 
 
-def beside(file: str | None, log: Path) -> Path | None:
-    """The path of a file beside a log, in whose name "{stem}" stands for the log's; None without one."""
-    return None if file is None else log.parent / file.replace("{stem}", log.stem)
+class MaybeBeside(Component):
+    """What may be in a file of its own, beside the log.
+
+    Attributes:
+        file: that file; "{stem}" stands for the log's stem.
+        delimiter, header: of it, as of the log's own; found by themselves by default.
+    """
+
+    file: str | None = None
+    delimiter: Delimiter | None = None
+    header: bool | None = None
+
+    def beside(self, log: Path) -> Path | None:
+        """The file of a log; None where it is all in the log itself."""
+        return None if self.file is None else log.parent / self.file.replace("{stem}", log.stem)
 
 
-class PoseColumns(Component):
+class PoseColumns(MaybeBeside):
     """Where the reference poses are; further states of the robot are keys by their own names.
 
     Attributes:
         x, y, heading: their columns, or "none" for what was not measured.
         time: column of their own clock, where it is not that of the inputs.
-        file: they are in a file of their own, beside the log; "{stem}" stands for the log's stem.
-        form: of that file: "tum" (timestamp, position, quaternion) or "csv"; by its ending by default.
-        delimiter, header: of that file, as of the log's own; found by itself by default.
+        form: of their file: "tum" (timestamp, position, quaternion) or "csv"; by its ending by default.
         keep: only the poses of rows in which these columns have the value, or lie within [low, high]; the
             wheels turn on in others.
         held: "drop" rows that repeat a pose while the wheels turn, as a slower sensor's do, or "keep" them.
@@ -151,10 +159,7 @@ class PoseColumns(Component):
     y: AnyPoseColumn = PoseColumn(column="y")
     heading: AnyPoseColumn = PoseColumn(column="heading")
     time: Annotated[TimeColumn, Short("column")] | None = None
-    file: str | None = None
     form: Literal["tum", "csv"] | None = None
-    delimiter: Delimiter | None = None
-    header: bool | None = None
     keep: Kept = {}  # noqa: RUF012
     held: Repeats = "drop"
 
@@ -175,10 +180,6 @@ class PoseColumns(Component):
         plain = {"x": self.x, "y": self.y, "heading": self.heading}
         further = self.__pydantic_extra__ or {}
         return {name: one for name, one in (plain | further).items() if isinstance(one, PoseColumn)}
-
-    def beside(self, log: Path) -> Path | None:
-        """Where the poses of a log are; None where they are in the log itself."""
-        return beside(self.file, log)
 
     def flaws(self, model: System, *, needed: bool = True) -> list[Flaw]:
         """States the robot does not have, units of another kind, nothing measured where that is `needed`."""

@@ -12,14 +12,14 @@ from oed.kernel.measurement.measurement import Measurement
 from oed.logs.drive import to_logs
 from oed.logs.form import LogForm, is_bag
 from oed.logs.log import Log
-from oed.logs.sensors import labelled, with_sensors
+from oed.logs.sensors import labelled, source_flaws, with_sensors
 from oed.logs.series import together
 from oed.logs.tables.chosen_rows import Records
 from oed.logs.tables.columns import Column, ColumnPlace, Kept, MayBeNone, PoseColumns, Short, TimeColumn
 from oed.logs.tables.csv_drives import drives_in
 from oed.logs.tables.input_columns import AnyInputColumns, InputColumns, OdometryColumns
 from oed.logs.tables.motion_columns import RelativePoseColumns
-from oed.logs.tables.sensor_columns import SensorColumns, sensor_flaws
+from oed.logs.tables.sensor_columns import SensorColumns, shared_columns
 from oed.logs.tables.sheet import kept_inputs, read_sheet
 from oed.logs.tables.table import Delimiter, Table, read_table
 
@@ -122,15 +122,10 @@ class CsvForm(LogForm):
 
     def sensor_flaws(self, measurement: Measurement | None) -> list[Flaw]:
         """Sensors that the study has not, numbers of columns and units that do not fit."""
-        return sensor_flaws(self.sensors, labelled(measurement))
+        return [*source_flaws(self.sensors, measurement), *shared_columns(self.sensors)]
 
     def sensed(self, file: Path, logs: list[Log], measurement: Measurement | None) -> list[Log]:
         """The drives with what sensors beside the poses read.
-
-        Args:
-            file: that was read.
-            logs: the drives in it.
-            measurement: the study's.
 
         Raises:
             LogError: every mistake in their columns, each with its line.

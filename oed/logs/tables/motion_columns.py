@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -17,8 +16,7 @@ from oed.logs.form import Repeats
 from oed.logs.input_forms import unit_factor, unit_reason
 from oed.logs.motions import PAIRS, QUANTITIES, inverted
 from oed.logs.series import Series
-from oed.logs.tables.columns import Column, PoseColumn, Short, TimeColumn, beside
-from oed.logs.tables.table import Delimiter
+from oed.logs.tables.columns import Column, MaybeBeside, PoseColumn, Short, TimeColumn
 
 Key = tuple[str, ...]
 UNITS = dict(zip(QUANTITIES, ("m", "m", "rad"), strict=True))
@@ -43,7 +41,7 @@ class CovarianceColumns(Component):
     yh: Annotated[Column, Short("column")] | None = None
 
 
-class RelativePoseColumns(Component):
+class RelativePoseColumns(MaybeBeside):
     """Where the motions of a sensor are: in each row how it moved from one time to another.
 
     Attributes:
@@ -53,8 +51,6 @@ class RelativePoseColumns(Component):
         x, y, heading: columns of the sensor's pose at the end, seen from where it began.
         covariance: columns of the covariance of these.
         inverse: whether rows have the motion backwards: the pose at the beginning, seen from the end.
-        file: they are in a file of their own, beside the log; "{stem}" stands for the log's stem.
-        delimiter, header: of that file, as of the log's own; found by itself by default.
     """
 
     t0: Annotated[TimeColumn, Short("column")] | None = None
@@ -66,8 +62,6 @@ class RelativePoseColumns(Component):
     covariance: CovarianceColumns | None = None
     inverse: bool = False
     file: Annotated[str, Field(min_length=1)] | None = None
-    delimiter: Delimiter | None = None
-    header: bool | None = None
 
     @model_validator(mode="after")
     def _times_in_one_way(self) -> RelativePoseColumns:
@@ -99,10 +93,6 @@ class RelativePoseColumns(Component):
         """SI units in those of the columns of x, y, heading and of the covariance's entries."""
         each = [unit_factor(one.unit, UNITS[name]) for name, one in self.columns.items()]
         return [*each, *(each[row] * each[column] for row, column in PAIRS if self.covariance is not None)]
-
-    def beside(self, log: Path) -> Path | None:
-        """Where the motions of a log are; None where they are in the log itself."""
-        return beside(self.file, log)
 
     def flaws(self, model: System) -> list[Flaw]:
         """Units of another kind."""

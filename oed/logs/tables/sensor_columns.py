@@ -5,24 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, model_validator
+from pydantic import model_validator
 
 from oed.foundation.arrays import Array
-from oed.foundation.component import Component
 from oed.foundation.errors import Flaw, LogError
 from oed.foundation.files import no_such_file
 from oed.foundation.text import count, listing
 from oed.kernel.measurement.sensor import Sensor
 from oed.logs.input_forms import unit_factor, unit_reason
 from oed.logs.points import ROWS, gathered, quantities_of, units_of
-from oed.logs.sensors import Clock, Sensed, checked, default_clock, name_flaws
+from oed.logs.sensors import AS_LIST, Sensed, SensorSource, checked
 from oed.logs.series import NotInLog, Series, together
-from oed.logs.tables.columns import ColumnPlace, PoseColumn, Short, TimeColumn, beside
+from oed.logs.tables.columns import ColumnPlace, MaybeBeside, PoseColumn, Short, TimeColumn
 from oed.logs.tables.stamps import read_times
-from oed.logs.tables.table import Delimiter, Table, read_table
+from oed.logs.tables.table import Table, read_table
 
 if TYPE_CHECKING:
     from oed.logs.tables.csv_form import CsvForm
@@ -30,36 +29,23 @@ if TYPE_CHECKING:
 RUN = "run"
 
 
-def _as_list(value: Any) -> Any:
-    return value if isinstance(value, list | tuple) else [value]
-
-
-class SensorColumns(Component):
+class SensorColumns(MaybeBeside, SensorSource):
     """Where a sensor's readings are.
 
     Attributes:
         column, columns: of the entries of a reading, in their order; or, with `id`, of the only quantity.
-        unit: of all of them, e.g. "deg/s"; SI by default. A column may have its own.
+        unit: of all of them; a column may have its own.
         id: column that says which beacon, landmark or tag a row is of; a row then has one of them.
         range, bearing, orientation: columns in such rows; of their own names by default.
         time: column of their own clock, where it is not that of the rest.
-        clock: "inputs" or "poses", whose clock the times are on; by default a gyroscope's are on the inputs',
-            those of what sees places on the poses'.
-        file: they are in a file of their own, beside the log; "{stem}" stands for the log's stem.
-        delimiter, header: of that file, as of the log's own.
     """
 
-    columns: Annotated[tuple[Annotated[PoseColumn, Short("column")], ...], BeforeValidator(_as_list)] = ()
-    unit: str | None = None
+    columns: Annotated[tuple[Annotated[PoseColumn, Short("column")], ...], AS_LIST] = ()
     id: ColumnPlace | None = None
     range: Annotated[PoseColumn, Short("column")] | None = None
     bearing: Annotated[PoseColumn, Short("column")] | None = None
     orientation: Annotated[PoseColumn, Short("column")] | None = None
     time: Annotated[TimeColumn, Short("column")] | None = None
-    clock: Literal["inputs", "poses"] | None = None
-    file: str | None = None
-    delimiter: Delimiter | None = None
-    header: bool | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -69,10 +55,6 @@ class SensorColumns(Component):
                 raise ValueError("give `column` or `columns`, not both")
             return {"columns" if key == "column" else key: one for key, one in value.items()}
         return value
-
-    def beside(self, log: Path) -> Path | None:
-        """Where the readings of a log are; None where they are in the log itself."""
-        return beside(self.file, log)
 
     def flaws(self, name: str, sensor: Sensor) -> list[Flaw]:
         """Numbers of columns and units that do not fit the sensor."""
@@ -91,11 +73,9 @@ class SensorColumns(Component):
             text = f"expected {count(len(sensor.entries), 'column')} ({wanted}), got {len(self.columns)}"
             hint = "; or `id`, for rows of one each" if len(sensor.entries) > 1 else ""
             flaws.append(Flaw((*key, "columns"), f"{text}{hint}"))
-        for column, unit in zip(self._columns(sensor), units_of(sensor, self.id is not None), strict=False):
-            reason = unit_reason(column.unit or self.unit, unit)
-            if reason:
-                flaws.append(Flaw((*key, "unit"), reason))
-        return flaws
+        each = zip(self._columns(sensor), units_of(sensor, self.id is not None), strict=False)
+        reasons = (unit_reason(column.unit or self.unit, unit) for column, unit in each)
+        return [*flaws, *(Flaw((*key, "unit"), reason) for reason in reasons if reason)]
 
     def read(self, name: str, sensor: Sensor, log: Table, form: CsvForm) -> Sensed:
         """All that the sensor read.
@@ -121,8 +101,7 @@ class SensorColumns(Component):
             series, runs = gathered(series, ids, runs, name, sensor)
         kept = np.isfinite(series.times)
         labels = None if runs is None else tuple(np.array(runs)[kept].tolist())
-        chosen: Clock = self.clock or default_clock(sensor)
-        return checked(Sensed(name, series.rows(kept), chosen, labels), sensor)
+        return checked(Sensed(name, series.rows(kept), self.clock_of(sensor), labels), sensor)
 
     def _key(self, column: PoseColumn) -> str:
         return next((one for one in ROWS if getattr(self, one) is column), "columns")
@@ -159,18 +138,8 @@ def _runs(table: Table, form: CsvForm) -> list[str] | None:
     return table.texts(table.place(column, "runs", "column")) if column in table.header else None
 
 
-def sensor_flaws(columns: Mapping[str, SensorColumns], sensors: dict[str, Sensor]) -> list[Flaw]:
-    """What in `log: sensors:` does not fit the study's measurement."""
-    wrong = dict(name_flaws(list(columns), sensors))
-    flaws = list(wrong.values())
-    for name, one in columns.items():
-        if name not in wrong:
-            flaws += one.flaws(name, sensors[name])
-    return [*flaws, *_twice(columns)]
-
-
-def _twice(columns: Mapping[str, SensorColumns]) -> list[Flaw]:
-    # A column that two sensors share.
+def shared_columns(columns: Mapping[str, SensorColumns]) -> list[Flaw]:
+    """Columns that two sensors share."""
     seen: dict[tuple[str | None, int | str], str] = {}
     flaws = []
     for name, one in columns.items():
