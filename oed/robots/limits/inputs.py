@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Generic, Literal, TypeVar
 
 from oed.foundation.errors import Flaw
 from oed.kernel.dynamics.rollout import Drive
@@ -19,13 +19,16 @@ RatePair = Annotated[tuple[float, float], TwoSided("rad/s", "60 deg/s")]
 CommandPair = Annotated[tuple[float, float], TwoSided("m/s", "0.5 m/s")]
 CommandRatePair = Annotated[tuple[float, float], TwoSided("m/s^2", "1 m/s^2")]
 YawAccelerationPair = Annotated[tuple[float, float], TwoSided("rad/s^2", "3 rad/s^2")]
+Pair = TypeVar("Pair", bound=tuple[float, float])
 
 
-class DerivativeLimit(InputLimit):
+class DerivativeLimit(InputLimit, Generic[Pair]):
     """A limit on all inputs of one quantity, or on their rates."""
 
     order: ClassVar[Literal[0, 1, 2]]
     """Which derivative of the inputs is limited: 0 for themselves."""
+    bounds: Pair | None = None
+    each: Mapping[str, Pair] | None = None
 
     def rows(self, drive: Drive) -> Rows:
         """One row per input and value that bounds the derivative."""
@@ -61,23 +64,19 @@ class DerivativeLimit(InputLimit):
         return [Flaw(("limits", self.name), f"{', '.join(far)} {text}")]
 
 
-class WheelSpeed(DerivativeLimit):
+class WheelSpeed(DerivativeLimit[SpeedPair]):
     """Every wheel's speed within its bounds [rad/s]."""
 
     name, quantity, unit, order = "wheel_speed", "wheel_speed", "rad/s", 0
-    bounds: SpeedPair | None = None
-    each: Mapping[str, SpeedPair] | None = None
 
 
-class WheelAcceleration(DerivativeLimit):
+class WheelAcceleration(DerivativeLimit[AccelerationPair]):
     """Every wheel's acceleration within its bounds [rad/s^2]."""
 
     name, quantity, unit, order = "wheel_acceleration", "wheel_speed", "rad/s^2", 1
-    bounds: AccelerationPair | None = None
-    each: Mapping[str, AccelerationPair] | None = None
 
 
-class WheelJerk(DerivativeLimit):
+class WheelJerk(DerivativeLimit[JerkPair]):
     """The rate of every wheel's acceleration within its bounds [rad/s^3].
 
     A drive of trapezoids, whose accelerations jump, has the jumps over one period as its jerk, those from
@@ -85,57 +84,43 @@ class WheelJerk(DerivativeLimit):
     """
 
     name, quantity, unit, order = "wheel_jerk", "wheel_speed", "rad/s^3", 2
-    bounds: JerkPair | None = None
-    each: Mapping[str, JerkPair] | None = None
 
 
-class SteeringAngle(DerivativeLimit):
+class SteeringAngle(DerivativeLimit[AnglePair]):
     """Every steering angle within its bounds [rad]."""
 
     name, quantity, unit, order = "steering_angle", "steering_angle", "rad", 0
     in_degrees = True
-    bounds: AnglePair | None = None
-    each: Mapping[str, AnglePair] | None = None
 
 
-class SteeringRate(DerivativeLimit):
+class SteeringRate(DerivativeLimit[RatePair]):
     """The rate of every steering angle within its bounds [rad/s]."""
 
     name, quantity, unit, order = "steering_rate", "steering_angle", "rad/s", 1
     in_degrees = True
-    bounds: RatePair | None = None
-    each: Mapping[str, RatePair] | None = None
 
 
-class CommandedSpeed(DerivativeLimit):
+class CommandedSpeed(DerivativeLimit[CommandPair]):
     """The speed that a robot is asked for within its bounds [m/s]."""
 
     name, quantity, unit, order = "commanded_speed", "commanded_speed", "m/s", 0
-    bounds: CommandPair | None = None
-    each: Mapping[str, CommandPair] | None = None
 
 
-class CommandedAcceleration(DerivativeLimit):
+class CommandedAcceleration(DerivativeLimit[CommandRatePair]):
     """The rate of the speed that a robot is asked for within its bounds [m/s^2]."""
 
     name, quantity, unit, order = "commanded_acceleration", "commanded_speed", "m/s^2", 1
-    bounds: CommandRatePair | None = None
-    each: Mapping[str, CommandRatePair] | None = None
 
 
-class CommandedYawRate(DerivativeLimit):
+class CommandedYawRate(DerivativeLimit[RatePair]):
     """The yaw rate that a robot is asked for within its bounds [rad/s]."""
 
     name, quantity, unit, order = "commanded_yaw_rate", "commanded_yaw_rate", "rad/s", 0
     in_degrees = True
-    bounds: RatePair | None = None
-    each: Mapping[str, RatePair] | None = None
 
 
-class CommandedYawAcceleration(DerivativeLimit):
+class CommandedYawAcceleration(DerivativeLimit[YawAccelerationPair]):
     """The rate of the yaw rate that a robot is asked for within its bounds [rad/s^2]."""
 
     name, quantity, unit, order = "commanded_yaw_acceleration", "commanded_yaw_rate", "rad/s^2", 1
     in_degrees = True
-    bounds: YawAccelerationPair | None = None
-    each: Mapping[str, YawAccelerationPair] | None = None
