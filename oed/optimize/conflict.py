@@ -9,8 +9,6 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.text import excess_text, words
-from oed.kernel.limit import Limit
-from oed.optimize.terms.base import RowBounds
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.program import Program
 
@@ -38,8 +36,10 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
     if any(amount is not None and amount < NEGLIGIBLE for amount in needed):
         return ""
     limits = design.problem.limits
+    # What the rows exceed by share of their size, as the limit itself is measured.
     phrases = [
-        f"{words(limit.name)} (by at most {_amount(limit, rows, share)})"
+        f"{words(limit.name)} (by at most "
+        f"{excess_text(limit.amount(share * rows.size), rows.unit, degrees=limit.in_degrees)})"
         for limit, rows, share in zip(limits, design.terms.rows, needed, strict=True)
         if share is not None
     ]
@@ -49,11 +49,6 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
     if len(phrases) == 1:
         return f"One limit is in the way and would have to be loosened: {phrases[0]}."
     return f"These limits conflict, and loosening any one of them is enough: {', '.join(phrases)}."
-
-
-def _amount(limit: Limit, rows: RowBounds, share: float) -> str:
-    # What the rows exceed by share of their size, as the limit itself is measured.
-    return excess_text(limit.amount(share * rows.size), rows.unit, degrees=limit.in_degrees)
 
 
 def _relaxed_alone(

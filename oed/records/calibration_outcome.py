@@ -9,7 +9,6 @@ import numpy as np
 
 from oed.estimation import Calibration, Compared, Comparison, DeadReckoning, HeldOut, correlations
 from oed.estimation.methods.drift_rates import DriftRates
-from oed.estimation.methods.gauss_markov import GaussMarkov
 from oed.estimation.setup.noise import group_of, groups, places_of
 from oed.foundation.arrays import Array
 from oed.records.stored.compared import ComparedModel, FittedParameter, Models
@@ -41,6 +40,7 @@ WHITE_95 = 1.96
 
 def estimate_of(found: Calibration, **origin: Any) -> EstimateRecord:
     """What estimate.json holds of a calibration; `origin` is what else it says of where it comes from."""
+    lasting = found.fit.correlated
     return EstimateRecord.of(
         found,
         **origin,
@@ -57,7 +57,7 @@ def estimate_of(found: Calibration, **origin: Any) -> EstimateRecord:
             FoundNoise.of(noise, about=name, unit=_unit_of(found, name))
             for name, noise in found.fit.noises.items()
         ],
-        lasting=_lasting(found.fit.correlated),
+        lasting=None if lasting is None else FoundLasting.of(lasting, **lasting.lasting),
         converged=found.fit.converged,
         not_identifiable=found.weak_directions,
         logs=_logs(found),
@@ -164,10 +164,6 @@ def _drift(rates: DriftRates | None) -> FoundDrift | None:
         shown=rates.shown,
         seconds=rates.seconds,
     )
-
-
-def _lasting(noise: GaussMarkov | None) -> FoundLasting | None:
-    return None if noise is None else FoundLasting.of(noise, **noise.lasting)
 
 
 def _logs(found: Calibration) -> list[ReadLog]:

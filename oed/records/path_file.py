@@ -58,12 +58,8 @@ def drive_csv(trajectory: Trajectory, poses: Array, inputs: Sequence[str], state
         number = [str(run)] if runs > 1 else []
         for time, inputs, pose in zip(times, held, own_poses, strict=True):
             numbers = (repr(float(value)) for value in pose)
-            writer.writerow([*number, _time_text(float(time)), *inputs, *numbers])
+            writer.writerow([*number, f"{time:.9f}".rstrip("0").rstrip(".") or "0", *inputs, *numbers])
     return buffer.getvalue()
-
-
-def _time_text(time: float) -> str:
-    return f"{time:.9f}".rstrip("0").rstrip(".") or "0"
 
 
 @typed

@@ -76,12 +76,8 @@ def prior_of(wanted: PriorRecord, folder: Path) -> Prior:
         names = ", ".join(one.name for one in saved.results) or "none"
         asked = wanted.result or "a feasible result"
         raise ProblemError([Flaw(("prior", "result"), f"expected one of {names}; found no {asked}")])
-    found = [one for one in result.covariances if _all_known(one.covariance)]
+    found = [one for one in result.covariances if not any(None in row for row in one.covariance)]
     if len(found) != 1:
         text = f"the record's {result.name} predicts no covariance of all parameters together"
         raise ProblemError([Flaw(("prior", "record"), text)])
     return Prior(parameters=found[0].parameters, covariance=found[0].covariance)
-
-
-def _all_known(covariance: list[list[float | None]]) -> bool:
-    return all(value is not None for row in covariance for value in row)

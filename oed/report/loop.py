@@ -47,31 +47,26 @@ def _summary(found: StoredLoop) -> Section:
     return Section.of(title, *filter(None, paragraphs), figure)
 
 
-def _aimed(known: Sequence[KnownParameter]) -> list[KnownParameter]:
-    # What is wanted; of all where nothing is.
-    return [one for one in known if one.wanted is not None] or list(known)
-
-
 def _chart(found: StoredLoop) -> Chart | None:
     rounds = found.driven
     if len(rounds) < 2:
         return None
-    aimed = _aimed(rounds[-1].known)
+    known = rounds[-1].known
+    # What is wanted; of all where nothing is.
+    aimed = [one for one in known if one.wanted is not None] or known
     first, single = aimed[0], len(aimed) == 1
     factor, wanted = own_unit(first.unit)[1], first.wanted is not None
     series = []
     for one in aimed:
         errors = [_error(each, one.name) for each in rounds]
         size = 1 / factor if single else one.wanted if wanted else errors[0]
-        series.append((words(one.name), tuple(_share(error, size) for error in errors)))
+        series.append(
+            (words(one.name), tuple(error / size if error is not None and size else None for error in errors))
+        )
     level = None if first.wanted is None else first.wanted * factor if single else 1.0
     places = tuple(float(number) for number in range(1, len(rounds) + 1))
     quantity = SAY("quantity", single, wanted, shown_unit(first.unit))
     return Chart(SAY("across"), places, tuple(series), quantity, level=level)
-
-
-def _share(error: float | None, size: float | None) -> float | None:
-    return None if error is None or not size else error / size
 
 
 def _error(one: LoopRound, name: str) -> float | None:

@@ -38,7 +38,12 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
         _place(detail, source, f"and {len(details) - MOST_EXPLAINED} more mistakes")
         for detail in details[MOST_EXPLAINED : MOST_EXPLAINED + 1]
     ]
-    above = {".".join(parts[:depth]) for parts in map(_parts, reasons) for depth in range(1, len(parts))}
+    above = {
+        ".".join(parts[:depth])
+        for *_, key in reasons
+        for parts in [key.split(".")]
+        for depth in range(1, len(parts))
+    }
     return [
         FileFlaw(source.file, line, column, key, "; or ".join(telling(texts)))
         for (line, column, key), texts in sorted(reasons.items())
@@ -61,7 +66,3 @@ def _place(detail: ErrorDetails, source: Source, message: str = "") -> FileFlaw:
     if missing:
         return source.flaw(path[:-1], message, missing=str(path[-1]))
     return source.flaw(path, message, of_key=detail["type"] == "extra_forbidden")
-
-
-def _parts(place: tuple[int, int, str]) -> list[str]:
-    return place[2].split(".")

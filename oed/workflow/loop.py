@@ -22,7 +22,7 @@ from oed.foundation.work.progress import announce
 from oed.optimize import Progress, Silent, Workers
 from oed.records.record import LOOP_FILE, EstimateRecord, load_estimate, load_loop
 from oed.records.stored.door import FORMAT
-from oed.records.stored.loop import LoopRound, SeenLog, StoredLoop
+from oed.records.stored.loop import SeenLog, StoredLoop
 from oed.study.study import Study
 from oed.workflow.aims import aims_of
 from oed.workflow.arrivals import LogFolder
@@ -218,7 +218,10 @@ def _begun(
             f"{place / LOOP_FILE}: this loop was begun with another study ({found.name}), or this one has "
             "changed in more than how logs are read; name another folder"
         )
-    rounds = [one.model_copy(update={"logs": _there(one, folder)}) for one in found.rounds]
+    rounds = [
+        one.model_copy(update={"logs": [name for name in one.logs if folder.path(name).exists()]})
+        for one in found.rounds
+    ]
     lost = [name for name in found.logs if not folder.path(name).exists()]
     for name in lost:
         tell(f"{folder.path(name)} is there no more: its drive does not count")
@@ -229,10 +232,6 @@ def _begun(
             update={"asked": asked, "rounds": rounds, "finished": False, "reached": False}
         )
     return found
-
-
-def _there(one: LoopRound, folder: LogFolder) -> list[str]:
-    return [name for name in one.logs if folder.path(name).exists()]
 
 
 def _digest(study: Study) -> str:

@@ -69,14 +69,11 @@ def predicted(record: Record, found: EstimateRecord, study: Study) -> Predicted:
         )
     # Where parts of the logs disagree more than that, so will those of the next drive.
     kind = found.covariance_kind or base
-    more = np.array([_ratio(one.error(kind), one.error(base)) for one in found.parameters])
+    pairs = ((one.error(kind), one.error(base)) for one in found.parameters)
+    more = np.array([max(1.0, own / usual) if own and usual else 1.0 for own, usual in pairs])
     after = np.linalg.inv(np.linalg.inv(known) + gained / np.outer(more, more))
     errors = dict(zip(found.values, map(float, np.sqrt(np.diag(after))), strict=True))
     return Predicted(errors, f"standard errors after it: {basis}")
-
-
-def _ratio(error: float | None, base: float | None) -> float:
-    return max(1.0, error / base) if error and base else 1.0
 
 
 def _ratio_in_words(found: EstimateRecord) -> str:

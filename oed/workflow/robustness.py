@@ -42,11 +42,8 @@ def nominal_search(work: Work) -> list[Solution]:
     plain = replace(problem, robust=None)
     found = solve(plain, options, seed=work.seed, workers=work.workers, progress=work.progress)
     detail = f"{found.detail} {PLAIN}".strip()
-    return [replace(found, evaluation=_scored(problem, found), detail=detail)]
-
-
-def _scored(problem: Problem, solution: Solution) -> Any:
-    return None if solution.trajectory is None else evaluate(problem, solution.trajectory)
+    scored = None if found.trajectory is None else evaluate(problem, found.trajectory)
+    return [replace(found, evaluation=scored, detail=detail)]
 
 
 def tried(work: Work, solutions: Sequence[Solution]) -> list[Solution]:

@@ -101,7 +101,7 @@ class Draft:
 
     def put_aside(self) -> Path | None:
         """Keep what is written beside the folder; returns where, None where nothing is."""
-        if not _holds(self.path):
+        if next(_names(self.path), None) is None:
             return None
         with undisturbed():
             return self._shown(_aside(self.path, self._hidden.parent / self._home.name))
@@ -367,10 +367,6 @@ def _move_in(source: Path, target: Path, drop: Collection[str]) -> None:
 def _leads_out(folder: Path, name: str) -> bool:
     # Whether a link on the way to what has that name leads out of the folder.
     return not (folder / name).parent.resolve().is_relative_to(folder.resolve())
-
-
-def _holds(folder: Path) -> bool:
-    return next(_names(folder), None) is not None
 
 
 def _aside(folder: Path, beside: Path) -> Path:

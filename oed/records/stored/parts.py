@@ -68,7 +68,8 @@ class Stored(Tidy):
             raise TypeError(f"{cls.__name__} has no {', '.join(given.keys() - forms.keys())}")
         found: dict[str, Any] = {}
         for name, form in forms.items():
-            value = given[name] if name in given else _attribute(sources, name)
+            own = (getattr(one, name) for one in sources if hasattr(one, name))
+            value = given[name] if name in given else next(own, _ABSENT)
             if value is not _ABSENT:
                 found[name] = form.made(value)
             elif form.required:
@@ -98,10 +99,6 @@ class Stored(Tidy):
 
 
 _ABSENT = object()
-
-
-def _attribute(sources: Iterable[object], name: str) -> Any:
-    return next((getattr(one, name) for one in sources if hasattr(one, name)), _ABSENT)
 
 
 @dataclass(frozen=True)
@@ -193,11 +190,9 @@ Line = Annotated[list[Point], Field(min_length=1)]
 """Where something is, or goes along [m]."""
 
 
-def _listed(found: Any) -> Any:
-    return [] if found is None else found
-
-
-Entries = Annotated[list[Kind], BeforeValidator(_listed), Field(default_factory=list)]
+Entries = Annotated[
+    list[Kind], BeforeValidator(lambda found: [] if found is None else found), Field(default_factory=list)
+]
 """A list that older files leave out."""
 Maybe = Number | None
 Column = list[Maybe]

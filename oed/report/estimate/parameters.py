@@ -231,7 +231,8 @@ def warnings(record: EstimateRecord) -> list[str]:
     found = [sentence(one.message) for one in record.doubts]
     found += [SAY("not_converged")] if record.converged is False else []
     found += [sentence(text) for text in record.not_identifiable]
-    return list(filter(None, [*found, *_doubts(record), _worse(record), *_failed(record)]))
+    found += [_doubt(group) for (_, doubtful), group in findings(record).items() if doubtful]
+    return list(filter(None, [*found, _worse(record), *_failed(record)]))
 
 
 def _worse(record: EstimateRecord) -> str:
@@ -245,10 +246,6 @@ def _failed(record: EstimateRecord) -> list[str]:
     trusting = record.covariance_kind == "information"
     grave = {"outliers", "whiteness", "logs_agree"} if trusting else {"outliers"}
     return [sentence(one.message) for one in record.diagnostics if not one.passed and one.name in grave]
-
-
-def _doubts(record: EstimateRecord) -> list[str]:
-    return [_doubt(group) for (_, doubtful), group in findings(record).items() if doubtful]
 
 
 def _doubt(group: Sequence[tuple[str, Finding]]) -> str:

@@ -80,11 +80,9 @@ def wheels(record: Record) -> Section | None:
 def _drawn(record: Record, results: list[Result], group: Group) -> list[Series]:
     # Rates are drawn of what was designed; of all where nothing was.
     designed = [one for one in results if one.origin == "search"] if group.rates else []
-    return [_series(record, one, group) for one in designed or results]
-
-
-def _series(record: Record, result: Result, group: Group) -> Series:
-    return replace(series_of(result, group), title=heading(result, called(record, result)))
+    return [
+        replace(series_of(one, group), title=heading(one, called(record, one))) for one in designed or results
+    ]
 
 
 def _title(quantities: list[str]) -> str:
@@ -151,11 +149,9 @@ def _runs(record: Record, result: Result, groups: list[Group]) -> list[dict[str,
         name = f"{title}, run {number}" if drive.runs > 1 else title
         columns = zip(("x", "y", "heading", "trailer"), finer(poses[:, :4]).T, strict=False)
         places = {key: plain(column, DECIMALS) for key, column in columns}
-        inputs = [_columns(result, group, number - 1) for group in groups]
+        inputs = [
+            [plain(column, DECIMALS) for column in sampled(result, group, number - 1).T] for group in groups
+        ]
         timing = {"duration": drive.knots[-1] / drive.runs, "steps": drive.degree == 0}
         found.append({"name": name, **timing, **places, "inputs": inputs})
     return found
-
-
-def _columns(result: Result, group: Group, run: int) -> list[list[float]]:
-    return [plain(column, DECIMALS) for column in sampled(result, group, run).T]
