@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 
 from oed.cli.terminal.arguments import add_quiet, add_trust, add_workers, positive, whole, workers_of
-from oed.cli.terminal.command import DONE, FAILED, Command, CommandResult, saved
-from oed.cli.terminal.messages import print_json, tell
+from oed.cli.terminal.command import DONE, FAILED, Command, CommandResult, answered, saved
+from oed.cli.terminal.messages import tell
 
 
 def _report_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,11 +38,7 @@ def _report(options: argparse.Namespace) -> int:
         page = _compared(options)
     else:
         page = _page_of(options) or write_index(folders[0], options.out)
-    if options.json:
-        print_json({"report": str(page)})
-    else:
-        tell(f"Page:  {page}")
-    return DONE
+    return answered(options, {"report": str(page)}, lambda: tell(f"Page:  {page}"))
 
 
 def _page_of(options: argparse.Namespace) -> Path | None:
@@ -186,11 +182,7 @@ def _export(options: argparse.Namespace) -> int:
         force=options.force,
         trust=options.trust,
     )
-    if options.json:
-        print_json({"export": str(path)})
-    else:
-        tell(str(path))
-    return DONE
+    return answered(options, {"export": str(path)}, lambda: tell(str(path)))
 
 
 EXPORT = Command(
@@ -249,21 +241,12 @@ def _animate(options: argparse.Namespace) -> int:
     page = None
     if file.resolve() == (folder / NAME).resolve() and (folder / "report.html").is_file():
         page = write_report(load_record(folder), folder)
-    if options.json:
-        print_json(
-            {
-                **vars(film),
-                "file": str(film.file),
-                "results": list(film.results),
-                "bytes": film.file.stat().st_size,
-                "report": None if page is None else str(page),
-            }
-        )
-    else:
-        tell(f"film: {film.file} ({film.seconds:.3g} s, {film.file.stat().st_size / 1e6:.2g} MB)")
-        if page is not None:
-            tell(f"Page:  {page}")
-    return DONE
+    size = film.file.stat().st_size
+    data = {**vars(film), "file": str(film.file), "results": list(film.results), "bytes": size}
+    data["report"] = None if page is None else str(page)
+    lines = [f"film: {film.file} ({film.seconds:.3g} s, {size / 1e6:.2g} MB)"]
+    lines += [] if page is None else [f"Page:  {page}"]
+    return answered(options, data, lambda: tell(*lines))
 
 
 def _one(names: list[str]) -> str | None:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from oed.cli.terminal.arguments import pair, positive, seconds
-from oed.cli.terminal.command import DONE, MISTAKE, Command
+from oed.cli.terminal.command import DONE, MISTAKE, Command, answered
 from oed.cli.terminal.messages import print_json, say, tell
 
 
@@ -55,12 +55,9 @@ def _init(options: argparse.Namespace) -> int:
         raise UserMistake(f"this makes no study: {in_short(error)}") from None
     made = "" if file.parent.exists() else f" in a new folder, {file.parent}"
     write_text(file, text)
-    if options.json:
-        print_json({"study": str(file)})
-    else:
-        then = f"oed run {file}" if choice.designs else f"oed estimate {file} LOG..."
-        say(f"wrote {file}{made}; change what is yours, then: {then}")
-    return DONE
+    then = f"oed run {file}" if choice.designs else f"oed estimate {file} LOG..."
+    text = f"wrote {file}{made}; change what is yours, then: {then}"
+    return answered(options, {"study": str(file)}, lambda: say(text))
 
 
 INIT = Command("init", "write a first study for a robot, a room and a sensor", _init, _init_arguments)
@@ -129,11 +126,7 @@ def _bound(options: argparse.Namespace) -> int:
     found = certified(study, certificate, drives)
     if found is None:
         raise Failure(f"{options.study}: {certificate.method}")
-    if options.json:
-        print_json(found.plain())
-    else:
-        print_certificate(found)
-    return DONE
+    return answered(options, found.plain(), lambda: print_certificate(found))
 
 
 BOUND = Command("bound", "prove how good any drive could be at most; solve nothing", _bound, _bound_arguments)

@@ -84,15 +84,19 @@ def seconds(text: str) -> float:
 
 def duration(text: str) -> float:
     """A time above 0, `20 s` or plain seconds [s]."""
-    from oed.foundation.quantities import parse_quantity
-
-    try:
-        value = parse_quantity(text, "s")
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
+    value = _quantity(text, "s")
     if not value > 0:
         raise argparse.ArgumentTypeError(f"expected more than 0 seconds, got {text!r}")
     return value
+
+
+def _quantity(text: str, unit: str) -> float:
+    from oed.foundation.quantities import parse_quantity
+
+    try:
+        return parse_quantity(text, unit)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def durations(text: str) -> tuple[float, ...]:
@@ -120,12 +124,7 @@ def share(text: str) -> float:
 
 def part(text: str) -> float:
     """A share above 0 and below 1, `25%` or `0.25`."""
-    from oed.foundation.quantities import parse_quantity
-
-    try:
-        value = parse_quantity(text, "")
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
+    value = _quantity(text, "")
     if not 0 < value < 1:
         raise argparse.ArgumentTypeError(f"expected more than 0 % and less than 100 %, got {text}")
     return value

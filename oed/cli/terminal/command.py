@@ -140,6 +140,21 @@ class CommandResult:
         return kept if self.folder == self.out else f"{kept}; {self.out} is as it was"
 
 
+def answered(options: argparse.Namespace, data: Any, lines: Callable[[], object]) -> int:
+    """Print what was done, as JSON or for readers; returns the exit code.
+
+    Args:
+        options: of the command, `json` among them.
+        data: what was done, for JSON.
+        lines: prints it for readers.
+    """
+    if options.json:
+        print_json(data)
+    else:
+        lines()
+    return DONE
+
+
 def verdict(record: Record) -> int:
     """The exit code of a search for drives."""
     # Searches fail one by one; a design anywhere is a design. An interrupted run is not a finished one.
