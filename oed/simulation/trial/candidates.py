@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from oed.estimation.setup.options import Alternative, CalibrationOptions, Method
 from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.text import words
 from oed.kernel.dynamics.system import label_of
 from oed.kernel.problem import Problem
 from oed.robots.models.model import robot_of
@@ -48,12 +49,7 @@ def candidates(problem: Problem, trial: Trial) -> tuple[Candidate, ...]:
         ProblemError: a model that the study's measurement or criterion does not suit.
     """
     others = [Candidate(one.label, _redesigned(problem, trial, one)) for one in trial.models]
-    return (Candidate(readable(label_of(problem.model)), problem), *others)
-
-
-def readable(identifier: str) -> str:
-    """An identifier as words."""
-    return identifier.replace("_", " ")
+    return (Candidate(words(label_of(problem.model)), problem), *others)
 
 
 def trial_flaws(problem: Problem, trial: Trial | None) -> list[Flaw]:
@@ -81,7 +77,7 @@ def _misfits(problem: Problem) -> Iterator[str]:
 
 
 def _model_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
-    known = {readable(label_of(problem.model))}
+    known = {words(label_of(problem.model))}
     for index, one in enumerate(trial.models):
         place: Key = ("physics", "models", index)
         if one.label in known:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from oed.estimation.methods.fitting import Fitting
 from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.text import words
 from oed.foundation.work.parallel import run_tasks
 from oed.kernel.evaluation import evaluate
 from oed.kernel.identifiability import require_identifiable
@@ -16,7 +17,7 @@ from oed.optimize import Progress, Solver, Workers, default_workers, solve
 from oed.robots.sensors import Poses
 from oed.simulation.physics import Sensing
 from oed.simulation.physics.engine import engine_library
-from oed.simulation.trial.candidates import Candidate, candidates, readable
+from oed.simulation.trial.candidates import Candidate, candidates
 from oed.simulation.trial.experiment import Bench, Found, Repeat, repeated
 from oed.simulation.trial.options import Trial, held_out_drives, paced_baseline
 from oed.simulation.trial.outcome import Outcome, Planned
@@ -86,7 +87,7 @@ def _fits(problem: Problem, trial: Trial) -> dict[str, Fitting]:
     fits = {one.name: one.fitting(trial.calibration, usual) for one in (own, *others)}
     further = [method for method in trial.methods if method != usual]
     return fits | {
-        f"{own.name} by {readable(method)}": own.fitting(trial.calibration, method) for method in further
+        f"{own.name} by {words(method)}": own.fitting(trial.calibration, method) for method in further
     }
 
 
@@ -108,7 +109,7 @@ def _baseline(problem: Problem, name: str, seed: int) -> Planned:
     trajectory = paced_baseline(problem, name, seed)
     evaluation = evaluate(problem, trajectory)
     solution = Solution(name, "baseline", trajectory, evaluation, Status.SCORED, seed=seed)
-    return Planned(readable(name), None, solution, evaluation.standard_deviations)
+    return Planned(words(name), None, solution, evaluation.standard_deviations)
 
 
 def _bench(
