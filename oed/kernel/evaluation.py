@@ -15,7 +15,7 @@ import numpy as np
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, NotFinite
-from oed.kernel.between import Sight, most_exceeded
+from oed.kernel.between import GAP, Sight, most_exceeded
 from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.rollout import FINE, any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -55,6 +55,22 @@ def full_information(problem: Problem, trajectory: Trajectory) -> dict[str, Squa
     """
     scorer, extremes = _scorer_of(problem, trajectory)
     return scorer.full_information(trajectory, extremes)
+
+
+def limits_exceeded(problem: Problem, trajectory: Trajectory, share: float) -> frozenset[str]:
+    """Names of the limits that a trajectory exceeds by more than a share of their size: what `evaluate` says,
+    without the margins of the others and whatever is measured.
+
+    Args:
+        problem: with the limits.
+        trajectory: what is driven.
+        share: of each limit's size.
+
+    Raises:
+        ValueError, NotFinite: as `evaluate` does.
+    """
+    scorer, extremes = _scorer_of(problem, trajectory)
+    return scorer.exceeded(trajectory, extremes, share)
 
 
 def _scorer_of(problem: Problem, trajectory: Trajectory) -> tuple[_Scorer, list[Array]]:
@@ -154,10 +170,32 @@ class _Scorer:
         _, full = self._square_roots(jacobians, summed)
         return {one.block.name: root for one, root in zip(self.estimations, full, strict=True)}
 
+    def exceeded(self, trajectory: Trajectory, extremes: Sequence[Array], share: float) -> frozenset[str]:
+        """Names of the limits exceeded by more than a share of their size.
+
+        Args:
+            trajectory: what is driven.
+            extremes: of its splines.
+            share: of each limit's size.
+        """
+        margins = self._margins(trajectory, self._values(trajectory, extremes), share)
+        return frozenset(margin.name for margin in margins if margin.violation > share * margin.size)
+
+    def _margins(
+        self, trajectory: Trajectory, groups: Sequence[Sequence[Array]], share: float | None = None
+    ) -> tuple[Margin, ...]:
+        problem, ((_, states, _, speeds), *_, limits) = self.problem, groups
+        sight = Sight.of(problem, trajectory, states, speeds.ravel())
+        margins = [
+            _margin(problem, limit, sight, rows, values.ravel(), share)
+            for limit, rows, values in zip(problem.limits, self.rows, limits, strict=True)
+        ]
+        return (*margins, *_conditions(problem, trajectory))
+
     def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
         problem = self.problem
         groups = self._values(trajectory, extremes)
-        (length, states, path, speeds), regressors, responses, jacobians, summed, limits = groups
+        (length, states, path, _), regressors, responses, jacobians, summed, _ = groups
         designs = self._designs(regressors, jacobians)
         roots, full = self._square_roots(jacobians, summed)
         robots, criterion = self._robots(trajectory, roots), problem.objective
@@ -167,11 +205,6 @@ class _Scorer:
             for one, design, root in zip(self.estimations, designs, roots, strict=True)
         ]
         names = [one.block.name for one in self.estimations]
-        sight = Sight.of(problem, trajectory, states, speeds.ravel())
-        margins = [
-            _margin(problem, limit, sight, rows, values.ravel())
-            for limit, rows, values in zip(problem.limits, self.rows, limits, strict=True)
-        ]
         return Evaluation(
             objective=float(problem.together([float(criterion.judge(own)) for own in robots])),
             lambda_min=float(min(root.smallest for root in roots)),
@@ -179,7 +212,7 @@ class _Scorer:
             singular_values=np.sort(np.concatenate(singular))[::-1],
             norm_y=float(np.linalg.norm(np.concatenate(responses))),
             path_length=float(length.item()),
-            margins=(*margins, *_conditions(problem, trajectory)),
+            margins=self._margins(trajectory, groups),
             design_matrices=dict(zip(names, designs, strict=True)),
             square_roots=dict(zip(names, roots, strict=True)),
             full_square_roots=dict(zip(names, full, strict=True)),
@@ -214,7 +247,10 @@ def _asked(trajectory: Trajectory) -> Array:
     return np.concatenate([one.inputs_at(own) for one, own in zip(trajectory.each, times, strict=True)])
 
 
-def _margin(problem: Problem, limit: Limit, sight: Sight, rows: Rows, values: Array) -> Margin:
+def _margin(
+    problem: Problem, limit: Limit, sight: Sight, rows: Rows, values: Array, share: float | None
+) -> Margin:
+    # Where only a violation by more than a share of the limit's size counts, it is no closer than that.
     if np.isnan(values).any():
         raise NotFinite(Flaw(("limits", limit.name), "not a number somewhere along the drive"))
     # Between the points the limit is looked at as it stands; where it is widened, so are the margins.
@@ -222,7 +258,8 @@ def _margin(problem: Problem, limit: Limit, sight: Sight, rows: Rows, values: Ar
     excess = np.maximum(values - rows.upper, rows.lower - values) + spare
     # Nothing to satisfy, as with a limit of changes on a drive of one sample, is satisfied as at rest.
     excess = excess if excess.size else np.array([-rows.size])
-    most, certain = most_exceeded(problem, limit, sight, excess)
+    asked = (-np.inf, np.inf) if share is None else (spare - GAP * rows.size, spare + share * rows.size)
+    most, certain = most_exceeded(problem, limit, sight, excess, asked)
     return Margin(limit.name, spare - limit.amount(most), rows.size, rows.unit, certain)
 
 

@@ -15,7 +15,7 @@ from oed.kernel.criteria import E
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import TOLERANCE, evaluate
+from oed.kernel.evaluation import TOLERANCE, evaluate, limits_exceeded
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.problem import Problem
 from oed.robots.limits import (
@@ -395,3 +395,20 @@ def test_speeds_that_are_weighted_sums_of_splines_are_exact(degree: int, runs: i
     worst = max(speed.max() - 0.1, -0.05 - speed.min())
     assert margin(problem, drive, "body_speed").margin == pytest.approx(-worst, rel=1e-6, abs=1e-9)
     assert margin(problem, drive, "yaw_rate").margin == pytest.approx(0.5 - np.abs(yaw_rate).max(), rel=1e-6)
+
+
+@pytest.mark.parametrize("robust", [None, "chance", "scenarios"])
+def test_which_limits_are_exceeded_is_what_the_margins_say(robust: str | None):
+    """Drives that grow through their limits: what is known without margins is what the margins say."""
+    room = Rectangle(x=(-1.6, 1.6), y=(-0.9, 1.2))
+    limits = (room, BodySpeed(bounds=0.35), LateralAcceleration(bounds=0.1), YawRate(bounds=1.0))
+    uncertain = {"uncertainty": Uncertainty(track="5 %"), "robust": Robust(kind=robust)} if robust else {}
+    problem = moving(*limits, **uncertain)
+    seen = set[frozenset[str]]()
+    for size in np.linspace(0.1, 1.0, 10):
+        drive = steady(problem, 0.6 * size, 1.2 * size)
+        margins = evaluate(problem, drive).margins
+        names = {one.name for one in margins if one.violation > 1e-9 * one.size}
+        assert limits_exceeded(problem, drive, 1e-9) == names
+        seen.add(frozenset(names))
+    assert len(seen) > 2

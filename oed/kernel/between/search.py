@@ -60,7 +60,9 @@ class Sight:
         return cls(Periods(drive, begins, nominal, np.zeros((len(begins), 0))), speeds)
 
 
-def most_exceeded(problem: Problem, limit: Limit, sight: Sight, seen: Array) -> tuple[float, bool]:
+def most_exceeded(
+    problem: Problem, limit: Limit, sight: Sight, seen: Array, asked: tuple[float, float] = (-np.inf, np.inf)
+) -> tuple[float, bool]:
     """The most that a drive exceeds a problem's limit at any time, given by how much each of the rows does
     that the scorer looks at, (rows,), and whether that is sure.
 
@@ -69,14 +71,18 @@ def most_exceeded(problem: Problem, limit: Limit, sight: Sight, seen: Array) -> 
         limit: one of its limits.
         sight: what is known of the drive.
         seen: by how much its rows are exceeded at the points that are scored, (rows,).
+        asked: least and most; how far below the least or above the most it is, nobody asks.
     """
-    found = float(seen.max())
+    found, (least, enough) = float(seen.max()), asked
     if limit.looks_at != "state":
         return found, limit.looks_at is not None
-    certain = True
+    certain, found = True, max(found, least)
     try:
-        for excess, periods, stretches in _looked_at(problem, limit, sight, seen):
-            most, sure = largest(excess, periods, np.full(periods.drives, found), stretches=stretches)
+        for excess, periods, stretches in _looked_at(problem, limit, sight, seen, found):
+            if found > enough:
+                break
+            known = np.full(periods.drives, found)
+            most, sure = largest(excess, periods, known, enough=enough, stretches=stretches)
             found, certain = float(most.max()), certain and bool(sure.all())
     except NotEnclosed:
         return found, False
@@ -84,13 +90,13 @@ def most_exceeded(problem: Problem, limit: Limit, sight: Sight, seen: Array) -> 
 
 
 def _looked_at(
-    problem: Problem, limit: Limit, sight: Sight, seen: Array
+    problem: Problem, limit: Limit, sight: Sight, seen: Array, found: float
 ) -> Iterator[tuple[Excess, Periods, Stretches | None]]:
     # The nominal system, with its back-off; and the other systems that are to keep the limit.
     tightening, drive = problem.robust, sight.periods.trajectory
     if tightening is None or not isinstance(limit, PathLimit):
         excess = excess_of(limit, problem.system)
-        yield excess, sight.periods, _near(excess, sight, seen)
+        yield excess, sight.periods, _near(excess, sight, seen, found)
         return
     scenarios = tightening.scenarios(problem.uncertain_system)
     system = scenarios.system
@@ -106,12 +112,12 @@ def _looked_at(
         yield excess_of(limit, system), others, None
 
 
-def _near(excess: Excess, sight: Sight, seen: Array) -> Stretches | None:
-    # The parts of a path between points where more may be than at any point, as far as systems move between
+def _near(excess: Excess, sight: Sight, seen: Array, known: float) -> Stretches | None:
+    # The parts of a path between points where more may be than is known, as far as systems move between
     # them; None where nobody knows how far rows change with that.
     if not np.isfinite(excess.per_metre):
         return None
-    found, drive = seen.max(keepdims=True), sight.periods.trajectory
+    found, drive = np.array([known]), sight.periods.trajectory
     # Of every run all points, (runs, points); at each its most exceeded row.
     points = seen.reshape(-1, drive.runs, FINE * (drive.samples // drive.runs) + 1).max(axis=0)
     reach = excess.per_metre * np.repeat(sight.speeds, FINE) * drive.period / (2 * FINE)

@@ -13,7 +13,7 @@ import numpy as np
 
 from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import evaluate
+from oed.kernel.evaluation import evaluate, limits_exceeded
 from oed.kernel.problem import Problem
 from oed.robots.limits.workspace import Area
 
@@ -43,6 +43,8 @@ MOST_LAPS = 50
 """Laps of a path of given length at most; each costs samples to stop and start."""
 PROPORTIONAL_STEPS = 8
 """Steps of the size in proportion to the length, which converge at once for most patterns."""
+EXACT = 1e-9
+"""Share of a limit's size by which a baseline may exceed it."""
 LENGTH_PRECISION = 1e-6
 """Share of a length that is missed at most by these."""
 
@@ -229,10 +231,9 @@ def _between(
 def _exceeded(problem: Problem, trajectory: Trajectory) -> frozenset[str]:
     # Without the tolerance of `feasible`, which a bisection would use up.
     try:
-        margins = evaluate(problem, trajectory).margins
+        return limits_exceeded(problem, trajectory, EXACT)
     except NotFinite as error:
         return frozenset(map(str, error.flaw.key))
-    return frozenset(margin.name for margin in margins if margin.violation > 1e-9 * margin.size)
 
 
 def of_length(problem: Problem, shape: Shape, length: float, most: float) -> tuple[float, int]:

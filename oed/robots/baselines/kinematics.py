@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools, Places
+from oed.kernel.dynamics.direct_call import direct_call
 from oed.robots.baselines.patterns import Move
 from oed.robots.models.model import Model
 
@@ -17,6 +18,8 @@ SPEED_STEPS = 8
 """Newton steps on a move's speeds; without slip the first one is exact."""
 BEYOND = 1e3
 """How many times the speeds that would do without slip are the most that are tried."""
+SETTLED = 1e-15
+"""Share of these that the last step changes speeds by at most: the next would change the rounding alone."""
 SLOWER = 12
 """Halvings of a move's speeds after which it counts as impossible."""
 SEARCH_STEPS = 40
@@ -77,19 +80,18 @@ class Kinematics:
         """Inputs (K, inputs) that give `twists` (K, rows) at steering `angles` (K, steers), by Newton's
         method on the speeds; far too fast ones where a robot that slips can make no such twist.
         """
-        step = self._newton(len(twists))
-        first = step(np.zeros((len(self.drives), len(twists))), angles.T, twists.T)
-        speeds = np.nan_to_num(np.array(first))
-        most = BEYOND * np.abs(speeds).max(axis=0)
+        shape, step = (len(twists), len(self.drives)), self._newton(len(twists))
+        (first,) = direct_call(step, np.zeros(shape), angles, twists)
+        speeds = np.nan_to_num(first.reshape(shape))
+        most = BEYOND * np.abs(speeds).max(axis=1, keepdims=True)
         for _ in range(SPEED_STEPS - 1):
-            following = np.array(step(speeds, angles.T, twists.T))
-            before = speeds
+            following, before = direct_call(step, speeds, angles, twists)[0].reshape(shape), speeds
             speeds = np.where(np.isfinite(following), following.clip(-most, most), before)
-            if np.array_equal(speeds, before):
+            if (np.abs(speeds - before) <= SETTLED * most).all():
                 # Every further step would end there, too.
                 break
         values = np.zeros((len(twists), len(self.drives) + len(self.steers)))
-        values[:, self.drives], values[:, self.steers] = speeds.T, angles
+        values[:, self.drives], values[:, self.steers] = speeds, angles
         return values
 
     def twists(self, speeds: Array, angles: Array) -> Array:
@@ -138,8 +140,9 @@ class Kinematics:
 
     def _linear(self, values: Array) -> tuple[Array, Array]:
         # Twists (K, rows) and their derivatives (K, rows, inputs).
-        twists, slopes = (np.array(part) for part in self._twist(len(values))(values.T))
-        return twists.T, slopes.T.reshape(len(values), values.shape[1], -1).transpose(0, 2, 1)
+        count = len(values)
+        twists, slopes = direct_call(self._twist(count), values)
+        return twists.reshape(count, -1), slopes.reshape(count, values.shape[1], -1).transpose(0, 2, 1)
 
     def _steering(self, wanted: Array, bounds: Array) -> tuple[Array, Bools]:
         # Angles (moves, steers) that allow each move, within their bounds where possible.
