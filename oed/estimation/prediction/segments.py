@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Literal, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array, block_columns
-from oed.kernel.dynamics.direct_call import direct_call
+from oed.kernel.dynamics.direct_call import DirectCall
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import carrier, stepper
 from oed.kernel.measurement.measurement import Nuisance
@@ -140,7 +140,7 @@ class SegmentReadings:
 
     def __call__(self, driven: Driven) -> Array:
         """The readings (S, K, q), SI."""
-        (found,) = direct_call(self._function("readings"), *driven)
+        (found,) = self._called("readings", driven)
         return self._by_segment(found)
 
     def derivatives(self, driven: Driven) -> tuple[Array, Array]:
@@ -148,37 +148,48 @@ class SegmentReadings:
 
         The columns are the parameters, the segment's own start, the sensor's nuisances.
         """
-        found, slopes = direct_call(self._function("slopes"), *driven)
-        width = len(self.model.parameters) + len(self.model.states) + len(self.sensor.nuisances)
-        return self._by_segment(found), self._by_segment(slopes, width)
+        found, slopes = self._called("slopes", driven)
+        return self._by_segment(found), self._by_segment(slopes, self._width)
 
     def by_twist(self, driven: Driven) -> Array:
         """Derivatives of the readings by the robot's twist at their times, (S, K, q, 3)."""
-        (found,) = direct_call(self._function("by twist"), *driven)
+        (found,) = self._called("by twist", driven)
         return self._by_segment(found, 3)
 
     def whitening(self, driven: Driven) -> Array:
         """A (S, K, q, q) of every reading, with A R A' = 1 for the covariance R of its noise."""
-        (found,) = direct_call(self._function("whitening"), *driven)
+        (found,) = self._called("whitening", driven)
         return self._by_segment(found, self._size).swapaxes(-1, -2)
 
     def _by_segment(self, found: Array, *width: int) -> Array:
         return found.reshape(self.count, -1, self._size, *width)
 
-    @property
+    @cached_property
     def _size(self) -> int:
         return int(moment_reading(self.sensor, self.model).size1_out(0))
 
-    def _function(self, what: What) -> ca.Function:
-        return _segments(self.model, self.sensor, self.count, self.periods, what)
+    @cached_property
+    def _width(self) -> int:
+        return len(self.model.parameters) + len(self.model.states) + len(self.sensor.nuisances)
+
+    def _called(self, what: What, driven: Driven) -> list[Array]:
+        if what not in self._calls:
+            self._calls[what] = _segments(self.model, self.sensor, self.count, self.periods, what)
+        return self._calls[what](*driven)
+
+    @cached_property
+    def _calls(self) -> dict[What, DirectCall]:
+        # Those that were asked for: to find them by robot and sensor again takes longer than many of them.
+        return {}
 
 
 @lru_cache(maxsize=16)
-def _segments(model: Model, sensor: Sensor, count: int, periods: int, what: What) -> ca.Function:
+def _segments(model: Model, sensor: Sensor, count: int, periods: int, what: What) -> DirectCall:
     # Parameters and nuisances are common to all segments. Few are remembered: each holds the indices of all
     # its numbers, and of a long log these take as much room as the numbers themselves.
     function = _segment(model, sensor, periods, what)
-    return function.map("segments", "serial", count, [3, 4], []) if count > 1 else function
+    mapped = function.map("segments", "serial", count, [3, 4], []) if count > 1 else function
+    return DirectCall(mapped)
 
 
 @lru_cache(maxsize=32)
