@@ -78,7 +78,7 @@ class LoggedReadings:
         own = place[: self._constants]
         driven = Driven(self._begun(starts), inputs, steps, parameters, own)
         found, slopes = map(self._on_grid, self._segments.derivatives(driven))
-        found = self._beside_inputs(found, starts, parameters, own)
+        found = self._beside_inputs(found, starts, inputs, parameters, own)
         columns, size = [self.unknowns.slopes(slopes)], len(parameters)
         if len(clocks):
             read = partial(self._at, starts, parameters, place)
@@ -193,15 +193,17 @@ class LoggedReadings:
     def _at(self, starts: Array, parameters: Array, place: Array, offsets: Array) -> Array:
         inputs, own = self.layout.inputs(offsets), place[: self._constants]
         driven = Driven(self._begun(starts), inputs, self.layout.steps, parameters, own)
-        return self._beside_inputs(self._on_grid(self._segments(driven)), starts, parameters, own)
+        return self._beside_inputs(self._on_grid(self._segments(driven)), starts, inputs, parameters, own)
 
-    def _beside_inputs(self, found: Array, starts: Array, parameters: Array, own: Array) -> Array:
+    def _beside_inputs(
+        self, found: Array, starts: Array, inputs: Array, parameters: Array, own: Array
+    ) -> Array:
         # What is read on the inputs' own clock is that of the times which it was put on the grid with.
         layout, chosen = self.layout, self.layout.beside_inputs if self.sensors else None
-        if chosen is None:
+        if chosen is None or inputs is layout.cut_inputs:
             return found
-        inputs = layout.inputs(layout.cut_offsets)
-        return np.where(chosen, self._segments(Driven(starts, inputs, layout.steps, parameters, own)), found)
+        driven = Driven(starts, layout.cut_inputs, layout.steps, parameters, own)
+        return np.where(chosen, self._segments(driven), found)
 
     def _offsets(self, clocks: Array) -> Array:
         return self.offsets + clocks if len(clocks) else self.offsets

@@ -94,10 +94,10 @@ class Unknowns:
         """Derivatives (S, ..., q) of S segments by the unknowns but the clocks, from those by all parameters,
         the segment's own start and all constants, (S, ..., columns).
         """
-        count, states = len(self.robot.parameters), len(self.robot.states)
-        first, constants = count + states, list(self.constants)
+        count, states = len(self._nominals), len(self.robot.states)
+        first = count + states
         own = slopes[..., self._own]
-        place = slopes[..., [first + constants.index(name) for name in self.place]]
+        place = slopes[..., [first + one for one in self._places]]
         if not self.starts:
             return np.concatenate([own, place], axis=-1)
         # Of every run's start, for the run's own readings.
@@ -108,12 +108,11 @@ class Unknowns:
 
     def parts(self, values: Array) -> tuple[Array, Array, Array]:
         """All the robot's parameters (p,), the sensor's place or other constants, the clock offsets given."""
-        parameters, place = np.array(self.robot.nominal, dtype=float), np.array(self.sits)
-        constants = list(self.constants)
+        parameters, place = self._nominals.copy(), np.array(self.sits)
         last = self.size - self.clocks
         first = last - len(self.place)
         parameters[self._own] = values[: len(self.parameters)]
-        place[[constants.index(name) for name in self.place]] = values[first:last]
+        place[self._places] = values[first:last]
         return parameters, place, values[last:]
 
     def coefficients(self, parameters: Array) -> tuple[tuple[str, ...], Array, Array]:
@@ -137,6 +136,16 @@ class Unknowns:
         # Which of the robot's parameters are estimated.
         names = [parameter.name for parameter in self.robot.parameters]
         return [names.index(name) for name in self.parameters]
+
+    @cached_property
+    def _places(self) -> list[int]:
+        # Which of the constants are estimated.
+        constants = list(self.constants)
+        return [constants.index(name) for name in self.place]
+
+    @cached_property
+    def _nominals(self) -> Array:
+        return np.array(self.robot.nominal, dtype=float)
 
 
 def specified_mount(measurement: Measurement, *, relative: bool = False) -> Mount:
