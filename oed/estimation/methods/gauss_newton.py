@@ -112,8 +112,12 @@ def projected(rows: Array, own: Array) -> tuple[Array, Array]:
     if not own.size:
         return rows, np.zeros(rows.shape[:2])
     across = own @ inverse_of_identifiable(own.transpose(0, 2, 1) @ own)
-    explained = across @ (own.transpose(0, 2, 1) @ rows)
-    return rows - explained, np.einsum("sia,sia->si", across, own)
+    return _unexplained(rows, own, across), np.einsum("sia,sia->si", across, own)
+
+
+def _unexplained(rows: Array, own: Array, across: Array) -> Array:
+    # Less what columns `own` explain, `across` being these times the inverse of their square.
+    return np.asarray(rows - across @ (own.transpose(0, 2, 1) @ rows))
 
 
 @dataclass(frozen=True)
@@ -246,7 +250,7 @@ class _Point:
         found = robust_loss(self.search.loss, self.rows.residuals.ravel() ** 2)
         return found.reshape(3, *self.rows.residuals.shape)
 
-    @property
+    @cached_property
     def misfit(self) -> float:
         # From as far as this, such as a track without end, no derivative leads back.
         unknowns, residuals = self.values / self.search.scale, self.rows.residuals
@@ -277,7 +281,9 @@ class _Point:
         known = self.search.root
         if not free.all():
             slopes, known = slopes[..., free], known[:, free]
-        left = np.vstack([projected(slopes, own)[0].reshape(-1, known.shape[1]), known])
+        across = own @ inverse_of_identifiable(own.transpose(0, 2, 1) @ own) if own.size else own
+        flat = _unexplained(slopes, own, across) if own.size else slopes
+        left = np.vstack([flat.reshape(-1, known.shape[1]), known])
         before = self.search.root @ (self.search.known.centre - self.values)
         right = left.T @ np.concatenate([residuals.ravel(), before])
         if damping:
@@ -285,16 +291,8 @@ class _Point:
         factor = SquareRoot.of_rows(left).factor
         step, errors = np.zeros(len(free)), np.zeros(len(free))
         step[free], errors[free] = factor @ (factor.T @ right), np.linalg.norm(factor, axis=1)
-        starts = _fitted(own, residuals - slopes @ step[free])
+        starts = (across.transpose(0, 2, 1) @ (residuals - slopes @ step[free])[..., None])[..., 0]
         return _Step(step, starts, errors, float(np.linalg.norm(factor.T @ right)))
-
-
-def _fitted(own: Array, residuals: Array) -> Array:
-    # Least squares (S, c) of residuals (S, m) by columns (S, m, c).
-    if not own.size:
-        return np.zeros((len(own), own.shape[-1]))
-    across = own.transpose(0, 2, 1)
-    return np.asarray((inverse_of_identifiable(across @ own) @ (across @ residuals[..., None]))[..., 0])
 
 
 def robust_loss(loss: Loss, squares: Array) -> Array:

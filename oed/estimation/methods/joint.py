@@ -6,10 +6,9 @@ Of a designed drive, of whose starts something may be known, they are unknowns l
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import NamedTuple
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -50,14 +49,20 @@ ROUGH = 0.01
 """Noise that the search begins with [m, rad]."""
 
 
-class _Linearised(NamedTuple):
+@dataclass(frozen=True)
+class _Linearised:
     # Readings less their prediction (S, K, k), derivatives of the prediction by the unknowns (S, K, k, q) and
-    # by the segments' own starts (S, K, k, c), SI, and the speeds and yaw rates at logged readings, (S, K).
+    # by the segments' own starts (S, K, k, c), SI.
 
     residuals: Array
     slopes: Array
     own: Array
-    rates: tuple[Array, Array]
+    moving: Callable[[], tuple[Array, Array]]
+
+    @cached_property
+    def rates(self) -> tuple[Array, Array]:
+        # Speeds and yaw rates at logged readings, (S, K), which few noises depend on.
+        return self.moving()
 
 
 @dataclass(frozen=True)
@@ -125,7 +130,7 @@ class JointSearch:
         if key not in self._remembered:
             self._remembered.clear()
             found, slopes, own = self._predicted.derivatives(values, starts)
-            rates = self._predicted.rates(values, starts, found)
+            rates = partial(self._predicted.rates, values, starts, found)
             left = without_turns(self.layout.readings - found, self._predicted.wrapping)
             self._remembered[key] = _Linearised(left, slopes, own, rates)
         return self._remembered[key]
@@ -145,11 +150,11 @@ class _Weighted:
     def __call__(self, values: Array, starts: Array) -> Rows:
         found = self.search.linearised(values, starts)
         every = np.concatenate([found.residuals[..., None], found.slopes, found.own], axis=-1)
-        white = _flat(self._white(every, found.rates))
+        white = _flat(self._white(every, found))
         first = 1 + found.slopes.shape[-1]
         return Rows(white[..., 0], white[..., 1:first], white[..., first:])
 
-    def _white(self, values: Array, rates: tuple[Array, Array]) -> Array:
+    def _white(self, values: Array, at: _Linearised) -> Array:
         # Residuals (S, K, k) or their derivatives (S, K, k, q).
         layout, drive = self.search.layout, self.search.drive
         if not values.size:
@@ -157,13 +162,26 @@ class _Weighted:
         if drive is not None:
             return np.asarray((drive.whitener @ values.reshape(drive.order.size, -1)).reshape(values.shape))
         further = (1,) * (values.ndim - 3)
-        size = self._deviations(rates) * (1.0 if layout.sizes is None else layout.sizes) / self._roots
+        size = self._constant if self._constant is not None else self._sizes(at.rates)
         present = layout.valid.reshape(*layout.valid.shape, *further)
         white = np.where(present, values / size.reshape(*size.shape, *further), 0.0)
         if layout.whitener is not None:
             white[:, -1] = np.einsum("sij,sj...->si...", layout.whitener, white[:, -1])
         lasting = self.search.correlated
         return white if lasting is None else lasting.whitened(layout, white)
+
+    @cached_property
+    def _constant(self) -> Array | None:
+        # Sizes of errors (S, K, k) where they are the same at all rates.
+        if any(one.per_speed or one.per_yaw_rate for one in self.noises.values()):
+            return None
+        still = np.zeros(self.search.layout.valid.shape[:2])
+        return self._sizes((still, still))
+
+    def _sizes(self, rates: tuple[Array, Array]) -> Array:
+        # Of errors, (S, K, k).
+        sizes = self.search.layout.sizes
+        return np.asarray(self._deviations(rates) * (1.0 if sizes is None else sizes) / self._roots)
 
     def _deviations(self, rates: tuple[Array, Array]) -> Array:
         # Of readings (S, K, k), SI; where covariances are given those of typical ones.
@@ -199,9 +217,10 @@ class _Weighted:
         """The solution, if these are the least squares."""
         search, found = self.search, self.search.linearised(values, starts)
         present, known = search.layout.valid, search.known.information
-        white, weights, bend, swing = self._weights(self._white(found.residuals, found.rates))
+        white, weights, bend, swing = self._weights(self._white(found.residuals, found))
         root = np.ones_like(weights) if search.drive else np.sqrt(weights)
-        slopes, own = (self._white(columns, found.rates) * root[..., None] for columns in found[1:3])
+        wide = root[..., None]
+        slopes, own = (self._white(columns, found) * wide for columns in (found.slopes, found.own))
         left, taken = projected(_flat(slopes), _flat(own))
         across = left.transpose(0, 2, 1)
         information = across @ left
@@ -241,7 +260,7 @@ class _Weighted:
         if isinstance(predicted, DriveReadings) or search.correlated or search.layout.relative:
             return None, None
         found, errors = search.linearised(values, starts), predicted.by_errors(values, starts)
-        by_reading = self._white(weighted, found.rates)
+        by_reading = self._white(weighted, found)
 
         def through(slopes: Array) -> Array:
             return np.asarray(np.einsum("skic,skiq->skcq", slopes, by_reading))
