@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import scipy
@@ -87,6 +87,14 @@ class Rows(NamedTuple):
 
 HasRows = Callable[[Array, Array], Rows]
 """Gives rows at common unknowns (q,) and the segments' own (S, c)."""
+
+
+@runtime_checkable
+class HasResiduals(Protocol):
+    """Gives their residuals (S, m) alone, for less."""
+
+    def residuals(self, values: Array, starts: Array) -> Array:
+        """At common unknowns (q,) and the segments' own (S, c)."""
 
 
 class Found(NamedTuple):
@@ -220,6 +228,9 @@ def downhill(here: _Point, after: Callable[[float], _Point], tries: Sequence[flo
     """
     for number, tried in enumerate(tries):
         there = after(tried)
+        if not number:
+            # Most steps go on from the first that is tried, with derivatives; from the others they seldom do.
+            _ = there.rows
         if there.misfit <= here.misfit * (1 + WORSE):
             return there, number
     return here, len(tries)
@@ -246,14 +257,20 @@ class _Point:
         return self.at(self.values, self.starts)
 
     @cached_property
+    def residuals(self) -> Array:
+        if "rows" in self.__dict__ or not isinstance(self.at, HasResiduals):
+            return self.rows.residuals
+        return self.at.residuals(self.values, self.starts)
+
+    @cached_property
     def losses(self) -> Array:
-        found = robust_loss(self.search.loss, self.rows.residuals.ravel() ** 2)
-        return found.reshape(3, *self.rows.residuals.shape)
+        found = robust_loss(self.search.loss, self.residuals.ravel() ** 2)
+        return found.reshape(3, *self.residuals.shape)
 
     @cached_property
     def misfit(self) -> float:
         # From as far as this, such as a track without end, no derivative leads back.
-        unknowns, residuals = self.values / self.search.scale, self.rows.residuals
+        unknowns, residuals = self.values / self.search.scale, self.residuals
         if max(np.abs(one).max(initial=0.0) for one in (unknowns, residuals)) > BEYOND:
             return np.inf
         return float(self.losses[0].sum()) + self.search.known.misfit(self.values)

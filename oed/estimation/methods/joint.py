@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -63,6 +64,22 @@ class _Linearised:
     def rates(self) -> tuple[Array, Array]:
         # Speeds and yaw rates at logged readings, (S, K), which few noises depend on.
         return self.moving()
+
+
+class _Left(NamedTuple):
+    # What least squares would leave: residuals in units of the noise, their weights with the roots of these
+    # (S, K, k), bend and swing of the loss; weighted rows less what the starts explain (S, m, q), rows by the
+    # starts (S, m, c), information by segment (S, q, q), redundancy (S, K, k).
+
+    white: Array
+    weights: Array
+    root: Array
+    bend: float
+    swing: float
+    rows: Array
+    own: Array
+    information: Array
+    redundancy: Array
 
 
 @dataclass(frozen=True)
@@ -130,10 +147,22 @@ class JointSearch:
         if key not in self._remembered:
             self._remembered.clear()
             found, slopes, own = self._predicted.derivatives(values, starts)
-            rates = partial(self._predicted.rates, values, starts, found)
-            left = without_turns(self.layout.readings - found, self._predicted.wrapping)
-            self._remembered[key] = _Linearised(left, slopes, own, rates)
+            self._remembered[key] = self._compared(values, starts, found, slopes, own)
         return self._remembered[key]
+
+    def at(self, values: Array, starts: Array) -> _Linearised:
+        """Residuals there, and no derivatives where these are not known already."""
+        known = self._remembered.get(values.tobytes() + starts.tobytes())
+        if known is not None:
+            return known
+        found = self._predicted(values, starts)
+        none = np.zeros((*found.shape, 0))
+        return self._compared(values, starts, found, none, none)
+
+    def _compared(self, values: Array, starts: Array, found: Array, slopes: Array, own: Array) -> _Linearised:
+        rates = partial(self._predicted.rates, values, starts, found)
+        left = without_turns(self.layout.readings - found, self._predicted.wrapping)
+        return _Linearised(left, slopes, own, rates)
 
     @cached_property
     def _remembered(self) -> dict[bytes, _Linearised]:
@@ -153,6 +182,10 @@ class _Weighted:
         white = _flat(self._white(every, found))
         first = 1 + found.slopes.shape[-1]
         return Rows(white[..., 0], white[..., 1:first], white[..., first:])
+
+    def residuals(self, values: Array, starts: Array) -> Array:
+        found = self.search.at(values, starts)
+        return _flat(self._white(found.residuals[..., None], found))[..., 0]
 
     def _white(self, values: Array, at: _Linearised) -> Array:
         # Residuals (S, K, k) or their derivatives (S, K, k, q).
@@ -195,17 +228,16 @@ class _Weighted:
 
     def renewed(self, values: Array, starts: Array) -> _Weighted:
         """In units of the noise that residuals show."""
-        state, layout = self.fit(values, starts), self.search.layout
+        at, layout = self.search.linearised(values, starts), self.search.layout
         valid, quantities, found = layout.valid, layout.quantities, dict[str, Noise]()
-        rates = np.stack([state.speeds, state.yaw_rates])
-        alike = layout.sizes is None
-        residuals = state.residuals if alike else state.white * self._deviations((rates[0], rates[1]))
+        rates, alike, left = np.stack(at.rates), layout.sizes is None, self._left(at)
+        residuals = at.residuals if alike else left.white * self._deviations(at.rates)
         single = residuals * self._roots
         for group in groups(quantities):
             own = places_of(group, quantities)
             found[group] = estimated(
                 single[..., own][valid[..., own]],
-                state.redundancy[..., own][valid[..., own]],
+                left.redundancy[..., own][valid[..., own]],
                 of_readings(rates, valid[..., own]),
                 robust=self.search.loss != "linear",
                 grows=self.search.grows and alike,
@@ -216,17 +248,9 @@ class _Weighted:
     def fit(self, values: Array, starts: Array) -> Fit:
         """The solution, if these are the least squares."""
         search, found = self.search, self.search.linearised(values, starts)
-        present, known = search.layout.valid, search.known.information
-        white, weights, bend, swing = self._weights(self._white(found.residuals, found))
-        root = np.ones_like(weights) if search.drive else np.sqrt(weights)
-        wide = root[..., None]
-        slopes, own = (self._white(columns, found) * wide for columns in (found.slopes, found.own))
-        left, taken = projected(_flat(slopes), _flat(own))
-        across = left.transpose(0, 2, 1)
-        information = across @ left
-        leverage = np.einsum("sia,sia->si", left @ inverse_of_sum(information.sum(axis=0), known), left)
-        pulls = weights * white / np.where(root > 0, root, 1.0)
-        weighted = left.reshape(found.slopes.shape) * root[..., None]
+        left = self._left(found)
+        pulls = left.weights * left.white / np.where(left.root > 0, left.root, 1.0)
+        weighted = left.rows.reshape(found.slopes.shape) * left.root[..., None]
         by_start, by_errors = self._by_poses(values, starts, weighted)
         return Fit(
             unknowns=search.unknowns,
@@ -235,24 +259,37 @@ class _Weighted:
             starts=starts,
             layout=search.layout,
             residuals=found.residuals,
-            white=white,
-            weights=weights,
-            redundancy=np.where(present, 1 - (taken + leverage).reshape(white.shape), 0.0),
+            white=left.white,
+            weights=left.weights,
+            redundancy=left.redundancy,
             noises=self.noises,
             speeds=found.rates[0],
             yaw_rates=found.rates[1],
-            information=information,
-            scores=(across @ pulls.reshape(*taken.shape, 1))[..., 0],
-            knowledge=known,
+            information=left.information,
+            scores=(left.rows.transpose(0, 2, 1) @ _flat(pulls[..., None]))[..., 0],
+            knowledge=search.known.information,
             converged=False,
             motions=search.layout.relative,
-            bend=bend,
-            swing=swing,
+            bend=left.bend,
+            swing=left.swing,
             by_start=by_start,
             by_errors=by_errors,
             correlated=search.correlated,
-            volumes=self._volumes(_flat(own)),
+            volumes=self._volumes(left.own),
         )
+
+    def _left(self, found: _Linearised) -> _Left:
+        search = self.search
+        white, weights, bend, swing = self._weights(self._white(found.residuals, found))
+        root = np.ones_like(weights) if search.drive else np.sqrt(weights)
+        wide = root[..., None]
+        slopes, own = (_flat(self._white(columns, found) * wide) for columns in (found.slopes, found.own))
+        rows, taken = projected(slopes, own)
+        information = rows.transpose(0, 2, 1) @ rows
+        inverse = inverse_of_sum(information.sum(axis=0), search.known.information)
+        share = taken + np.einsum("sia,sia->si", rows @ inverse, rows)
+        redundancy = np.where(search.layout.valid, 1 - share.reshape(white.shape), 0.0)
+        return _Left(white, weights, root, bend, swing, rows, own, information, redundancy)
 
     def _by_poses(self, values: Array, starts: Array, weighted: Array) -> tuple[Array | None, Array | None]:
         # What errors of poses do to the scores, through readings that each have a noise of their own.

@@ -49,6 +49,10 @@ class DriveReadings:
         still = np.zeros(readings.shape[:2])
         return still, still
 
+    def __call__(self, values: Array, starts: Array) -> Array:
+        """The readings (runs, M, 1), SI."""
+        return self.derivatives(values, starts)[0]
+
     def derivatives(self, values: Array, starts: Array) -> tuple[Array, Array, Array]:
         """The readings (runs, M, 1), SI, their derivatives by the unknowns (runs, M, 1, q), and by none of a
         run alone.
