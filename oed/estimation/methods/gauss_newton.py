@@ -93,6 +93,9 @@ HasRows = Callable[[Array, Array], Rows]
 class HasResiduals(Protocol):
     """Gives their residuals (S, m) alone, for less."""
 
+    def __call__(self, values: Array, starts: Array) -> Rows:
+        """At common unknowns (q,) and the segments' own (S, c)."""
+
     def residuals(self, values: Array, starts: Array) -> Array:
         """At common unknowns (q,) and the segments' own (S, c)."""
 

@@ -29,6 +29,10 @@ What = Literal["readings", "slopes", "whitening", "by twist"]
 Labelled = tuple[tuple[str, Sensor], ...]
 """Sensors by their names."""
 
+PERIODS = 10
+"""Periods that one call of a function takes, for a call takes longer than a period."""
+BASE = 4
+"""Calls that CasADi nests in one: with more of them a function takes longer to be made."""
 OUTPUTS: dict[What, tuple[int, ...]] = {"readings": (0,), "slopes": (0, 1), "whitening": (2,), "by twist": ()}
 """Of the function of a moment's reading."""
 
@@ -198,8 +202,11 @@ def _segment(model: Model, sensor: Sensor, periods: int, what: What) -> ca.Funct
     start, parameters = ca.MX.sym("start", states), ca.MX.sym("p", size)
     inputs, times = ca.MX.sym("inputs", len(model.inputs), periods), ca.MX.sym("times", 1, periods)
     nuisances = ca.MX.sym("nuisances", len(sensor.nuisances))
-    repeated = ca.repmat(parameters, 1, periods)
-    poses = ca.horzcat(start, stepper(model).mapaccum(periods)(start, inputs, repeated, times))
+    slopes = what == "slopes"
+    own = ca.vec(ca.horzcat(ca.DM.zeros(states, size), ca.DM.eye(states)))
+    begin = ca.vertcat(start, own) if slopes else start
+    whole = _followed(model, begin, inputs, parameters, times, slopes=slopes)
+    poses = whole[:states, :]
     instants = sensor.instants(periods)
     count = len(instants[0])
     # At the last time the inputs are those held until then.
@@ -207,14 +214,53 @@ def _segment(model: Model, sensor: Sensor, periods: int, what: What) -> ca.Funct
     moments = [ca.vertcat(*(poses[:, columns] for columns in instants)), ca.vertcat(*held)]
     moments += [ca.repmat(parameters, 1, count), ca.repmat(nuisances, 1, count)]
     moments.append(_lengths(sensor, times, instants))
-    if what == "slopes":
-        begin = ca.horzcat(ca.DM(states, size), ca.DM.eye(states))
-        carry = carrier(model).mapaccum(periods)
-        carried = ca.horzcat(begin, carry(begin, poses[:, :periods], inputs, repeated, times))
+    if slopes:
+        carried = ca.reshape(whole[states:, :], states, -1)
         places = (block_columns(np.array(columns), size + states) for columns in instants)
         moments.append(ca.vertcat(*(carried[:, own] for own in places)))
     found = _moment(sensor, model, what).map(count).call(moments)
     return ca.Function(what.replace(" ", "_"), [start, inputs, times, parameters, nuisances], found)
+
+
+def _followed(
+    model: Model,
+    begin: Expression,
+    inputs: Expression,
+    parameters: Expression,
+    times: Expression,
+    *,
+    slopes: bool,
+) -> Expression:
+    # States at all times, (states, n + 1), with their slopes below them where these are wanted.
+    whole, rest = divmod(times.shape[1], PERIODS)
+    parts, last = [begin], whole * PERIODS
+    for length, count, own in (
+        (PERIODS, whole, slice(0, last)),
+        (1, rest, slice(last, last + rest)),
+    ):
+        if count:
+            function = _several(model, length, slopes=slopes).mapaccum("followed", count, {"base": BASE})
+            repeated = ca.repmat(parameters, 1, count)
+            parts.append(function(parts[-1][:, -1], inputs[:, own], repeated, times[:, own])[1])
+    return ca.horzcat(*parts)
+
+
+@lru_cache(maxsize=32)
+def _several(model: Model, periods: int, *, slopes: bool) -> ca.Function:
+    # (state, inputs (m, n), parameters, times (1, n)) -> the state after the last period, and after each.
+    # With slopes a state has its derivatives by parameters and start, column by column, below it.
+    states, size = len(model.states), len(model.parameters)
+    width = states * (1 + size + states) if slopes else states
+    start, parameters = ca.SX.sym("start", width), ca.SX.sym("p", size)
+    inputs, times = ca.SX.sym("inputs", len(model.inputs), periods), ca.SX.sym("times", 1, periods)
+    found = [start]
+    for period in range(periods):
+        state, own = found[-1][:states], ca.reshape(found[-1][states:], states, -1)
+        given = state, inputs[:, period], parameters, times[period]
+        further = [ca.vec(carrier(model)(own, *given))] if slopes else []
+        found.append(ca.vertcat(ca.densify(stepper(model)(*given)), *further))
+    after = ca.cse([found[-1], ca.horzcat(*found[1:])])
+    return ca.Function("several", [start, inputs, parameters, times], after)
 
 
 def _lengths(sensor: Sensor, times: Expression, instants: Sequence[Sequence[int]]) -> Expression:
