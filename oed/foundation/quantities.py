@@ -14,7 +14,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
 from oed.foundation.shown import written
@@ -122,6 +122,33 @@ def parse_quantity(value: object, unit: str) -> float:
     return float(number) if abs(number) >= SMALLEST else 0.0
 
 
+def parse_size(value: object, nominal: float, unit: str, what: str = "amount") -> float:
+    """The SI value of a positive size: a quantity such as "1 mm", or a share of a nominal value as "2 %".
+
+    Args:
+        value: a number (taken as SI) or a string.
+        nominal: what a share is of, SI.
+        unit: the SI unit expected.
+        what: it is, for errors.
+
+    Raises:
+        ValueError: not positive, a share of nothing, or as `parse_quantity` has it.
+    """
+    size = parse_quantity(value, "") * abs(nominal) if is_share(value) else parse_quantity(value, unit)
+    if is_share(value) and not nominal:
+        raise ValueError(
+            f"a share of a nominal value of 0 is nothing; give an amount{unit and f' in {unit}'}"
+        )
+    if not size > 0:
+        raise ValueError(f"expected a positive {what}, got {written(value)}{counts_as_zero(value)}")
+    return size
+
+
+def is_share(value: object) -> bool:
+    """Whether a quantity is written as a percentage."""
+    return isinstance(value, str) and value.strip().endswith("%")
+
+
 def plain_number(text: str) -> float | None:
     """The number that a text is, not-a-number and infinities included; None if none.
 
@@ -227,6 +254,8 @@ Duration = Annotated[float, Unit("s", "20 s")]
 AngularSpeed = Annotated[float, Unit("rad/s", "10 rad/s")]
 LengthPerYawRate = Annotated[float, Unit("m*s/rad", "3 mm*s/rad")]
 Ratio = Annotated[float, Unit("", "5 %")]
+Size = Annotated[float, Field(strict=True)] | str
+"""What `parse_size` takes, once it is known of what."""
 
 
 def require_covariance(rows: Sequence[Sequence[float]]) -> None:

@@ -303,8 +303,8 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
 
 def _placed(source: Source, flaw: Flaw) -> FileFlaw:
     # What is wrong with a key that the study has not is said of its name.
-    if len(flaw.key) == 1 and flaw.key[0] not in source.data:
-        return source.flaw((), flaw.message, missing=str(flaw.key[0]))
+    if flaw.key and flaw.key[0] not in source.data:
+        return source.flaw((), flaw.message, missing=".".join(map(str, flaw.key)))
     return source.flaw(flaw.key, flaw.message)
 
 

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import Flaw
-from oed.foundation.quantities import parse_quantity
+from oed.foundation.quantities import Size, parse_quantity, parse_size
 from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.prior import Prior
@@ -25,8 +25,6 @@ LIKELY = 3.0
 """Standard deviations within which every system has to be possible."""
 CORNERS = 4
 """Uncertain quantities up to which all corners of their ranges are driven; beyond, their ends one by one."""
-
-Amount = float | str
 
 
 class Uncertainty(Uncertain):
@@ -40,7 +38,7 @@ class Uncertainty(Uncertain):
         distribution: "uniform" over the range, or "normal" with these as standard deviations.
     """
 
-    within: Annotated[dict[str, Amount | tuple[Amount, Amount]], Field(min_length=1)]
+    within: Annotated[dict[str, Size | tuple[Size, Size]], Field(min_length=1)]
     distribution: Literal["uniform", "normal"] = "uniform"
 
     @model_validator(mode="before")
@@ -110,14 +108,7 @@ class Uncertainty(Uncertain):
             if not low <= nominal <= high or low == high:
                 raise ValueError(f"expected a range around the nominal {nominal:g} {unit}, got {list(given)}")
             return low, high
-        if isinstance(given, str) and given.strip().endswith("%"):
-            if not nominal:
-                raise ValueError(f"a share of a nominal value of 0 is nothing; give an amount in {unit}")
-            size = parse_quantity(given, "") * abs(nominal)
-        else:
-            size = parse_quantity(given, unit)
-        if not size > 0:
-            raise ValueError(f"expected a positive amount, got {given!r}")
+        size = parse_size(given, nominal, unit)
         return nominal - size, nominal + size
 
 

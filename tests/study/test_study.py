@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -377,7 +378,27 @@ def test_every_input_needs_a_limit():
         assert f"nothing bounds {name}; add wheel_speed" in flaw.message
 
 
-@pytest.mark.parametrize("value", [".nan", ".inf", "0", "-1"])
+@pytest.mark.parametrize(
+    "sizes", ["c21: 1 mm, c22: 2 %", "c21: 0.1 cm, c22: 0.00049", "c21: 1e-3, c22: 0.49 mm"]
+)
+def test_a_scale_may_have_its_unit_or_be_a_share(sizes: str):
+    problem = parse_study(SMALL.replace("scaling: none", f"scaling: {{{sizes}}}"), "some.yaml").problem
+    assert [one.scales.tolist() for one in problem.any_estimations] == [pytest.approx([1e-3, 0.49e-3])]
+
+
+def test_a_flaw_of_a_key_that_is_not_there_says_its_name():
+    text = SMALL.replace("differential_drive", "skid_steer").replace(
+        "criterion: {kind: E, scaling: none}\n", ""
+    )
+    text = re.sub(
+        "measurement: .*", "measurement: {kind: poses, noise: {position: 1 cm, heading: 1 deg}}", text
+    )
+    (flaw,) = flaws_of(text)
+    assert (flaw.key, flaw.line) == ("criterion.scaling", 1)
+    assert "slip_outer, slip_inner is nominally 0" in flaw.message
+
+
+@pytest.mark.parametrize("value", [".nan", ".inf", "0", "-1", "1 kg", "wide", "true"])
 def test_a_scale_has_to_be_positive_and_finite(value: str):
     text = SMALL.replace("scaling: none", f"scaling: {{c21: {value}, c22: 1}}")
     (flaw,) = flaws_of(text)

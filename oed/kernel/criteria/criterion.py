@@ -63,7 +63,8 @@ class Criterion(Component, ABC):
     """A number for how informative a drive is; larger is better.
 
     Attributes:
-        scaling: of the parameters: "relative" to their nominal values, "none", or a scale for each.
+        scaling: of the parameters: "relative" to their nominal values, "none", or a size for each:
+            SI, "1 mm" or "2 %" of the nominal value.
         subset: the parameters of interest; the others are unknown all the same. All of them if None.
     """
 

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Literal
+from typing import Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import Field
 
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw
+from oed.foundation.quantities import Size, parse_size
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.matrices import eliminate
 from oed.kernel.measurement.measurement import Block
 from oed.kernel.measurement.square_root import SquareRoot, project_out, rounding_of
 
-Scale = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Scaling = Literal["relative", "none"] | Mapping[str, Scale]
+Scaling = Literal["relative", "none"] | Mapping[str, Size]
+"""Sizes of parameters are in SI, with a unit, or shares of the nominal values."""
 SCALINGS = {"relative": "relative to their nominal values", "none": "in SI units"}
 
 
@@ -151,7 +151,12 @@ def scale_factors(block: Block, scaling: Scaling, parameters: Sequence[str] | No
         return np.ones(len(names))
     if scaling == "relative":
         return np.array([block.scales[block.parameters.index(name)] for name in names])
-    return np.array([scaling[name] for name in names], dtype=float)
+    return np.array([_size(block, scaling, name) for name in names])
+
+
+def _size(block: Block, scaling: Mapping[str, Size], name: str) -> float:
+    place = block.parameters.index(name)
+    return parse_size(scaling[name], float(block.nominal[place]), block.units[place], "scale")
 
 
 def scaling_flaws(
@@ -178,15 +183,21 @@ def scaling_flaws(
                 sizes = ", ".join(f"{name}: ..." for name in names)
                 text = (
                     f"{', '.join(zero)} is nominally 0 and has no relative precision; give the `criterion` "
-                    f"sizes in SI, scaling: {{{sizes}}}, or scaling: none"
+                    f"sizes, scaling: {{{sizes}}}, or scaling: none"
                 )
                 flaws.append(Flaw(("criterion", "scaling"), text))
     if isinstance(scaling, Mapping):
         flaws += _scale_name_flaws([name for names in chosen for name in names], scaling)
+        owners = {name: block for block, names in zip(blocks, chosen, strict=True) for name in names}
+        for name in [name for name in scaling if name in owners]:
+            try:
+                _size(owners[name], scaling, name)
+            except ValueError as error:
+                flaws.append(Flaw(("criterion", "scaling", name), str(error)))
     return flaws
 
 
-def _scale_name_flaws(names: list[str], scaling: Mapping[str, float]) -> list[Flaw]:
+def _scale_name_flaws(names: list[str], scaling: Mapping[str, Size]) -> list[Flaw]:
     flaws = []
     for name in names:
         if name not in scaling:

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
-from oed.foundation.quantities import parse_quantity, require_covariance
+from oed.foundation.quantities import Size, parse_size, require_covariance
 from oed.foundation.text import did_you_mean
 
 
@@ -22,7 +22,7 @@ class Prior(Component):
         parameters, covariance: or names, and their covariance matrix in SI units.
     """
 
-    standard_deviations: dict[str, float | str] = Field(default_factory=dict)
+    standard_deviations: dict[str, Size] = Field(default_factory=dict)
     parameters: tuple[str, ...] = ()
     covariance: tuple[tuple[float, ...], ...] = ()
 
@@ -91,11 +91,4 @@ class Prior(Component):
         return matrix
 
     def _deviation(self, name: str, nominal: float, unit: str) -> float:
-        given = self.standard_deviations[name]
-        if isinstance(given, str) and given.strip().endswith("%"):
-            size = parse_quantity(given, "") * abs(nominal)
-        else:
-            size = parse_quantity(given, unit)
-        if not size > 0:
-            raise ValueError(f"expected a positive standard deviation, got {given!r}")
-        return size
+        return parse_size(self.standard_deviations[name], nominal, unit, "standard deviation")
