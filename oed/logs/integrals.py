@@ -83,12 +83,17 @@ def counted(series: Series, place: int, key: str, wrap: float | None) -> Turned:
 
 
 def _out_of_range(series: Series, place: int, key: str, wrap: float) -> list[FileFlaw]:
+    # Named is the first reading that is outside of where counters count, from 0 or to both sides of it.
     values = series.values[:, place]
     span = float(np.ptp(values))
     if span <= wrap * (1 + 1e-9):
         return []
-    row = int(np.argmax(np.abs(values - values[0])))
-    text = f"the counter's readings span {span:.10g}, more than `wrap: {wrap:.10g}` allows"
+    outside = [(values < low) | (values > low + wrap) for low in (0.0, -wrap / 2)]
+    row = int(np.argmax(min(outside, key=np.count_nonzero)))
+    text = (
+        f"the counter reads {values[row]:.10g}, and its readings span {span:.10g}, more than "
+        f"`wrap: {wrap:.10g}` allows"
+    )
     return [series.flaw(row, key, text)]
 
 

@@ -220,6 +220,8 @@ class TestColumns:
         flaw = flaw_of(file, **({"poses": {"keep": keep}} if of_poses else {"keep": keep}))
         assert message in flaw.message
         assert flaw.line == line
+        if message.startswith("no row"):
+            assert flaw.key == ("poses.keep" if of_poses else "keep")
 
     def test_no_rows_of_a_tum_file_to_keep(self, file: Path):
         with pytest.raises(ProblemError, match=r"log\.poses\.keep: a TUM file has no further columns"):
@@ -370,6 +372,21 @@ class TestWheels:
         wrapped = {name: {**keys, "wrap": 256} for name, keys in TICKS.items()}
         flaws = flaws_of(write(file, cells(table)), inputs=wrapped)
         assert all("more than `wrap: 256` allows" in flaw.message for flaw in flaws)
+        assert [flaw.line for flaw in flaws] == [
+            int(np.argmax(np.abs(table[:, place]) > 256)) + 2 for place in (1, 2)
+        ]
+
+    @pytest.mark.parametrize("low", [0, -128])
+    @pytest.mark.parametrize("glitch", [300, -400])
+    def test_a_single_reading_outside_of_a_counters_range(self, file: Path, low: int, glitch: int):
+        table = TABLE.copy()
+        table[:, 1:3] = low + np.mod(np.round(np.cumsum(TABLE[:, 1:3], axis=0)) + 240, 256)
+        table[50, 1] = glitch
+        wrapped = {name: {**keys, "wrap": 256} for name, keys in TICKS.items()}
+        (flaw,) = [
+            one for one in flaws_of(write(file, cells(table)), inputs=wrapped) if "span" in one.message
+        ]
+        assert (flaw.line, flaw.key) == (52, "wheel_speed_right")
 
     def test_a_counter_that_jumps_by_half_its_range(self, file: Path):
         table = TABLE.copy()

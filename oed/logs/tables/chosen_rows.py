@@ -93,7 +93,7 @@ def kept_rows(table: Table, keep: Mapping[str, Wanted], skip: bool, *key: str) -
     if not kept.any():
         said = (f"{name} {_in_words(one)}" for name, one in keep.items())
         text = f"no row has {' and '.join(said)}"
-        raise LogError([NotInLog(table.file, 0, 0, "keep", text, ("log", *key))])
+        raise LogError([NotInLog(table.file, 0, 0, ".".join(key), text, ("log", *key))])
     return kept
 
 

@@ -22,6 +22,8 @@ STEPS = (1e-6, 60.0)
 """Steps between readings [s], by which milliseconds since 1970 are known from other large numbers."""
 LIKE = "2024-05-31 14:03:07.25, with a time zone or without (ISO 8601)"
 _ZONE = re.compile(r"\s*(UTC|GMT|Z)$", re.IGNORECASE)
+_DATE = re.compile(r"\d[-./: ]+\w+[-./: ]+\d")
+"""Dates and times of day in any form have three parts."""
 _BLANK = re.compile(r"\s+(?=[+-]\d\d:?\d\d$)")
 
 
@@ -46,6 +48,13 @@ def read_times(table: Table, place: int, column: TimeColumn, *, skip: bool = Fal
     number = [column.form != "date" and plain_number(cell) is not None for cell in cells]
     moments = [None if known else _moment(cell) for known, cell in zip(number, cells, strict=True)]
     dated, filled = sum(map(bool, moments)), sum(map(bool, cells))
+    odd = [row for row, cell in enumerate(cells) if cell and not moments[row] and not number[row]]
+    likely = column.form == "date" or (column.form is None and odd and _DATE.search(cells[odd[0]]))
+    if likely and 1 < len(odd) > filled / 2:
+        # One flaw is enough where they all are in another form.
+        got = f"got {len(odd)} that are none, such as {written(cells[odd[0]])}: write them so"
+        text = f"expected dates and times as {LIKE}, {got}, or as seconds"
+        raise LogError([_flaw(table, odd[0], place, text)])
     if column.form == "number" or (column.form is None and 2 * dated < filled):
         return seconds(table.finite(place, skip), column.unit)
     wrong = {
