@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -85,6 +86,87 @@ def test_the_noise_of_each_sensor_is_looked_at(place: str):
     lines = [line for line in small().splitlines() if not line.startswith("measurement")]
     with pytest.raises(StudyError, match=f"{place}: 1 is taken as 1 "):
         parse_study("\n".join([*lines, f"measurement: {sensors}"]))
+
+
+def seeing(sensor: str, room: str = ROOM, robot: str = "kind: differential_drive") -> str:
+    text = changed("kind: differential_drive", robot)
+    lines = [line for line in text.replace(ROOM, room).splitlines() if not line.startswith("measurement")]
+    return "\n".join([*lines, f"measurement: {sensor}"])
+
+
+MARKS = "kind: landmarks, noise: {range: 3 cm, bearing: 1 deg}, landmarks"
+
+
+@pytest.mark.parametrize(
+    ("sensor", "words"),
+    [
+        (
+            f"{{{MARKS}: [[1, 0], [0, 1]], latency: 100 s}}",
+            "measurement.latency: 100 is taken as 100 s, more than 10 s; did you mean '100 ms'?",
+        ),
+        (
+            f"[{{kind: yaw_rate, noise: 1 deg/s}}, {{{MARKS}: [[1, 0], [1000 km, 0]]}}]",
+            "measurement.1.landmarks.1: is 1000 km from everything else, too far to be seen",
+        ),
+        (
+            f"{{{MARKS}: [[1, 0], [0, 1]], lever_arm: {{x: 12}}}}",
+            "measurement.lever_arm.x: 12 is taken as 12 m, more than its room of 2 m; did you mean '12 cm'?",
+        ),
+        (
+            "{kind: relative_poses, noise: {position: 1 cm, heading: 1 deg}, mounting: {y: -12}}",
+            "measurement.mounting.y: 12 is taken as 12 m, more than its room of 2 m; did you mean '12 cm'?",
+        ),
+        (f"{{{MARKS}: [[1, 0], [0, 1], [1, 0]]}}", "measurement.landmarks.2: is where landmark 1 is"),
+        (
+            f"[{{kind: yaw_rate, noise: 1 deg/s}}, {{{MARKS}: [[1, 0], [1, 0]], ids: [a, b]}}]",
+            "measurement.1.landmarks.1: is where landmark a is; give each a place of its own",
+        ),
+        (f"{{{MARKS}: [[1, 0], [0, 1]], ids: [a, a]}}", "measurement.ids: the id a is listed twice"),
+        (
+            "{kind: ranges, noise: 5 cm, beacons: [[1, 0], [0, 1], [0, 1]]}",
+            "measurement.beacons.2: is where beacon 2 is",
+        ),
+        (
+            "{kind: tags, quantities: [range], noise: {range: 3 cm}, tags: [[1, 0, 0], [1, 0, 0]]}",
+            "measurement.tags.1: is where tag 1 is",
+        ),
+    ],
+)
+def test_places_and_times_of_sensors_are_looked_at(sensor: str, words: str):
+    with pytest.raises(StudyError) as caught:
+        parse_study(seeing(sensor))
+    assert words in str(caught.value)
+
+
+def test_a_lag_that_no_robot_has_is_questioned():
+    robot = "robot: {kind: unicycle, lag_v: 100}"
+    with pytest.raises(StudyError, match=r"robot.lag_v: 100 is taken as 100 s, more than 10 s; did you mean"):
+        parse_study(
+            re.sub("robot: .*", robot, seeing("{kind: poses, noise: {position: 1 cm, heading: 1 deg}}"))
+        )
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        # Both sides of a board, and a clock that is seconds apart.
+        "{kind: tags, quantities: [range], noise: {range: 3 cm}, tags: [[1, 0, 0], [1, 0, 180 deg]]}",
+        f"{{{MARKS}: [[1, 0], [0, 1]], latency: 2 s}}",
+    ],
+)
+def test_places_and_times_of_real_sensors_are_not(sensor: str):
+    parse_study(seeing(sensor))
+
+
+@pytest.mark.parametrize("designed", [False, True])
+def test_places_in_the_coordinates_of_a_country_are_not(designed: bool):
+    text = seeing(
+        f"{{{MARKS}: [[500003, 5400001], [500001, 5400004]]}}", "x: [5e5, 500010], y: [5.4e6, 5400010]"
+    )
+    if designed:
+        parse_study(text.replace("samples: 40", "samples: 40, start: {x: 500005, y: 5400005}"))
+    else:
+        parse_study(re.sub(r"(trajectory: .*|limits:\n( .*\n)*|solvers: .*)", "", text))
 
 
 @pytest.mark.parametrize(

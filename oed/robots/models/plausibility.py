@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import inf, pi
+from itertools import product
+from math import hypot, inf, isfinite, pi
 from typing import TYPE_CHECKING, Any
 
 from oed.foundation.errors import Flaw
@@ -34,13 +35,17 @@ LEAST_NOISE = 0.5
 """Least noise [m] that looks like a number without its unit."""
 UNSURE = 0.5
 """Noise [rad, rad/s] of an angle, or of its rate, beyond which none is meant."""
+LATE = 10.0
+"""Latency, or lag [s], beyond which none is meant."""
+SIGHT = 1e5
+"""Distance [m] beyond which nothing is seen from the ground: a hundred kilometres."""
 FULL_TURN = 2 * pi
 OTHER_UNITS = {"m": ("cm", "mm"), "rad": ("deg",), "rad/s": ("deg/s",), "s": ("ms",)}
 """SI unit -> units that are often left out."""
 
 
 def size_flaws(robot: object, problem: Problem) -> Iterator[Flaw]:
-    """Durations, rooms, robots and noise of absurd sizes: of which a unit is missing, or wrong.
+    """Durations, rooms, robots, noise and places of absurd sizes: of which a unit is missing, or wrong.
 
     Args:
         robot: of the problem.
@@ -53,6 +58,7 @@ def size_flaws(robot: object, problem: Problem) -> Iterator[Flaw]:
         yield Flaw(("limits", "workspace"), text)
     yield from _robot_flaws(robot, shorter)
     yield from _noise_flaws(problem, shorter)
+    yield from _sensor_flaws(problem, shorter)
     yield from _angle_flaws(problem)
 
 
@@ -64,6 +70,8 @@ def _room(problem: Problem) -> tuple[float, float]:
 
 
 def _robot_flaws(robot: object, room: float) -> Iterator[Flaw]:
+    for name, size in _sizes(robot, "s"):
+        yield from _question(("robot", name), size, "s", LATE, f"{LATE:g} s")
     # How far the body reaches is compared with the room by the room itself.
     lengths = {name: abs(size) for name, size in _sizes(robot, "m") if name != "body_radius"}
     wheels = {name: size for name, size in lengths.items() if name.startswith("wheel_radius")}
@@ -95,18 +103,51 @@ def _robot_flaws(robot: object, room: float) -> Iterator[Flaw]:
 
 
 def _noise_flaws(problem: Problem, room: float) -> Iterator[Flaw]:
-    several = getattr(problem.measurement, "sensors", None)
-    each: list[tuple[Key, object]] = [((), problem.measurement)]
-    each = each if several is None else [((place,), one) for place, one in enumerate(several)]
     known = {
         "m": (max(NOISY * room, LEAST_NOISE), f"an eighth of a room of {room:g} m"),
         "rad": (UNSURE, f"{UNSURE:g} rad"),
         "rad/s": (UNSURE, f"{UNSURE:g} rad/s"),
     }
-    for place, sensor in each:
+    for place, sensor in _sensors(problem):
         for unit, most in known.items():
             for key, size in _noises(sensor, unit):
-                yield from _question(("measurement", *place, *key), size, unit, *most)
+                yield from _question((*place, *key), size, unit, *most)
+
+
+def _sensors(problem: Problem) -> list[tuple[Key, Any]]:
+    several = getattr(problem.measurement, "sensors", None)
+    if several is None:
+        return [(("measurement",), problem.measurement)]
+    return [(("measurement", place), one) for place, one in enumerate(several)]
+
+
+def _sensor_flaws(problem: Problem, room: float) -> Iterator[Flaw]:
+    # When and where they read, and where what they see stands.
+    for key, sensor in _sensors(problem):
+        for name, size in _sizes(sensor, "s"):
+            yield from _question((*key, name), size, "s", LATE, f"{LATE:g} s")
+        most = min((max(room, METRES), f"its room of {room:g} m"), (WIDEST, "any robot has"))
+        for part in ("lever_arm", "mounting"):
+            # However little may be known of it.
+            sizes = (one for one in _sizes(getattr(sensor, part, None), "m") if one[0] != "deviation")
+            for name, size in sizes:
+                yield from _question((*key, part, name), abs(size), "m", *most)
+        places = getattr(sensor, "places", ())
+        for number, one in enumerate(places):
+            near = _whereabouts(problem) or [other[:2] for other in places if other is not one]
+            far = min((hypot(one[0] - x, one[1] - y) for x, y in near), default=0.0)
+            if far > SIGHT:
+                text = f"is {far / 1e3:.4g} km from everything else, too far to be seen: is its unit right?"
+                yield Flaw((*key, f"{sensor.point}s", number), text)
+
+
+def _whereabouts(problem: Problem) -> list[tuple[float, float]]:
+    # Points that the robot is near, where its room or its starts say so.
+    bounds = {name: pair for one in problem.limits for name, pair in one.state_bounds().items()}
+    starts = problem.design.fixed_starts
+    if {"x", "y"} <= bounds.keys() and all(map(isfinite, (*bounds["x"], *bounds["y"]))):
+        return list(product(bounds["x"], bounds["y"]))
+    return [] if starts is None or not problem.designed else [(x, y) for x, y, *_ in starts.tolist()]
 
 
 def _noises(sensor: object, unit: str) -> Iterator[tuple[Key, float]]:

@@ -145,8 +145,10 @@ class Sights(MappedSensor):
         return f"{seen} {count(len(self.places), self.point)} at {times}"
 
     def flaws(self, system: System, samples: int) -> list[Flaw]:
-        """Quantities without noise or listed twice, ids that do not tell the points apart."""
-        flaws = []
+        """Quantities without noise or listed twice, ids or places that do not tell the points apart."""
+        flaws = (
+            super().flaws(system, samples) if self.ids is None or len(self.ids) == len(self.places) else []
+        )
         if len(set(self.quantities)) < len(self.quantities):
             flaws.append(Flaw(("measurement", "quantities"), "a quantity is listed twice"))
         missing = [name for name in self.quantities if self.noise.of(name) is None]

@@ -11,9 +11,11 @@ import numpy as np
 from pydantic import Field
 
 from oed.foundation.arrays import Array
+from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Length
 from oed.foundation.text import count, listing
 from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import Moment, Sensor
 from oed.robots.sensors.placed import PlacedSensor
@@ -71,6 +73,16 @@ class MappedSensor(PlacedSensor):
         """The pose, where neither it nor any point is known beforehand."""
         free = self.map == "unknown" and self.initial_pose == "unknown"
         return tuple(axis for axis, _ in AXES) if free else ()
+
+    def flaws(self, system: System, samples: int) -> list[Flaw]:
+        """Points that are where another one is."""
+        found = []
+        for number, place in enumerate(self.places):
+            first = self.places.index(place)
+            if first < number:
+                text = f"is where {self.point} {self.labels[first]} is; give each a place of its own"
+                found.append(Flaw(("measurement", f"{self.point}s", number), text))
+        return found
 
     @property
     def frame(self) -> tuple[str, ...]:
