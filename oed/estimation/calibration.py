@@ -29,6 +29,7 @@ from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting, Segmenting
 from oed.estimation.prediction.motion_layout import noise_specified
 from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess, thinned, thinning_notes
+from oed.estimation.preprocessing.steering_checks import steered_beyond
 from oed.estimation.setup.options import CalibrationOptions, CovarianceName, alternative_flaws
 from oed.estimation.setup.unknowns import PLACE
 from oed.foundation.arrays import Array
@@ -254,8 +255,9 @@ class _Work:
 
     def _preprocess(self, logs: Sequence[Log]) -> PreparedLogs:
         # What is too long for a fit is too long for all that goes before and comes after it.
-        compare = self.options.clock_offset
-        return preprocess(robot_of(self.problem.system), thinned(logs), compare_clocks=compare)
+        robot, limits = robot_of(self.problem.system), self.problem.limits
+        steered = [steered_beyond(log, robot, limits) for log in thinned(logs)]
+        return preprocess(robot, steered, compare_clocks=self.options.clock_offset)
 
     @cached_property
     def _fitting(self) -> Fitting:

@@ -18,6 +18,8 @@ ODD_WHEEL = 1.3
 """Factor between a wheel's radius and its nominal value that looks like a mistake."""
 ODD_LENGTH = 1.5
 """The same of other lengths of a robot that does not skid: they are measured with a ruler."""
+ODD_ZERO = 0.5
+"""Size of a steering angle's zero [rad] that looks like one of another place: 29 degrees."""
 ODD = 3.0
 """The same of everything else: a robot that skids turns as if it were two or three times as wide."""
 SURELY = 3.0
@@ -84,6 +86,11 @@ def _sign(robot: Model, parameter: Parameter, value: float, error: float) -> Ite
 def _size(robot: Model, parameter: Parameter, value: float, error: float) -> Iterator[Doubt]:
     name, nominal, wheel = parameter.name, parameter.nominal, parameter.name.startswith("wheel_radius")
     if abs(value - nominal) < SURELY * error:
+        return
+    if parameter.unit == "rad" and abs(value - nominal) > ODD_ZERO:
+        text = f"{words(name)} is {_with_error(parameter, value, error)}, far from its nominal value"
+        remedy = "say in the log's `zero` what the encoder shows straight ahead, and look at its unit"
+        yield Doubt(name, "size", f"{text} of {_text(parameter)}: {remedy}")
         return
     if parameter.size:
         most = ODD * max(parameter.size, abs(nominal))

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from oed.estimation.prediction.layout import GAP, stretches
 from oed.estimation.preprocessing.motion_checks import motion_fault, with_left_out, without_strays
 from oed.estimation.preprocessing.moves import Moves, clock_offsets
+from oed.estimation.preprocessing.steering_checks import STEERED, zero_fault
 from oed.estimation.preprocessing.wiring_checks import (
     explained_by_other_sizes,
     frozen,
@@ -197,21 +198,28 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
     for index, file in enumerate(moves.layout.clocks):
         own = moves.within(moves.layout.clock == index)
         left = poorly_explained(own)
-        odd = (one for log in logs if log.file == file for one in log.findings if one.name == IN_DEGREES)
-        key, wrong = _what_is_wrong(own, left, next((f"; {one.message}" for one in odd), ""))
+        found = (one for log in logs if log.file == file for one in log.findings)
+        odd = (f"; {one.message}" for one in found if one.name in (IN_DEGREES, STEERED))
+        key, wrong = _what_is_wrong(own, left, next(odd, ""))
+        # As of crossed wires, clocks that agree may be taken to be apart.
+        agreeing = replace(own, offsets=np.zeros_like(own.offsets))
+        zero = zero_fault(agreeing) or zero_fault(own) if wrong or left is not None else None
+        if wrong and zero is not None:
+            key, wrong = zero
         if logs[0].motions is not None:
             wrong = motion_fault(own, [log for log in logs if log.file == file]) or wrong
         if wrong:
             flaws.append(FileFlaw(file, 0, 0, key, wrong))
         elif left is not None:
             doubts[file] = f"the wheels leave {100 * left:.0f} % of the measured motion unexplained"
+            doubts[file] += "" if zero is None else f"; {zero[0]}: {zero[1]}"
     if flaws:
         raise LogError(flaws)
-    found = tuple(
+    prepared = tuple(
         log.found("poorly_explained", doubts[log.file], doubtful=True) if log.file in doubts else log
         for log in logs
     )
-    return PreparedLogs(found, moves.offsets, moves.mounting())
+    return PreparedLogs(prepared, moves.offsets, moves.mounting())
 
 
 def _what_is_wrong(moves: Moves, left: float | None, odd: str) -> tuple[str, str]:

@@ -1,0 +1,106 @@
+"""Steering readings that leave what a robot can do, and zeros that are far off."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated import course, log_of, logged_problem, truth_of
+
+from oed.estimation import calibrate
+from oed.estimation.preprocessing.steering_checks import steered_beyond
+from oed.foundation.errors import LogError
+from oed.logs.log import Log
+from oed.robots.limits import SteeringAngle
+from oed.robots.models import Ackermann, Model, Tricycle
+
+CAR, TRUCK = Ackermann(wheel_radius=0.05, wheelbase=0.4), Tricycle(wheel_radius=0.05, wheelbase=0.4)
+MODELS = pytest.mark.parametrize("model", [CAR, TRUCK], ids=["ackermann", "tricycle"])
+
+
+def steered(model: Model, off: float, clock: float = 0.0) -> Log:
+    """A log whose steering encoder shows `off` [deg] straight ahead."""
+    inputs = course(model, truth_of(model), seconds=30.0).inputs * [1.0, 1.5]
+    drive = course(model, truth_of(model), seconds=30.0, inputs=inputs)
+    log = log_of(drive, noise=(0.002, 0.003), offset=clock)
+    turned = np.outer(log.input_times - log.input_times[0], [0.0, np.radians(off)])
+    return replace(log, integrals=log.integrals + turned)
+
+
+def doubted(model: Model, off: float) -> dict[str, str]:
+    """What an estimate from such a log is doubted for, or the log refused."""
+    try:
+        found = calibrate(logged_problem(model=model), [steered(model, off)])
+    except LogError as error:
+        return {flaw.key: flaw.message for flaw in error.flaws}
+    doubts = {one.parameter: one.message for one in found.doubts}
+    return doubts | {one.name: one.message for log in found.logs for one in log.findings if one.doubtful}
+
+
+@pytest.mark.parametrize(
+    ("model", "off", "key"),
+    [
+        (CAR, -45.0, "steering_angle"),
+        (CAR, 30.0, "steering_angle"),
+        (CAR, 60.0, "steering_angle"),
+        (TRUCK, 30.0, "steering_angle"),
+        (TRUCK, 60.0, "steering_angle"),
+        (TRUCK, 180.0, "steering_angle"),
+        # Of these the nominal sizes explain enough for a fit, which finds the offset.
+        (TRUCK, -45.0, "poorly_explained"),
+        (TRUCK, -135.0, "poorly_explained"),
+    ],
+)
+def test_a_missing_zero_is_named(model: Model, off: float, key: str):
+    found = doubted(model, off)
+    assert "`zero`" in found[key]
+    said = float(found[key].partition("its zero seems to be ")[2].partition(" deg")[0])
+    assert said == pytest.approx(off, abs=2) or abs(said) == pytest.approx(abs(off), abs=2) == 180
+    if key == "poorly_explained":
+        assert "say in the log's `zero`" in found["steering_offset"]
+
+
+def test_half_a_turn_is_the_same_to_a_car_but_beyond_what_it_steers():
+    assert "`zero`" in doubted(CAR, 180.0)["steered_beyond"]
+
+
+def test_a_missing_zero_is_named_where_clocks_are_apart():
+    with pytest.raises(LogError, match=r"steering_angle: its zero seems to be \S+ deg off straight ahead"):
+        calibrate(logged_problem(model=TRUCK), [steered(TRUCK, 60.0, clock=0.4)])
+
+
+@MODELS
+@pytest.mark.parametrize("off", [-3.0, 0.0, 2.0])
+def test_a_small_one_is_what_is_estimated(model: Model, off: float):
+    found = calibrate(logged_problem(model=model), [steered(model, off)])
+    place = found.parameters.index("steering_offset")
+    error = np.sqrt(found.covariance[place, place])
+    assert abs(found.values[place] + np.radians(off)) < 4 * error + 1e-3
+    assert not [one for log in found.logs for one in log.findings if one.doubtful]
+
+
+@pytest.mark.parametrize(
+    ("model", "most", "off", "beyond"),
+    [
+        (TRUCK, 40.0, 0.0, False),
+        (TRUCK, 40.0, 60.0, True),
+        (TRUCK, None, 120.0, False),
+        (CAR, None, 0.0, False),
+        (CAR, None, 180.0, True),
+        (CAR, 40.0, 80.0, True),
+        (CAR, 5.0, 0.0, True),
+    ],
+)
+def test_angles_beyond_what_the_robot_steers(model: Model, most: float | None, off: float, beyond: bool):
+    limits = [] if most is None else [SteeringAngle(bounds=f"{most} deg")]
+    findings = steered_beyond(steered(model, off), model, limits).findings
+    assert [(one.name, one.doubtful) for one in findings] == [("steered_beyond", True)] * beyond
+    assert all("steering_angle is beyond the robot's" in one.message for one in findings)
+
+
+def test_angles_beyond_them_are_said_with_the_estimate():
+    problem = logged_problem(model=CAR)
+    limits = (*(one for one in problem.limits if one.name != "steering_angle"), SteeringAngle(bounds="4 deg"))
+    (log,) = calibrate(replace(problem, limits=limits), [steered(CAR, 0.0)]).logs
+    assert "steered_beyond" in {one.name for one in log.findings}
