@@ -316,7 +316,8 @@ def planar(series: Series) -> Series:
         LogError: quaternions that are none.
     """
     turned = series.values[:, -4:]
-    sizes = np.linalg.norm(turned, axis=1)
+    with np.errstate(over="ignore"):
+        sizes = np.linalg.norm(turned, axis=1)
     flaws = [
         series.flaw(row, series.clock, "expected a unit quaternion")
         for row in np.flatnonzero(np.abs(sizes - 1) > OFF_UNIT).tolist()

@@ -79,7 +79,7 @@ class RecordedDrive:
 
 
 def _to_log(drive: RecordedDrive, form: LogForm, held: Repeats) -> Log:
-    drive = _with_path(drive)
+    drive = _with_path(drive, form.thin)
     flaws = [*_clock_flaws(drive)]
     if flaws:
         raise LogError(flaws)
@@ -94,7 +94,7 @@ def _to_log(drive: RecordedDrive, form: LogForm, held: Repeats) -> Log:
         drive = _without_held(drive)
     if form.skip_stationary:
         drive = _without_standing(drive)
-    if form.thin > 1:
+    if form.thin > 1 and drive.motions is None:
         drive = _thinned(drive, form.thin)
     drive = _with_poses_checked(_with_running_heading(_with_gaps_found(drive, form.gap)))
     return Log(
@@ -111,8 +111,8 @@ def _to_log(drive: RecordedDrive, form: LogForm, held: Repeats) -> Log:
     )
 
 
-def _with_path(drive: RecordedDrive) -> RecordedDrive:
-    # The poses that motions make up, in place of their rows.
+def _with_path(drive: RecordedDrive, each: int) -> RecordedDrive:
+    # The poses that motions make up, in place of their rows; of one motion in each if some are left out.
     if drive.relative is None:
         return drive
     rows, follows = drive.poses, drive.relative == "follows"
@@ -123,8 +123,12 @@ def _with_path(drive: RecordedDrive) -> RecordedDrive:
         raise LogError(flaws + wrong)
     if motions is None:
         return replace(drive, poses=rows.rows(slice(0)).with_values(np.zeros((0, len(QUANTITIES)))))
-    path = motions.path()
     lines = rows.lines[np.argsort(rows.times, kind="stable")][-len(motions) :]
+    if each > 1:
+        kept = np.arange(len(motions)) % each == 0
+        drive = drive.with_found(_thinning(drive, len(motions), int(kept.sum()), each, "motions"))
+        motions, lines = motions.rows(kept), lines[kept]
+    path = motions.path()
     poses = replace(rows, times=path.times, values=path.poses, lines=lines[path.motions])
     return replace(drive, poses=poses, motions=replace(motions, begins=path.begins))
 
@@ -218,11 +222,14 @@ def _without_standing(drive: RecordedDrive) -> RecordedDrive:
 
 def _thinned(drive: RecordedDrive, each: int) -> RecordedDrive:
     kept = drive.poses.rows(slice(None, None, each))
-    if len(kept) < FEWEST:
-        left = f"one in {each} of {len(drive.poses)} poses leaves {len(kept)}"
-        text = f"{drive.name}: {left}; at least {FEWEST} are needed"
+    return replace(drive, poses=kept).with_found(_thinning(drive, len(drive.poses), len(kept), each, "poses"))
+
+
+def _thinning(drive: RecordedDrive, count: int, left: int, each: int, what: str) -> Finding:
+    if left < FEWEST:
+        text = f"{drive.name}: one in {each} of {count} {what} leaves {left}; at least {FEWEST} are needed"
         raise LogError([NotInLog(drive.poses.file, 0, 0, "thin", text, ("log", "thin"))])
-    return replace(drive, poses=kept).with_found(findings.thinned(len(drive.poses), each))
+    return findings.thinned(count, each, what)
 
 
 def _with_gaps_found(drive: RecordedDrive, gap: float | None) -> RecordedDrive:

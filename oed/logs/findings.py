@@ -161,9 +161,9 @@ def tracker_lost(poses: Series, lost: Bools) -> Finding:
     return Finding("tracker_lost", text)
 
 
-def thinned(poses: int, each: int) -> Finding:
-    """That of so many poses the study asks for one in `each`."""
-    return Finding("thinned_poses", f"of {poses} poses one in {each} is used, as the study asks")
+def thinned(count: int, each: int, what: str) -> Finding:
+    """That of so many poses, or motions, the study asks for one in `each`."""
+    return Finding(f"thinned_{what}", f"of {count} {what} one in {each} is used, as the study asks")
 
 
 def skipped_rows(series: Series, what: str) -> Finding | None:

@@ -70,9 +70,11 @@ class TupleForm(LogForm):
 def _numbers(text: str) -> list[float] | tuple[str, str]:
     # T, the wheels' speeds and the motion; or what is wrong, by its key.
     try:
-        given: Any = json.loads(text)
+        given: Any = json.loads(text, parse_int=float)
     except ValueError as error:
         return "", f"expected a tuple as JSON: {error}"
+    except RecursionError:
+        return "", "expected a tuple as JSON: it is nested too deep"
     if not isinstance(given, dict):
         return "", 'expected a tuple like {"T": 0.8, "phi_l": 0.5, "phi_r": 0.5, "sm": [0, 0, 0]}'
     missing = [key for key in (*KEYS, "sm") if key not in given]

@@ -210,6 +210,9 @@ class TestTuples:
             ('{"T": 1, "phi_l": 1, "phi_r": null, "sm": [0, 0, 0]}', "phi_r", "finite"),
             ('{"T": 1, "phi_l": 1, "phi_r": 1, "sm": [0, 0, "far"]}', "sm", "finite"),
             ('{"T": 1, "phi_l": 1, "phi_r": 1}', "sm", "is missing"),
+            (f'{{"T": 1{"0" * 400}, "phi_l": 1, "phi_r": 1, "sm": [0, 0, 0]}}', "T", "finite"),
+            (f'{{"T": {"1" * 5000}, "phi_l": 1, "phi_r": 1, "sm": [0, 0, 0]}}', "T", "finite"),
+            ("[" * 100_000, "", "nested too deep"),
             ("[1, 2, 3]", "", "expected a tuple like"),
             ("0.8 0.5 0.5 0 0 0", "", "as JSON"),
         ],
@@ -221,6 +224,15 @@ class TestTuples:
         log = read_one(self.tuples(tmp_path, line), ROBOT, kind="tuples", skip_invalid_rows=True)
         assert len(log.motions) == 6
         assert any("1 line(s)" in one.message for one in log.findings)
+
+    def test_one_in_so_many_is_used_on_request(self, tmp_path: Path):
+        log = read_one(self.tuples(tmp_path), ROBOT, kind="tuples", thin=2)
+        np.testing.assert_allclose(log.motions.times[:, 1], [0.8, 2.4, 4.0])
+        assert "of 6 motions one in 2 is used, as the study asks" in [one.message for one in log.findings]
+
+    def test_too_few_that_are_left(self, tmp_path: Path):
+        (flaw,) = flaws_of(self.tuples(tmp_path), model=ROBOT, kind="tuples", thin=4)
+        assert flaw.message == "l90: one in 4 of 6 motions leaves 2; at least 3 are needed"
 
     def test_other_robots(self, tmp_path: Path):
         robot = Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.35)

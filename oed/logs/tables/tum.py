@@ -44,7 +44,9 @@ def read_tum(file: Path, quantities: tuple[str, ...], factor: float = 1.0, *, sk
     invalid = np.asarray(np.isnan(values).any(axis=1))
     if skip and not invalid.all():
         flaws = []
-    for row in np.flatnonzero(np.abs(np.linalg.norm(values[:, 4:], axis=1) - 1) > OFF_UNIT):
+    with np.errstate(over="ignore"):
+        sizes = np.linalg.norm(values[:, 4:], axis=1)
+    for row in np.flatnonzero(np.abs(sizes - 1) > OFF_UNIT):
         text = "expected a unit quaternion in qx qy qz qw"
         flaws.append(FileFlaw(str(file), int(table.lines[row]), 5, "qx", text))
     if flaws:
