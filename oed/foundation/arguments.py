@@ -51,6 +51,9 @@ _NAMES: dict[Any, str] = {
 """What values of other annotations than classes of this package are called."""
 
 
+_COUNTED = "expected a whole number of at least {}"
+
+
 class WrongKind(UserMistake, TypeError):
     """An argument that is something else than it is to be."""
 
@@ -82,8 +85,8 @@ def require_count(what: str, value: object, least: int | None = 0) -> None:
     """
     number = None if isinstance(value, bool) or not hasattr(value, "__index__") else value.__index__()
     if number is None or (least is not None and number < least):
-        bound = "" if least is None else f" of at least {least}"
-        raise WrongKind(f"{what}: expected a whole number{bound}, got {written(value)}")
+        expected = "expected a whole number" if least is None else _COUNTED.format(least)
+        raise WrongKind(f"{what}: {expected}, got {written(value)}")
 
 
 def called_in_words(function: Callable[Given, Result]) -> Callable[Given, Result]:
@@ -97,7 +100,10 @@ def typed(function: Callable[Given, Result]) -> Callable[Given, Result]:
     def flaw(given: Mapping[str, object]) -> str:
         hints = _hints(function)
         reasons = ((name, _flaw(value, hints[name])) for name, value in given.items() if name in hints)
-        return next((f"{name}: {reason}" for name, reason in reasons if reason), "")
+        wrong = next((f"{name}: {reason}" for name, reason in reasons if reason), "")
+        seed = given.get("seed")
+        negative = not wrong and isinstance(seed, int) and seed < 0
+        return f"seed: {_COUNTED.format(0)}, got {seed}" if negative else wrong
 
     return _watched(function, flaw)
 
@@ -141,6 +147,10 @@ def _flaw(value: object, hint: Any) -> str:
     # Why a value is not what an annotation says, in words; "" where it is.
     if _fits(value, hint):
         return ""
+    lists = [one for one in _choices(hint) if get_origin(one) in (Sequence, tuple)]
+    if lists and isinstance(value, list | tuple):
+        flaws = ((place, _flaw(entry, get_args(lists[0])[0])) for place, entry in enumerate(value))
+        return next(f"entry {place}: {flaw}" for place, flaw in flaws if flaw)
     kinds = [get_origin(one) or one for one in _choices(hint)]
     kinds = [one for one in kinds if one is not NoneType and not (one is str and Path in kinds)]
     names = [_NAMES.get(one) or _a(one.__name__) for one in kinds]

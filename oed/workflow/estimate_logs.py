@@ -116,7 +116,15 @@ def _require_different(files: Sequence[str | Path]) -> None:
     # Twice the same log would count as twice the evidence.
     known, flaws = set[Path](), []
     for file in files:
-        path = Path(file).resolve()
+        try:
+            path = Path(file).resolve()
+            path.exists()
+        except (OSError, ValueError) as error:
+            # A name that no file can have.
+            flaws.append(
+                FileFlaw(str(file), 0, 0, "", f"cannot be read: {getattr(error, 'strerror', error)}")
+            )
+            continue
         if path in known:
             flaws.append(FileFlaw(str(file), 0, 0, "", "given twice; a log counts once"))
         known.add(path)

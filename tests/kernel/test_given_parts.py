@@ -196,6 +196,10 @@ def test_parts_made_in_python_are_refused_in_words_without_addresses(make, reaso
     assert "http" not in str(caught.value)
 
 
+def study() -> oed.Study:
+    return oed.load_study("problems/room_robot.yaml")
+
+
 @pytest.mark.parametrize("name", oed.__all__)
 def test_every_public_function_refuses_in_words_what_it_cannot_take(name: str):
     function = getattr(oed, name)
@@ -216,6 +220,12 @@ def test_every_public_function_refuses_in_words_what_it_cannot_take(name: str):
         (lambda: oed.load_study(5), "file: expected a path, got 5"),
         (lambda: oed.animate(5), "source: expected a Record or a path, got 5"),
         (lambda: oed.read_logs("log.csv", oed.CsvForm(), None), "files: expected a list, got 'log.csv'"),
+        (lambda: oed.read_logs(["a.csv", 3], oed.CsvForm(), None), "files: entry 1: expected a path, got 3"),
+        (lambda: oed.estimate(study(), [3]), "logs: entry 0: expected a path, got 3"),
+        (
+            lambda: oed.estimate(study(), "a.csv", seed=-1),
+            "seed: expected a whole number of at least 0, got -1",
+        ),
         (lambda: oed.export("here", "csv", rate="fast"), "rate: expected a number, got 'fast'"),
         (lambda: oed.export("here", "csv", rat=3), r"unexpected keyword argument 'rat'; did you mean rate\?"),
         (
@@ -227,6 +237,12 @@ def test_every_public_function_refuses_in_words_what_it_cannot_take(name: str):
 def test_calls_that_cannot_be_are_refused_in_words(call, reason):
     with pytest.raises(WrongKind, match=reason):
         call()
+
+
+@pytest.mark.parametrize(("name", "reason"), [("a\0b", "null byte"), ("a" * 5000, "File name too long")])
+def test_names_that_no_file_has_are_refused_in_words(name: str, reason: str):
+    with pytest.raises(oed.LogError, match=f"cannot be read: .*{reason}"):
+        oed.estimate(study(), name)
 
 
 def test_arguments_go_by_name():
