@@ -162,7 +162,13 @@ def tracker_lost(poses: Series, lost: Bools) -> Finding:
 
 
 def thinned(count: int, each: int, what: str) -> Finding:
-    """That of so many poses, or motions, the study asks for one in `each`."""
+    """That of so many poses, or motions, the study asks for one in `each`.
+
+    Args:
+        count: that the log holds.
+        each: one in so many is used.
+        what: they are.
+    """
     return Finding(f"thinned_{what}", f"of {count} {what} one in {each} is used, as the study asks")
 
 
