@@ -20,7 +20,7 @@ from oed.estimation.assessment.covariance import (
 from oed.estimation.assessment.dead_reckoning import HeldOut, cross_validated, held_out
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
 from oed.estimation.assessment.doubts import Doubt, plausibility_doubts
-from oed.estimation.assessment.drift import drift
+from oed.estimation.assessment.drift import drift, drift_of_motions
 from oed.estimation.assessment.further_sensors import odd_points, unread
 from oed.estimation.assessment.input_noise import Dilution, dilution_doubts, dilution_of
 from oed.estimation.assessment.model_selection import Comparison, ModelSelection
@@ -292,6 +292,8 @@ class _Work:
         found = [information(fit)]
         if rates is not None:
             found.append(drift(fit, rates))
+        if fit.parts is not None:
+            found.append(drift_of_motions(fit))
         # From very few parts their disagreement cannot be judged.
         if judgeable(fit, blocks):
             found += [sandwich(fit, blocks), bootstrap(fit, blocks, self.options.replicates, rng)]
@@ -318,17 +320,17 @@ def _most_trusted(
     drifts: bool,
     parameters: int,
 ) -> CovarianceName:
-    if rates is None:
+    if "drift" not in ways:
         return "bootstrap" if "bootstrap" in ways else "information"
     errors = {name: one.deviations[:parameters] for name, one in ways.items()}
-    if rates.shown is False and not drifts:
+    if rates is not None and rates.shown is False and not drifts:
         matters = np.any(errors["drift"] > MATTERS * errors["information"])
         return "drift" if matters else "information"
     if "bootstrap" not in ways:
         return "drift"
     # How much whole logs disagree shows whatever goes wrong. Parts of a log share what is wrong with all of
     # it, and disagree too little; but where they disagree more than drift explains, there is more than drift.
-    if blocks.whole_logs or rates.seconds is None:
+    if blocks.whole_logs or (rates is not None and rates.seconds is None):
         return "bootstrap"
     widths = [errors[name] * ways[name].half_width for name in ("bootstrap", "drift")]
     more = np.subtract(*np.log(np.maximum(widths, np.finfo(float).tiny)))
@@ -337,7 +339,7 @@ def _most_trusted(
 
 def _missing(wanted: CovarianceName, blocks: Blocks) -> str:
     if wanted == "drift":
-        return "drift is judged beside all poses of segments; use poses and method: joint, or bootstrap"
+        return "drift is judged beside poses; each of relative_poses begins where the robot is: use bootstrap"
     return (
         f"the logs are too short for {wanted}: {blocks.independent} blocks; log more, or information or drift"
     )

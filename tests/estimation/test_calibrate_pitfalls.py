@@ -12,7 +12,7 @@ from oed.estimation import calibrate
 from oed.estimation.preprocessing.moves import Moves
 from oed.estimation.preprocessing.wiring_checks import frozen
 from oed.estimation.setup.unknowns import specified_mount
-from oed.foundation.errors import LogError, ProblemError
+from oed.foundation.errors import LogError
 from oed.kernel.dynamics.system import Parameter
 from oed.robots.models import OmniThree
 from oed.robots.sensors import Poses
@@ -90,17 +90,14 @@ def test_a_short_log_that_drifts_has_error_bars_of_drift():
     assert np.all(drift.deviations[:3] > 1.3 * information.deviations[:3])
 
 
-def test_of_few_windows_there_is_f_alone_and_a_warning():
+def test_of_few_windows_drift_is_judged_by_what_is_usual():
     chosen = options(method="two_stage", block=5.0, clock_offset=False, sensor_place=())
     found = calibrate(logged_problem(), [log_of(course(seconds=10.0), noise=(0.0002, 0.0005))], chosen)
-    assert [one.name for one in found.covariances] == ["information"]
-    assert any("true errors are several times as large" in one.message for one in found.doubts)
-
-
-def test_drift_is_judged_by_all_poses():
-    log = log_of(course(seconds=20.0), noise=(0.0002, 0.0005))
-    with pytest.raises(ProblemError, match=r"calibration\.covariance: .*method: joint"):
-        calibrate(logged_problem(), [log], options(method="gls", covariance="drift"))
+    drift, information = found.covariances
+    assert [drift.name, information.name] == ["drift", "information"]
+    # The variance is not as good as known.
+    assert 4 < drift.degrees < 30
+    assert np.all(drift.deviations > information.deviations)
 
 
 @pytest.mark.parametrize(

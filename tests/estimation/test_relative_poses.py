@@ -62,6 +62,14 @@ class TestEstimates:
         assert found.fit.unknowns.place == ("sensor_x", "sensor_y", "sensor_heading")
         assert any("the path that the relative poses make up" in note for note in found.notes)
 
+    def test_drift_shows_in_none_and_too_few_come_with_a_warning(self, tmp_path: Path):
+        logs = logs_of(tmp_path, matched(seconds=60))
+        with pytest.raises(ProblemError, match=r"calibration\.covariance: .*relative_poses"):
+            estimated(logs, covariance="drift")
+        found = estimated(logs, block=60.0)
+        assert [one.name for one in found.covariances] == ["information"]
+        assert any("true errors are several times as large" in one.message for one in found.doubts)
+
     def test_a_mounting_that_is_known_is_not_estimated(self, tmp_path: Path):
         mounting = dict(zip(("x", "y", "heading"), MOUNTED, strict=True))
         sensor = RelativePoses(mounting={**mounting, "known": True})

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy
 from simulated import ROBOT, TRUTH, course, log_of, logged_problem, options, truth_of
 from windowed import TRICYCLE, TRICYCLE_TRUTH, drifting
 
 from oed.estimation import Calibration, CalibrationOptions, calibrate
+from oed.estimation.methods.drift_rates import USUAL
 from oed.foundation.errors import ProblemError
 from oed.logs.log import Log
 from oed.records.calibration_outcome import estimate_of
@@ -20,6 +22,7 @@ pytestmark = pytest.mark.slow
 
 TRUE = truth_of(ROBOT, **TRUTH)
 PLACE = (0.03, -0.02, 0.05)
+USUALLY = np.sqrt(USUAL)
 
 
 def quick(**keys: Any) -> CalibrationOptions:
@@ -67,12 +70,31 @@ def test_everything_after_the_fit_works_as_for_any_other(found):
     assert data["segments"]["count"] == 45
     assert len(data["left_out"]) == 3
     assert {entry["name"] for entry in data["parameters"]} == set(TRUTH)
-    assert set(data["parameters"][0]["standard_errors"]) == {"information", "sandwich", "bootstrap"}
+    ways = {"information", "drift", "sandwich", "bootstrap"}
+    assert set(data["parameters"][0]["standard_errors"]) == ways
     for one in data["left_out"]:
         assert one["mean"]["after"]["rmse_position"] < 0.5 * one["mean"]["before"]["rmse_position"]
     assert {one.name for one in found.diagnostics} == {"whiteness", "outliers", "logs_agree"}
     assert len(data["residuals"]) == 9
     assert len(data["residuals"][0]["value"]) == 15
+
+
+@pytest.mark.parametrize("method", ["gls", "two_stage"])
+def test_intervals_of_two_short_logs_of_a_robot_that_drifts_cover(method):
+    # Four windows. If 95 % of intervals hold the truth, fewer do so of 80 sets once in a hundred times.
+    count, held = 80, []
+    for seed in range(count):
+        drives = [
+            drifting(course(seconds=5.0, seed=one), TRUE, USUALLY, one) for one in (2 * seed, 2 * seed + 1)
+        ]
+        logs = [
+            log_of(one, noise=(0.0005, 0.003), seed=2 * seed + k, name=str(k)) for k, one in enumerate(drives)
+        ]
+        asked = quick(method=method, sensor_place=(), clock_offset=False)
+        found = calibrate(logged_problem(), logs, asked)
+        reach = found.covariances[0].half_width * np.sqrt(np.diag(found.covariance))
+        held.append(np.abs(found.values - TRUE) < reach)
+    assert np.all(np.sum(held, axis=0) >= scipy.stats.binom.ppf(0.01, count, 0.95))
 
 
 @pytest.mark.slow

@@ -48,6 +48,7 @@ def test_bands_compute_as_full_matrices_do():
     np.testing.assert_allclose(bands.whitened(root, rows), np.linalg.solve(np.linalg.cholesky(full), rows))
     back = bands.weighted(root, bands.whitened(root, rows))
     np.testing.assert_allclose(back, np.linalg.solve(full, rows))
+    np.testing.assert_allclose(bands.form(band, rows), rows.T @ full @ rows)
     inverse, block = np.linalg.inv(full), np.arange(15) // 3
     near = np.abs(np.subtract.outer(block, block)) <= 1
     np.testing.assert_allclose(dense(bands.inverse(root)), inverse * near, atol=1e-12)

@@ -10,7 +10,7 @@ import numpy as np
 
 from oed.estimation.assessment.covariance import Covariance, white_scores
 from oed.estimation.methods.drift_rates import DriftRates
-from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.fit import Fit, ScoreParts
 from oed.estimation.prediction.logged_readings import POSE, LoggedReadings
 from oed.foundation.arrays import Array
 
@@ -21,18 +21,27 @@ SUREST = 1e6
 def drift(fit: Fit, rates: DriftRates) -> Covariance:
     """H^-1 (M + sum_j S_j Q_j S_j') H^-1 with what an error of step j makes of the scores, S_j, and its
     covariance Q_j.
-
-    Intervals are those of Student's t with the kurtosis that errors have whose variance is as unsure as the
-    rates make it, its logarithm normal: e^(s^2) = (d - 2) / (d - 4) for that logarithm's deviation s and d
-    degrees of freedom.
     """
     parts = drifting_scores(fit) * rates.values[:, None, None]
-    matrix = fit.response @ (white_scores(fit) + parts.sum(axis=0)) @ fit.response
+    return _by_parts(fit, white_scores(fit), ScoreParts(parts, rates.spread))
+
+
+def drift_of_motions(fit: Fit) -> Covariance:
+    """H^-1 M H^-1 where windows are compared, with M by the estimated covariance of motions."""
+    assert fit.parts is not None
+    return _by_parts(fit, fit.knowledge, fit.parts)
+
+
+def _by_parts(fit: Fit, white: Array, parts: ScoreParts) -> Covariance:
+    # Intervals are those of Student's t with the kurtosis that errors have whose variance is as unsure as the
+    # parts make it, its logarithm normal: e^(s^2) = (d - 2) / (d - 4) for that logarithm's deviation s and d
+    # degrees of freedom.
+    matrix = fit.response @ (white + parts.matrices.sum(axis=0)) @ fit.response
     own = slice(len(fit.unknowns.parameters))
-    each = np.einsum("ua,kab,ub->ku", fit.response[own], parts, fit.response[own])
-    # How much the logarithm of a variance changes with those of the rates.
+    each = np.einsum("ua,kab,ub->ku", fit.response[own], parts.matrices, fit.response[own])
+    # How much the logarithm of a variance changes with those of the parts.
     shares = each / np.maximum(np.diag(matrix)[own], np.finfo(float).tiny)
-    unsure = np.einsum("ku,kl,lu->u", shares, rates.spread, shares).max()
+    unsure = np.einsum("ku,kl,lu->u", shares, parts.spread, shares).max()
     return Covariance(matrix, float(4 + 2 / max(np.expm1(unsure), 2 / SUREST)), "drift")
 
 

@@ -67,6 +67,15 @@ def product(left: Array, right: Array) -> Array:
     return band
 
 
+def form(band: Array, rows: Array) -> Array:
+    """rows.T @ matrix @ rows, (k, k), of rows (n, k)."""
+    found = np.asarray((band[0, :, None] * rows).T @ rows)
+    for off in range(1, min(ROWS, band.shape[1])):
+        across = (band[off, :-off, None] * rows[off:]).T @ rows[:-off]
+        found += across + across.T
+    return found
+
+
 def traces(bands: Array, band: Array) -> Array:
     """Traces (k,) of the products of matrices (k, 6, 3 S) with another."""
     twice = np.full((ROWS, 1), 2.0)

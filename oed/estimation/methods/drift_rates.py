@@ -46,8 +46,6 @@ BEYOND_DOUBT = 2 * np.log(1000.0)
 """Twice the logarithm of the odds from which on there is no drift [Kass, Raftery: Bayes factors, 1995]."""
 OUTLYING = 4.0
 """Residuals beyond that many standard deviations are outliers where the loss is a robust one."""
-STEP = 0.05
-"""Of difference quotients by logarithms of variances."""
 
 
 @dataclass(frozen=True)
@@ -99,19 +97,24 @@ def drift_rates(fit: Fit) -> DriftRates | None:
     layout = _layout(fit)
     likelihood = _likelihood(fit, Windows(layout, fit.unknowns, fit.offsets))
     assert likelihood.prior is not None
-    begin = np.exp(likelihood.prior[0])
-    # A drift that windows cannot show at all, of turning where there is none, is as usual.
-    found = likelihood.greatest(begin)
-    logs = np.log(np.where(found > 0, found, begin))
-    without = likelihood.parts.copy()
-    without[OF_POSES:] = 0.0
-    none = replace(likelihood, parts=without)
-    odds = likelihood.surprise(found)[0] - none.surprise(none.greatest(begin))[0]
+    found = likelihood.greatest()
+    odds = likelihood.surprise(found)[0] - without_drift(likelihood)[2]
     shown = None if 0 < odds < BEYOND_DOUBT else bool(odds <= 0)
     if shown is False:
         mean, unsure = faint_drift(fit, layout.logs, USUAL)
         return DriftRates(mean * USUAL, np.full((len(USUAL),) * 2, unsure), shown, layout.seconds)
-    return DriftRates(np.exp(logs[OF_POSES:]), _spread(likelihood, logs), shown, layout.seconds)
+    # A drift that windows cannot show at all, of turning where there is none, is as usual.
+    rates = np.where(found > 0, found, np.exp(likelihood.prior[0]))[OF_POSES:]
+    return DriftRates(rates, likelihood.spread(found)[OF_POSES:, OF_POSES:], shown, layout.seconds)
+
+
+def without_drift(likelihood: Likelihood) -> tuple[Likelihood, Array, float]:
+    """A likelihood of poses' noise alone, its most likely variances (parts,), and -2 times its logarithm."""
+    parts = likelihood.parts.copy()
+    parts[-len(USUAL) :] = 0.0
+    none = replace(likelihood, parts=parts)
+    found = none.greatest()
+    return none, found, none.surprise(found)[0]
 
 
 def _of_poses(fit: Fit) -> Fit:
@@ -166,20 +169,6 @@ def _likelihood(fit: Fit, windows: Windows) -> Likelihood:
     deviations = np.array([POSE_SPREAD] * OF_POSES + [USUAL_SPREAD] * len(USUAL))
     rows = np.column_stack([residuals.ravel(), slopes])
     return Likelihood(parts, np.zeros(parts.shape[1:]), rows, known, (means, deviations))
-
-
-def _spread(likelihood: Likelihood, logs: Array) -> Array:
-    # The inverse of half the curvature of what is least, by differences of its slope.
-    def slope(at: Array) -> Array:
-        return likelihood.surprise(np.exp(at))[1] * np.exp(at)
-
-    units = STEP * np.eye(len(logs))
-    half = np.array([slope(logs + unit) - slope(logs - unit) for unit in units]) / (4 * STEP)
-    values, vectors = np.linalg.eigh((half + half.T) / 2)
-    # Nothing is known less well than the prior has it.
-    assert likelihood.prior is not None
-    values = np.maximum(values, 1 / likelihood.prior[1].max() ** 2)
-    return np.asarray(((vectors / values) @ vectors.T)[OF_POSES:, OF_POSES:])
 
 
 def averaged(windows: Windows, motions: Motions) -> tuple[Array, Array]:

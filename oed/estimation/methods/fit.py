@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,18 @@ from oed.foundation.arrays import Array
 from oed.foundation.presenting import Brief
 from oed.logs.log import Log
 from oed.robots.sensors.logged import Noise
+
+
+class ScoreParts(NamedTuple):
+    """Covariance of scores by independent parts of the noise, whose sizes are not known for sure.
+
+    Attributes:
+        matrices: by each part, SI, (parts, q, q).
+        spread: covariance of the logarithms of the parts' variances, (parts, parts).
+    """
+
+    matrices: Array
+    spread: Array
 
 
 @dataclass(frozen=True, repr=False)
@@ -49,6 +62,7 @@ class Fit(Brief):
         by_errors: the same by an error of the motion after each time, ahead, to the left and turned, through
             what is read of that motion itself; None where nothing is.
         correlated: noise of the readings that lasts, of which `noises` are the white part; None of others.
+        parts: of the scores' covariance, of motions; None of others.
     """
 
     unknowns: Unknowns
@@ -75,6 +89,7 @@ class Fit(Brief):
     by_start: Array | None = None
     by_errors: Array | None = None
     correlated: GaussMarkov | None = None
+    parts: ScoreParts | None = None
 
     @property
     def misfit(self) -> float:

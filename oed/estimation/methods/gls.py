@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from oed.estimation.methods.bands import banded, factor, whitened
+from oed.estimation.methods.bands import banded, factor, weighted, whitened
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gauss_newton import LeastSquares, Rows
 from oed.estimation.methods.joint import ROUGH
-from oed.estimation.methods.window_noise import OF_POSES, PARTS, TIMING, Course, Likelihood, drift_in_words
-from oed.estimation.methods.windows import Motions, Windows, pose_variances, require_windows
+from oed.estimation.methods.motion_noise import motion_likelihood, score_parts
+from oed.estimation.methods.window_noise import OF_POSES, PARTS, Likelihood, drift_in_words
+from oed.estimation.methods.windows import Motions, Windows, require_windows
 from oed.estimation.setup.unknowns import Knowledge, inverse_of_sum
 from oed.foundation.arrays import Array
 from oed.robots.sensors.logged import Noise
@@ -61,17 +62,20 @@ class WeightedWindows:
             fit, variances = self._round(fit.values, variances, hold_clocks=hold)
             change = fit.values - before.values
             if change @ fit.total @ change < CLOSE**2:
-                return fit
+                break
             # A clock that goes on by more than it is uncertain is in no corner.
             near = np.abs(change) <= np.sqrt(np.diag(fit.inverse))
             hold = number >= HELD and bool(near[len(near) - self.windows.unknowns.clocks :].all())
-        return replace(fit, converged=False)
+        else:
+            fit = replace(fit, converged=False)
+        return self._with_parts(fit, variances)
 
     def _round(
         self, values: Array, variances: Array | None, *, hold_clocks: bool = False
     ) -> tuple[Fit, Array]:
-        found, covariance = self._noise(values, variances)
-        root = factor(covariance)
+        likelihood = replace(self._likelihood(values), prior=None)
+        found = likelihood.greatest(variances)
+        root = factor(likelihood.covariance(found))
         following, arrived = self._solved(values, root, hold_clocks=hold_clocks)
         return self._fit(following, root, found, arrived), found
 
@@ -86,26 +90,15 @@ class WeightedWindows:
         found = search.solved(rows, values, hold_clocks=hold_clocks)
         return found.values, found.arrived
 
-    def _noise(self, values: Array, first: Array | None) -> tuple[Array, Array]:
-        # The parts of the variance, and the motions' covariance as a band.
-        motions, scale = self.windows.motions(values), self.windows.unknowns.scale
-        course = Course(motions.path, self.windows.layout.steps, self.windows.linked)
-        parts = course.parts
-        fixed = np.zeros(parts.shape[1:])
-        if not self.grows:
-            parts[TIMING] = 0.0
-        if self.specified is not None:
-            variances = pose_variances(self.specified, self.windows.rates(motions.path))
-            parts, fixed = parts[OF_POSES:], course.of_poses(variances[..., None] * np.eye(3))
-        known = self.known
-        likelihood = Likelihood(
-            parts,
-            fixed,
-            np.column_stack([motions.residuals.ravel(), _flat(motions.slopes) * scale]),
-            (known.information * np.outer(scale, scale), known.score(values) * scale),
-        )
-        found = likelihood.greatest(first)
-        return found, likelihood.covariance(found)
+    def _likelihood(self, values: Array) -> Likelihood:
+        return motion_likelihood(self.windows, self.known, values, self.specified, grows=self.grows)
+
+    def _with_parts(self, fit: Fit, variances: Array) -> Fit:
+        # A few windows may weight as they like, but not say how sure they are.
+        likelihood = self._likelihood(fit.values)
+        root = factor(likelihood.covariance(variances))
+        pulls = weighted(root, whitened(root, _flat(self.windows.motions(fit.values).slopes)))
+        return replace(fit, parts=score_parts(likelihood, pulls))
 
     def _fit(self, values: Array, root: Array, variances: Array, converged: bool) -> Fit:
         windows, motions = self.windows, self.windows.motions(values)

@@ -22,6 +22,7 @@ import numpy.typing as npt
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gauss_newton import LeastSquares, Rows
 from oed.estimation.methods.joint import ROUGH
+from oed.estimation.methods.motion_noise import motion_likelihood, score_parts
 from oed.estimation.methods.windows import TINY, Windows, pose_variances, require_windows
 from oed.estimation.setup.unknowns import PLACE, Knowledge, Unknowns, inverse_of_identifiable
 from oed.foundation.arrays import Array, Places
@@ -241,6 +242,8 @@ class TwoStage:
     def _fit(self, values: Array, stages: list[_Solved], converged: bool) -> Fit:
         windows, motions = self.windows, self.windows.motions(values)
         framed, slopes = SensorFrame(windows.unknowns)(values)
+        pulls = self._pulls(framed, stages) @ slopes
+        noise = motion_likelihood(windows, self.known, values, self.specified)
         turns, moves = (one.size for one in stages)
         white = motions.residuals / np.array([moves, moves, turns])
         leverage = [
@@ -252,24 +255,23 @@ class TwoStage:
             leverage=np.concatenate(leverage, axis=1),
             noises=self._noises(turns, moves),
             information=slopes.T @ self._information(stages) @ slopes,
-            scores=self._scores(framed, motions.residuals, stages) @ slopes,
+            scores=np.einsum("sia,si->sa", pulls, motions.residuals),
             knowledge=self.known.information,
             converged=converged,
+            parts=score_parts(noise, pulls.reshape(-1, pulls.shape[-1])),
         )
 
-    def _scores(self, framed: Array, residuals: Array, stages: list[_Solved]) -> Array:
-        # Of every window, (S, b). The second stage's carry the first one's errors along, which the
-        # information knows nothing of.
-        scores = np.zeros((len(residuals), len(framed)))
+    def _pulls(self, framed: Array, stages: list[_Solved]) -> Array:
+        # Derivatives of the scores by every window's motion, (S, 3, b). The second stage's carry the first
+        # one's errors along, which the information knows nothing of.
+        pulls = np.zeros((self.windows.layout.count, 3, len(framed)))
         for stage, one in zip(self._stages, stages, strict=True):
-            pull = np.einsum("sia,si->sa", one.slopes, residuals[:, stage.rows])
-            scores[:, stage.columns] = pull / one.size**2
+            pulls[:, stage.rows, stage.columns] = one.slopes / one.size**2
         (turns, moves), (first, second) = self._stages, stages
         carried = self._framed.motions(framed).slopes[:, moves.rows][..., turns.columns]
         cross = np.einsum("sia,sib->ab", second.slopes, carried) / second.size**2
-        errors = scores[:, turns.columns] * first.size**2 @ first.inverse
-        scores[:, moves.columns] -= errors @ cross.T
-        return scores
+        pulls[:, turns.rows, moves.columns] = -first.slopes @ first.inverse @ cross.T
+        return pulls
 
     def _noises(self, turns: float, moves: float) -> Mapping[str, Noise]:
         # As if all that is left were noise of the poses at both ends.

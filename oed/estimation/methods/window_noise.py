@@ -30,6 +30,8 @@ ENOUGH = 1e-6
 """Relative change of the likelihood's logarithm at which its search has arrived."""
 SPREAD = (-14.0, 7.0)
 """How far the logarithm of a part may be from that of the residuals' variance."""
+STEP = 0.05
+"""Of difference quotients by logarithms of variances."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,9 @@ class Likelihood:
 
     def greatest(self, first: Array | None = None) -> Array:
         """The variances (parts,) that make it greatest; the search may begin with those given."""
-        unit = self._units
+        if first is None and self.prior is not None:
+            first = np.exp(self.prior[0])
+        unit = self.units
         identified = unit > 0
         if not identified.any():
             return unit
@@ -163,13 +167,33 @@ class Likelihood:
         slope += np.divide(pull, variances, out=np.zeros_like(pull), where=there)
         return float(value + ((off / deviation) ** 2).sum()), slope
 
+    def spread(self, variances: Array) -> Array:
+        """Covariance of the logarithms of the variances, (parts, parts), of those that are 0 by the prior:
+        the inverse of half the curvature of what is least, by differences of its slope.
+        """
+        assert self.prior is not None
+        mean, deviation = self.prior
+        logs = np.log(variances, out=mean.copy(), where=variances > 0)
+
+        def slope(at: Array) -> Array:
+            return self.surprise(np.exp(at))[1] * np.exp(at)
+
+        units = STEP * np.eye(len(logs))
+        half = np.array([slope(logs + unit) - slope(logs - unit) for unit in units]) / (4 * STEP)
+        values, vectors = np.linalg.eigh((half + half.T) / 2)
+        # Nothing is known less well than the prior has it.
+        values = np.maximum(values, 1 / deviation.max() ** 2)
+        return np.asarray((vectors / values) @ vectors.T)
+
     def covariance(self, variances: Array) -> Array:
         """Band (6, 3 S) of the motions' covariance."""
         return np.asarray(self.fixed + np.tensordot(variances, self.parts, axes=1))
 
     @property
-    def _units(self) -> Array:
-        # Of every part, as if it made up the residuals alone; 0 where it shows in no window.
+    def units(self) -> Array:
+        """Variances (parts,) by which every part alone would make up the residuals; 0 where it shows in no
+        window.
+        """
         squares = self.rows[:, 0].reshape(-1, 3) ** 2
         sizes = squares[:, :2].mean(), squares[:, 2].mean()
         found = np.zeros(len(self.parts))
