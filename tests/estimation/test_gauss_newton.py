@@ -95,8 +95,6 @@ def test_held_at_a_corner_of_a_clock_the_others_go_on():
 
 
 class Hill:
-    rows = ()
-
     def __init__(self, misfit: float) -> None:
         self.misfit = misfit
 

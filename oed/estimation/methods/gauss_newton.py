@@ -207,9 +207,13 @@ class LeastSquares:
     def _following(self, point: _Point, step: _Step, free: Bools, damped: int) -> tuple[_Point, int]:
         # Where a step leads to, and by which of the dampings.
         if step.length < FAR:
-            return downhill(point, lambda share: point.moved(step, share), SHARES)[0], 0
+            return downhill(point, lambda part: point.moved(step, part).ready(first=part == 1), SHARES)[0], 0
         tries = DAMPINGS[damped:]
-        following, more = downhill(point, lambda size: point.moved(point.step(free, size)), tries)
+
+        def after(size: float) -> _Point:
+            return point.moved(point.step(free, size)).ready(first=size == tries[0])
+
+        following, more = downhill(point, after, tries)
         return following, damped + more
 
     @cached_property
@@ -231,9 +235,6 @@ def downhill(here: _Point, after: Callable[[float], _Point], tries: Sequence[flo
     """
     for number, tried in enumerate(tries):
         there = after(tried)
-        if not number:
-            # Most steps go on from the first that is tried, with derivatives; from the others they seldom do.
-            _ = there.rows
         if there.misfit <= here.misfit * (1 + WORSE):
             return there, number
     return here, len(tries)
@@ -281,6 +282,12 @@ class _Point:
     def moved(self, step: _Step, share: float = 1.0) -> _Point:
         values, starts = self.values + share * step.values, self.starts + share * step.starts
         return replace(self, values=values, starts=starts)
+
+    def ready(self, *, first: bool) -> _Point:
+        # Most searches go on from what they try first, with derivatives, and from others seldom.
+        if first:
+            _ = self.rows
+        return self
 
     def found(self, *, arrived: bool) -> Found:
         return Found(self.values, self.starts, self.at, arrived)
