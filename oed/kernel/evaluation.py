@@ -58,8 +58,8 @@ def full_information(problem: Problem, trajectory: Trajectory) -> dict[str, Squa
 
 
 def limits_exceeded(problem: Problem, trajectory: Trajectory, share: float) -> frozenset[str]:
-    """Names of the limits that a trajectory exceeds by more than a share of their size: what `evaluate` says,
-    without the margins of the others and whatever is measured.
+    """Names of the limits that a trajectory exceeds by more than a share of their size: as by the margins of
+    `evaluate`, for less, because nobody asks how large these are.
 
     Args:
         problem: with the limits.

@@ -92,12 +92,13 @@ def test_a_short_log_that_drifts_has_error_bars_of_drift():
 
 def test_of_few_windows_drift_is_judged_by_what_is_usual():
     chosen = options(method="two_stage", block=5.0, clock_offset=False, sensor_place=())
-    found = calibrate(logged_problem(), [log_of(course(seconds=10.0), noise=(0.0002, 0.0005))], chosen)
-    drift, information = found.covariances
+    logs = [log_of(course(seconds=seconds), noise=(0.0002, 0.0005)) for seconds in (10.0, 80.0)]
+    (drift, information), more = (calibrate(logged_problem(), [one], chosen).covariances for one in logs)
     assert [drift.name, information.name] == ["drift", "information"]
-    # The variance is not as good as known.
-    assert 4 < drift.degrees < 30
     assert np.all(drift.deviations > information.deviations)
+    # Two windows show less of a variance than sixteen.
+    (of_more,) = [one for one in more if one.name == "drift"]
+    assert 4 < drift.degrees < of_more.degrees
 
 
 @pytest.mark.parametrize(

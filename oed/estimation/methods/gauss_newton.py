@@ -120,10 +120,13 @@ def projected(rows: Array, own: Array) -> tuple[Array, Array]:
     """Rows (S, m, q) less what columns (S, m, c) of the same segment explain, and the share of each row that
     they do, (S, m).
     """
-    if not own.size:
-        return rows, np.zeros(rows.shape[:2])
-    across = own @ inverse_of_identifiable(own.transpose(0, 2, 1) @ own)
+    across = _across(own)
     return _unexplained(rows, own, across), np.einsum("sia,sia->si", across, own)
+
+
+def _across(own: Array) -> Array:
+    # Columns (S, m, c) times the inverse of their square.
+    return own @ inverse_of_identifiable(own.transpose(0, 2, 1) @ own) if own.size else own
 
 
 def _unexplained(rows: Array, own: Array, across: Array) -> Array:
@@ -308,9 +311,9 @@ class _Point:
         known = self.search.root
         if not free.all():
             slopes, known = slopes[..., free], known[:, free]
-        across = own @ inverse_of_identifiable(own.transpose(0, 2, 1) @ own) if own.size else own
-        flat = _unexplained(slopes, own, across) if own.size else slopes
-        left = np.vstack([flat.reshape(-1, known.shape[1]), known])
+        across = _across(own)
+        flat = _unexplained(slopes, own, across).reshape(-1, known.shape[1])
+        left = np.vstack([flat, known])
         before = self.search.root @ (self.search.known.centre - self.values)
         right = left.T @ np.concatenate([residuals.ravel(), before])
         if damping:

@@ -73,7 +73,7 @@ class WeightedWindows:
     def _round(
         self, values: Array, variances: Array | None, *, hold_clocks: bool = False
     ) -> tuple[Fit, Array]:
-        likelihood = replace(self._likelihood(values), prior=None)
+        likelihood = self._likelihood(values)
         found = likelihood.greatest(variances)
         root = factor(likelihood.covariance(found))
         following, arrived = self._solved(values, root, hold_clocks=hold_clocks)

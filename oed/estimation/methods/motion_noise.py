@@ -6,6 +6,7 @@ A few windows alone show next to nothing of seven variances, and would call any 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,7 +32,8 @@ def motion_likelihood(
     *,
     grows: bool = True,
 ) -> Likelihood:
-    """Restricted likelihood of the parts of motions' variance, but for poses' noise that is specified.
+    """Restricted likelihood of the parts of motions' variance, but for poses' noise that is specified, by
+    what windows show alone.
 
     Args:
         windows: that show the motions.
@@ -52,21 +54,27 @@ def motion_likelihood(
     slopes = motions.slopes.reshape(-1, len(scale)) * scale
     rows = np.column_stack([motions.residuals.ravel(), slopes])
     information = known.information * np.outer(scale, scale), known.score(values) * scale
-    found = Likelihood(parts, fixed, rows, information)
-    means = np.log(np.where(found.units > 0, FIRST * found.units, 1.0))
+    return Likelihood(parts, fixed, rows, information)
+
+
+def _beside_usual(likelihood: Likelihood) -> Likelihood:
+    # With the prior of usual drift, and next to none of the poses' noise.
+    units = likelihood.units
+    means = np.log(np.where(units > 0, FIRST * units, 1.0))
     deviations = np.full(len(means), HARDLY_KNOWN)
     means[-len(USUAL) :], deviations[-len(USUAL) :] = np.log(USUAL), USUAL_SPREAD
-    return Likelihood(parts, fixed, rows, information, (means, deviations))
+    return replace(likelihood, prior=(means, deviations))
 
 
 def score_parts(likelihood: Likelihood, pulls: Array) -> ScoreParts:
-    """The covariance of scores by the most likely variances, with noise that is specified as a last part; of
-    drift there is none where that is likelier beyond doubt.
+    """The covariance of scores by the variances that are most likely beside usual drift, with noise that is
+    specified as a last part; of drift there is none where that is likelier beyond doubt.
 
     Args:
-        likelihood: of the variances.
+        likelihood: of the variances, by what windows show.
         pulls: derivatives of the scores by the motions, (3 S, q).
     """
+    likelihood = _beside_usual(likelihood)
     variances = likelihood.greatest()
     none, without, surprise = without_drift(likelihood)
     if likelihood.surprise(variances)[0] >= surprise + BEYOND_DOUBT:

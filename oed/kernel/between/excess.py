@@ -10,7 +10,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.between.periods import Periods, Stretches
-from oed.kernel.dynamics.direct_call import direct_call
+from oed.kernel.dynamics.direct_call import DirectCall
 from oed.kernel.dynamics.enclosures import Enclosure, enclosed
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.intervals import ONE, Interval, number
@@ -86,7 +86,7 @@ class Excess:
         both = ca.vertcat(excess, instant.speeds)
         self._at = ca.Function("at", [ca.vertcat(*arguments)], [ca.densify(both)])
         self._over = self._bounded(ca.Function("excess", arguments, [excess]), inputs)
-        self._mapped: dict[tuple[str, int], ca.Function] = {}
+        self._mapped: dict[tuple[str, int], DirectCall] = {}
 
     def _bounded(self, excess: ca.Function, inputs: int) -> ca.Function:
         # Of a stretch the values at both ends, the highest between, and bounds of the slopes.
@@ -163,9 +163,9 @@ class Excess:
         count = len(table)
         size = 1 << (count - 1).bit_length()
         if (name, size) not in self._mapped:
-            self._mapped[name, size] = function.map(size)
+            self._mapped[name, size] = DirectCall(function.map(size))
         filled = np.vstack([table, np.repeat(table[:1], size - count, axis=0)])
-        (found,) = direct_call(self._mapped[name, size], filled)
+        (found,) = self._mapped[name, size](filled)
         return found.reshape(size, -1)[:count]
 
     def _closer(self, over: Array, width: Array) -> tuple[Array, Array]:

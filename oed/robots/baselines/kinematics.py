@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools, Places
-from oed.kernel.dynamics.direct_call import direct_call
+from oed.kernel.dynamics.direct_call import DirectCall
 from oed.robots.baselines.patterns import Move
 from oed.robots.models.model import Model
 
@@ -66,10 +66,9 @@ class Kinematics:
         whole = ca.vertcat(*(entries[place] for place in range(len(model.inputs))))
         residual = ca.substitute(twist, inputs, whole) - wanted
         newton = speeds - ca.pinv(ca.jacobian(residual, speeds)) @ residual
-        self._newton = lru_cache(maxsize=64)(ca.Function("newton", [speeds, angles, wanted], [newton]).map)
-        self._twist = lru_cache(maxsize=64)(
-            ca.Function("twist", [inputs], [twist, ca.vec(ca.densify(ca.jacobian(twist, inputs)))]).map
-        )
+        slope = ca.vec(ca.densify(ca.jacobian(twist, inputs)))
+        self._newton = _mapped(ca.Function("newton", [speeds, angles, wanted], [newton]))
+        self._twist = _mapped(ca.Function("twist", [inputs], [twist, slope]))
 
     def wanted(self, moves: Sequence[Move]) -> Array:
         """The parts of the moves (moves, rows) that the robot's inputs choose."""
@@ -81,11 +80,11 @@ class Kinematics:
         method on the speeds; far too fast ones where a robot that slips can make no such twist.
         """
         shape, step = (len(twists), len(self.drives)), self._newton(len(twists))
-        (first,) = direct_call(step, np.zeros(shape), angles, twists)
+        (first,) = step(np.zeros(shape), angles, twists)
         speeds = np.nan_to_num(first.reshape(shape))
         most = BEYOND * np.abs(speeds).max(axis=1, keepdims=True)
         for _ in range(SPEED_STEPS - 1):
-            following, before = direct_call(step, speeds, angles, twists)[0].reshape(shape), speeds
+            following, before = step(speeds, angles, twists)[0].reshape(shape), speeds
             speeds = np.where(np.isfinite(following), following.clip(-most, most), before)
             if (np.abs(speeds - before) <= SETTLED * most).all():
                 # Every further step would end there, too.
@@ -141,7 +140,7 @@ class Kinematics:
     def _linear(self, values: Array) -> tuple[Array, Array]:
         # Twists (K, rows) and their derivatives (K, rows, inputs).
         count = len(values)
-        twists, slopes = direct_call(self._twist(count), values)
+        twists, slopes = self._twist(count)(values)
         return twists.reshape(count, -1), slopes.reshape(count, values.shape[1], -1).transpose(0, 2, 1)
 
     def _steering(self, wanted: Array, bounds: Array) -> tuple[Array, Bools]:
@@ -192,6 +191,11 @@ class Kinematics:
 def kinematics(model: Model) -> Kinematics:
     """The inverse of a robot's twist at its nominal parameters."""
     return Kinematics(model)
+
+
+def _mapped(function: ca.Function) -> Callable[[int], DirectCall]:
+    # For so many moves, or periods, at once.
+    return lru_cache(maxsize=64)(lambda count: DirectCall(function.map(count)))
 
 
 def _rank(matrix: Array) -> int:
