@@ -29,6 +29,7 @@ MARGIN = 1.0
 STILL = 1e-3
 """Wheel motion below which a repeated pose is that of a standing robot [rad]."""
 
+CUT_OFF = "the file breaks off within its last line, which is left out"
 
 Relative = Literal["pairs", "follows"]
 

@@ -12,7 +12,7 @@ import numpy as np
 from oed.foundation.errors import FileFlaw, Flaw, LogError
 from oed.foundation.files import text_of
 from oed.kernel.dynamics.system import System
-from oed.logs.drive import RecordedDrive, to_logs
+from oed.logs.drive import CUT_OFF, RecordedDrive, to_logs
 from oed.logs.form import LogForm
 from oed.logs.log import Finding, Log
 from oed.logs.motions import QUANTITIES
@@ -50,9 +50,8 @@ class TupleForm(LogForm):
             LogError: every mistake in the file, each with its line.
         """
         rows, lines, flaws = list[list[float]](), list[int](), list[FileFlaw]()
-        for line, text in enumerate(text_of(file, LogError, most=MOST_LOG_BYTES).splitlines(), 1):
-            if not text.strip():
-                continue
+        given, cut_off = _whole_lines(text_of(file, LogError, most=MOST_LOG_BYTES))
+        for line, text in given:
             found = _numbers(text)
             if isinstance(found, list):
                 rows.append(found)
@@ -64,7 +63,15 @@ class TupleForm(LogForm):
             raise LogError(shortened(flaws) or [FileFlaw(str(file), 0, 0, "", "holds no tuples")])
         drive = _drive(file, np.array(rows), np.array(lines), model)
         text = f"{skipped} line(s) that are no tuples are left out"
-        return to_logs([drive.with_found(Finding("skipped_rows", text) if skipped else None)], self, "keep")
+        drive = drive.with_found(Finding("skipped_rows", text) if skipped else None)
+        return to_logs([drive.with_found(Finding("cut_off", CUT_OFF) if cut_off else None)], self, "keep")
+
+
+def _whole_lines(text: str) -> tuple[list[tuple[int, str]], bool]:
+    # Lines that are not blank, with their numbers; without the last one where the file breaks off in it.
+    lines = [(line, one) for line, one in enumerate(text.splitlines(), 1) if one.strip()]
+    cut_off = len(lines) > 1 and not text.endswith("\n") and not lines[-1][1].rstrip().endswith("}")
+    return (lines[:-1], True) if cut_off else (lines, False)
 
 
 def _numbers(text: str) -> list[float] | tuple[str, str]:

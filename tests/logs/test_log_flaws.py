@@ -200,7 +200,6 @@ class TestColumns:
         ("keep", "line", "message"),
         [
             ({"steady": 1}, 1, "the header lacks 'steady'"),
-            ({"x": [5, 4]}, 0, "no row has x from 5 to 4"),
             ({"mode": "hand"}, 0, "no row has mode = hand"),
             ({"mode": 1}, 2, "expected finite numbers, and the column has none"),
             ({"good": "1.0"}, 0, "no row has good = 1.0"),
@@ -230,6 +229,10 @@ class TestColumns:
     def test_nothing_to_keep(self, file: Path, rows: list[list[str]]):
         flaw = flaw_of(write(file, rows), keep={"x": [100, 200]})
         assert flaw.message == "no row has x from 100 to 200"
+
+    def test_ranges_to_keep_are_turned_the_right_way(self):
+        with pytest.raises(ValidationError, match=r"keep\.x.*\n.*expected \[low, high\], got \[2, 1\]"):
+            form(keep={"x": [2, 1]})
 
     def test_runs_that_are_none(self, file: Path, rows: list[list[str]]):
         flaw = flaw_of(write(file, rows), runs="x")

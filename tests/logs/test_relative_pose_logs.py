@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from logged import flaws_of, form, read_one
+from logged import flaws_of, form, found, read_one
 from pydantic import ValidationError
 
 from oed.foundation.errors import LogError, ProblemError
@@ -224,6 +224,15 @@ class TestTuples:
         log = read_one(self.tuples(tmp_path, line), ROBOT, kind="tuples", skip_invalid_rows=True)
         assert len(log.motions) == 6
         assert any("1 line(s)" in one.message for one in log.findings)
+
+    @pytest.mark.parametrize("left", [1, 20, 60])
+    def test_a_file_that_breaks_off_in_its_last_line(self, tmp_path: Path, left: int):
+        file = self.tuples(tmp_path)
+        whole = file.read_text(encoding="utf-8")
+        file.write_text(whole + whole.splitlines()[0][:left], encoding="utf-8")
+        log = read_one(file, ROBOT, kind="tuples")
+        assert len(log.motions) == 6
+        assert "breaks off within its last line" in found(log)["cut_off"]
 
     def test_one_in_so_many_is_used_on_request(self, tmp_path: Path):
         log = read_one(self.tuples(tmp_path), ROBOT, kind="tuples", thin=2)

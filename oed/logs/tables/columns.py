@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BeforeValidator,
     ConfigDict,
     Discriminator,
@@ -32,7 +33,15 @@ TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Seconds in each unit of time that logs have."""
 
 ColumnPlace = Annotated[int, Field(ge=0, strict=True)] | str
-Wanted = float | str | tuple[float, float]
+
+
+def _rising(ends: tuple[float, float]) -> tuple[float, float]:
+    if not ends[0] <= ends[1]:
+        raise ValueError(f"expected [low, high], got [{ends[0]:g}, {ends[1]:g}]")
+    return ends
+
+
+Wanted = float | str | Annotated[tuple[float, float], AfterValidator(_rising)]
 
 
 def _names(value: Any) -> Any:

@@ -13,7 +13,7 @@ import numpy as np
 from oed.foundation.arrays import Bools
 from oed.foundation.errors import LogError
 from oed.kernel.dynamics.system import System
-from oed.logs.drive import FEWEST, MARGIN, RecordedDrive
+from oed.logs.drive import CUT_OFF, FEWEST, MARGIN, RecordedDrive
 from oed.logs.findings import gap_limit
 from oed.logs.log import Finding
 from oed.logs.series import Rows, Series, together
@@ -35,8 +35,7 @@ def drives_in(sheet: Sheet, model: System, gap: float | None = None) -> list[Rec
     runs = [_Run(sheet, model, label, rows, len(found)) for label, rows in found]
     drives: list[RecordedDrive] = [*itertools.chain(*together(partial(run.drives, gap) for run in runs))]
     if sheet.cut_off:
-        text = "the file breaks off within its last line, which is left out"
-        drives[-1] = drives[-1].with_found(Finding("cut_off", text))
+        drives[-1] = drives[-1].with_found(Finding("cut_off", CUT_OFF))
     return drives
 
 
