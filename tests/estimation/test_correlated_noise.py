@@ -209,6 +209,13 @@ class TestEstimate:
         assert np.all(np.diag(found.covariance) > 9 * np.diag(white.inverse))
 
     @pytest.mark.slow
+    def test_rounds_settle_though_the_likelihood_is_flat(self):
+        # From the same first guess in every round, its search ended here and there, the unknowns after it.
+        found = estimate([satellites(63, 25.0, XYH), satellites(64, 25.0, XYH)])
+        assert found.fit.correlated is not None
+        assert found.fit.converged
+
+    @pytest.mark.slow
     def test_with_correlated_noise_as_asked_for(self):
         found = estimated(segment="log", noise="correlated")
         assert found.fit.correlated is not None

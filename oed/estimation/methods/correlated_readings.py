@@ -51,5 +51,8 @@ class CorrelatedReadings:
         return replace(known.fit(values), notes=(noise.note(),))
 
     def _noise(self, fit: Fit, names: Sequence[str] | None) -> GaussMarkov:
+        # From where the round before ended: from elsewhere a search ends a little elsewhere, and the rounds
+        # would follow it to and fro.
         lasting = Lasting(Remainder.of(self.search, fit.values, fit.starts, fit.noises), names)
-        return lasting.noise(lasting.greatest()[1])
+        after = None if fit.correlated is None else fit.correlated.sizes
+        return lasting.noise(lasting.greatest(after)[1])

@@ -42,6 +42,11 @@ class GaussMarkov:
     seconds: float
 
     @property
+    def sizes(self) -> Array:
+        """White noises, processes and their time, SI, as a search for them has them."""
+        return np.array([*self.white.values(), *self.lasting.values(), self.seconds])
+
+    @property
     def noises(self) -> dict[str, Noise]:
         """The white part."""
         return {name: Noise(size) for name, size in self.white.items()}

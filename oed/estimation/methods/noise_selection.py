@@ -39,7 +39,7 @@ PART = 0.1
 """First guess of the time that errors last, relative to the longest log's."""
 SHORTEST = 0.1
 """Length and turn that the longest path is taken to have at least [m, rad]."""
-ENOUGH = 1e-5
+ENOUGH = 1e-7
 """Relative change of the likelihood's logarithm at which its search has arrived."""
 STEP = 1e-4
 """Of the likelihood's difference quotients, in logarithms of the sizes: rounding shows in smaller ones."""
@@ -207,8 +207,12 @@ class ErrorModel(ABC):
         volume += more + 2 * float(np.log(root[0]).sum()) - chain.volume
         return float(squares.item() + volume - np.log(weights[weights > 0]).sum())
 
-    def greatest(self) -> tuple[float, Array]:
-        """Akaike's criterion of the sizes that make it greatest, and these."""
+    def greatest(self, after: Array | None = None) -> tuple[float, Array]:
+        """Akaike's criterion of the sizes that make it greatest, and these.
+
+        Args:
+            after: sizes that much the same search found; the first guess by default.
+        """
         begin = np.log([*self.rest.white.values(), *self.begin])
         spread = np.full(len(begin), SPREAD)
         spread[: len(self.rest.white)] *= not self.rest.specified
@@ -219,11 +223,12 @@ class ErrorModel(ABC):
             except np.linalg.LinAlgError:
                 return LEAST_LIKELY
 
+        low, high = begin - spread, begin + spread
         found = scipy.optimize.minimize(
             surprise,
-            begin,
+            begin if after is None else np.clip(np.log(after), low, high),
             method="L-BFGS-B",
-            bounds=np.column_stack([begin - spread, begin + spread]),
+            bounds=np.column_stack([low, high]),
             options={"ftol": ENOUGH, "eps": STEP},
         )
         return float(found.fun) + 2 * len(begin), np.exp(found.x)
