@@ -78,8 +78,9 @@ class DriftRates:
             if self.seconds is None
             else (f"as windows of {self.seconds:.3g} s show it beside the noise of poses")
         )
-        if self.shown is False:
-            origin = "which windows do not show, as far as whole logs leave it open beside the noise of poses"
+        if not self.shown and self.seconds is not None:
+            seen = "do not show" if self.shown is False else "neither show nor rule out"
+            origin = f"which windows {seen}, as far as whole logs leave it open beside the noise of poses"
         return f"drift, {origin}: {drift_in_words(self.values)}"
 
 
@@ -100,9 +101,9 @@ def drift_rates(fit: Fit) -> DriftRates | None:
     found = likelihood.greatest()
     odds = likelihood.surprise(found)[0] - without_drift(likelihood)[2]
     shown = None if 0 < odds < BEYOND_DOUBT else bool(odds <= 0)
-    if shown is False:
-        mean, unsure = faint_drift(fit, layout.logs, USUAL)
-        return DriftRates(mean * USUAL, np.full((len(USUAL),) * 2, unsure), shown, layout.seconds)
+    if not shown:
+        means, spread = faint_drift(fit, layout.logs, USUAL)
+        return DriftRates(means * USUAL, spread, shown, layout.seconds)
     # A drift that windows cannot show at all, of turning where there is none, is as usual.
     rates = np.where(found > 0, found, np.exp(likelihood.prior[0]))[OF_POSES:]
     return DriftRates(rates, likelihood.spread(found)[OF_POSES:, OF_POSES:], shown, layout.seconds)

@@ -1,4 +1,5 @@
-"""How much drift logs leave open that show none: far less than usual still outweighs noise in a long log.
+"""How much drift logs leave open that do not show it: far less than usual still outweighs noise in a long
+log, and a robot's may be of another kind than usual.
 
 Windows of seconds hardly show it, whole logs do: by the restricted likelihood of drift beside white noise.
 """
@@ -7,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -19,18 +21,21 @@ from oed.estimation.setup.unknowns import Knowledge
 from oed.foundation.arrays import Array
 from oed.logs.log import Log
 
-SIZES = 0.001 * 2.0 ** np.arange(13)
-"""Of drift relative to the usual one that are tried, all as likely before the logs: no drift that matters
-beside any noise to four times the usual."""
+SIZES = np.array([0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0])
+"""Of drift relative to the usual one that are tried, of the way and of turns apart, all as likely before the
+logs: from none that matters beside any noise to three times the usual."""
+KINDS = [0, 0, 1, 1]
+"""Whether rates of drift are of the way (0) or of turns (1)."""
 WITHIN = 3.0
 """How far the logarithm of the white noise may be from that of the fit."""
 UNLIKELY = 100.0
 """By how much -2 times the likelihood's logarithm has to rise above its least for larger drift to weigh
-nothing: e^-50 beside variances that differ by a factor of 1e7."""
+nothing: e^-50 beside variances that differ by a factor of 1e6."""
 
 
-class OfOneSize(Drift):
-    """Drift of given proportions: sizes of the white noises, and of the drift in units of the usual one.
+class OfTwoSizes(Drift):
+    """Drift of the way and drift of turns, each of given proportions: sizes of the white noises, and of both
+    in units of the usual ones.
 
     Args:
         rest: what is to be explained.
@@ -45,39 +50,48 @@ class OfOneSize(Drift):
 
     @property
     def begin(self) -> Array:
-        """The usual one."""
-        return np.ones(1)
+        """The usual ones."""
+        return np.ones(2)
 
     def chain(self, sizes: Array) -> Chain:
         """Alike in all directions."""
-        return super().chain(np.concatenate([sizes[:-1], sizes[-1] * self.usual]))
+        return super().chain(np.concatenate([sizes[:-2], sizes[[-2, -1, -1]] * self.usual]))
 
     def surprises(self) -> Array:
-        """Twice the negative logarithm of the likelihood of each of `SIZES`, with the white noise that is
-        likeliest beside it; infinite beyond those that are unlikely.
+        """Twice the negative logarithm of the likelihood of every pair of `SIZES`, (sizes, sizes), with the
+        white noise that is likeliest beside it; infinite beyond those that are unlikely.
         """
-        first = np.log(list(self.rest.white.values()))
-        bounds, found, white = np.column_stack([first - WITHIN, first + WITHIN]), list[float](), first
-        for size in SIZES:
-
-            def surprise(logs: Array, size: float = float(size)) -> float:
-                try:
-                    return self.surprise(np.exp([*logs, np.log(size)]))
-                except np.linalg.LinAlgError:
-                    return LEAST_LIKELY
-
-            options = {"ftol": 1e-5, "eps": 1e-4}
-            best = scipy.optimize.minimize(surprise, white, method="L-BFGS-B", bounds=bounds, options=options)
-            found.append(float(best.fun))
-            white = best.x
-            if found[-1] > min(found) + UNLIKELY:
+        found, white = np.full((len(SIZES),) * 2, np.inf), self._first
+        for row, of_way in enumerate(SIZES):
+            for column, of_turns in enumerate(SIZES):
+                found[row, column], white = self._likeliest(white, np.log([of_way, of_turns]))
+                if _risen(found[row, : column + 1], found.min()):
+                    break
+            if _risen(found[: row + 1].min(axis=1), found.min()):
                 break
-        return np.pad(found, (0, len(SIZES) - len(found)), constant_values=np.inf)
+        return found
+
+    @cached_property
+    def _first(self) -> Array:
+        return np.log(list(self.rest.white.values()))
+
+    def _likeliest(self, white: Array, drift: Array) -> tuple[float, Array]:
+        # Beside drift of these logarithms of sizes: the least, and the white noise that has it.
+        def surprise(logs: Array) -> float:
+            try:
+                return self.surprise(np.exp([*logs, *drift]))
+            except np.linalg.LinAlgError:
+                return LEAST_LIKELY
+
+        bounds = np.column_stack([self._first - WITHIN, self._first + WITHIN])
+        options = {"ftol": 1e-5, "eps": 1e-4}
+        best = scipy.optimize.minimize(surprise, white, method="L-BFGS-B", bounds=bounds, options=options)
+        return float(best.fun), best.x
 
 
-def faint_drift(fit: Fit, logs: Sequence[Log], usual: Array) -> tuple[float, float]:
-    """Mean of the variance of drift that whole logs leave open, relative to the usual one, and the variance
-    of its logarithm that has the same variance about the mean.
+def faint_drift(fit: Fit, logs: Sequence[Log], usual: Array) -> tuple[Array, Array]:
+    """What whole logs leave open: means of the variances of drift, relative to the usual ones, (4,), and the
+    covariance (4, 4) of their logarithms that has the same second moments.
 
     Args:
         fit: of logs with positions.
@@ -88,8 +102,23 @@ def faint_drift(fit: Fit, logs: Sequence[Log], usual: Array) -> tuple[float, flo
     layout = cut(logs, math.inf, [float(fit.offsets[clocks.index(log.file)]) for log in logs])
     search = JointSearch(layout, unknowns, fit.offsets, Knowledge(fit.knowledge, unknowns.nominal))
     rest = Remainder.of(search, fit.values, search.first_starts(fit.values), fit.noises)
-    surprises = OfOneSize(rest, usual).surprises()
+    surprises = OfTwoSizes(rest, usual).surprises()
     weights = np.exp((surprises.min() - surprises) / 2)
     weights /= weights.sum()
-    mean = float(weights @ SIZES**2)
-    return mean, float(np.log(weights @ SIZES**4 / mean**2))
+    variances, each = SIZES**2, (weights.sum(axis=1), weights.sum(axis=0))
+    means = np.array([one @ variances for one in each])
+    moments = np.diag([one @ variances**2 for one in each])
+    moments[0, 1] = moments[1, 0] = variances @ weights @ variances
+    spread = np.log(moments / np.outer(means, means))
+    return means[KINDS], _possible(spread)[np.ix_(KINDS, KINDS)]
+
+
+def _risen(along: Array, least: float) -> bool:
+    # Whether what follows is unlikely: beyond its likeliest size drift is the less likely the larger it is.
+    return bool(along[-1] > max(along.min(), least + UNLIKELY))
+
+
+def _possible(covariance: Array) -> Array:
+    # The nearest with no variance below 0: moments that no normal distribution has may have one.
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray((vectors * np.clip(values, 0.0, None)) @ vectors.T)
