@@ -133,6 +133,14 @@ class TestLogs:
         assert found.rmse_heading is found.end_heading is found.drift_heading is None
         assert np.isnan(found.turns[:, 0]).all()
 
+    def test_without_headings_only_the_opening_says_where_the_robot_faces(self):
+        # A whole path that is turned to fit is off by half of what it is off from its first pose.
+        drive = course(seconds=40.0, inputs=np.full((400, 2), 8.0), period=0.1)
+        whole, headless = (log_of(drive, quantities=names) for names in (("x", "y", "heading"), ("x", "y")))
+        wrong = TRUE * [1.01, 1.0, 1.0]
+        off, found = (reckon(log, wrong, np.zeros(3)).rmse_position for log in (whole, headless))
+        assert found == pytest.approx(off, rel=0.15)
+
     def test_goes_on_through_gaps(self):
         kept = (LOG.pose_times < 6) | (LOG.pose_times > 9)
         found = reckon(replace(LOG, pose_times=LOG.pose_times[kept], poses=LOG.poses[kept]))

@@ -6,13 +6,13 @@ By nominal parameters, by an estimate, or by what the other logs say of a log (c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.prediction.layout import cut
+from oed.estimation.prediction.layout import SegmentLayout, cut
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.unknowns import PLACE, Unknowns, inverse_of_sum
 from oed.foundation.arrays import Array, Places
@@ -21,6 +21,9 @@ from oed.robots.models.model import Model
 
 PIECE = 1.0
 """Length of the pieces that drift is measured over [m]."""
+OPENING = 0.1
+"""Share of a path, of a piece's length at least, that shows where a robot faces at first if no heading is
+read: the whole path would be turned to fit what it is compared with."""
 FOLDS = 12
 """Parts that many logs are left out in."""
 
@@ -79,7 +82,8 @@ class _Stretch:
 
 
 def dead_reckoned(robot: Model, log: Log, parameters: Array, place: Array, offset: float) -> DeadReckoning:
-    """Dead reckoning of a log, started on its first pose.
+    """Dead reckoning of a log, started on its first pose; where no headings are read, in the direction that
+    fits the opening of the path best.
 
     Args:
         robot: that drove.
@@ -115,7 +119,8 @@ def _stretches(robot: Model, log: Log, parameters: Array, place: Array, offset: 
     layout, names = cut([log], np.inf, [offset]), tuple(parameter.name for parameter in robot.parameters)
     readings = LoggedReadings.of(layout, Unknowns(robot, names, PLACE, 0), np.array([offset]))
     values = np.concatenate([parameters, place])
-    found = readings.reading("x", "y", "heading")(values, readings.first_starts(values))
+    begun = replace(readings, layout=_opening(layout)) if "heading" not in layout.quantities else readings
+    found = readings.reading("x", "y", "heading")(values, begun.first_starts(values))
     read = {name: layout.readings[..., index] for index, name in enumerate(log.quantities)}
     heading = read.get("heading", found[..., 2])
     compared = [place for place, name in enumerate(log.quantities) if name in ("x", "y", "heading")]
@@ -129,6 +134,17 @@ def _stretches(robot: Model, log: Log, parameters: Array, place: Array, offset: 
         )
         for row, valid in enumerate(layout.read_together(compared))
     ]
+
+
+def _opening(layout: SegmentLayout) -> SegmentLayout:
+    # Without what is read after the opening of each stretch.
+    places = [layout.quantities.index(name) for name in ("x", "y")]
+    valid = layout.valid.copy()
+    for row, read in enumerate(layout.read_together(places)):
+        path = layout.readings[row][read][:, places]
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+        valid[row, np.flatnonzero(read)[along > max(PIECE, OPENING * along[-1])]] = False
+    return replace(layout, valid=valid)
 
 
 def _aligned(
