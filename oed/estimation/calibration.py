@@ -24,6 +24,7 @@ from oed.estimation.assessment.drift import drift, drift_of_motions
 from oed.estimation.assessment.further_sensors import odd_points, unread
 from oed.estimation.assessment.input_noise import Dilution, dilution_doubts, dilution_of
 from oed.estimation.assessment.model_selection import Comparison, ModelSelection
+from oed.estimation.assessment.prior_weight import weighted_with_prior
 from oed.estimation.methods.drift_rates import DriftRates, drift_rates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting, Segmenting
@@ -210,7 +211,8 @@ class _Work:
         notes += unread(self.problem.measurement, found.logs)
         self.announce("error bars")
         rates = drift_rates(fit)
-        covariances = self._covariances(fit, segmenting, rates)
+        fit, covariances, weighting = weighted_with_prior(fit, self._covariances(fit, segmenting, rates))
+        notes += weighting
         doubts, dilution = plausibility_doubts(fit, covariances[0].matrix), dilution_of(fit, self.seed)
         if dilution is not None:
             doubts += dilution_doubts(fit, dilution, covariances[0].matrix)
