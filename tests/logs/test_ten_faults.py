@@ -1,0 +1,499 @@
+"""Ten faults of every format of a log: each is refused by a message that says where it is, and what to do.
+
+The study of each format has 30 lines at most. A fault of a table is named by file and line, one of a bag by
+its topic and the message that it is in, one of the study by its line. What is raised is a mistake of the
+user, which the command line answers with exit code 2.
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Callable
+from functools import cache, partial
+from pathlib import Path
+
+import pytest
+from formats import (
+    FEW,
+    FORMATS,
+    INF,
+    MOST_LINES,
+    NAN,
+    STUDY,
+    TUPLE,
+    TWO,
+    Fault,
+    asked,
+    cell,
+    harmed,
+    head,
+    joint_states,
+    later,
+    messages,
+    rows,
+    storage,
+    study,
+    usual,
+    usual_stamps,
+    value,
+    whole,
+    without,
+)
+
+from oed.foundation.errors import UserMistake
+from oed.logs import read_logs
+from oed.workflow.estimate_logs import estimate
+from oed.workflow.studies import parse_study
+
+FINITE, KIND = "expected a finite number, got ", "whose unit is of another kind"
+MANY, KNOWN = "expected one topic to choose from", "the bag has no topic"
+
+
+FAULTS: dict[str, list[Fault]] = {
+    "ticks": [
+        *usual("a.csv", "ms", "right"),
+        cell("a.csv", 8, "right", "9000", "more than `wrap: 4096` allows"),
+        cell("a.csv", 8, "left", "720", "more than `wrap: 360` allows"),
+        head("a.csv", "right", "rechts", "the header lacks 'right'"),
+        study("ticks_per_turn: 1024, ", "", "ticks_per_turn: missing"),
+        study(", cumulative: true", "", "`wrap` is of a cumulative counter; add `cumulative: true`"),
+        study("gear: 4", "gear: 0", "gear: expected more than 0"),
+        study("unit: ms", "unit: h", "expected 's', 'ms', 'us' or 'ns', got 'h'"),
+    ],
+    "rpm and m/s": [
+        *usual("a.csv", "t", "left_mps"),
+        cell("a.csv", 8, "right_rpm", "1,5", "expected 6 cells, as in the first line, got 7"),
+        cell("a.csv", 8, "y_mm", "1e16", "expected a number of at most 1e+12 in SI units"),
+        head("a.csv", "right_rpm", "right_rad", "the header lacks 'right_rpm'"),
+        study("unit: rpm", "unit: V", "whose unit 'V' is not known"),
+        study("column: yaw, unit: deg", "column: yaw, unit: mm", "expected an angle [rad], got 'mm'"),
+        study("radius: 5 cm", "radius: 0 cm", "radius: expected more than 0"),
+    ],
+    "steering encoder": [
+        *usual("a.csv", "t", "steering"),
+        cell("a.csv", 8, "steering", "9000", "`wrap: 4096`"),
+        cell("a.csv", 8, "steering", "1960", "the counter jumps by about half of its range"),
+        study("form: ticks", "form: angle", "ticks_per_turn: unknown key"),
+        study("radius: 30 cm, held", "zero: 3, held", "zero: unknown key"),
+        study("sign: -1", "sign: 2", "sign: expected 1 or -1, got 2"),
+        study("steering_angle:", "steering:", "the robot has no input steering"),
+    ],
+    "omni, a radius of each wheel": [
+        *usual("a.csv", 0, 4, first=1),
+        cell("a.csv", 7, 6, "inf", f"column 6: {FINITE}'inf'"),
+        study("front_right: {column: 6", "front_right: {column: 7", "there is no column 7; the last"),
+        study("front_right: {column: 6", "front_right: {column: 5", "column 5 is read as"),
+        study("wheel_speed_rear:", "wheel_speed_back:", "the robot has no input wheel_speed_back"),
+        study("wheel_radius_rear: 51 mm", "wheel_radius_rear: 0 mm", "expected more than 0"),
+        study("wheel_radius_rear: 51 mm", "wheel_radius_back: 51 mm", "wheel_radius_back: unknown key"),
+    ],
+    "mecanum, a radius of each wheel": [
+        *usual("a.csv", "stamp", "rl"),
+        *usual("a_mocap.csv", "stamp", "yaw")[::3],
+        cell("a.csv", 8, "fr", "720", "more than `wrap: 360` allows"),
+        whole("a_mocap.csv", b"stamp,x,y,yaw\n", "the file has no rows after its header"),
+        study("wheel_radius_rear_left: 5 cm", "wheel_radius_rear_left: 5 s", f"got '5 s', {KIND}"),
+        study("sign: -1", "ticks_per_turn: 3", "ticks_per_turn: unknown key"),
+        study("_mocap", "_vicon", "no such file"),
+    ],
+    "relative poses": [
+        *usual("a.csv", "t", "wheel_speed_left"),
+        cell("a_matches.csv", 5, "t1", "0.1", "not before its end at 0.1 s"),
+        cell("a_matches.csv", 5, "t0", "now", f"{FINITE}'now'"),
+        cell("a_matches.csv", 5, "dtheta", "", "dtheta: expected a finite number, the cell is empty"),
+        cell("a_matches.csv", 5, "dx", "1e25", "expected a number of at most"),
+        cell("a_matches.csv", 5, "c_xx", "-1", "the covariance is not positive definite"),
+        cell("a_matches.csv", 5, "c_xy", "1", "the covariance is not positive definite"),
+        head("a_matches.csv", "dtheta", "dyaw", "the header lacks 'dtheta'"),
+        whole("a_matches.csv", None, "no such file"),
+        study("    t0: t0\n", "", "t0 and t1 belong together"),
+        study("yy: c_yy, ", "", "yy: missing"),
+        study("unit: deg", "unit: m", KIND),
+    ],
+    "tuples": [
+        *(
+            cell("a.tuple", 7, 0, TUPLE.replace(*change), words)
+            for change, words in (
+                (("0.8", "0"), "T: expected a duration above 0 s"),
+                (("0.8", "-0.8"), "got -0.8"),
+                (("phi_r", "phi"), "phi_r: is missing"),
+                (("0.5", "NaN"), f"phi_l: {FINITE}nan"),
+                (("0.5", '"fast"'), f"phi_l: {FINITE}'fast'"),
+                ((", -0.03", ""), "sm: expected x, y and heading"),
+                (("-0.03", "null"), f"sm: {FINITE}None"),
+                (("}", ""), "expected a tuple as JSON"),
+                ((TUPLE, "0.8 0.5 -0.25"), "expected a tuple as JSON"),
+                ((TUPLE, "[0.8, 0.5, -0.25]"), "expected a tuple like"),
+            )
+        ),
+        whole("a.tuple", b"\n", "holds no tuples"),
+        whole("a.tuple", b"\xff\xfe\x00", "not UTF-8 text"),
+        study(TWO, "robot: {kind: tricycle, wheel_radius: 5 cm, wheelbase: 20 cm}", "tuples are of a robot"),
+    ],
+    "commands of v and omega": [
+        *usual("a.csv", "time", "w_cmd"),
+        *usual("a_tracker.csv", "ms", "px")[::3],
+        head("a.csv", "v_cmd", "speed", "the header lacks 'v_cmd'"),
+        study("unit: deg/s", "unit: m/s", KIND),
+        study("{v: v_cmd", "{speed: v_cmd", "the robot has no input speed; it has v, omega"),
+        study("kind: unicycle, lag_v: 150 ms", "kind: unicycle, lag_v: 150 m", f"got '150 m', {KIND}"),
+        rows("a_tracker.csv", 2, later, "the clocks do not overlap"),
+    ],
+    "odometry as poses": [
+        *usual("a.csv", "t", "odom_yaw"),
+        head("a.csv", "odom_y", "y", "the header lacks 'odom_y'"),
+        cell("a.csv", 8, "odom_x", "1e14", "expected a number of at most"),
+        study("column: odom_yaw, unit: deg", "column: odom_yaw, unit: mm", KIND),
+        study("x: mocap_x, y: mocap_y", "x: odom_x, y: odom_y", "the poses are those of `poses`"),
+        study("robot: {kind: unicycle, omega_per_v: 0}", TWO, "take `robot: {kind: unicycle}`"),
+    ],
+    "landmarks, unknown map": [
+        *usual("a_seen.csv", "t", "range")[:2],
+        *usual("a_seen.csv", "t", "range")[3:],
+        cell("a_seen.csv", 8, "id", "8", "landmarks has no id '8'; the study has 7 and 12"),
+        cell("a_seen.csv", 8, "id", "", "landmarks has no id ''"),
+        cell("a_seen.csv", 9, "id", "7", "7 is read a second time"),
+        cell("a_seen.csv", 8, "range", "-2", "a distance is not below 0, got -2 m"),
+        cell("a_seen.csv", 8, "angle", "500", "8.72665 rad is more than 6.28"),
+        head("a_seen.csv", "angle", "bearing", "the header lacks 'angle'"),
+        study("    map: unknown", "    map: guessed", "map: expected"),
+        study("    landmarks: {file", "    landmark: {file", "did you mean landmarks?"),
+    ],
+    "tags": [
+        *usual("a_tags.csv", "t", "bearing")[:2],
+        cell("a_tags.csv", 8, "tag", "9", "tags has no id '9'; the study has 7 and 12"),
+        cell("a_tags.csv", 9, "tag", "7", "7 is read a second time"),
+        cell("a_tags.csv", 8, "orientation", "400", "rad is more than 6.28"),
+        cell("a_tags.csv", 8, "range", "-1", "a distance is not below 0"),
+        head("a_tags.csv", "orientation", "yaw", "the header lacks 'orientation'"),
+        whole("a_tags.csv", None, "no such file"),
+        study("unit: m}", "unit: s}", KIND),
+        study("id: tag, ", "", "expected 6 columns"),
+        study("90 deg], ", "90 m], ", f"got '90 m', {KIND}"),
+        study(", orientation: 3 deg", "", "the noise of orientation is needed"),
+    ],
+    "ranges": [
+        *usual("a.csv", "t", "range_2"),
+        cell("a.csv", 8, "range_3", "-0.5", "a distance is not below 0, got -0.5 m"),
+        head("a.csv", "range_3", "range_4", "the header lacks 'range_3'"),
+        study("range_1, range_2, range_3", "range_1, range_2", "expected 3 columns (ranges[1], ran"),
+        study("range_3]", "range_3], unit: s", KIND),
+        study("sensors: {ranges:", "sensors: {range:", "did you mean ranges?"),
+    ],
+    "gyro, bias and scale": [
+        *usual("a_imu.csv", "us", "gz")[:2],
+        *usual("a_imu.csv", "us", "gz")[3:],
+        cell("a_imu.csv", 8, "gz", "5730", "rad/s is more than 30; in degrees say `unit: deg/s`"),
+        head("a_imu.csv", "gz", "gyro", "the header lacks 'gz'"),
+        rows("a_imu.csv", 2, later, "outside of the log's, from 0 to 1.95 s"),
+        study("unit: deg/s}", "unit: deg}", KIND),
+        study("unit: us", "unit: min", "expected 's', 'ms', 'us' or 'ns'"),
+        study("scale: 1 %", "scale: -1 %", "scale: expected 'unknown' or 'known', got '-1 %'"),
+    ],
+    "GNSS, lever arm and latency": [
+        *usual("a_rtk.csv", "utc", "northing"),
+        cell("a_rtk.csv", 8, "easting", "1e13", "expected a number of at most 1e+12 in SI units"),
+        head("a_rtk.csv", "utc", "time", "the header lacks 'utc'"),
+        rows("a_rtk.csv", 2, lambda own: own[:3], "has 2 row(s) of poses; at least 3 are needed"),
+        study("latency: unknown", "latency: late", "latency: expected 'known' or 'unknown', got 'late'"),
+        study("lever_arm: {x: 10 cm", "lever_arm: {x: 10 s", f"got '10 s', {KIND}"),
+        study("quantities: [x, y]", "quantities: [x, z]", "expected 'x', 'y' or 'heading', got 'z'"),
+    ],
+    "rows of types": [
+        cell("a.csv", 7, 2, "lost", f"{FINITE}'lost'"),
+        cell("a.csv", 7, 1, "", "the cell is empty"),
+        cell("a.csv", 7, 2, "inf", f"{FINITE}'inf'"),
+        rows("a.csv", 7, lambda own: own[6].append("9"), "cells, as in the first line, got"),
+        rows("a.csv", 7, lambda own: own[6].pop(), "the cell is empty"),
+        rows("a.csv", 8, lambda own: own.insert(7, own[0]), "time goes back"),
+        study("inputs: odom", "inputs: odo", "no row is of type 'odo'; the types are odom (40 rows)"),
+        study("poses: mocap", "poses: 3", "no row is of type 3"),
+        study("column: 0, inputs", "column: 9, inputs", "there is no column 9"),
+        study("records: {column: 0", "records: {column: kind", "the file has no header"),
+        study("poses: mocap", "pose: mocap", "pose: unknown key; did you mean poses?"),
+        whole("a.csv", b"# nothing\n", "the file has no rows"),
+    ],
+    "dates": [
+        *(
+            cell("a.csv", 8, 0, stamp, words)
+            for stamp, words in (
+                ("31.05.2024 14:03", "expected a date and time as 2024-05-31 14:03:07.25"),
+                ("12.5", "(ISO 8601), got '12.5'"),
+                ("", "the cell is empty"),
+                ("2024-05-31T25:00:00+00:00", "(ISO 8601), got '2024-05-31T25:00:00+00:00'"),
+                ("2024-02-30T14:03:07+00:00", "(ISO 8601), got '2024-02-30T14:03:07+00:00'"),
+                ("2024-05-31T14:03:07.3", "lacks the time zone that other rows have"),
+                ("2024-05-31T14:03:07+00:00", "time goes back"),
+            )
+        ),
+        head("a.csv", "stamp", "date", "the header lacks 'stamp'"),
+        study("{time: stamp}", "{time: {column: stamp, form: date, unit: ms}}", "a date has no unit"),
+        study("{time: stamp}", "{time: {column: stamp, form: day}}", "'number' or 'date', got 'day'"),
+    ],
+    "TUM": [
+        *(
+            cell("a.tum", 7, 0, line, words)
+            for line, words in (
+                ("0.3 0 0 0 0 0 0 2", "expected a unit quaternion in qx qy qz qw"),
+                ("0.3 0 0 0 0 0 0 w", f"{FINITE}'w'"),
+                ("0.3 nan 0 0 0 0 0 1", f"{FINITE}'nan'"),
+                ("0.3 0 0 0 0 0 0", "the cell is empty"),
+                ("0.3 0 0 0 0 0 0 1 9", "expected 8 cells, as in the first line, got 9"),
+                ("0.1 0 0 0 0 0 0 1", "time goes back"),
+                ("0.3 1e13 0 0 0 0 0 1", "expected a number of at most"),
+                ("0.3,0,0,0,0,0,0,1", "(decimals need a point)"),
+            )
+        ),
+        rows(
+            "a.tum",
+            1,
+            lambda own: [["0 1 2 3"]] * 9,
+            "expected 8 columns (timestamp tx ty tz qx qy qz qw), got 4",
+        ),
+        whole("a.tum", None, "no such file"),
+        whole("a.tum", b"# timestamp tx ty tz qx qy qz qw\n", "the file has no rows"),
+        study(".tum", '.tum", keep: {good: 1}, time: "t', "a TUM file has no further columns"),
+    ],
+    "hold-out": [
+        *usual("a.csv", "t", "x"),
+        rows(
+            "a.csv", 0, lambda own: own[:6], "holding out the last 25 % of 200 ms leaves 1 of 5 poses in them"
+        ),
+        asked("leaves 1 of 40 poses before them", hold_out=0.999),
+        asked("leaves 1 of 40 poses in them", hold_out=0.001),
+    ],
+    "decimation": [
+        *usual("a.csv", "t", "x"),
+        study("thin: 4", "thin: 20", "one in 20 of 40 poses leaves 2; at least 3 are needed"),
+        study("thin: 4", "thin: 0", "thin: expected at least 1"),
+        study("thin: 4", "thin: 1.5", "thin: expected"),
+        study("thin: 4", "thin: ten", "thin: expected"),
+        study("thin: 4", "thinn: 4", "thinn: unknown key; did you mean thin?"),
+    ],
+    "NaN skipped": [
+        *usual("a.csv", "t", "x")[3:],
+        head("a.csv", "x", "px", "the header lacks 'x'"),
+        rows(
+            "a.csv", 2, lambda own: [own[0], *([*r[:3], "nan", *r[4:]] for r in own[1:])], f"x: {FINITE}'nan'"
+        ),
+        rows(
+            "a.csv",
+            2,
+            lambda own: [*own[:3], *([*r[:3], "nan", *r[4:]] for r in own[3:])],
+            "has 2 row(s) of poses",
+        ),
+        cell("a.csv", 8, "x", "1e13", "expected a number of at most 1e+12"),
+        study("skip_invalid_rows: true", "skip_invalid_rows: some", "skip_invalid_rows: expected"),
+        study("skip_invalid_rows", "skip_invalid", "did you mean skip_invalid_rows?"),
+    ],
+    "bag: JointState, PoseStamped": [
+        value("/joint_states", 5, "position[0]", NAN, f"{FINITE}'nan'"),
+        value("/joint_states", 5, "position[1]", INF, f"{FINITE}'inf'"),
+        value("/joint_states", 5, "position[1]", 1e9, "the counter jumps from", "base_wheel_left_joint"),
+        value("/mocap", 5, "pose.position.x", NAN, f"{FINITE}'nan'"),
+        value("/mocap", 5, "pose.orientation.w", 5.0, "expected a unit quaternion"),
+        *usual_stamps("/joint_states"),
+        *usual_stamps("/mocap"),
+        study("joint_states: /joint_states", "joint_states: /joints", KNOWN),
+        study("joint_states: /joint_states", "joint_states: /mocap", "/mocap is of type geom"),
+        study("base_wheel_right_joint", "right", "no joint right; did you mean base_wheel_right_joint?"),
+        study("topic: /mocap", "topic: /vicon", f"{KNOWN} /vicon; of type Odometry or"),
+        without("/mocap", f"{KNOWN} /mocap", "poses"),
+        harmed(
+            lambda path: (path / "metadata.yaml").unlink(), "is no ROS bag: expected a folder with metadata"
+        ),
+        harmed(lambda path: storage(path).unlink(), "cannot be read as a ROS bag"),
+        harmed(
+            lambda path: storage(path).write_bytes(storage(path).read_bytes()[:999]),
+            "cannot be read as a ROS bag",
+        ),
+    ],
+    "bag: ROS 1, Twist": [
+        *(
+            Fault(one.change, one.place.replace("drive:", "drive.bag:"), one.words)
+            for one in (
+                value("/cmd_vel", 5, "linear.x", NAN, f"{FINITE}'nan'"),
+                value("/cmd_vel", 5, "angular.z", INF, f"{FINITE}'inf'"),
+                value("/mocap", 5, "pose.position.y", NAN, f"{FINITE}'nan'"),
+                value("/mocap", 5, "pose.orientation.z", 9.0, "expected a unit quaternion"),
+                *usual_stamps("/mocap"),
+                without("/cmd_vel", f"{KNOWN} /cmd_vel", "commands"),
+                without("/mocap", f"{KNOWN} /mocap", "poses"),
+                harmed(lambda path: path.write_bytes(path.read_bytes()[:999]), "cannot be read as a ROS bag"),
+                harmed(lambda path: path.write_bytes(b"#ROSBAG V1.2\n"), "cannot be read as a ROS bag"),
+                harmed(lambda path: path.write_bytes(b""), "cannot be read as a ROS bag"),
+            )
+        ),
+        study("/cmd_vel", "/cmd", f"{KNOWN} /cmd; did you mean /cmd_vel?"),
+        study("/cmd_vel", "/mocap", "/mocap is of type geometry_msgs/msg/PoseStamped"),
+    ],
+    "bag: TwistStamped": [
+        value("/cmd_vel", 5, "twist.linear.x", NAN, f"{FINITE}'nan'"),
+        value("/cmd_vel", 5, "twist.angular.z", -INF, f"{FINITE}'-inf'"),
+        *usual_stamps("/cmd_vel"),
+        without("/cmd_vel", f"{KNOWN} /cmd_vel", "commands"),
+        study("commands: /cmd_vel", "inputs: {v: {topic: /cmd_vel, field: v}}", "has no field v; it has"),
+        study("commands: /cmd_vel", "inputs: {v: {topic: /cmd_vel, unit: rad/s}}", KIND),
+        study("commands: /cmd_vel", "inputs: {v: {topic: /mocap}}", "say in which `field` it is"),
+        study("commands: /cmd_vel", "inputs: {speed: {topic: /cmd_vel}}", "the robot has no input speed"),
+        study("poses: /mocap", "poses: /cmd_vel", "/cmd_vel is of type geometry_msgs/msg/TwistStamped"),
+        study("robot: {kind: unicycle}", TWO, "log.commands: no message has wheel_speed_right"),
+    ],
+    "bag: Odometry": [
+        value("/odom", 5, "pose.pose.position.x", NAN, f"{FINITE}'nan'"),
+        value("/odom", 5, "pose.pose.orientation.z", INF, f"{FINITE}'inf'"),
+        value("/odom", 5, "pose.pose.orientation.w", 3.0, "expected a unit quaternion"),
+        *usual_stamps("/odom"),
+        without("/odom", f"{KNOWN} /odom", "inputs"),
+        study("topic: /odom", "topic: /odometry", f"{KNOWN} /odometry; did you mean /odom?"),
+        study("topic: /mocap", "topic: /odom", "/odom is the robot's own odometry"),
+        study("topic: /odom}", "topic: /odom, child: laser}", "no poses in /odom of the child laser"),
+        study("topic: /odom", "topc: /odom", "topc: unknown key; did you mean topic?"),
+        study("robot: {kind: unicycle}", TWO, "take `robot: {kind: unicycle}`"),
+    ],
+    "bag: AckermannDriveStamped": [
+        value("/drive", 5, "drive.speed", NAN, f"{FINITE}'nan'"),
+        value("/drive", 5, "drive.steering_angle", INF, f"{FINITE}'inf'"),
+        value("/drive", 5, "drive.steering_angle", 4.0, "the steering angle jumps by", "steering_angle"),
+        *usual_stamps("/drive"),
+        study("commands: /drive", "commands: /drives", f"{KNOWN} /drives; did you mean /drive?"),
+        study("commands: /drive", "commands: /mocap", "/mocap is of type geometry_msgs/msg/PoseStamped"),
+        study("kind: ackermann", "kind: tricycle", "no message has wheel_speed, steering_angle as commands"),
+        *(
+            study("commands: /drive", f"inputs: {{{name}: {{topic: /drive, {keys}}}}}", words)
+            for name, keys, words in (
+                (
+                    "steering_angle",
+                    "field: drive.steering",
+                    "drive has no field steering; did you mean steering_",
+                ),
+                ("steering_angle", "unit: m", KIND),
+                ("steering_angle", "form: speed", "its form is value, got 'speed'"),
+                ("wheel_speed", "field: drive", "message 1: drive is no number: it has steering_angle"),
+            )
+        ),
+    ],
+    "bag: TF": [
+        value("/tf", 5, "transforms[0].transform.translation.x", NAN, f"{FINITE}'nan'"),
+        value("/tf", 5, "transforms[0].transform.translation.y", INF, f"{FINITE}'inf'"),
+        value("/tf", 5, "transforms[0].transform.rotation.w", 0.0, "expected a unit quaternion"),
+        *usual_stamps("/tf", "transforms[0].header.stamp"),
+        without("/tf", f"{KNOWN} /tf", "poses"),
+        study("topic: /tf", "topic: /tf_static", f"{KNOWN} /tf_static; did you mean /tf?"),
+        study("frame: odom", "frame: map", "no poses in /tf of the frame map; it has odom -> base_link"),
+        study("child: base_link", "child: base", "of the child base; did you mean base_link?"),
+        study("frame: odom", "form: odom", "form: unknown key; did you mean frame?"),
+        messages(
+            lambda own: (*joint_states(), *own[-2:]),
+            "drive: ",
+            "has 2 row(s) of poses; at least 3 are needed",
+        ),
+    ],
+    "bag: PoseWithCovarianceStamped": [
+        value("/amcl", 5, "pose.pose.position.y", NAN, f"{FINITE}'nan'"),
+        value("/amcl", 5, "pose.pose.position.x", -INF, f"{FINITE}'-inf'"),
+        value("/amcl", 5, "pose.pose.orientation.z", 9.0, "expected a unit quaternion"),
+        value("/amcl", 5, "pose.pose.position.y", 1e13, "expected a number of at most 1e+12", "y"),
+        *usual_stamps("/amcl"),
+        without("/amcl", f"{KNOWN} /amcl", "poses"),
+        without("/joint_states", f"{MANY}; of type JointState it has none", "joint_states"),
+        study("poses: /amcl", "poses: /amcl_pose", f"{KNOWN} /amcl_pose; did you mean /amcl?"),
+        study("poses: /amcl", "poses: {topic: /amcl, x: pose.position.x}", "pose has no field position"),
+        study("poses: /amcl", "poses: {topic: /amcl, frame: map}", "no poses in /amcl of the frame map"),
+    ],
+    "bag: Imu": [
+        value("/imu", 5, "angular_velocity.z", NAN, f"{FINITE}'nan'"),
+        value("/imu", 5, "angular_velocity.z", INF, f"{FINITE}'inf'"),
+        value("/imu", 5, "angular_velocity.z", 57.0, "57 rad/s is more than 30", "yaw_rate"),
+        value("/imu", 5, "header.stamp.sec", 0, "time goes back: 0.2 s after"),
+        without("/imu", f"{KNOWN} /imu", "yaw_rate"),
+        study("topic: /imu", "topic: /imus", f"{KNOWN} /imus; did you mean /imu?"),
+        study("angular_velocity.z", "angular_velocity", "angular_velocity is no number but"),
+        study("angular_velocity.z", "rate.z", "there is no rate of rate.z in the messages"),
+        study("angular_velocity.z", "angular_velocity.z, unit: m", KIND),
+        study("{yaw_rate: {topic", "{gyro: {topic", "has no gyro; it measures yaw_rate"),
+        study("bias: unknown", "bias: none", "bias: expected 'unknown' or 'known', got 'none'"),
+    ],
+    "bag: fields by path": [
+        value("/wheels", 5, "speeds[0]", NAN, f"{FINITE}'nan'"),
+        value("/wheels", 5, "wheels[0].velocity", INF, f"{FINITE}'inf'"),
+        value("/wheels", 5, "wheels", [], "wheels has 0 entries, from [0] on; there is no [0]"),
+        value("/mocap", 5, "pose.orientation.w", 3.0, "expected a unit quaternion"),
+        *usual_stamps("/wheels"),
+        *(
+            study('"speeds[0]"', path, f"{place}: {words}")
+            for path, place, words in (
+                ('"speeds[2]"', "/wheels: message 1", "speeds has 2 entries, from [0] on; there is no [2]"),
+                ('"speed[0]"', "/wheels: message 1", "the message has no field speed; did you mean speeds?"),
+                ("speeds", "/wheels: message 1", "speeds is no number: it has 2 entries"),
+                ("state", "/wheels: message 1", "state is no number, but str"),
+                ("speeds.0", "field", "expected the path of a field, such as wheel.left.velocity"),
+            )
+        ),
+        study("unit: rpm", "unit: V", "whose unit 'V' is not known"),
+        study("pose.orientation", "pose.position", "pose.position is no number: it has x, y, z"),
+        study("{topic: /wheels, field", "{field", "is one of which topic's messages? give `topic`, too"),
+    ],
+    "bag: landmarks": [
+        value("/seen", 5, "poses[0].position.x", -1.0, "a distance is not below 0", "landmarks.range[4]"),
+        value("/seen", 5, "poses[0].position.y", 50.0, "50 rad is more than 6.28", "landmarks.bearing[4]"),
+        value("/seen", 5, "poses[0].position.z", 5.0, "landmarks has no id '5'; the study has 4 and 9", "id"),
+        value("/seen", 5, "poses[0].position.z", 9.0, "9 is read a second time", "id"),
+        value("/seen", 5, "header.stamp.sec", 0, "time goes back: 0.4 s after"),
+        without("/seen", f"{KNOWN} /seen", "landmarks"),
+        study("topic: /seen", "topic: /tags", f"{KNOWN} /tags"),
+        study("topic: /seen, ", "", "the topic of landmarks is needed; the bag has /joint_states, /seen"),
+        study("each: poses", "each: pose", "there is no pose of pose in the"),
+        study("id: position.z", "id: number", "there is no number of number in the messages"),
+        study("range: position.x", "range: position", "position is no number but"),
+        study("landmarks: {topic", "landmark: {topic", "did you mean landmarks?"),
+    ],
+    "bag: ranges": [
+        value("/uwb/2", 5, "range", NAN, f"{FINITE}'nan'"),
+        value("/uwb/1", 5, "range", INF, f"{FINITE}'inf'"),
+        value("/uwb/2", 5, "range", -1.0, "a distance is not below 0, got -1 m", "ranges[2]"),
+        without("/uwb/2", f"{KNOWN} /uwb/2", "ranges"),
+        study("topics: [/uwb/1, /uwb/2]", "topics: [/uwb/1]", "expected 2 fields of one topic, or as"),
+        study("/uwb/2", "/uwb/3", f"{KNOWN} /uwb/3; did you mean /uwb/2?"),
+        study("/uwb/2", "/joint_states", "there is no range of range in the messages"),
+        study("field: range", "field: distance", "there is no distance of distance in the messages"),
+        study("field: range", "field: header", "header is no number but"),
+        study("field: range", "field: range, unit: s", KIND),
+        study("{ranges: {topics", "{ranges_2: {topics", "the study's measurement has no ranges_2"),
+    ],
+}
+
+
+CASES = [
+    pytest.param(name, fault, id=f"{name}-{number}")
+    for name, faults in FAULTS.items()
+    for number, fault in enumerate(faults, start=1)
+]
+study_of = cache(partial(parse_study, source="study.yaml"))
+
+
+@pytest.fixture(scope="module")
+def unbroken(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The log of a format, written once."""
+    return cache(lambda name: FORMATS[name].written(tmp_path_factory.mktemp("unbroken")))
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_it_is_read_by_a_short_study(name: str, unbroken: Callable[[str], Path]):
+    own = study_of(FORMATS[name].study)
+    assert len(own.text.splitlines()) <= MOST_LINES
+    (log,) = read_logs([unbroken(name)], own.log, own.problem.model, own.problem.measurement)
+    assert len(log.input_times) > FEW
+    assert len({(fault.place, fault.words) for fault in FAULTS[name]}) >= 10
+
+
+@pytest.mark.parametrize(("name", "fault"), CASES)
+def test_a_fault_is_named(name: str, fault: Fault, unbroken: Callable[[str], Path], tmp_path: Path):
+    broken = copy.deepcopy(FORMATS[name])
+    fault.change(broken)
+    log = unbroken(name) if fault.place == STUDY else broken.written(tmp_path)
+    with pytest.raises(UserMistake) as caught:
+        estimate(study_of(broken.study), log, **broken.options)
+    said = str(caught.value).replace(f"{log.parent}{os.sep}", "").splitlines()
+    assert any(fault.place in line and fault.words in line for line in said), said
