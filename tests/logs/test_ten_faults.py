@@ -102,6 +102,10 @@ FAULTS: dict[str, list[Fault]] = {
         cell("a_matches.csv", 5, "t1", "0.1", "not before its end at 0.1 s"),
         cell("a_matches.csv", 5, "t0", "now", f"{FINITE}'now'"),
         cell("a_matches.csv", 5, "dtheta", "", "dtheta: expected a finite number, the cell is empty"),
+        *(
+            cell("a_matches.csv", 5, name, "", f"{name}: expected a finite number, the cell is empty")
+            for name in ("dx", "c_xx", "c_yy", "c_hh", "c_xy", "t0")
+        ),
         cell("a_matches.csv", 5, "dx", "1e25", "expected a number of at most"),
         cell("a_matches.csv", 5, "c_xx", "-1", "the covariance is not positive definite"),
         cell("a_matches.csv", 5, "c_xy", "1", "the covariance is not positive definite"),

@@ -47,6 +47,7 @@ class ColumnBlock:
         clock: the time's column.
         places: of the columns in the table.
         runs: value of the run column in each row; None without one.
+        logged: the numbers in these columns, where those of `series` are made of them.
     """
 
     table: Table | None
@@ -54,6 +55,7 @@ class ColumnBlock:
     clock: int = 0
     places: tuple[int, ...] = ()
     runs: list[str] | None = None
+    logged: Series | None = None
 
     def require_filled(self, series: Series, rows: Rows) -> None:
         """Refuse empty cells in these rows, whose numbers are `series`.
@@ -61,6 +63,8 @@ class ColumnBlock:
         Raises:
             LogError: names each of them.
         """
+        if self.logged is not None:
+            series = self.logged.rows(rows)
         empty = np.isnan(np.column_stack([series.times, series.values]))
         if self.table is None or not empty.any():
             return
@@ -289,7 +293,11 @@ def _read_reference(
     if not isinstance(given, PoseColumns):
         block = _read_block(table, _reference_clock(form), motion_columns(given), runs, own_clock)
         series = motion_series(block.series, block.runs, given)
-        return QUANTITIES, replace(block, series=series), np.ones(len(series), dtype=bool)
+        return (
+            QUANTITIES,
+            replace(block, series=series, logged=block.series),
+            np.ones(len(series), dtype=bool),
+        )
     kept = kept_rows(table, given.keep, form.skip_invalid_rows, key, "keep")
     columns = _pose_columns(table, given, model)
     block = _read_block(table, _reference_clock(form), _under(key, columns), runs, own_clock)
