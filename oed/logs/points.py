@@ -96,4 +96,4 @@ def _together(times: Array, runs: Any) -> Rows:
 def _plain(text: str) -> str:
     # Numbers without a fraction as the study has them.
     value = plain_number(text)
-    return str(int(value)) if value is not None and value == int(value) else text.strip()
+    return str(int(value)) if value is not None and value.is_integer() else text.strip()

@@ -79,7 +79,9 @@ def source_flaws(sources: Mapping[str, SensorSource], measurement: Measurement |
     """What in `log: sensors:` does not fit the study's measurement."""
     sensors = labelled(measurement)
     wrong = dict(_name_flaws(list(sources), sensors))
-    fitting = ((name, one) for name, one in sources.items() if name not in wrong)
+    # What is wrong with a sensor itself it says later on.
+    whole = {name for name, sensor in sensors.items() if len(sensor.entries) == len(sensor.units)}
+    fitting = ((name, one) for name, one in sources.items() if name in whole - set(wrong))
     return [*wrong.values(), *(flaw for name, one in fitting for flaw in one.flaws(name, sensors[name]))]
 
 

@@ -157,6 +157,14 @@ FAULTS: dict[str, list[Fault]] = {
         *usual("a_seen.csv", "t", "range")[3:],
         cell("a_seen.csv", 8, "id", "8", "landmarks has no id '8'; the study has 7 and 12"),
         cell("a_seen.csv", 8, "id", "", "landmarks has no id ''"),
+        cell("a_seen.csv", 8, "id", "nan", "id: landmarks has no id 'nan'; the study has 7 and 12"),
+        cell("a_seen.csv", 8, "id", "inf", "id: landmarks has no id 'inf'; the study has 7 and 12"),
+        study(
+            "ids: [7, 12]",
+            "ids: [7]",
+            "measurement.0.ids: expected one id for each of the 2 landmarks, got 1",
+        ),
+        study("ids: [7, 12]", "ids: [7, 9, 12]", "measurement.0.ids: expected one id for each of"),
         cell("a_seen.csv", 9, "id", "7", "7 is read a second time"),
         cell("a_seen.csv", 8, "range", "-2", "a distance is not below 0, got -2 m"),
         cell("a_seen.csv", 8, "angle", "500", "8.72665 rad is more than 6.28"),
@@ -167,6 +175,7 @@ FAULTS: dict[str, list[Fault]] = {
     "tags": [
         *usual("a_tags.csv", "t", "bearing")[:2],
         cell("a_tags.csv", 8, "tag", "9", "tags has no id '9'; the study has 7 and 12"),
+        study("ids: [7, 12]", "ids: [7]", "measurement.0.ids: expected one id for each of the 2 tags, got 1"),
         cell("a_tags.csv", 9, "tag", "7", "7 is read a second time"),
         cell("a_tags.csv", 8, "orientation", "400", "rad is more than 6.28"),
         cell("a_tags.csv", 8, "range", "-1", "a distance is not below 0"),
