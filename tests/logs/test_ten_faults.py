@@ -155,6 +155,7 @@ FAULTS: dict[str, list[Fault]] = {
     "landmarks, unknown map": [
         *usual("a_seen.csv", "t", "range")[:2],
         *usual("a_seen.csv", "t", "range")[3:],
+        cell("a_seen.csv", 8, "t", "", "t: expected a finite number, the cell is empty"),
         cell("a_seen.csv", 8, "id", "8", "landmarks has no id '8'; the study has 7 and 12"),
         cell("a_seen.csv", 8, "id", "", "landmarks has no id ''"),
         cell("a_seen.csv", 8, "id", "nan", "id: landmarks has no id 'nan'; the study has 7 and 12"),

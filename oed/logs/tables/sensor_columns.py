@@ -18,7 +18,7 @@ from oed.kernel.measurement.sensor import Sensor
 from oed.logs.input_forms import unit_factor, unit_reason
 from oed.logs.points import ROWS, gathered, quantities_of, units_of
 from oed.logs.sensors import AS_LIST, Sensed, SensorSource, checked
-from oed.logs.series import NotInLog, Series, together
+from oed.logs.series import NotInLog, Series, shortened, together
 from oed.logs.tables.columns import ColumnPlace, MaybeBeside, PoseColumn, Short, TimeColumn
 from oed.logs.tables.stamps import read_times
 from oed.logs.tables.table import Table, read_table
@@ -93,6 +93,7 @@ class SensorColumns(MaybeBeside, SensorSource):
                 *(partial(_numbers, table, one, (*key, self._key(one)), skip) for one in columns),
             ]
         )
+        _require_times(table, place, times, np.column_stack(values), skip)
         factors = [unit_factor(one.unit or self.unit, unit) for one, unit in zip(columns, units, strict=True)]
         rows = np.column_stack(values) * factors
         series, runs = Series(table.file, table.label(place), times, rows, table.lines), _runs(table, form)
@@ -127,10 +128,14 @@ def _times(table: Table, column: TimeColumn, key: Sequence[str], skip: bool) -> 
 
 
 def _numbers(table: Table, column: Any, key: Sequence[str], skip: bool) -> Array:
-    values, flaws = table.numbers(table.place(column.column, *key, "column"))
-    if flaws and (not skip or len(flaws) == len(values)):
-        raise LogError(flaws)
-    return values
+    return table.finite(table.place(column.column, *key, "column"), skip)
+
+
+def _require_times(table: Table, place: int, times: Array, values: Array, skip: bool) -> None:
+    # Readings without a time are none, but where the study lets them go.
+    lost = np.flatnonzero(np.isnan(times) & ~np.isnan(values).all(axis=1)).tolist()
+    if lost and not skip:
+        raise LogError(shortened(table.cell_flaw(row, place) for row in lost))
 
 
 def _runs(table: Table, form: CsvForm) -> list[str] | None:
