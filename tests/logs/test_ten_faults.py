@@ -50,6 +50,17 @@ FINITE, KIND = "expected a finite number, got ", "whose unit is of another kind"
 MANY, KNOWN = "expected one topic to choose from", "the bag has no topic"
 
 
+def stray(text: str, table: list[list[str]]) -> None:
+    """A line among the others that is no row."""
+    table.insert(7, [text])
+
+
+def of_text(column: str, table: list[list[str]]) -> None:
+    """A column without numbers."""
+    for row in table[1:]:
+        row[table[0].index(column)] = "lost"
+
+
 FAULTS: dict[str, list[Fault]] = {
     "ticks": [
         *usual("a.csv", "ms", "right"),
@@ -63,6 +74,10 @@ FAULTS: dict[str, list[Fault]] = {
     ],
     "rpm and m/s": [
         *usual("a.csv", "t", "left_mps"),
+        *(
+            rows("a.csv", 8, partial(stray, text), "a.csv:8: expected 6 cells, as in the first line, got 1")
+            for text in ("Segmentation fault", 6 * "\0", "0.3;1;2;3;4;5", "0.3\t1\t2\t3\t4\t5")
+        ),
         cell("a.csv", 8, "right_rpm", "1,5", "expected 6 cells, as in the first line, got 7"),
         cell("a.csv", 8, "y_mm", "1e16", "expected a number of at most 1e+12 in SI units"),
         head("a.csv", "right_rpm", "right_rad", "the header lacks 'right_rpm'"),
@@ -198,6 +213,13 @@ FAULTS: dict[str, list[Fault]] = {
     "gyro, bias and scale": [
         *usual("a_imu.csv", "us", "gz")[:2],
         *usual("a_imu.csv", "us", "gz")[3:],
+        cell("a_imu.csv", 8, "us", "", "us: expected a finite number, the cell is empty"),
+        rows(
+            "a_imu.csv",
+            8,
+            lambda own: [["lost"] if line == 8 else row[:2] for line, row in enumerate(own, 1)],
+            "a_imu.csv:8: expected 2 cells, as in the first line, got 1",
+        ),
         cell("a_imu.csv", 8, "gz", "5730", "rad/s is more than 30; in degrees say `unit: deg/s`"),
         head("a_imu.csv", "gz", "gyro", "the header lacks 'gz'"),
         rows("a_imu.csv", 2, later, "outside of the log's, from 0 to 1.95 s"),
@@ -256,7 +278,7 @@ FAULTS: dict[str, list[Fault]] = {
                 ("0.3 0 0 0 0 0 0 1 9", "expected 8 cells, as in the first line, got 9"),
                 ("0.1 0 0 0 0 0 0 1", "time goes back"),
                 ("0.3 1e13 0 0 0 0 0 1", "expected a number of at most"),
-                ("0.3,0,0,0,0,0,0,1", "(decimals need a point)"),
+                ("0.3,0,0,0,0,0,0,1", "expected 8 cells, as in the first line, got 1: '0.3,0,0,0,0,0,0,1'"),
             )
         ),
         rows(
@@ -286,6 +308,10 @@ FAULTS: dict[str, list[Fault]] = {
         study("thin: 4", "thinn: 4", "thinn: unknown key; did you mean thin?"),
     ],
     "NaN skipped": [
+        *(
+            rows("a.csv", 2, partial(of_text, name), f"{name}: expected finite numbers, and the column")
+            for name in ("x", "t", "wheel_speed_left")
+        ),
         *usual("a.csv", "t", "x")[3:],
         head("a.csv", "x", "px", "the header lacks 'x'"),
         rows(

@@ -41,6 +41,8 @@ NAMES = 40
 MAY_BE_HEADER = "its first row has numbers, and so is no header; where it is one, say `header: true`"
 """Of a file whose first row has other cells as well."""
 
+MOST = 0.5
+"""Share of the lines beyond which what they have in common is their delimiter."""
 _LOOKED_AT = 20
 """Rows by which the delimiter and the header are found."""
 _NAME = re.compile(r"[\w ./()\[\]{}<>^°%#*+-]{0,60}")
@@ -171,13 +173,13 @@ class Table:
 
         Args:
             place: of the column.
-            skip: whether some other cells may be no numbers.
+            skip: whether some other cells may be no numbers, as long as any is one.
 
         Raises:
             LogError: cells that are no numbers.
         """
         values, flaws = self.numbers(place)
-        if len(flaws) == len(values) or (flaws and not skip):
+        if flaws and (not skip or np.isnan(values).all()):
             raise LogError(flaws)
         return values
 
@@ -193,19 +195,27 @@ class Table:
         return values if (np.abs(values) < LARGEST).all() else None
 
     def cell_flaw(self, row: int, place: int, cell: str = "") -> FileFlaw:
-        """A cell that is no finite number.
+        """A cell that is no finite number, or the row of one cell, which is none, that it would be in.
 
         Args:
             row: from 0.
             place: of the column, from 0.
             cell: its text; "" for none.
         """
+        found = len(self.cells(self.rows[row]))
+        if found == 1 < self.width:
+            text = f"{_expected(self.width, found)}: {written(self.rows[row].strip())}"
+            return FileFlaw(self.file, int(self.lines[row]), 0, "", text)
         got = f"got {written(cell)}" if cell else "the cell is empty"
         hint = " (decimals need a point)" if "," in cell else ""
         if self.header_in_doubt and not row and cell:
             hint = f" ({MAY_BE_HEADER})"
         text = f"expected a finite number, {got}{hint}"
         return FileFlaw(self.file, int(self.lines[row]), place + 1, self.label(place), text)
+
+
+def _expected(width: int, found: int) -> str:
+    return f"expected {width} cells, as in the first line, got {found}"
 
 
 def _number(cell: str) -> float:
@@ -278,9 +288,11 @@ def _is_cut_off(rows: Sequence[str], cells: Cells) -> bool:
 
 
 def _delimiter(lines: Sequence[str]) -> str:
-    # The last line may be half a one.
+    # The last line may be half a one, and others among them no rows at all.
     whole = lines[:-1] or lines
-    return next((mark for mark in "\t;," if all(mark in line for line in whole)), BLANKS)
+    shares = {mark: np.mean([mark in line for line in whole]) for mark in "\t;," if mark in whole[0]}
+    likely = [mark for mark, share in shares.items() if share > MOST]
+    return max(likely, key=lambda mark: shares[mark], default=BLANKS)
 
 
 def _plain_cells(delimiter: str, row: str) -> list[str]:
@@ -320,7 +332,7 @@ def _require_room(file: Path, width: int, rows: Sequence[str], lines: Rows, cell
         found = cells(row)
         if len(found) > width and any(map(str.strip, found[width:])):
             hint = " (decimals need a point)" if len(found) == 2 * width else ""
-            text = f"expected {width} cells, as in the first line, got {len(found)}{hint}"
+            text = f"{_expected(width, len(found))}{hint}"
             flaws.append(FileFlaw(str(file), line, width + 1, "", text))
     if flaws:
         raise LogError(shortened(flaws))
