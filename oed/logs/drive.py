@@ -15,7 +15,7 @@ from oed.logs import findings
 from oed.logs.form import LogForm, Repeats
 from oed.logs.log import Finding, Log
 from oed.logs.motions import PAIRS, QUANTITIES, Motions, motions_of
-from oed.logs.series import NotInLog, Series, together
+from oed.logs.series import NotInLog, Series, time_text, together
 
 FEWEST = 3
 """Rows that a drive needs at least, of inputs and of poses."""
@@ -163,8 +163,9 @@ def _too_few(drive: RecordedDrive) -> Iterator[FileFlaw]:
 def _no_overlap(inputs: Series, poses: Series) -> Iterator[FileFlaw]:
     if inputs.times.max() < poses.times.min() or poses.times.max() < inputs.times.min():
         text = (
-            f"the clocks do not overlap: inputs from {inputs.times[0]:.10g} to {inputs.times[-1]:.10g} s, "
-            f"poses from {poses.times[0]:.10g} to {poses.times[-1]:.10g} s; are the units of time "
+            f"the clocks do not overlap: inputs from {time_text(inputs.times[0])} to "
+            f"{time_text(inputs.times[-1])} s, poses from {time_text(poses.times[0])} to "
+            f"{time_text(poses.times[-1])} s; are the units of time "
             "and the time zones alike, and do both clocks begin at the same moment?"
         )
         yield poses.flaw(0, poses.clock, text)

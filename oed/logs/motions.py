@@ -10,7 +10,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import FileFlaw
-from oed.logs.series import Rows, Series
+from oed.logs.series import Rows, Series, time_text
 
 QUANTITIES = ("x", "y", "heading")
 """What is read of a motion."""
@@ -128,8 +128,8 @@ def _order_flaws(series: Series, follows: bool) -> list[FileFlaw]:
         series.flaw(
             row,
             "t0",
-            f"the motion begins at {series.values[row, 0]:.10g} s, not before its end at "
-            f"{series.times[row]:.10g} s{swapped}",
+            f"the motion begins at {time_text(series.values[row, 0])} s, not before its end at "
+            f"{time_text(series.times[row])} s{swapped}",
         )
         for row in wrong
     ]

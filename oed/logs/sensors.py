@@ -19,7 +19,7 @@ from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.sensor import Sensor, sensor_labels
 from oed.logs.drive import MARGIN
 from oed.logs.log import Log, SensorReadings
-from oed.logs.series import Series, shortened
+from oed.logs.series import Series, shortened, time_text
 
 Clock = Literal["inputs", "poses"]
 AS_LIST = BeforeValidator(lambda value: value if isinstance(value, list | tuple) else [value])
@@ -152,8 +152,8 @@ def with_sensors(logs: Sequence[Log], found: Sequence[Sensed]) -> list[Log]:
     flaws = []
     for place, one in enumerate(found):
         if not any(len(row[place].times) for row in given):
-            span = f"{one.series.times.min():.10g} to {one.series.times.max():.10g} s"
-            log = f"from {logs[0].input_times[0]:.10g} to {logs[-1].input_times[-1]:.10g} s"
+            span = f"{time_text(one.series.times.min())} to {time_text(one.series.times.max())} s"
+            log = f"from {time_text(logs[0].input_times[0])} to {time_text(logs[-1].input_times[-1])} s"
             text = f"the readings of {one.name} are from {span}, outside of the log's, {log}"
             flaws.append(one.series.flaw(0, one.series.clock, f"{text}; are the units of time alike?"))
     if flaws:

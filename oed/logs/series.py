@@ -24,8 +24,16 @@ SHORTEST = 1e-9
 RARE = 1e-3
 """Share of rows up to which times that stand still are slips of a logger, of which the later row counts."""
 
+EXACT = 9
+"""Decimals of a second beyond which times differ by rounding."""
+
 _VARYING = re.compile(r"'[^']*'|[-+]?\d[\d.e+-]*")
 """What differs between flaws of one kind: quoted texts and numbers."""
+
+
+def time_text(time: float) -> str:
+    """A time [s] as messages write it: two that differ are not written alike."""
+    return repr(round(float(time), EXACT)).removesuffix(".0")
 
 
 @dataclass(frozen=True)
@@ -101,7 +109,7 @@ class Series:
 
     def at(self, row: int) -> str:
         """A row's time and place, for messages."""
-        return f"t = {self.times[row]:.10g} s ({self.counted} {self.lines[row]})"
+        return f"t = {time_text(self.times[row])} s ({self.counted} {self.lines[row]})"
 
     def flaw(self, row: int, key: str, message: str) -> FileFlaw:
         """A flaw in a row.
@@ -138,9 +146,9 @@ class Series:
             before, after = self.times[row], self.times[row + 1]
             before_it = f"({self.counted} {self.lines[row]})"
             if before <= after:
-                text = f"time stands still: {after:.10g} s, the same as in the row before {before_it}"
+                text = f"time stands still: {time_text(after)} s, the same as in the row before {before_it}"
             else:
-                text = f"time goes back: {after:.10g} s after {before:.10g} s {before_it}"
+                text = f"time goes back: {time_text(after)} s after {time_text(before)} s {before_it}"
             flaws.append(self.flaw(row + 1, self.clock, text))
         return flaws
 

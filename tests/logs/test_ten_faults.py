@@ -309,7 +309,9 @@ FAULTS: dict[str, list[Fault]] = {
     ],
     "NaN skipped": [
         *(
-            rows("a.csv", 2, partial(of_text, name), f"{name}: expected finite numbers, and the column")
+            rows(
+                "a.csv", 2, partial(of_text, name, "lost"), f"{name}: expected finite numbers, and the column"
+            )
             for name in ("x", "t", "wheel_speed_left")
         ),
         *usual("a.csv", "t", "x")[3:],
