@@ -74,6 +74,12 @@ class BagForm(LogForm):
         return [*unknown, *(flaw for flaws in known for flaw in flaws), *reference]
 
     @property
+    def clock_hint(self) -> str:
+        """Which key may mend times that do not rise."""
+        usual = "times have to rise: `clock: received` takes those of the recording"
+        return usual if self.clock == "header" else ""
+
+    @property
     def topics(self) -> tuple[str, ...]:
         """The topics that it names."""
         inputs = [self.inputs] if isinstance(self.inputs, OdometryTopic) else self.inputs.values()

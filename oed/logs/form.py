@@ -49,6 +49,11 @@ class LogForm(Component, ABC):
     skip_invalid_rows: bool = False
     thin: Annotated[int, Field(ge=1)] = 1
 
+    @property
+    def clock_hint(self) -> str:
+        """Which keys may mend times that do not rise; "" where none does."""
+        return ""
+
     @abstractmethod
     def read(self, file: Path, model: System) -> list[Log]:
         """The drives in a file.

@@ -13,7 +13,7 @@ from oed.foundation.errors import FileFlaw, LogError, ProblemError, UserMistake
 from oed.foundation.extras import package_version
 from oed.foundation.text import listing
 from oed.foundation.work.folders import require_usable
-from oed.logs import Log, NotInLog, last_held_out, read_logs
+from oed.logs import Log, LogForm, NotInLog, last_held_out, read_logs
 from oed.optimize import Progress, Silent
 from oed.records.calibration_outcome import estimate_of
 from oed.records.outcomes import provenance
@@ -21,16 +21,10 @@ from oed.records.record import EstimateRecord
 from oed.study.study import Study
 from oed.workflow.saving import save_estimate
 
-HINTS = {
-    r"expected a finite number, got '[-+]?(nan|inf)": (
-        "`skip_invalid_rows: true` leaves out what of a row is no finite number, and counts it"
-    ),
-    r"time (goes back|stands still)": (
-        "times have to rise within a run: sort the rows, or say with `runs` which column tells runs apart, "
-        "with `time` which one has the times"
-    ),
-}
-"""What is said of a log, and which keys of the study may mend it."""
+NO_NUMBER = r"expected a finite number, got '[-+]?(nan|inf)"
+SKIPPING = "`skip_invalid_rows: true` leaves out what of a row is no finite number, and counts it"
+NOT_RISING = r"time (goes back|stands still)"
+"""What is said of a log that keys of the study may mend."""
 
 
 class _Stages:
@@ -136,10 +130,9 @@ def _read(study: Study, files: Sequence[str | Path]) -> list[Log]:
     try:
         return read_logs(files, study.log, study.problem.model, study.problem.measurement)
     except LogError as error:
-        said = "\n".join(one.message for one in error.flaws)
-        for pattern, hint in HINTS.items():
-            if re.search(pattern, said, re.IGNORECASE):
-                raise LogError([*error.flaws, FileFlaw(study.source, 0, 0, "log", hint)]) from None
+        hint = _hint("\n".join(one.message for one in error.flaws), study.log)
+        if hint:
+            raise LogError([*error.flaws, FileFlaw(study.source, 0, 0, "log", hint)]) from None
         # What is wrong with the log itself, the key would not mend.
         named = [one for one in error.flaws if isinstance(one, NotInLog) and one.named]
         if study.file.log is not None or not named:
@@ -147,6 +140,13 @@ def _read(study: Study, files: Sequence[str | Path]) -> list[Log]:
         # The cause, and what follows from it in a line each.
         hint = "the study has no key `log`, which says what stands in which column of a log"
         raise LogError([FileFlaw(study.source, 0, 0, "log", hint), *_gathered(error.flaws)]) from None
+
+
+def _hint(said: str, form: LogForm) -> str:
+    # Which key may mend what is said of a log; "" where none does, or the study has it already.
+    if re.search(NO_NUMBER, said, re.IGNORECASE) and not form.skip_invalid_rows:
+        return SKIPPING
+    return form.clock_hint if re.search(NOT_RISING, said) else ""
 
 
 def _gathered(flaws: Sequence[FileFlaw]) -> Iterator[FileFlaw]:

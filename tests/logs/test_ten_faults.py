@@ -55,10 +55,10 @@ def stray(text: str, table: list[list[str]]) -> None:
     table.insert(7, [text])
 
 
-def of_text(column: str, table: list[list[str]]) -> None:
+def of_text(column: str, text: str, table: list[list[str]]) -> None:
     """A column without numbers."""
     for row in table[1:]:
-        row[table[0].index(column)] = "lost"
+        row[table[0].index(column)] = text
 
 
 FAULTS: dict[str, list[Fault]] = {
@@ -251,6 +251,12 @@ FAULTS: dict[str, list[Fault]] = {
         whole("a.csv", b"# nothing\n", "the file has no rows"),
     ],
     "dates": [
+        rows(
+            "a.csv",
+            9,
+            lambda own: own.insert(8, own[5]),
+            "time goes back: 1717164187.2 s after 1717164187.3 s",
+        ),
         *(
             cell("a.csv", 8, 0, stamp, words)
             for stamp, words in (
@@ -341,6 +347,16 @@ FAULTS: dict[str, list[Fault]] = {
         study("joint_states: /joint_states", "joint_states: /mocap", "/mocap is of type geom"),
         study("base_wheel_right_joint", "right", "no joint right; did you mean base_wheel_right_joint?"),
         study("topic: /mocap", "topic: /vicon", f"{KNOWN} /vicon; of type Odometry or"),
+        messages(
+            lambda own: [*own[:10], (*own[9][:2], own[3][2]), *own[10:]],
+            "drive: /joint_states: message 11: ",
+            "time goes back: 1700000000.15 s after 1700000000.45 s",
+        ),
+        Fault(
+            value("/joint_states", 5, "header.stamp.sec", 0, "").change,
+            "study.yaml: log: ",
+            "times have to rise: `clock: received` takes those of the recording",
+        ),
         without("/mocap", f"{KNOWN} /mocap", "poses"),
         harmed(
             lambda path: (path / "metadata.yaml").unlink(), "is no ROS bag: expected a folder with metadata"
@@ -539,3 +555,22 @@ def test_a_fault_is_named(name: str, fault: Fault, unbroken: Callable[[str], Pat
         estimate(study_of(broken.study), log, **broken.options)
     said = str(caught.value).replace(f"{log.parent}{os.sep}", "").splitlines()
     assert any(fault.place in line and fault.words in line for line in said), said
+
+
+@pytest.mark.parametrize(
+    ("name", "broken", "hint"),
+    [
+        ("hold-out", cell("a.csv", 8, "x", "nan", ""), "skip_invalid_rows"),
+        ("hold-out", rows("a.csv", 9, lambda own: own.insert(8, own[5]), ""), "with `runs`"),
+        ("NaN skipped", rows("a.csv", 2, partial(of_text, "x", "nan"), ""), ""),
+        ("NaN skipped", cell("a.csv", 8, "x", "1e13", ""), ""),
+    ],
+)
+def test_a_hint_names_what_the_study_has_not(name: str, broken: Fault, hint: str, tmp_path: Path):
+    own = copy.deepcopy(FORMATS[name])
+    broken.change(own)
+    with pytest.raises(UserMistake) as caught:
+        estimate(study_of(own.study), own.written(tmp_path))
+    said = [line for line in str(caught.value).splitlines() if line.startswith("study.yaml: log: ")]
+    assert len(said) == bool(hint)
+    assert hint in "".join(said)

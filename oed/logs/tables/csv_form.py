@@ -55,6 +55,14 @@ class CsvForm(LogForm):
     keep: Kept = {}  # noqa: RUF012
 
     @property
+    def clock_hint(self) -> str:
+        """Which keys may mend times that do not rise."""
+        return (
+            "times have to rise within a run: sort the rows, or say with `runs` which column tells runs "
+            "apart, with `time` which one has the times"
+        )
+
+    @property
     def types_of_poses(self) -> Records | None:
         """Types of rows where the poses have one of their own, else None."""
         return None if self.records is None or self.records.poses is None else self.records
