@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -121,18 +122,25 @@ class Bag:
             raise self.flaw(key, f"the bag has no topic {given}{hint} it has {known}", *named)
         return given
 
-    def messages(self, topic: str, clock: Clock) -> Iterator[tuple[float, Any]]:
-        """Time [s] and content of each message of a topic, in the order of recording.
+    def messages(self, topic: str, clock: Clock) -> Iterator[tuple[int, float, Any]]:
+        """Number from 1, time [s] and content of each message of a topic, in the order of recording.
 
         The time is the stamp in the message's header, or that of its recording where it has none.
+
+        Raises:
+            LogError: a message that is none of its type.
         """
         wanted = [one for one in self.reader.connections if one.topic == topic]
-        for connection, received, data in self.reader.messages(connections=wanted):
-            message = self.reader.deserialize(data, connection.msgtype)
-            parts = getattr(message, "transforms", [message])
-            for part in parts:
+        recorded = self.reader.messages(connections=wanted)
+        for number, (connection, received, data) in enumerate(recorded, start=1):
+            try:
+                message = self.reader.deserialize(data, connection.msgtype)
+            except Exception as error:
+                text = f"cannot be decoded as {connection.msgtype}: {error}"
+                raise self.flaw(topic, f"message {number}: {text}") from None
+            for part in getattr(message, "transforms", [message]):
                 stamped = clock == "header" and hasattr(part, "header")
-                yield (_stamp(part) if stamped else received * 1e-9), part
+                yield number, (_stamp(part) if stamped else received * 1e-9), part
 
 
 def _stamp(message: Any) -> float:
@@ -198,19 +206,34 @@ def read_joints(bag: Bag, topic: str, clock: Clock) -> Joints:
         clock: that of the messages' headers, or of their recording.
 
     Raises:
-        LogError: no messages, or stamps that are all zero.
+        LogError: stamps that are all zero, joints that are named twice or not at all.
     """
     rows: dict[str, dict[str, list[tuple[float, float, int]]]] = {"position": {}, "velocity": {}}
-    for number, (time, message) in enumerate(bag.messages(topic, clock), start=1):
+    for number, time, message in bag.messages(topic, clock):
+        reason = _reason_against(message, tuple(rows))
+        if reason:
+            raise bag.flaw(topic, f"message {number}: {reason}")
         for quantity, found in rows.items():
-            values = getattr(message, quantity)
             # A joint state may lack all of its positions, or all of its speeds.
-            for name, value in zip(message.name, values, strict=False):
+            for name, value in zip(message.name, getattr(message, quantity), strict=False):
                 found.setdefault(name, []).append((time, float(value), number))
     positions, speeds = (
         {name: series_of(bag, topic, own) for name, own in found.items()} for found in rows.values()
     )
     return Joints(tuple(dict.fromkeys([*positions, *speeds])), _known(positions), _known(speeds))
+
+
+def _reason_against(joints: Any, quantities: Sequence[str]) -> str:
+    # Why it is not clear which number of a joint state is that of which joint; "" where it is.
+    twice = [name for name, times in Counter(joints.name).items() if times > 1]
+    if twice:
+        return f"the joint {twice[0]} is named twice"
+    names = len(joints.name)
+    for quantity in quantities:
+        size = len(getattr(joints, quantity))
+        if size not in (0, names):
+            return f"{quantity}: expected as many as names, {names}, got {size}"
+    return ""
 
 
 def _known(readings: dict[str, Series]) -> dict[str, Series]:
@@ -244,6 +267,7 @@ def read_poses(
     frame: str | None = None,
     child: str | None = None,
     *,
+    key: str = "poses",
     skip: bool = False,
 ) -> Series:
     """Poses x, y [m], heading [rad] of a topic.
@@ -254,6 +278,7 @@ def read_poses(
         clock: that of the messages' headers, or of their recording.
         frame: which of them: from this frame ...
         child: ... to this one.
+        key: of the study's key `log` that asks for them.
         skip: whether messages without finite numbers are left out instead of refused.
 
     Raises:
@@ -261,7 +286,7 @@ def read_poses(
     """
     rows, pairs = [], set[tuple[str, str]]()
     of_transforms = bag.types[topic] in (TRANSFORM, TRANSFORMS)
-    for number, (time, message) in enumerate(bag.messages(topic, clock), start=1):
+    for number, time, message in bag.messages(topic, clock):
         if of_transforms or frame is not None or child is not None:
             pair = _frames(message)
             pairs.add(pair)
@@ -271,21 +296,21 @@ def read_poses(
     chosen = {pair for pair in pairs if frame in (None, pair[0]) and child in (None, pair[1])}
     if of_transforms and len(chosen) > 1:
         text = f"{topic} has several transforms; give `frame` and `child`: {_pairs(pairs)}"
-        raise bag.flaw("poses", text, "poses")
+        raise bag.flaw(key, text, key)
     if not rows:
-        raise _no_pose(bag, topic, pairs, frame, child)
+        raise _no_pose(bag, topic, pairs, frame, child, key)
     return planar(series_of(bag, topic, rows).finite(skip).without_repeats())
 
 
 def _no_pose(
-    bag: Bag, topic: str, pairs: Iterable[tuple[str, str]], frame: str | None, child: str | None
+    bag: Bag, topic: str, pairs: Iterable[tuple[str, str]], frame: str | None, child: str | None, asking: str
 ) -> LogError:
     text, known = f"no poses in {topic}", _pairs(pairs)
     for key, given, there in zip(("frame", "child"), (frame, child), zip(*pairs, strict=True), strict=False):
         if given is not None and given not in there:
             hint = did_you_mean(given, there) or ";"
-            return bag.flaw("poses", f"{text} of the {key} {given}{hint} it has {known}", "poses", key)
-    return bag.flaw("poses", f"{text}; it has {known}" if known else text)
+            return bag.flaw(asking, f"{text} of the {key} {given}{hint} it has {known}", asking, key)
+    return bag.flaw(asking, f"{text}; it has {known}" if known else text)
 
 
 def _frames(message: Any) -> tuple[str, str]:

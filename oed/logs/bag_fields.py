@@ -52,7 +52,7 @@ def read_fields(
         LogError: no messages, and paths that lead to no number in one of them.
     """
     rows = []
-    for number, (time, message) in enumerate(bag.messages(topic, clock), start=1):
+    for number, time, message in bag.messages(topic, clock):
         try:
             values = [_number(message, path) for path in paths[: len(paths) - turned]]
             values += _numbers(message, paths[-1]) if turned else []

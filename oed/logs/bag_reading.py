@@ -69,7 +69,8 @@ class BagReading:
 
     def _odometry(self, given: OdometryTopic) -> tuple[list[Reading], tuple[Finding, ...]]:
         topic = self.bag.topic(given.topic, POSES, "inputs", "inputs", "topic")
-        poses = read_poses(self.bag, topic, self.clock, given.frame, given.child, skip=self.skip)
+        own = (given.frame, given.child)
+        poses = read_poses(self.bag, topic, self.clock, *own, key="inputs", skip=self.skip)
         flaws = poses.clock_flaws()
         if flaws:
             raise LogError(flaws)

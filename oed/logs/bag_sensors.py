@@ -137,8 +137,7 @@ def _messages(bag: Bag, topic: str, name: str, stamps: Stamps) -> Iterator[tuple
         text = f"the bag has no topic {topic}{hint} it has {', '.join(sorted(bag.types))}"
         raise bag.flaw(name, text, "sensors", name, "topic")
     try:
-        for number, (time, message) in enumerate(bag.messages(topic, stamps), start=1):
-            yield number, time, message
+        yield from bag.messages(topic, stamps)
     except AttributeError:
         raise bag.flaw(name, f"the messages of {topic} have no stamps; say `clock: received`") from None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sqlite3
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from bags import ODOMETRY, START, STORES, TYPES, Message, header, quaternion, wr
 from logged import INPUTS, ROBOT, doubtful, drive, flaws_of, found, read_one
 from rosbags.rosbag2 import StoragePlugin
 
-from oed.foundation.errors import ProblemError
+from oed.foundation.errors import LogError, ProblemError
 from oed.logs import BagForm, read_logs
 from oed.robots.models import Tricycle
 
@@ -355,3 +356,19 @@ class TestFlaws:
         form = BagForm(inputs={"wheel": {"joint": "a"}})
         with pytest.raises(ProblemError, match="the robot has no input wheel; it has wheel_speed_right"):
             read_logs([tmp_path], form, ROBOT)
+
+
+def test_a_message_that_cannot_be_decoded(tmp_path: Path):
+    path = write_bag(
+        tmp_path / "drive", [*joints(TABLE[:, 0], ANGLES), *poses("geometry_msgs/msg/PoseStamped")]
+    )
+    (storage,) = path.glob("*.db3")
+    with sqlite3.connect(storage) as database:
+        own = "SELECT id FROM messages WHERE topic_id = (SELECT id FROM topics WHERE name = '/pose')"
+        fifth = f"{own} ORDER BY timestamp LIMIT 1 OFFSET 4"
+        database.execute(f"UPDATE messages SET data = x'00010000' WHERE id = ({fifth})")
+    database.close()
+    with pytest.raises(
+        LogError, match="drive: /pose: message 5: cannot be decoded as geometry_msgs/msg/Pose"
+    ):
+        read(path)

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 from formats import (
     FEW,
@@ -338,6 +339,15 @@ FAULTS: dict[str, list[Fault]] = {
     "bag: JointState, PoseStamped": [
         value("/joint_states", 5, "position[0]", NAN, f"{FINITE}'nan'"),
         value("/joint_states", 5, "position[1]", INF, f"{FINITE}'inf'"),
+        value(
+            "/joint_states",
+            5,
+            "name[1]",
+            "base_wheel_right_joint",
+            "the joint base_wheel_right_joint is named twice",
+        ),
+        value("/joint_states", 5, "position", np.zeros(1), "expected as many as names, 2, got 1", "position"),
+        value("/joint_states", 5, "velocity", np.zeros(3), "expected as many as names, 2, got 3", "velocity"),
         value("/joint_states", 5, "position[1]", 1e9, "the counter jumps from", "base_wheel_left_joint"),
         value("/mocap", 5, "pose.position.x", NAN, f"{FINITE}'nan'"),
         value("/mocap", 5, "pose.orientation.w", 5.0, "expected a unit quaternion"),
@@ -406,6 +416,11 @@ FAULTS: dict[str, list[Fault]] = {
         without("/odom", f"{KNOWN} /odom", "inputs"),
         study("topic: /odom", "topic: /odometry", f"{KNOWN} /odometry; did you mean /odom?"),
         study("topic: /mocap", "topic: /odom", "/odom is the robot's own odometry"),
+        study(
+            "topic: /odom}",
+            "topic: /odom, frame: map}",
+            "of the frame map; it has odom -> base_link (named in study.yaml:7: log.inputs.frame)",
+        ),
         study("topic: /odom}", "topic: /odom, child: laser}", "no poses in /odom of the child laser"),
         study("topic: /odom", "topc: /odom", "topc: unknown key; did you mean topic?"),
         study("robot: {kind: unicycle}", TWO, "take `robot: {kind: unicycle}`"),
