@@ -3,34 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Annotated
 
 from pydantic import Field
 
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.logs.bag import IMU, POSES, Bag, Clock, planar, read_poses
-from oed.logs.bag_fields import FieldPath, read_fields
+from oed.logs.bag_fields import AnyNumberField, NumberField, read_fields
 from oed.logs.form import Repeats
 from oed.logs.input_forms import unit_factor, unit_reason
 from oed.logs.odometry import UNITS
 from oed.logs.series import Series
-from oed.logs.tables.columns import Short
-
-
-class PoseField(Component):
-    """A field of a topic's messages that is a coordinate, or the heading.
-
-    Attributes:
-        field: its path, such as "state.x" or "data[0]"; of a heading also that of a quaternion.
-        unit: e.g. "mm", "deg"; SI by default.
-    """
-
-    field: FieldPath
-    unit: str | None = None
-
-
-AnyPoseField = Annotated[PoseField, Short("field")]
 
 
 class PoseTopic(Component):
@@ -40,20 +23,21 @@ class PoseTopic(Component):
         topic: of odometry, poses or transforms, or of an Imu, whose orientation has a heading; the only one
             of odometry, poses or transforms by default.
         frame, child: which of its poses, where it has several.
-        x, y, heading: fields of the messages of any topic, instead; what is not given was not measured.
+        x, y, heading: fields of the messages of any topic, instead, the heading also one with a quaternion;
+            what is not given was not measured.
         held: "drop" poses that repeat the one before while the wheels turn, or "keep" them.
     """
 
     topic: str | None = None
     frame: str | None = None
     child: str | None = None
-    x: AnyPoseField | None = None
-    y: AnyPoseField | None = None
-    heading: AnyPoseField | None = None
+    x: AnyNumberField | None = None
+    y: AnyNumberField | None = None
+    heading: AnyNumberField | None = None
     held: Repeats = Field("drop")
 
     @property
-    def fields(self) -> dict[str, PoseField]:
+    def fields(self) -> dict[str, NumberField]:
         """Those that are given, the heading last."""
         return {name: one for name in UNITS if (one := getattr(self, name)) is not None}
 

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import model_validator
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw
-from oed.foundation.text import count, did_you_mean, listing
+from oed.foundation.text import count
 from oed.kernel.measurement.sensor import Sensor
-from oed.logs.bag import Bag
+from oed.logs.bag import Bag, series_of
 from oed.logs.bag import Clock as Stamps
-from oed.logs.input_forms import unit_factor, unit_reason
+from oed.logs.bag_fields import (
+    AnyNumberField,
+    FieldPath,
+    NumberField,
+    id_in,
+    items_in,
+    number_in,
+    read_fields,
+    refused,
+)
 from oed.logs.points import ROWS, gathered, quantities_of, units_of
 from oed.logs.sensors import AS_LIST, Sensed, SensorSource, checked
 from oed.logs.series import Series, together
@@ -25,10 +36,6 @@ USUAL = {
     "ranges": ("sensor_msgs/msg/Range", "range"),
 }
 """Types of messages that sensors usually send, and where in them their reading is."""
-STEP = re.compile(r"[^.\[\]]+")
-
-
-Listed = Annotated[tuple[str, ...], AS_LIST]
 
 
 class SensorTopic(SensorSource):
@@ -40,16 +47,17 @@ class SensorTopic(SensorSource):
         field, fields: paths of the entries of a reading, in their order; one for all of several topics.
         each: path of a list in a message, each of whose items is of one beacon, landmark or tag.
         id: path, within the item or message, of which it is.
-        range, bearing, orientation: paths beside that; of their own names by default.
+        range, bearing, orientation: paths beside that; of their own names by default. These and the fields
+            may have units of their own: `bearing: {field: yaw, unit: deg}`.
     """
 
-    topics: Listed = ()
-    fields: Listed = ()
-    each: str | None = None
-    id: str | None = None
-    range: str | None = None
-    bearing: str | None = None
-    orientation: str | None = None
+    topics: Annotated[tuple[str, ...], AS_LIST] = ()
+    fields: Annotated[tuple[AnyNumberField, ...], AS_LIST] = ()
+    each: FieldPath | None = None
+    id: FieldPath | None = None
+    range: AnyNumberField | None = None
+    bearing: AnyNumberField | None = None
+    orientation: AnyNumberField | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -68,9 +76,9 @@ class SensorTopic(SensorSource):
             got = f"{count(topics, 'topic')} and {count(fields, 'field')}"
             text = f"expected {count(wanted, 'field')} of one topic, or as many topics; got {got}"
             flaws.append(Flaw((*key, "fields"), text))
-        units = dict.fromkeys(units_of(sensor, self.id is not None))
-        reasons = (unit_reason(self.unit, unit) for unit in units)
-        return [*flaws, *(Flaw((*key, "unit"), reason) for reason in reasons if reason)]
+        twice = [topic for topic, times in Counter(self.topics).items() if times > 1 and fields == 1]
+        flaws += [Flaw((*key, "topics"), f"{topic} is listed twice; name another") for topic in twice]
+        return [*flaws, *self.unit_flaws(name, self._places(sensor), units_of(sensor, self.id is not None))]
 
     def read(self, name: str, sensor: Sensor, bag: Bag, stamps: Stamps, *, skip: bool) -> Sensed:
         """All that the sensor read.
@@ -79,41 +87,69 @@ class SensorTopic(SensorSource):
             LogError: topics and fields that are not there, numbers that are none, ids nobody knows.
         """
         topics = self.topics or (_only(bag, name, sensor),)
-        if self.id is not None:
-            series = self._of_points(bag, topics[0], name, sensor, stamps)
-        else:
-            fields = self._fields(sensor)
-            # One topic has all entries, or each of several has one of them, in a field of its own or alike.
-            alike = fields * len(topics) if len(fields) == 1 else fields
-            own = [[one] for one in alike] if len(topics) > 1 else [fields]
-            series = _side_by_side(
-                together(
-                    partial(_series, bag, topic, one, name, stamps, skip=skip)
-                    for topic, one in zip(topics, own, strict=True)
-                )
-            )
-        factors = [unit_factor(self.unit, unit) for unit in sensor.units]
-        series = series.with_values(series.values * factors)
-        return checked(Sensed(name, series, self.clock_of(sensor)), sensor)
+        for topic in topics:
+            bag.any_topic(topic, name, "sensors", name, "topic")
 
-    def _fields(self, sensor: Sensor) -> tuple[str, ...]:
+        def own(index: int) -> Series:
+            # Each of several topics has one of the entries, and is looked at for itself.
+            of_topic = slice(index, index + 1) if len(topics) > 1 else slice(None)
+            read = self._of_points if self.id is not None else partial(self._of_entries, own=of_topic)
+            series = read(bag, topics[index], name, sensor, stamps, skip=skip)
+            return checked(Sensed(name, series, self.clock_of(sensor)), sensor).series
+
+        parts = together(partial(own, index) for index in range(len(topics)))
+        return Sensed(name, _merged(parts), self.clock_of(sensor))
+
+    def _fields(self, sensor: Sensor) -> tuple[NumberField, ...]:
         usual = USUAL.get(str(sensor.kind))
-        return self.fields or ((usual[1],) if usual else ())
+        return self.fields or ((NumberField(field=usual[1]),) if usual else ())
 
-    def _of_points(self, bag: Bag, topic: str, name: str, sensor: Sensor, stamps: Stamps) -> Series:
-        quantities = quantities_of(sensor)
-        paths = [getattr(self, one) or one for one in ROWS if one in quantities]
-        ids, rows, lines, times = list[str](), list[list[float]](), list[int](), list[float]()
-        for number, time, message in _messages(bag, topic, name, stamps):
-            for item in _at(bag, name, message, self.each) if self.each else [message]:
-                ids.append(str(_at(bag, name, item, self.id or "")))
-                rows.append([_number(bag, name, item, path) for path in paths])
-                lines.append(number)
-                times.append(time)
-        values = np.array(rows, dtype=float).reshape(len(rows), len(paths))
-        places = np.array(lines, dtype=np.intp)
-        series = Series(bag.file, topic, np.array(times), values, places, counted="message")
-        return gathered(series, ids, None, name, sensor)[0]
+    def _places(self, sensor: Sensor) -> tuple[NumberField, ...]:
+        # Of every entry of a reading; or of the quantities of one point.
+        if self.id is None:
+            fields = self._fields(sensor)
+            return fields * len(sensor.entries) if len(fields) == 1 else fields
+        return tuple(getattr(self, one) or NumberField(field=one) for one in _quantities(sensor))
+
+    def _of_entries(
+        self, bag: Bag, topic: str, name: str, sensor: Sensor, stamps: Stamps, *, own: slice, skip: bool
+    ) -> Series:
+        # Of a reading those entries that are its own, the others not-a-number.
+        places = self._places(sensor)
+        paths = [one.field for one in places[own]]
+        series = read_fields(bag, topic, paths, stamps, "sensors", name, "field").finite(skip)
+        values = np.full((len(series), len(places)), np.nan)
+        values[:, own] = series.values
+        return series.with_values(values * self.factors(places, sensor.units)).without_repeats()
+
+    def _of_points(
+        self, bag: Bag, topic: str, name: str, sensor: Sensor, stamps: Stamps, *, skip: bool
+    ) -> Series:
+        keys, places = _quantities(sensor), self._places(sensor)
+        ids, rows = list[str](), list[list[float]]()
+        for number, time, message in bag.messages(topic, stamps):
+            at = partial(refused, bag, topic, number, "sensors", name)
+            with at("each"):
+                items = [message] if self.each is None else items_in(message, self.each)
+            for item in items:
+                with at("id"):
+                    ids.append(id_in(item, self.id or ""))
+                rows.append([time])
+                for key, one in zip(keys, places, strict=True):
+                    with at(key):
+                        rows[-1].append(number_in(item, one.field))
+                rows[-1].append(number)
+        if not rows:
+            raise bag.flaw(topic, f"there is no reading of {name} in its messages", "sensors", name, "topic")
+        series = series_of(bag, topic, rows)
+        known = np.flatnonzero(np.isfinite(series.values).all(axis=1)).tolist()
+        series = series.finite(skip)
+        series = series.with_values(series.values * self.factors(places, units_of(sensor, True)))
+        return gathered(series, [ids[row] for row in known], None, name, sensor)[0]
+
+
+def _quantities(sensor: Sensor) -> list[str]:
+    return [one for one in ROWS if one in quantities_of(sensor)]
 
 
 def usual_type(name: str) -> tuple[str, ...]:
@@ -131,63 +167,15 @@ def _only(bag: Bag, name: str, sensor: Sensor) -> str:
     return bag.topic(None, (usual[0],), name)
 
 
-def _messages(bag: Bag, topic: str, name: str, stamps: Stamps) -> Iterator[tuple[int, float, Any]]:
-    if topic not in bag.types:
-        hint = did_you_mean(topic, bag.types) or ";"
-        text = f"the bag has no topic {topic}{hint} it has {', '.join(sorted(bag.types))}"
-        raise bag.flaw(name, text, "sensors", name, "topic")
-    try:
-        yield from bag.messages(topic, stamps)
-    except AttributeError:
-        raise bag.flaw(name, f"the messages of {topic} have no stamps; say `clock: received`") from None
-
-
-def _series(bag: Bag, topic: str, fields: Sequence[str], name: str, stamps: Stamps, *, skip: bool) -> Series:
-    found = [
-        (time, [_number(bag, name, message, path) for path in fields], number)
-        for number, time, message in _messages(bag, topic, name, stamps)
-    ]
-    values = np.array([row for _, row, _ in found], dtype=float).reshape(len(found), len(fields))
-    lines = np.array([number for *_, number in found], dtype=np.intp)
-    times = np.array([time for time, *_ in found], dtype=float)
-    series = Series(bag.file, topic, times, values, lines, counted="message")
-    return series.finite(skip).without_repeats()
-
-
-def _side_by_side(parts: Sequence[Series]) -> Series:
-    # Topics with times of their own, each a column or more.
+def _merged(parts: Sequence[Series]) -> Series:
+    # Topics with times of their own, each with other entries of a reading.
     if len(parts) == 1:
         return parts[0]
-    times = np.unique(np.concatenate([one.times for one in parts]))
-    columns, lines = list[np.typing.NDArray[np.float64]](), np.zeros(len(times), dtype=np.intp)
+    times: Array = np.unique(np.concatenate([one.times for one in parts]))
+    values = np.full((len(times), parts[0].values.shape[1]), np.nan)
+    lines = np.zeros(len(times), dtype=np.intp)
     for one in parts:
-        own = np.full((len(times), one.values.shape[1]), np.nan)
         rows = np.searchsorted(times, one.times)
-        own[rows], lines[rows] = one.values, one.lines
-        columns.append(own)
-    first = parts[0]
-    return Series(first.file, first.clock, times, np.hstack(columns), lines, counted=first.counted)
-
-
-def _at(bag: Bag, name: str, message: Any, path: str) -> Any:
-    found = message
-    for step in STEP.findall(path):
-        try:
-            found = found[int(step)] if step.isdecimal() else getattr(found, step)
-        except (AttributeError, IndexError, TypeError):
-            known = (
-                [one for one in vars(found) if not one.startswith("_")] if hasattr(found, "__dict__") else []
-            )
-            there = f"; it has {listing(known)}" if known else ""
-            text = f"there is no {step} of {path} in the messages{there}"
-            raise bag.flaw(name, text, "sensors", name, "field") from None
-    return found
-
-
-def _number(bag: Bag, name: str, message: Any, path: str) -> float:
-    found = _at(bag, name, message, path)
-    try:
-        return float(found)
-    except (TypeError, ValueError):
-        text = f"{path} is no number but {type(found).__name__}"
-        raise bag.flaw(name, text, "sensors", name, "field") from None
+        values[rows] = np.where(np.isnan(one.values), values[rows], one.values)
+        lines[rows] = one.lines
+    return replace(parts[0], times=times, values=values, lines=lines)

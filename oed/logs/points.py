@@ -18,10 +18,14 @@ ROWS = ("range", "bearing", "orientation")
 """What such readings may have."""
 
 
+def quantity_of(entry: str) -> str:
+    """What an entry of a sensor's reading is: `.range[7]` and `[2]` are ranges."""
+    return entry.partition("[")[0].removeprefix(".") or "range"
+
+
 def quantities_of(sensor: Sensor) -> tuple[str, ...]:
     """What a sensor reads of each point: ranges have no name of their own."""
-    found = dict.fromkeys(entry.partition("[")[0].removeprefix(".") for entry in sensor.entries)
-    return tuple(name for name in found if name) or ("range",)
+    return tuple(dict.fromkeys(map(quantity_of, sensor.entries))) or ("range",)
 
 
 def units_of(sensor: Sensor, by_id: bool) -> list[str]:
@@ -35,8 +39,7 @@ def units_of(sensor: Sensor, by_id: bool) -> list[str]:
 
 def _split(sensor: Sensor) -> list[tuple[str, str]]:
     # Of every entry its quantity and which point: `.range[7]`, `[2]`.
-    parts = (entry.rstrip("]").partition("[") for entry in sensor.entries)
-    return [(quantity.removeprefix(".") or "range", which) for quantity, _, which in parts]
+    return [(quantity_of(entry), entry.rstrip("]").partition("[")[2]) for entry in sensor.entries]
 
 
 def gathered(

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from pydantic import BeforeValidator
@@ -18,7 +18,9 @@ from oed.foundation.text import did_you_mean, listing
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.sensor import Sensor, sensor_labels
 from oed.logs.drive import MARGIN
+from oed.logs.input_forms import unit_factor, unit_reason
 from oed.logs.log import Log, SensorReadings
+from oed.logs.points import quantity_of
 from oed.logs.series import Series, shortened, time_text
 
 Clock = Literal["inputs", "poses"]
@@ -54,6 +56,14 @@ def labelled(measurement: Measurement | None) -> dict[str, Sensor]:
     return dict(zip(sensor_labels(sensors), sensors, strict=True))
 
 
+class HasUnit(Protocol):
+    """A column or field."""
+
+    @property
+    def unit(self) -> str | None:
+        """Its own unit, if it has one."""
+
+
 class SensorSource(Component, ABC):
     """Where a sensor's readings are.
 
@@ -69,6 +79,23 @@ class SensorSource(Component, ABC):
     @abstractmethod
     def flaws(self, name: str, sensor: Sensor) -> list[Flaw]:
         """What of this does not fit the sensor of that name."""
+
+    def unit_flaws(self, name: str, places: Iterable[HasUnit], units: Iterable[str]) -> list[Flaw]:
+        """Units of another kind than those of the sensor.
+
+        Args:
+            name: of the sensor.
+            places: columns or fields, in the order of its quantities.
+            units: SI, of these.
+        """
+        each = zip(places, units, strict=False)
+        reasons = dict.fromkeys(unit_reason(one.unit or self.unit, unit) for one, unit in each)
+        return [Flaw(("log", "sensors", name, "unit"), reason) for reason in reasons if reason]
+
+    def factors(self, places: Iterable[HasUnit], units: Iterable[str]) -> list[float]:
+        """SI units in one of those at `places`, whose own come before that of all of them."""
+        each = zip(places, units, strict=True)
+        return [unit_factor(one.unit or self.unit, unit) for one, unit in each]
 
     def clock_of(self, sensor: Sensor) -> Clock:
         """Whose clock the times are on."""
@@ -104,7 +131,8 @@ def checked(found: Sensed, sensor: Sensor) -> Sensed:
     """The readings, if they can be those of the sensor.
 
     Raises:
-        LogError: no reading, times that do not rise, ranges below 0, angles and rates rather in degrees.
+        LogError: no reading, times that do not rise, numbers beyond a robot's, ranges below 0, angles and
+            rates rather in degrees.
     """
     series = found.series
     there = np.asarray(np.isfinite(series.values).any(axis=1))
@@ -112,7 +140,9 @@ def checked(found: Sensed, sensor: Sensor) -> Sensed:
         text = f"there is no reading of {found.name}"
         raise LogError([FileFlaw(series.file, 0, 0, found.name, text)])
     series = series.rows(there)
-    flaws = [*_value_flaws(series, found.name, sensor)]
+    names = [f"{found.name}{entry}" for entry in sensor.entries]
+    filled = series.with_values(np.where(np.isnan(series.values), 0.0, series.values))
+    flaws = [*filled.too_large(names), *_value_flaws(series, found.name, sensor)]
     runs = None if found.runs is None else tuple(np.array(found.runs)[there].tolist())
     for rows in _by_run(runs, len(series)):
         flaws += series.rows(rows).clock_flaws()
@@ -122,13 +152,15 @@ def checked(found: Sensed, sensor: Sensor) -> Sensed:
 
 
 def _value_flaws(series: Series, name: str, sensor: Sensor) -> Iterator[FileFlaw]:
+    several = len(set(sensor.units)) > 1
     for place, (entry, unit) in enumerate(zip(sensor.entries, sensor.units, strict=True)):
         sizes = np.nan_to_num(np.abs(series.values[:, place]))
         row = int(np.argmax(sizes))
         limit, right = MOST.get(unit, (np.inf, ""))
         # Angles may run on over full turns, but for directions that begin anew.
         if sizes[row] > limit and (unit != "rad" or place in sensor.wrapping):
-            text = f"{sizes[row]:.6g} {unit} is more than {limit:.3g}; in degrees say `unit: {right}`"
+            of = f" of {quantity_of(entry)}" if several else ""
+            text = f"{sizes[row]:.6g} {unit} is more than {limit:.3g}; in degrees say `unit: {right}`{of}"
             yield series.flaw(row, f"{name}{entry}", text)
         for row in np.flatnonzero(series.values[:, place] < 0).tolist() if unit == "m" else ():
             text = f"a distance is not below 0, got {series.values[row, place]:.6g} m"

@@ -122,7 +122,8 @@ class Series:
         line = int(self.lines[row])
         if self.counted == "line":
             return FileFlaw(self.file, line, 0, key, message)
-        return FileFlaw(self.file, 0, 0, key, f"{self.counted} {line}: {message}")
+        about = "" if key in ("", self.clock) else f"{key}: "
+        return FileFlaw(self.file, 0, 0, self.clock, f"{self.counted} {line}: {about}{message}")
 
     def without_repeats(self) -> Series:
         """Without rows that repeat the one before them, time and all."""

@@ -141,7 +141,7 @@ def asked(words: str, **options: Any) -> Fault:
 
 
 def value(topic: str, number: int, path: str, content: Any, words: str, key: str = "") -> Fault:
-    """Something else at the path of a message (from 1); `key` where another than the topic names the flaw."""
+    """Something else at the path of a message (from 1); `key` where what it says is of something in it."""
 
     def change(own: Given) -> None:
         found = [message for one, _, message in own.messages if one == topic][number - 1]
@@ -153,7 +153,7 @@ def value(topic: str, number: int, path: str, content: Any, words: str, key: str
         else:
             object.__setattr__(found, last, content)
 
-    return Fault(change, f"drive: {key or topic}: message {number}: ", words)
+    return Fault(change, f"drive: {topic}: message {number}: {key and f'{key}: '}", words)
 
 
 def messages(change: Callable[[list[Message]], Iterable[Message]], place: str, words: str) -> Fault:

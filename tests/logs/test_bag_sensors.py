@@ -114,15 +114,42 @@ def test_a_list_of_landmarks_in_a_message(tmp_path: Path):
     np.testing.assert_allclose(seen.values, [[2.0, 0.5, 1.0, -0.2], [np.nan, np.nan, 1.5, 0.1]])
 
 
+@pytest.mark.slow
+def test_a_unit_of_one_field_alone(tmp_path: Path):
+    turned = POINTS | {"bearing": {"field": "position.y", "unit": "deg"}}
+    (seen,) = read(bag(tmp_path, markers(SEEN)), {"landmarks": turned}).sensors
+    np.testing.assert_allclose(seen.values[0], [2.0, np.radians(0.5), 1.0, np.radians(-0.2)])
+
+
+@pytest.mark.slow
+def test_a_topic_without_messages(tmp_path: Path):
+    messages = [*joints(TIMES, ANGLES), *poses("geometry_msgs/msg/PoseStamped"), *beacon("/a", 1.0, 0.0)]
+    path = write_bag(tmp_path / "drive", messages, empty=[("/b", "sensor_msgs/msg/Range")])
+    with pytest.raises(LogError, match="drive: /b: the topic has no messages"):
+        read(path, {"ranges": {"topics": ["/a", "/b"]}})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [np.nan, np.inf])
+def test_points_without_numbers_are_left_out_on_request(tmp_path: Path, size: float):
+    seen = [*SEEN, (2.0, [(4, size, 0.5), (9, 1.0, -0.2)])]
+    path = bag(tmp_path, markers(seen))
+    (found,) = read(path, {"landmarks": POINTS}, skip_invalid_rows=True).sensors
+    np.testing.assert_allclose(found.values[-1], [np.nan, np.nan, 1.0, -0.2])
+
+
 @pytest.mark.parametrize(
     ("sensors", "words"),
     [
         ({"yaw_rate": {"topic": "/imus"}}, "the bag has no topic /imus; did you mean /imu"),
         (
             {"yaw_rate": {"topic": "/imu", "field": "rate.z"}},
-            "there is no rate of rate.z in the messages",
+            "message 1: the message has no field rate; it has header, orientation",
         ),
-        ({"yaw_rate": {"topic": "/imu", "field": "angular_velocity"}}, "is no number but"),
+        (
+            {"yaw_rate": {"topic": "/imu", "field": "angular_velocity"}},
+            "message 1: angular_velocity is no number: it has x, y, z",
+        ),
         ({"landmarks": {"id": "x"}}, "the topic of landmarks is needed"),
         ({"landmarks": POINTS | {"id": "position.x"}}, "landmarks has no id '2'; the study has 4 and 9"),
     ],

@@ -205,6 +205,7 @@ FAULTS: dict[str, list[Fault]] = {
     ],
     "ranges": [
         *usual("a.csv", "t", "range_2"),
+        cell("a.csv", 8, "range_3", "1e13", "ranges[3]: expected a number of at most 1e+12 in SI units"),
         cell("a.csv", 8, "range_3", "-0.5", "a distance is not below 0, got -0.5 m"),
         head("a.csv", "range_3", "range_4", "the header lacks 'range_3'"),
         study("range_1, range_2, range_3", "range_1, range_2", "expected 3 columns (ranges[1], ran"),
@@ -482,8 +483,14 @@ FAULTS: dict[str, list[Fault]] = {
         value("/imu", 5, "header.stamp.sec", 0, "time goes back: 0.2 s after"),
         without("/imu", f"{KNOWN} /imu", "yaw_rate"),
         study("topic: /imu", "topic: /imus", f"{KNOWN} /imus; did you mean /imu?"),
-        study("angular_velocity.z", "angular_velocity", "angular_velocity is no number but"),
-        study("angular_velocity.z", "rate.z", "there is no rate of rate.z in the messages"),
+        study(
+            "angular_velocity.z",
+            "angular_velocity",
+            "drive: /imu: message 1: angular_velocity is no number: it has x, y, z (named in study.yaml",
+        ),
+        study("angular_velocity.z", "angular_veloctiy.z", "did you mean angular_velocity?"),
+        study("angular_velocity.z", "angular_velocity..", "field: expected the path of a field, such as"),
+        *usual_stamps("/imu")[1:],
         study("angular_velocity.z", "angular_velocity.z, unit: m", KIND),
         study("{yaw_rate: {topic", "{gyro: {topic", "has no gyro; it measures yaw_rate"),
         study("bias: unknown", "bias: none", "bias: expected 'unknown' or 'known', got 'none'"),
@@ -510,16 +517,67 @@ FAULTS: dict[str, list[Fault]] = {
     ],
     "bag: landmarks": [
         value("/seen", 5, "poses[0].position.x", -1.0, "a distance is not below 0", "landmarks.range[4]"),
-        value("/seen", 5, "poses[0].position.y", 50.0, "50 rad is more than 6.28", "landmarks.bearing[4]"),
+        value(
+            "/seen",
+            5,
+            "poses[0].position.y",
+            50.0,
+            "6.28; in degrees say `unit: deg` of bearing",
+            "landmarks.bearing[4]",
+        ),
         value("/seen", 5, "poses[0].position.z", 5.0, "landmarks has no id '5'; the study has 4 and 9", "id"),
         value("/seen", 5, "poses[0].position.z", 9.0, "9 is read a second time", "id"),
         value("/seen", 5, "header.stamp.sec", 0, "time goes back: 0.4 s after"),
         without("/seen", f"{KNOWN} /seen", "landmarks"),
         study("topic: /seen", "topic: /tags", f"{KNOWN} /tags"),
         study("topic: /seen, ", "", "the topic of landmarks is needed; the bag has /joint_states, /seen"),
-        study("each: poses", "each: pose", "there is no pose of pose in the"),
-        study("id: position.z", "id: number", "there is no number of number in the messages"),
-        study("range: position.x", "range: position", "position is no number but"),
+        *(
+            study(
+                old,
+                new,
+                f"drive: /seen: message 1: {words} (named in study.yaml:13: log.sensors.landmarks.{key})",
+            )
+            for old, new, words, key in (
+                (
+                    "each: poses",
+                    "each: pose",
+                    "the message has no field pose; did you mean poses? it has header, poses",
+                    "each",
+                ),
+                ("each: poses", "each: header", "header is no list: it has stamp, frame_id", "each"),
+                ("each: poses", "each: header.frame_id", "header.frame_id is no list, but str", "each"),
+                (
+                    "id: position.z",
+                    "id: number",
+                    "the message has no field number; it has position, orientation",
+                    "id",
+                ),
+                ("id: position.z", "id: position", "position is no id: it has x, y, z", "id"),
+                ("range: position.x", "range: position", "position is no number: it has x, y, z", "range"),
+                (
+                    "bearing: position.y",
+                    "bearing: x.y",
+                    "the message has no field x; it has position, orientation",
+                    "bearing",
+                ),
+            )
+        ),
+        study("id: position.z", "id: position..z", "id: expected the path of a field, such as"),
+        study("bearing: position.y", "bearing: {field: position.y, unit: m}", KIND),
+        value("/seen", 5, "poses[0].position.x", NAN, f"{FINITE}'nan'"),
+        value("/seen", 5, "poses[0].position.x", INF, f"{FINITE}'inf'"),
+        value(
+            "/seen", 5, "poses[0].position.z", NAN, "landmarks has no id 'nan'; the study has 4 and 9", "id"
+        ),
+        value(
+            "/seen",
+            5,
+            "poses[0].position.x",
+            1e13,
+            "expected a number of at most 1e+12",
+            "landmarks.range[4]",
+        ),
+        *usual_stamps("/seen")[1:],
         study("landmarks: {topic", "landmark: {topic", "did you mean landmarks?"),
     ],
     "bag: ranges": [
@@ -529,9 +587,23 @@ FAULTS: dict[str, list[Fault]] = {
         without("/uwb/2", f"{KNOWN} /uwb/2", "ranges"),
         study("topics: [/uwb/1, /uwb/2]", "topics: [/uwb/1]", "expected 2 fields of one topic, or as"),
         study("/uwb/2", "/uwb/3", f"{KNOWN} /uwb/3; did you mean /uwb/2?"),
-        study("/uwb/2", "/joint_states", "there is no range of range in the messages"),
-        study("field: range", "field: distance", "there is no distance of distance in the messages"),
-        study("field: range", "field: header", "header is no number but"),
+        study(
+            "/uwb/2",
+            "/joint_states",
+            "drive: /joint_states: message 1: the message has no field range; it has",
+        ),
+        study(
+            "field: range",
+            "field: distance",
+            "drive: /uwb/2: message 1: the message has no field distance; it",
+        ),
+        study(
+            "field: range", "field: header", "/uwb/1: message 1: header is no number: it has stamp, frame_id"
+        ),
+        study("/uwb/2", "/uwb/1", "ranges.topics: /uwb/1 is listed twice"),
+        value("/uwb/2", 5, "range", 1e13, "expected a number of at most 1e+12", "ranges[2]"),
+        value("/uwb/2", 5, "header.stamp.sec", 0, "time goes back: 0.21"),
+        *usual_stamps("/uwb/1"),
         study("field: range", "field: range, unit: s", KIND),
         study("{ranges: {topics", "{ranges_2: {topics", "the study's measurement has no ranges_2"),
     ],

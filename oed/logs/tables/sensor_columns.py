@@ -15,7 +15,6 @@ from oed.foundation.errors import Flaw, LogError
 from oed.foundation.files import no_such_file
 from oed.foundation.text import count, listing
 from oed.kernel.measurement.sensor import Sensor
-from oed.logs.input_forms import unit_factor, unit_reason
 from oed.logs.points import ROWS, gathered, quantities_of, units_of
 from oed.logs.sensors import AS_LIST, Sensed, SensorSource, checked
 from oed.logs.series import NotInLog, Series, shortened, together
@@ -73,9 +72,8 @@ class SensorColumns(MaybeBeside, SensorSource):
             text = f"expected {count(len(sensor.entries), 'column')} ({wanted}), got {len(self.columns)}"
             hint = "; or `id`, for rows of one each" if len(sensor.entries) > 1 else ""
             flaws.append(Flaw((*key, "columns"), f"{text}{hint}"))
-        each = zip(self._columns(sensor), units_of(sensor, self.id is not None), strict=False)
-        reasons = (unit_reason(column.unit or self.unit, unit) for column, unit in each)
-        return [*flaws, *(Flaw((*key, "unit"), reason) for reason in reasons if reason)]
+        units = units_of(sensor, self.id is not None)
+        return [*flaws, *self.unit_flaws(name, self._columns(sensor), units)]
 
     def read(self, name: str, sensor: Sensor, log: Table, form: CsvForm) -> Sensed:
         """All that the sensor read.
@@ -94,8 +92,7 @@ class SensorColumns(MaybeBeside, SensorSource):
             ]
         )
         _require_times(table, place, times, np.column_stack(values), skip)
-        factors = [unit_factor(one.unit or self.unit, unit) for one, unit in zip(columns, units, strict=True)]
-        rows = np.column_stack(values) * factors
+        rows = np.column_stack(values) * self.factors(columns, units)
         series, runs = Series(table.file, table.label(place), times, rows, table.lines), _runs(table, form)
         if self.id is not None:
             ids = table.texts(table.place(self.id, *key, "id"))
