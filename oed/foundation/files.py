@@ -122,12 +122,18 @@ def text_of(
     raise refusal.about(file, reason)
 
 
-def no_such_file(file: Path) -> str:
-    """That there is none, and which one of its folder may have been meant; or that there is no folder."""
+def no_such_file(file: Path, beside: Path | None = None) -> str:
+    """That there is none, and which one of its folder may have been meant; or that there is no folder.
+
+    Args:
+        file: that is not there.
+        beside: one that is read along with it, and so was not meant.
+    """
     try:
         names = sorted(one.name for one in islice(os.scandir(file.parent), MOST_NAMES))
     except (OSError, ValueError):
         return f"no such file, nor a folder {shown(str(file.parent))}"
+    names = [name for name in names if beside is None or file.parent / name != beside]
     found = fnmatch.filter(names, file.name) if set(file.name) & set("*?[") else []
     if found:
         return f"no such file, but {len(found)} that match, as {shown(found[0])}: give it without quotes"

@@ -111,7 +111,12 @@ FAULTS: dict[str, list[Fault]] = {
         whole("a_mocap.csv", b"stamp,x,y,yaw\n", "the file has no rows after its header"),
         study("wheel_radius_rear_left: 5 cm", "wheel_radius_rear_left: 5 s", f"got '5 s', {KIND}"),
         study("sign: -1", "ticks_per_turn: 3", "ticks_per_turn: unknown key"),
-        study("_mocap", "_vicon", "no such file"),
+        study("_mocap", "_vicon", "no such file (named in"),
+        study(
+            "_mocap",
+            "_mocups",
+            "no such file; did you mean a_mocap.csv? (named in study.yaml:18: log.poses.file)",
+        ),
     ],
     "relative poses": [
         *usual("a.csv", "t", "wheel_speed_left"),
@@ -198,6 +203,7 @@ FAULTS: dict[str, list[Fault]] = {
         cell("a_tags.csv", 8, "range", "-1", "a distance is not below 0"),
         head("a_tags.csv", "orientation", "yaw", "the header lacks 'orientation'"),
         whole("a_tags.csv", None, "no such file"),
+        study("_tags", "_tsgs", "did you mean a_tags.csv? (named in study.yaml:11: log.sensors.tags.file)"),
         study("unit: m}", "unit: s}", KIND),
         study("id: tag, ", "", "expected 6 columns"),
         study("90 deg], ", "90 m], ", f"got '90 m', {KIND}"),

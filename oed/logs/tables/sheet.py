@@ -278,7 +278,9 @@ def _read_reference(
     if beside is not None and not beside.exists():
         named = ("log", key, "file")
         hint = "; `{stem}` stands for the log's own" if "{" in beside.name else ""
-        raise LogError([NotInLog(str(beside), 0, 0, "file", f"{no_such_file(beside)}{hint}", named)])
+        raise LogError(
+            [NotInLog(str(beside), 0, 0, "file", f"{no_such_file(beside, Path(table.file))}{hint}", named)]
+        )
     if beside is not None and isinstance(given, PoseColumns) and given.is_tum:
         block = _read_tum(beside, given, form.skip_invalid_rows)
         return tuple(given.columns), block, np.ones(len(block.series), dtype=bool)
