@@ -284,7 +284,7 @@ def to_logs(drives: list[RecordedDrive], form: LogForm, held: Repeats) -> list[L
     for series, what in ((drives[0].inputs, "inputs"), (drives[0].poses, "poses")):
         one = findings.skipped_rows(series, what)
         read[0] = read[0].found(one.name, one.message) if one else read[0]
-    if len(fit) < len(drives):
+    if fit and len(fit) < len(drives):
         short = [drive.name for drive, long_enough in zip(drives, fits, strict=True) if not long_enough]
         text = f"{len(short)} run(s) of fewer than {FEWEST} rows are left out: {', '.join(short[:5])}"
         read[0] = read[0].found("short_runs", text)

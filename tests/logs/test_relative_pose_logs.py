@@ -247,3 +247,9 @@ class TestTuples:
         robot = Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.35)
         with pytest.raises(ProblemError, match="wheel_speed_right and wheel_speed_left"):
             read_logs([self.tuples(tmp_path)], form(kind="tuples"), robot)
+
+
+def test_two_motions_are_three_poses(tmp_path: Path):
+    log = log_of(written(tmp_path, GOOD[:2]))
+    assert len(log.poses) == 3
+    assert "short_runs" not in [one.name for one in log.findings]
