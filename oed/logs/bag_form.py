@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,12 +15,12 @@ from oed.foundation.errors import Flaw, LogError
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Measurement
 from oed.logs.bag import JOINTS, POSES, Bag, Clock, open_bag
-from oed.logs.bag_inputs import AnyBagInputs, OdometryTopic, meant
+from oed.logs.bag_inputs import AnyBagInputs, BagInput, OdometryTopic, meant, source_of
 from oed.logs.bag_poses import PoseTopic
 from oed.logs.bag_reading import BagReading, Reading
 from oed.logs.bag_sensors import SensorTopic, usual_type
 from oed.logs.drive import RecordedDrive, to_logs
-from oed.logs.form import LogForm
+from oed.logs.form import LogForm, read_twice
 from oed.logs.integrals import on_one_clock
 from oed.logs.log import Finding, Log
 from oed.logs.sensors import labelled, source_flaws, with_sensors
@@ -59,8 +60,9 @@ class BagForm(LogForm):
     def flaws(self, model: System) -> list[Flaw]:
         """Inputs the robot does not have, keys that exclude each other, forms and units that do not fit."""
         reference = [] if self.reference is None else self.reference.flaws()
+        own = [*reference, *self._unread(model)]
         if isinstance(self.inputs, OdometryTopic):
-            return [*self.inputs.flaws(model), *reference]
+            return [*self.inputs.flaws(model), *own]
         entries = {entry.name: entry for entry in model.inputs}
         unknown = [
             Flaw(("log", "inputs", name), unknown_input(name, model.input_names))
@@ -68,10 +70,39 @@ class BagForm(LogForm):
             if name not in entries
         ]
         known = [one.flaws(entries[name], model) for name, one in self.inputs.items() if name in entries]
-        if self.commands is not None and not any(meant(entry, model) for entry in model.inputs):
-            text = f"no message has {', '.join(entries)} as commands; a unicycle and an ackermann take them"
-            unknown.append(Flaw(("log", "commands"), text))
-        return [*unknown, *(flaw for flaws in known for flaw in flaws), *reference]
+        return [*unknown, *(flaw for flaws in known for flaw in flaws), *own, *self._read_twice(self.inputs)]
+
+    def _unread(self, model: System) -> list[Flaw]:
+        # Topics that no input is read from, so that naming them does nothing.
+        places = {entry.name: meant(entry, model) for entry in model.inputs}
+        none = "no input is {}; leave it out"
+        texts = {"joint_states": none.format("a joint's"), "commands": none.format("a command")}
+        if not any(places.values()):
+            names = ", ".join(places)
+            texts["commands"] = f"no message has {names} as commands; a unicycle and an ackermann take them"
+        read, joints = set[str](), self.joint_states is not None
+        if not isinstance(self.inputs, OdometryTopic):
+            own = ((self.inputs.get(name) or BagInput(), place) for name, place in places.items())
+            read |= {source_of(given, place, self.commands, joints) for given, place in own}
+        return [
+            Flaw(("log", key), text)
+            for key, text in texts.items()
+            if getattr(self, key) is not None and key not in read
+        ]
+
+    def _read_twice(self, inputs: Mapping[str, BagInput]) -> list[Flaw]:
+        # Joints and fields that are more than one quantity.
+        each: dict[tuple[str, ...], tuple[str, ...]] = {}
+        for name, one in inputs.items():
+            if one.joint is not None:
+                each["log", "inputs", name] = ("joint", one.joint)
+            elif one.topic is not None and one.field is not None:
+                each["log", "inputs", name] = ("field", one.field, "of", one.topic)
+        if self.reference is not None:
+            topic = str(self.reference.topic)
+            fields = self.reference.fields.items()
+            each |= {("log", "poses", name): ("field", one.field, "of", topic) for name, one in fields}
+        return read_twice(each)
 
     @property
     def clock_hint(self) -> str:

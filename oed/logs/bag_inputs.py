@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -162,6 +162,26 @@ class OdometryTopic(Component):
     def flaws(self, model: System) -> list[Flaw]:
         """A robot of other inputs."""
         return odometry_flaws(model)
+
+
+def source_of(
+    given: BagInput, places: Collection[str], commands: str | None, joints: bool
+) -> Literal["topic", "joint_states", "commands"]:
+    """Where an input is read: a speed and a yaw rate are no joint's, and what no commands have is one's.
+
+    Args:
+        given: what the study says of it.
+        places: types of the messages that have it, as `meant` knows.
+        commands: topic of the commands, where it is given.
+        joints: whether there are joint states.
+    """
+    if given.topic is not None:
+        return "topic"
+    if given.joint is not None or not places:
+        return "joint_states"
+    if commands is not None or ODOMETRY in places:
+        return "commands"
+    return "joint_states" if joints else "commands"
 
 
 def _sort(value: Any) -> str:

@@ -12,7 +12,7 @@ from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import Input, System
 from oed.logs.bag import JOINTS, POSES, Bag, Clock, Joints, read_joints, read_poses
 from oed.logs.bag_fields import read_fields
-from oed.logs.bag_inputs import ODOMETRY, BagInput, OdometryTopic, meant
+from oed.logs.bag_inputs import ODOMETRY, BagInput, OdometryTopic, meant, source_of
 from oed.logs.input_forms import InputForm, rims
 from oed.logs.integrals import Turned
 from oed.logs.log import Finding
@@ -106,10 +106,12 @@ class BagReading:
     def _place(self, entry: Input) -> tuple[str | None, str | None, dict[str, object]]:
         # Topic (None for a joint), path of the field, and what is usual of its form.
         given, known = self._of(entry), meant(entry, self.model)
+        joints = self.joint_states is not None or JOINTS in self.bag.types.values()
+        source = source_of(given, known, self.commands, joints)
+        if source == "joint_states":
+            return None, None, {}
         if given.topic is not None:
             topic = self.bag.any_topic(given.topic, entry.name, "inputs", entry.name, "topic")
-        elif self._is_joint(given, known):
-            return None, None, {}
         else:
             topic = self._commands(known)
         place = known.get(self.bag.types[topic])
@@ -117,14 +119,6 @@ class BagReading:
             return topic, given.field, {"held": "between"}
         unit = {} if place.unit is None else {"unit": place.unit}
         return topic, place.path, {"held": place.held, **unit}
-
-    def _is_joint(self, given: BagInput, known: Collection[str]) -> bool:
-        # A speed and a yaw rate are no joint's, and what no message of commands has is one's.
-        if given.joint is not None or not known:
-            return True
-        if self.commands is not None or ODOMETRY in known:
-            return False
-        return self.joint_states is not None or JOINTS in self.bag.types.values()
 
     def _commands(self, known: Collection[str]) -> str:
         find = partial(self.bag.topic, self.commands)
@@ -141,9 +135,15 @@ class BagReading:
             raise self.bag.flaw(topic, "no joint states")
         return joints
 
+    def _free(self, joints: Joints) -> tuple[str, ...]:
+        # Those that the study does not name as other inputs'.
+        assert isinstance(self.given, dict)
+        taken = {one.joint for one in self.given.values()}
+        return tuple(name for name in joints.names if name not in taken)
+
     def _joint(self, entry: Input) -> tuple[Series, InputForm, str]:
         given, joints = self._of(entry), self._joints
-        name = given.joint or _named_like(entry.name, joints.names)
+        name = given.joint or _named_like(entry.name, self._free(joints))
         if name not in joints.names:
             hint = (name and did_you_mean(name, joints.names)) or ";"
             missing = f"no joint {name}" if name else "it is not clear which joint this is"

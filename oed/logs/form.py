@@ -7,7 +7,7 @@ from __future__ import annotations
 import itertools
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -82,6 +82,21 @@ class LogForm(Component, ABC):
             LogError: every mistake in their readings, each with its line.
         """
         return logs
+
+
+def read_twice(each: Mapping[tuple[str, ...], tuple[str | int, ...]]) -> list[Flaw]:
+    """Places of a log that are read as two quantities: two wheels by one of them would turn alike.
+
+    Args:
+        each: the place, such as ("column", 3), by the path of the study's key that names it.
+    """
+    known, flaws = dict[tuple[str | int, ...], str](), list[Flaw]()
+    for key, place in each.items():
+        if place in known:
+            text = f"{' '.join(map(str, place))} is read as {known[place]} already; name another"
+            flaws.append(Flaw(key, text))
+        known.setdefault(place, ".".join(key[1:]))
+    return flaws
 
 
 def is_bag(file: Path) -> bool:

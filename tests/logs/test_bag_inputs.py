@@ -221,9 +221,9 @@ class TestFields:
             "ticks_per_turn": 500,
             "cumulative": True,
         }
-        log = read(
-            self.path(tmp_path), ROBOT, inputs=dict.fromkeys(("wheel_speed_right", "wheel_speed_left"), ticks)
-        )
+        left = {"topic": "/wheels", "field": "speeds[1]"}
+        inputs = {"wheel_speed_right": ticks, "wheel_speed_left": left}
+        log = read(self.path(tmp_path), ROBOT, inputs=inputs)
         expected = 2 * np.pi / 500 * (np.floor(1000 * TIMES) - np.floor(1000 * TIMES[0]))
         np.testing.assert_allclose(log.integrals[:, 0], expected, atol=2 * np.pi / 500)
 

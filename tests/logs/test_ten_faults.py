@@ -362,6 +362,16 @@ FAULTS: dict[str, list[Fault]] = {
         *usual_stamps("/mocap"),
         study("joint_states: /joint_states", "joint_states: /joints", KNOWN),
         study("joint_states: /joint_states", "joint_states: /mocap", "/mocap is of type geom"),
+        study(
+            "wheel_left_joint",
+            "wheel_right_joint",
+            "log.inputs.wheel_speed_left: joint base_wheel_right_joint is read",
+        ),
+        study(
+            "_right: {joint: base_wheel_right_joint}\n    wheel_speed_left: {joint: base_wheel_left_joint}",
+            "_right: {joint: base_wheel_left_joint}",
+            "wheel_speed_left: it is not clear which joint this is; the bag has base_wheel_right_joint, base",
+        ),
         study("base_wheel_right_joint", "right", "no joint right; did you mean base_wheel_right_joint?"),
         study("topic: /mocap", "topic: /vicon", f"{KNOWN} /vicon; of type Odometry or"),
         messages(
@@ -408,6 +418,16 @@ FAULTS: dict[str, list[Fault]] = {
         value("/cmd_vel", 5, "twist.angular.z", -INF, f"{FINITE}'-inf'"),
         *usual_stamps("/cmd_vel"),
         without("/cmd_vel", f"{KNOWN} /cmd_vel", "commands"),
+        study(
+            "commands:",
+            "joint_states: /joints, commands:",
+            "log.joint_states: no input is a joint's; leave it out",
+        ),
+        study(
+            "commands: /cmd_vel",
+            "commands: /cmd_vel, inputs: {form: poses, topic: /odom}",
+            "log.commands: no input is a command; leave it out",
+        ),
         study("commands: /cmd_vel", "inputs: {v: {topic: /cmd_vel, field: v}}", "has no field v; it has"),
         study("commands: /cmd_vel", "inputs: {v: {topic: /cmd_vel, unit: rad/s}}", KIND),
         study("commands: /cmd_vel", "inputs: {v: {topic: /mocap}}", "say in which `field` it is"),
@@ -518,6 +538,14 @@ FAULTS: dict[str, list[Fault]] = {
             )
         ),
         study("unit: rpm", "unit: V", "whose unit 'V' is not known"),
+        study(
+            '"wheels[0].velocity"',
+            '"speeds[0]"',
+            "field speeds[0] of /wheels is read as inputs.wheel_speed_right already; name another",
+        ),
+        study(
+            "y: pose.position.y", "y: pose.position.x", "field pose.position.x of /mocap is read as poses.x"
+        ),
         study("pose.orientation", "pose.position", "pose.position is no number: it has x, y, z"),
         study("{topic: /wheels, field", "{field", "is one of which topic's messages? give `topic`, too"),
     ],

@@ -10,7 +10,7 @@ from oed.foundation.errors import Flaw, LogError
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Measurement
 from oed.logs.drive import to_logs
-from oed.logs.form import LogForm, is_bag
+from oed.logs.form import LogForm, is_bag, read_twice
 from oed.logs.log import Log
 from oed.logs.sensors import labelled, source_flaws, with_sensors
 from oed.logs.series import together
@@ -96,20 +96,13 @@ class CsvForm(LogForm):
         return [Flaw(("log", "inputs"), "the poses are those of `poses`; name the columns of the odometry")]
 
     def _read_twice(self, model: System) -> list[Flaw]:
-        # A column is one quantity: two wheels by one of them would turn alike, whatever the robot did.
         each: dict[tuple[str, ...], ColumnPlace] = {("log", "time"): self.time.column}
         inputs = self.input_columns.columns(model).items()
         each |= {("log", "inputs", name): one.column for name, one in inputs}
         # Poses of odometry are looked at beside it.
         if isinstance(self.inputs, dict) and self.poses.file is None and self.types_of_poses is None:
             each |= {("log", "poses", name): one.column for name, one in self.poses.columns.items()}
-        known, flaws = dict[ColumnPlace, str](), list[Flaw]()
-        for key, column in each.items():
-            if column in known:
-                text = f"column {column} is read as {known[column]} already; name another"
-                flaws.append(Flaw(key, text))
-            known.setdefault(column, ".".join(key[1:]))
-        return flaws
+        return read_twice({key: ("column", column) for key, column in each.items()})
 
     @property
     def input_columns(self) -> InputColumns | OdometryColumns:
