@@ -57,7 +57,9 @@ class BagReading:
         found = together(partial(self._input, entry) for entry in self.model.inputs)
         forms = zip(self.model.inputs, (form for _, _, form in found), strict=True)
         by_rim = rims(forms, self.model)
-        return [(series, turned) for series, turned, _ in found], () if by_rim is None else (by_rim,)
+        wild = [finding for _, turned, _ in found for finding in turned.found]
+        said = tuple(wild if by_rim is None else [*wild, by_rim])
+        return [(series, turned) for series, turned, _ in found], said
 
     @cached_property
     def odometry(self) -> set[str]:

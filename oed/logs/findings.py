@@ -28,6 +28,12 @@ JUMP, SMALLEST_JUMP = 20.0, 0.05
 TURN_JUMP, SMALLEST_TURN = 5.0, np.radians(20)
 """Times the fast turning of the drive, and rad, beyond which a step of the heading is."""
 
+WILD, PASSING = 20.0, 2
+"""Times the fast readings of an input beyond which one is wild, and readings that follow each other of which
+it is none: robots that are fast are so for a while."""
+WILD_READING = "wild_reading"
+"""Name of what is found of these."""
+
 IN_DEGREES = "heading_in_degrees"
 """Name of what is found of a heading that is rather in degrees."""
 DEGREES_PER_TURN = 360.0
@@ -241,6 +247,29 @@ def _leaps(poses: Series, positions: Array) -> tuple[Array, Bools]:
     moving = speeds[speeds > 0]
     usual = float(np.median(moving)) if len(moving) else np.inf
     return lengths, (speeds > JUMP * usual) & (lengths > SMALLEST_JUMP)
+
+
+def wild_reading(series: Series, place: int, label: str, unit: str) -> Finding | None:
+    """Readings of an input that no drive explains, far larger than all others and gone with the next ones.
+
+    Args:
+        series: as logged.
+        place: of the input in its values.
+        label: what it is called in the log.
+        unit: in which it is logged.
+    """
+    sizes = np.abs(series.values[:, place])
+    usual = float(np.percentile(sizes[sizes > 0], 90)) if sizes.any() else np.inf
+    far = sizes > WILD * usual
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], far, [False]])))
+    if not far.any() or (edges[1::2] - edges[::2]).max() > PASSING:
+        return None
+    row = int(np.argmax(sizes))
+    text = (
+        f"{label} reads {series.values[row, place]:.6g} {unit} at {series.at(row)}, where at most "
+        f"{usual:.3g} are usual: is that reading wrong?"
+    )
+    return Finding(WILD_READING, text, doubtful=True)
 
 
 def heading_jump(poses: Series, heading: Array) -> Finding | None:

@@ -18,6 +18,7 @@ from oed.foundation.errors import FileFlaw
 from oed.foundation.quantities import Length, parse_quantity
 from oed.foundation.text import given_text
 from oed.kernel.dynamics.system import Input, System
+from oed.logs.findings import wild_reading
 from oed.logs.integrals import Held, Turned, counted, held_integral, summed
 from oed.logs.log import Finding
 from oed.logs.series import Series
@@ -125,7 +126,9 @@ class SpeedForm(_WithUnit):
         """Integrated as held."""
         values = self._factor(entry, lever) * series.values[:, place]
         flaws = [] if entry.drives else _begun_anew(series, values, label)
-        return Turned(held_integral(series.times, values, self._held(entry)), flaws=tuple(flaws))
+        wild = wild_reading(series, place, label, self.unit or entry.unit) if entry.drives else None
+        found = () if wild is None else (wild,)
+        return Turned(held_integral(series.times, values, self._held(entry)), flaws=tuple(flaws), found=found)
 
     def reason_against(self, entry: Input, lever: float) -> tuple[str, str]:
         """The wrong form or unit."""
@@ -196,7 +199,10 @@ class TicksForm(InputForm):
             found = counted(series, place, label, self.wrap)
             return _integrated(found, series, place, entry, angle, self)
         turned = angle * summed(series.values[:, place])
-        return Turned(turned if entry.drives else held_integral(series.times, turned, "between"))
+        if not entry.drives:
+            return Turned(held_integral(series.times, turned, "between"))
+        wild = wild_reading(series, place, label, "ticks")
+        return Turned(turned, found=() if wild is None else (wild,))
 
     def reason_against(self, entry: Input, lever: float) -> tuple[str, str]:
         """Not of a wheel, or a range or a zero of something that does not add up."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.errors import FileFlaw
+from oed.logs.log import Finding
 from oed.logs.series import Series
 
 Held = Literal["next", "previous", "between"]
@@ -30,12 +31,14 @@ class Turned:
         bridges: whether it is right across missing rows, as that of a counter that adds up is.
         wraps: how often the counter began anew.
         flaws: in the readings.
+        found: of them.
     """
 
     integral: Array
     bridges: bool = False
     wraps: int = 0
     flaws: tuple[FileFlaw, ...] = ()
+    found: tuple[Finding, ...] = ()
 
 
 def held_integral(times: Array, values: Array, held: Held) -> Array:

@@ -289,3 +289,24 @@ class TestPosesBeside:
         # Names that are numbers pass for a row where it is not said that they are names.
         flaw = flaws_of(log, poses={**own, "header": False})[0]
         assert flaw.message == "time goes back: 0 s after 1 s (line 1)"
+
+
+class TestWildReadings:
+    def found(self, folder: Path, rows: slice, value: float, **keys: Any) -> dict[str, str]:
+        table = TABLE.copy()
+        table[rows, 1] = value
+        return dict(found(read_one(write(folder / "a.csv", cells(table)), **keys)))
+
+    def test_one_that_no_drive_explains(self, tmp_path: Path):
+        text = self.found(tmp_path, slice(60, 61), -900.0)["wild_reading"]
+        assert text.startswith("wheel_speed_right reads -900 rad/s at t = 3 s (line 62), where at most ")
+        assert text.endswith(" are usual: is that reading wrong?")
+
+    @pytest.mark.parametrize(("rows", "value"), [(slice(60, 70), 900.0), (slice(60, 61), 20.0)])
+    def test_fast_driving_is_none(self, tmp_path: Path, rows: slice, value: float):
+        assert "wild_reading" not in self.found(tmp_path, rows, value)
+
+    def test_ticks_since_the_row_before(self, tmp_path: Path):
+        ticks = {"column": INPUTS[0], "form": "ticks", "ticks_per_turn": 100}
+        text = self.found(tmp_path, slice(60, 61), 5000.0, inputs={INPUTS[0]: ticks})["wild_reading"]
+        assert text.startswith("wheel_speed_right reads 5000 ticks at t = 3 s (line 62)")

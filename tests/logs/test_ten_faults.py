@@ -80,6 +80,11 @@ FAULTS: dict[str, list[Fault]] = {
             for text in ("Segmentation fault", 6 * "\0", "0.3;1;2;3;4;5", "0.3\t1\t2\t3\t4\t5")
         ),
         cell("a.csv", 8, "right_rpm", "1,5", "expected 6 cells, as in the first line, got 7"),
+        Fault(
+            cell("a.csv", 8, "right_rpm", "9000", "").change,
+            "a.csv: the measured poses hardly move",
+            "; right_rpm reads 9000 rpm at t = 0.3 s (line 8), where at most ",
+        ),
         cell("a.csv", 8, "y_mm", "1e16", "expected a number of at most 1e+12 in SI units"),
         head("a.csv", "right_rpm", "right_rad", "the header lacks 'right_rpm'"),
         study("unit: rpm", "unit: V", "whose unit 'V' is not known"),

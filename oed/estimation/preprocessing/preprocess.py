@@ -30,7 +30,7 @@ from oed.estimation.preprocessing.wiring_checks import (
 )
 from oed.foundation.arrays import Array
 from oed.foundation.errors import FileFlaw, LogError
-from oed.logs.findings import IN_DEGREES
+from oed.logs.findings import IN_DEGREES, WILD_READING
 from oed.logs.log import Log
 from oed.robots.models.model import Model
 
@@ -198,7 +198,7 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
     for index, file in enumerate(moves.layout.clocks):
         own = moves.within(moves.layout.clock == index)
         left = poorly_explained(own)
-        found = (one for log in logs if log.file == file for one in log.findings)
+        found = [one for log in logs if log.file == file for one in log.findings]
         odd = (f"; {one.message}" for one in found if one.name in (IN_DEGREES, STEERED))
         key, wrong = _what_is_wrong(own, left, next(odd, ""))
         # As of crossed wires, clocks that agree may be taken to be apart.
@@ -209,7 +209,8 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
         if logs[0].motions is not None:
             wrong = motion_fault(own, [log for log in logs if log.file == file]) or wrong
         if wrong:
-            flaws.append(FileFlaw(file, 0, 0, key, wrong))
+            wild = (f"; {one.message}" for one in found if one.name == WILD_READING)
+            flaws.append(FileFlaw(file, 0, 0, key, f"{wrong}{next(wild, '')}"))
         elif left is not None:
             doubts[file] = f"the wheels leave {100 * left:.0f} % of the measured motion unexplained"
             doubts[file] += "" if zero is None else f"; {zero[0]}: {zero[1]}"

@@ -115,7 +115,8 @@ class InputColumns:
             for place, (entry, form) in enumerate(forms)
         ]
         by_rim = rims(forms, model)
-        return turned, (() if by_rim is None else (by_rim,))
+        wild = [found for one in turned for found in one.found]
+        return turned, tuple(wild if by_rim is None else [*wild, by_rim])
 
     def ends_needed(self, model: System) -> list[tuple[bool, bool]]:
         """Whether the first and the last row of a drive have a say, by column."""
