@@ -297,7 +297,7 @@ FAULTS: dict[str, list[Fault]] = {
                 ("0.3 0 0 0 0 0 0 1 9", "expected 8 cells, as in the first line, got 9"),
                 ("0.1 0 0 0 0 0 0 1", "time goes back"),
                 ("0.3 1e13 0 0 0 0 0 1", "expected a number of at most"),
-                ("0.3,0,0,0,0,0,0,1", "expected 8 cells, as in the first line, got 1: '0.3,0,0,0,0,0,0,1'"),
+                ("0.3,0,0,0,0,0,0,1", "expected 8 cells, as in the first line, got 1"),
             )
         ),
         rows(
