@@ -202,7 +202,7 @@ class _Work:
         self.announce("comparing wheels and poses")
         found, other = self._preprocess(self.logs), self._preprocess(test_logs) if test_logs else None
         if other is not None and not _has_positions(other.logs):
-            text = "dead reckoning needs positions to compare with"
+            text = "dead reckoning needs positions to compare a test log with: name x and y in log.poses"
             raise LogError.about(other.logs[0].file, text)
         self.announce("fitting")
         fitted = self._fitting.fitted(found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,44 @@ from logged import HEADER, cells, drive, flaw_of, form, found, read_one, write
 from pydantic import ValidationError
 
 from oed.foundation.errors import LogError
-from oed.logs import last_held_out
+from oed.logs import Log, last_held_out
+from oed.logs.log import SensorReadings
+from oed.logs.motions import Motions
 
 TABLE = drive()
+TIMES = 0.1 * np.arange(101)
+
+
+def every_reading(wrong_from: float = np.inf, **keys: object) -> Log:
+    """A log of 10 s with readings on both clocks, all of which are wrong from a time on; other keys."""
+    rng = np.random.default_rng(0)
+    values = rng.normal(size=(101, 3)) + 5.0 * (wrong_from <= TIMES)[:, None]
+    ranges, rates = (
+        SensorReadings(name, TIMES, values, clock) for name, clock in (("r", "poses"), ("g", "inputs"))
+    )
+    log = Log("a", "a.csv", TIMES, np.outer(TIMES, [1, 2]), TIMES, values, sensors=(ranges, rates))
+    return replace(log, **keys)
+
+
+def moving(wrong_from: float = np.inf, long: float = 0.0) -> Log:
+    """A log of motions of 0.4 s that overlap, with covariances, and of one that lasts longer."""
+    spans = np.column_stack([TIMES[:-4:2], TIMES[4::2]])
+    if long:
+        spans = np.vstack([spans, [3.0, 3.0 + long]])
+        spans = spans[np.argsort(spans[:, 1], kind="stable")]
+    wrong = spans[:, 1] >= wrong_from
+    values = np.tile([0.01, 0.002, 0.1], (len(spans), 1)) + wrong[:, None]
+    sizes = 1e-6 * (1 + wrong)[:, None, None] * np.eye(3)
+    log = every_reading(sensors=(), motions=Motions(spans, values, sizes))
+    return log.following(np.ones(len(spans), dtype=bool))
+
+
+def content(log: Log) -> list[np.ndarray]:
+    """All numbers of a log."""
+    motions = log.motions
+    own = [] if motions is None else [motions.times, motions.values, motions.covariances, motions.begins]
+    read = [column for one in log.sensors for column in (one.times, one.values)]
+    return [log.pose_times, log.poses, *own, *read]
 
 
 class TestHoldOut:
@@ -26,6 +62,44 @@ class TestHoldOut:
         assert kept.integrals is log.integrals is held.integrals
         assert (kept.name, held.name) == ("a", "a (last 25 %)")
         assert found(kept)["held_out"].startswith("the last 25 % of each drive is test data")
+
+    @pytest.mark.parametrize("made", [every_reading, moving, lambda *wrong: moving(*wrong, long=6.0)])
+    def test_nothing_that_is_held_out_is_in_what_is_kept(self, made):
+        kept, held = last_held_out([made(), made(7.5)], 0.25)
+        for one, same in zip(*map(content, kept), strict=True):
+            np.testing.assert_array_equal(one, same)
+        assert any(np.any(one != other) for one, other in zip(*map(content, held), strict=True))
+
+    def test_readings_are_split_as_poses_are(self):
+        (kept,), (held,) = last_held_out([every_reading()], 0.25)
+        assert [len(one.times) for one in kept.sensors] == [75, 75]
+        assert [one.times[0] for one in held.sensors] == [7.5, 7.5]
+
+    def test_motions_across_the_cut_are_in_neither_part(self):
+        (kept,), (held,) = last_held_out([moving(long=6.0)], 0.25)
+        assert kept.motions is not None
+        assert held.motions is not None
+        assert kept.motions.times[:, 1].max() < 7.5 <= held.motions.times[:, 0].min()
+        assert len(kept.motions) + len(held.motions) == len(TIMES[4::2]) - 2
+        assert kept.pose_times[-1] < 7.5 <= held.pose_times[0]
+
+    def test_a_short_drive_of_several_is_used_whole(self):
+        short = every_reading(name="b", pose_times=TIMES[:8], poses=np.zeros((8, 3)))
+        kept, held = last_held_out([every_reading(), short], 0.25)
+        assert [one.name for one in held] == ["a (last 25 %)"]
+        assert kept[1].poses is short.poses
+        assert found(kept[1])["not_held_out"].startswith(
+            "b: holding out the last 25 % of 700 ms leaves 2 of 8"
+        )
+        assert found(kept[1])["not_held_out"].endswith("are needed: all of it is estimated from")
+
+    @pytest.mark.parametrize("quantities", [(), ("heading",)])
+    def test_logs_without_positions(self, quantities: tuple[str, ...]):
+        log = every_reading(quantities=quantities, poses=np.zeros((101, len(quantities))))
+        with pytest.raises(
+            LogError, match=r"a\.csv: hold_out: .* has no positions .*; name x and y in log\.poses"
+        ):
+            last_held_out([log, log], 0.25)
 
     def test_it_is_said_once_of_a_file(self, tmp_path: Path):
         log = read_one(write(tmp_path / "a.csv", cells(TABLE)))
