@@ -17,6 +17,10 @@ from builders import input_limits, problem_of
 from scan_matching import LOG, MOUNTED, NOISE, NOMINAL, TRUTH, Matched, matched, seen
 
 from oed.estimation import Calibration, CalibrationOptions, calibrate
+from oed.estimation.prediction.layout import without_turns
+from oed.estimation.prediction.logged_readings import LoggedReadings
+from oed.estimation.prediction.motion_layout import motion_parts, motion_segments
+from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.criteria import D, E
 from oed.kernel.measurement.prior import Prior
@@ -108,6 +112,25 @@ class TestEstimates:
         assert len(log.motions) == len(spans)
         assert np.all(np.diff(log.pose_times) > 0)
         np.testing.assert_allclose(estimated([log]).fit.values[:6], TRUE, rtol=1e-5)
+
+    @pytest.mark.parametrize("apart", [(8, 200), (40, 40), (8, 8, 8, 400)], ids=str)
+    def test_motions_of_any_length_are_driven_as_finely_as_wheels_are_read(
+        self, tmp_path: Path, apart: tuple[int, ...]
+    ):
+        drives = [matched(noise=exact, seconds=60, every=every, held=5) for every in apart]
+        spans, motions = (np.vstack([getattr(one, name) for one in drives]) for name in ("spans", "motions"))
+        (log,) = logs_of(tmp_path, replace(drives[0], spans=spans, motions=motions))
+        layout = motion_segments([log], [0.0])
+        readings = LoggedReadings.of(layout, Unknowns(NOMINAL, tuple(TRUTH), PLACE, 0), np.zeros(1))
+        predicted = readings(np.array(TRUE), np.zeros((layout.count, 0)))
+        left = without_turns(predicted - layout.readings, readings.wrapping)
+        assert np.abs(layout.readings[:, -1, 2]).max() <= np.pi
+        np.testing.assert_allclose(left[:, -1], 0, atol=1e-7)
+
+    def test_motions_are_driven_in_bounded_numbers_of_parts(self):
+        assert set(motion_parts(np.full(1000, 0.4), 0.001).tolist()) == {20}
+        assert motion_parts(np.full(100_000, 2.0), 0.01).sum() <= 2.1e6
+        assert motion_parts(np.array([0.39, 0.4, 20.0, 1e5]), 0.02).tolist() == [20, 20, 1000, 10_000]
 
     @pytest.mark.slow
     @pytest.mark.parametrize("known", [False, True], ids=["estimated", "stated"])

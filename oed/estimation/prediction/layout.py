@@ -31,6 +31,8 @@ CLOCK_STEP = 1e-3
 """Step of the difference quotient by a clock's offset [s]: motion is piecewise linear in time anyway."""
 BEFORE, PARTS = 5.0, 50
 """Time that is looked back on before a segment [s], and in how many periods: longer than any lag lasts."""
+JITTER = 1.1
+"""Parts of a motion, in those of the usual one, up to which it is driven along with this."""
 SHORTEST, FEWEST = 1.0, 8
 """Length of the shortest segments that are tried [s], and how many steps they have at least."""
 
@@ -58,6 +60,7 @@ class SegmentLayout:
         sensors: that read beside the poses, by their names.
         averaged: of how many readings each is the mean, shaped like them; None where each is one.
         cut_at: the clocks' offset of each log, with which readings on the inputs' clock were put on the grid.
+        parts: of motions, how many equal ones each is driven in, (S,); None of other segments.
     """
 
     logs: tuple[Log, ...]
@@ -73,6 +76,7 @@ class SegmentLayout:
     sensors: Labelled = ()
     averaged: Array | None = None
     cut_at: tuple[float, ...] = ()
+    parts: Places | None = None
 
     @classmethod
     def of_drive(cls, trajectory: Trajectory, readings: Array) -> SegmentLayout:
@@ -117,6 +121,22 @@ class SegmentLayout:
     def last(self) -> Places:
         """Place of each segment's last time on its grid, (S,)."""
         return np.asarray(np.count_nonzero(self.steps > 0, axis=1))
+
+    @cached_property
+    def in_parts(self) -> tuple[tuple[Places, SegmentLayout], ...]:
+        """Motions that are driven together, which they are and a layout of their parts: those in up to twice
+        as many as others, for each number of parts is a function of its own.
+        """
+        assert self.parts is not None
+        usual, found = JITTER * float(np.median(self.parts)), list[tuple[Places, SegmentLayout]]()
+        doublings = np.ceil(np.log2(self.parts / usual))
+        for one in np.unique(doublings):
+            rows = np.flatnonzero(doublings == one)
+            count, begins, ends = self.parts[rows, None], self.times[rows, :1], self.times[rows, -1:]
+            passed = np.minimum(np.arange(count.max() + 1) / count, 1.0)
+            finer = replace(self, owner=self.owner[rows], times=begins + (ends - begins) * passed)
+            found.append((rows, finer))
+        return tuple(found)
 
     def read_together(self, places: Sequence[int]) -> Bools:
         """When all of some quantities are read, (S, n + 1)."""

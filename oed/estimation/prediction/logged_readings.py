@@ -12,10 +12,12 @@ import numpy as np
 
 from oed.estimation.prediction.layout import SegmentLayout, cut, without_turns
 from oed.estimation.prediction.localisation import located
+from oed.estimation.prediction.motion_readings import MotionReadings, Moved
 from oed.estimation.prediction.segments import Driven, Labelled, SegmentReadings
 from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.dynamics.system import follows_state
+from oed.kernel.measurement.sensor import Sensor
 from oed.robots.models.model import Model
 from oed.robots.sensors.mapped import points_seen
 from oed.robots.sensors.relative_poses import RelativePoses
@@ -60,25 +62,21 @@ class LoggedReadings:
 
     def _begun(self, starts: Array) -> Array:
         # Whole states: where a motion that a sensor read of itself begins is of no matter.
-        return np.pad(starts, ((0, 0), (POSE, 0))) if self.layout.relative else starts
-
-    def _on_grid(self, found: Array) -> Array:
-        # Motions stand at the last of a segment's times.
-        if not self.layout.relative:
-            return found
-        return np.pad(found, ((0, 0), (self.layout.periods, 0), *((0, 0),) * (found.ndim - 2)))
+        return np.pad(starts, ((0, 0), (POSE, 0)))
 
     def derivatives(self, values: Array, starts: Array) -> tuple[Array, Array, Array]:
         """The readings, and their derivatives by the unknowns (S, n + 1, quantities, q) and by the segment's
         own start (S, n + 1, quantities, states).
         """
-        (parameters, place, clocks), steps = self.unknowns.parts(values), self.layout.steps
-        offsets = self._offsets(clocks)
-        inputs = self.layout.inputs(offsets)
-        own = place[: self._constants]
-        driven = Driven(self._begun(starts), inputs, steps, parameters, own)
-        found, slopes = map(self._on_grid, self._segments.derivatives(driven))
-        found = self._beside_inputs(found, starts, inputs, parameters, own)
+        parameters, place, clocks = self.unknowns.parts(values)
+        offsets, own = self._offsets(clocks), place[: self._constants]
+        if self.layout.relative:
+            found, slopes = self._motions.derivatives(Moved(self._begun(starts), offsets, parameters, own))
+        else:
+            inputs = self.layout.inputs(offsets)
+            driven = Driven(starts, inputs, self.layout.steps, parameters, own)
+            found, slopes = self._segments.derivatives(driven)
+            found = self._beside_inputs(found, starts, inputs, parameters, own)
         columns, size = [self.unknowns.slopes(slopes)], len(parameters)
         if len(clocks):
             read = partial(self._at, starts, parameters, place)
@@ -109,9 +107,10 @@ class LoggedReadings:
 
     @cached_property
     def wrapping(self) -> Bools:
-        """Which readings jump by full turns as they are predicted, (quantities,): no states."""
+        """Which readings jump by full turns, (quantities,): no states, but turns in which these change."""
         width = len(self.quantities) + sum(len(one.entries) for _, one in self.sensors)
-        return np.isin(np.arange(width), self._segments.sensor.wrapping)
+        sensor = self._sensor
+        return np.isin(np.arange(width), sensor.angles if self.layout.relative else sensor.wrapping)
 
     def disturbed(self, values: Array, starts: Array, noise: Array) -> tuple[Array, Array]:
         """The readings with noise in the inputs, and their derivatives by the unknowns; by clocks they are 0.
@@ -191,9 +190,12 @@ class LoggedReadings:
         return speeds, self.layout.rates(turned)
 
     def _at(self, starts: Array, parameters: Array, place: Array, offsets: Array) -> Array:
-        inputs, own = self.layout.inputs(offsets), place[: self._constants]
-        driven = Driven(self._begun(starts), inputs, self.layout.steps, parameters, own)
-        return self._beside_inputs(self._on_grid(self._segments(driven)), starts, inputs, parameters, own)
+        own = place[: self._constants]
+        if self.layout.relative:
+            return self._motions(Moved(self._begun(starts), offsets, parameters, own))
+        inputs = self.layout.inputs(offsets)
+        driven = Driven(starts, inputs, self.layout.steps, parameters, own)
+        return self._beside_inputs(self._segments(driven), starts, inputs, parameters, own)
 
     def _beside_inputs(
         self, found: Array, starts: Array, inputs: Array, parameters: Array, own: Array
@@ -210,15 +212,23 @@ class LoggedReadings:
 
     @cached_property
     def _segments(self) -> SegmentReadings:
-        layout, robot = self.layout, self.unknowns.robot
-        if layout.relative:
-            return SegmentReadings(robot, RelativePoses(every=layout.periods), layout.count, layout.periods)
-        return SegmentReadings.logged(robot, self.quantities, layout.count, layout.periods, self.sensors)
+        layout = self.layout
+        return SegmentReadings.logged(
+            self.unknowns.robot, self.quantities, layout.count, layout.periods, self.sensors
+        )
+
+    @cached_property
+    def _motions(self) -> MotionReadings:
+        return MotionReadings(self.unknowns.robot, self.layout)
+
+    @cached_property
+    def _sensor(self) -> Sensor:
+        return RelativePoses() if self.layout.relative else self._segments.sensor
 
     @cached_property
     def _constants(self) -> int:
         # Without the sensors beside the poses only the pose sensor's own.
-        return len(self._segments.sensor.nuisances)
+        return len(self._sensor.nuisances)
 
 
 def _passing(whole: SegmentLayout, paths: Array, layout: SegmentLayout, row: int) -> Array:

@@ -9,15 +9,17 @@ import numpy as np
 
 from oed.estimation.prediction.layout import GAP, SegmentLayout
 from oed.estimation.setup.noise import groups, places_of, specified_noise
-from oed.foundation.arrays import Array, Bools
+from oed.foundation.arrays import Array, Bools, Places
 from oed.foundation.errors import FileFlaw, LogError
 from oed.kernel.measurement.measurement import Measurement
 from oed.logs.log import Log
 from oed.logs.motions import Motions
 from oed.robots.sensors.logged import Noise
 
-MOST_PARTS = 20
-"""Parts that a motion is driven in at most: the wheels' motion is taken to be even in each."""
+FINEST = 0.02
+"""Shortest part that a motion is driven in [s]: the wheels' motion is taken to be even in each."""
+MOST_PARTS, MOST_IN_ALL = 10_000, 2_000_000
+"""Parts that one motion is driven in at most, and all of them together."""
 CORRELATED = 1e-9
 """Correlation below which errors are independent but for rounding."""
 
@@ -42,17 +44,35 @@ def motion_segments(logs: Sequence[Log], offsets: Sequence[float]) -> SegmentLay
         text = "no motion is read while the wheels are logged; are the two clocks together?"
         raise LogError([FileFlaw(log.file, 0, 0, "", text) for log in logs])
     spans, values = (np.concatenate([getattr(one, name) for one in each]) for name in ("times", "values"))
-    step = min(float(np.median(np.diff(log.input_times))) for log in logs)
-    parts = int(np.clip(math.ceil(float(np.median(np.diff(spans))) / step - 1e-6), 1, MOST_PARTS))
-    times = spans[:, :1] + np.diff(spans) * np.linspace(0.0, 1.0, parts + 1)
-    readings = np.zeros((len(owner), parts + 1, values.shape[1]))
-    readings[:, -1] = values
-    valid = np.zeros(readings.shape, dtype=bool)
-    valid[:, -1] = True
+    readings = np.stack([np.zeros_like(values), values], axis=1)
+    valid = np.broadcast_to(np.array([[False], [True]]), readings.shape).copy()
     sizes, whitener = _errors(logs, each)
     return SegmentLayout(
-        tuple(logs), owner, times, readings, valid, math.inf, relative=True, sizes=sizes, whitener=whitener
+        tuple(logs),
+        owner,
+        spans,
+        readings,
+        valid,
+        math.inf,
+        relative=True,
+        sizes=sizes,
+        whitener=whitener,
+        parts=motion_parts(
+            np.diff(spans)[:, 0], min(float(np.median(np.diff(log.input_times))) for log in logs)
+        ),
     )
+
+
+def motion_parts(lengths: Array, step: float) -> Places:
+    """How many equal parts motions are driven in, (m,).
+
+    Args:
+        lengths: of the motions, (m,) [s].
+        step: between readings of the inputs [s].
+    """
+    shortest = max(step, FINEST)
+    shortest = max(shortest, float(lengths.clip(max=MOST_PARTS * shortest).sum()) / MOST_IN_ALL)
+    return np.ceil(lengths / shortest - 1e-6).clip(1, MOST_PARTS).astype(np.intp)
 
 
 def driven(log: Log, offset: float) -> Bools:
