@@ -127,6 +127,17 @@ class TestEstimates:
         assert np.abs(layout.readings[:, -1, 2]).max() <= np.pi
         np.testing.assert_allclose(left[:, -1], 0, atol=1e-7)
 
+    @pytest.mark.slow
+    def test_a_long_motion_leads_no_search_astray(self, tmp_path: Path):
+        truth = {**TRUTH, "wheel_radius_right": 0.0214}
+        short, long = (matched(noise=exact, seconds=610, every=every, truth=truth) for every in (8, 6000))
+        spans, motions = (
+            np.vstack([getattr(one, name) for one in (short, long)]) for name in ("spans", "motions")
+        )
+        (log,) = logs_of(tmp_path, replace(short, spans=spans, motions=motions))
+        found = estimated([log], clock_offset=False, block=60.0)
+        np.testing.assert_allclose(found.values, [*truth.values()], rtol=1e-5)
+
     def test_motions_are_driven_in_bounded_numbers_of_parts(self):
         assert set(motion_parts(np.full(1000, 0.4), 0.001).tolist()) == {20}
         assert motion_parts(np.full(100_000, 2.0), 0.01).sum() <= 2.1e6

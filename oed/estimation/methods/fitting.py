@@ -21,7 +21,7 @@ from oed.estimation.methods.noise_selection import bounded_errors, has_lasting_f
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows
 from oed.estimation.prediction.layout import FEWEST, SegmentLayout, cut, shortest_seconds, usual_step
-from oed.estimation.prediction.motion_layout import motion_segments, noise_specified
+from oed.estimation.prediction.motion_layout import motion_segments, noise_specified, with_usual_motions
 from oed.estimation.prediction.segments import Labelled, nuisances_of
 from oed.estimation.preprocessing.preprocess import PreparedLogs
 from oed.estimation.setup.noise import LEAST, group_of, groups, places_of
@@ -292,6 +292,8 @@ class Fitting:
             return found
 
         if prepared.relative:
+            if short := with_usual_motions(logs):
+                fit(motion_segments(short, prepared.clocks))
             return None, fit(motion_segments(logs, prepared.clocks))
         chosen = self.options.segment
         seconds = math.inf if isinstance(chosen, str) else chosen

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +21,8 @@ FINEST = 0.02
 """Shortest part that a motion is driven in [s]: the wheels' motion is taken to be even in each."""
 MOST_PARTS, MOST_IN_ALL = 10_000, 2_000_000
 """Parts that one motion is driven in at most, and all of them together."""
+LONG, FEW = 4.0, 10
+"""Duration, in that of the usual motion, of those that a search does not begin with, if it has so many."""
 CORRELATED = 1e-9
 """Correlation below which errors are independent but for rounding."""
 
@@ -73,6 +76,21 @@ def motion_parts(lengths: Array, step: float) -> Places:
     shortest = max(step, FINEST)
     shortest = max(shortest, float(lengths.clip(max=MOST_PARTS * shortest).sum()) / MOST_IN_ALL)
     return np.ceil(lengths / shortest - 1e-6).clip(1, MOST_PARTS).astype(np.intp)
+
+
+def with_usual_motions(logs: Sequence[Log]) -> list[Log]:
+    """Logs to begin with, without motions much longer than the usual one; [] where there are none of these,
+    or few others. Over a long motion a wrong size turns the robot anywhere: from there no derivative leads
+    back.
+    """
+    each = [log.motions for log in logs if log.motions is not None]
+    lengths = np.concatenate([one.lengths for one in each])
+    longest = LONG * float(np.median(lengths))
+    if not FEW <= np.count_nonzero(lengths <= longest) < len(lengths):
+        return []
+    return [
+        replace(log, motions=one.rows(one.lengths <= longest)) for log, one in zip(logs, each, strict=True)
+    ]
 
 
 def driven(log: Log, offset: float) -> Bools:
