@@ -16,6 +16,11 @@ QUANTITIES = ("x", "y", "heading")
 """What is read of a motion."""
 PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 """Entries of a covariance that columns hold, in their order."""
+SINGULAR = 1e-9
+"""Least eigenvalue of correlations that is more than rounding of a file's numbers."""
+SUREST, SURER = 1e-9, 1e3
+"""Least deviation of a motion that is measured [m, rad], and by how many times one may be surer than is usual
+in a log: beyond, it counts for a million others."""
 APART = 0.05
 """Share of a motion's duration that the next may begin later or earlier and follow it all the same."""
 
@@ -138,9 +143,42 @@ def _order_flaws(series: Series, follows: bool) -> list[FileFlaw]:
 def _covariance_flaws(series: Series) -> list[FileFlaw]:
     if series.values.shape[1] <= 4:
         return []
-    smallest = np.linalg.eigvalsh(_correlations(_matrices(series.values[:, 4:])))[:, 0]
-    text = "the covariance is not positive definite"
-    return [series.flaw(row, "covariance", text) for row in np.flatnonzero(~(smallest > 0)).tolist()]
+    matrices = _matrices(series.values[:, 4:])
+    variances = np.diagonal(matrices, axis1=1, axis2=2)
+    least = np.linalg.eigvalsh(_correlations(matrices))[:, 0]
+    wrong = [
+        "the covariance is not positive definite" if not least > 0 else _too_sure(least, deviation)
+        for least, deviation in zip(least.tolist(), np.sqrt(variances.clip(min=0)).min(axis=1), strict=True)
+    ]
+    if not any(wrong):
+        wrong = _surer_than_usual(matrices / np.sqrt(_outer(np.median(variances, axis=0))))
+    return [series.flaw(row, "covariance", text) for row, text in enumerate(wrong) if text]
+
+
+def _too_sure(least: float, deviation: float) -> str:
+    # What is wrong with a covariance by the least eigenvalue of its correlations and the least deviation.
+    if least < SINGULAR:
+        return (
+            f"the covariance is singular but for rounding (least eigenvalue {least:.2g} of its correlations, "
+            f"at least {SINGULAR:g} is expected)"
+        )
+    if deviation < SUREST:
+        return (
+            f"the covariance says that the motion is known to {deviation:.2g} (m or rad); nothing is "
+            f"measured to better than {SUREST:g}: what units are its entries in?"
+        )
+    return ""
+
+
+def _surer_than_usual(matrices: Array) -> list[str]:
+    # Of covariances in units of their usual variances; "" of those that are like others.
+    least = np.linalg.eigvalsh(matrices)[:, 0]
+    times = np.sqrt(np.median(least) / least)
+    text = (
+        "the covariance says that the motion is known {:.2g} times as surely as is usual in this log: it "
+        "would decide the estimate alone"
+    )
+    return [text.format(one) if one > SURER else "" for one in times.tolist()]
 
 
 def _matrices(entries: Array) -> Array:
@@ -155,4 +193,9 @@ def _correlations(matrices: Array) -> Array:
     # Free of units; those of variances that are none stay as they are.
     variances = np.diagonal(matrices, axis1=1, axis2=2)
     sizes = np.sqrt(np.where(variances > 0, variances, 1.0))
-    return np.asarray(matrices / (sizes[:, :, None] * sizes[:, None, :]))
+    return np.asarray(matrices / _outer(sizes))
+
+
+def _outer(sizes: Array) -> Array:
+    # Products of each two of (..., n), (..., n, n).
+    return np.asarray(sizes[..., :, None] * sizes[..., None, :])

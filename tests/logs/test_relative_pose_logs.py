@@ -118,6 +118,21 @@ def changed(place: int, text: str) -> list[str]:
             "covariance",
             "not positive definite",
         ),
+        *(
+            (
+                changed(4, row(3.2, 4.0).replace("1e-06,1e-06,4e-06,5e-07", entries)),
+                {"covariance": COVARIANCE},
+                6,
+                "covariance",
+                words,
+            )
+            for entries, words in (
+                ("1e-06,1e-06,4e-06,9.99999999999999e-07", "singular but for rounding"),
+                ("1e-306,1e-306,4e-306,0", "known to 1e-153 (m or rad)"),
+                ("1e-16,1e-16,4e-16,5e-17", "known 1e+05 times as surely as is usual"),
+                ("1e-06,1e-06,1e-14,0", "times as surely as is usual"),
+            )
+        ),
         (changed(2, "1.6,2.4,0.01,,0.1,1,1,1,0"), {}, 4, "y", ""),
         (changed(2, "1.6,2.4,0.01,lost,0.1,1,1,1,0"), {}, 4, "y", "lost"),
         ([row(90 + 0.8 * k, 90.8 + 0.8 * k) for k in range(9)], {}, 2, "t1", "clocks do not overlap"),
@@ -131,6 +146,10 @@ def changed(place: int, text: str) -> list[str]:
         "missing column",
         "negative variance",
         "correlation above one",
+        "correlation of one",
+        "next to no error",
+        "far surer than others",
+        "a heading far surer",
         "empty cell",
         "text",
         "outside of the wheels' log",
