@@ -21,6 +21,7 @@ from oed.records.stored.estimate import (
     FoundLasting,
     FoundNoise,
     ReadLog,
+    ReadSensor,
     Residuals,
     Segments,
     TriedLength,
@@ -174,6 +175,12 @@ def _logs(found: Calibration) -> list[ReadLog]:
             seconds=log.duration,
             poses=len(log.pose_times if log.motions is None else log.motions),
             clock_offset=offsets[log.file],
+            sensors=[
+                ReadSensor.of(
+                    one, readings=len(one.times), entries=np.isfinite(one.values).sum(axis=0).tolist()
+                )
+                for one in log.sensors
+            ],
         )
         for log in found.logs
     ]

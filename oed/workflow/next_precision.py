@@ -5,8 +5,8 @@ readings whose errors last as theirs do.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,21 +16,14 @@ from oed.estimation.methods.drift_rates import DriftRates
 from oed.estimation.methods.fitting import Fitting
 from oed.estimation.methods.gauss_markov import GaussMarkov
 from oed.estimation.methods.window_noise import drift_in_words
-from oed.estimation.methods.windows import READ
-from oed.estimation.prediction.layout import cut
-from oed.estimation.prediction.logged_readings import LoggedReadings
-from oed.estimation.setup.unknowns import Unknowns
 from oed.foundation.arrays import Array
 from oed.foundation.text import size_text
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.logs.log import Log
 from oed.records.record import EstimateRecord, Record
-from oed.robots.models.model import Model, robot_of
+from oed.robots.models.model import robot_of
 from oed.robots.sensors.logged import Noise
 from oed.study.study import Study
-
-MOST = 4000
-"""Readings of the next drive that are looked at, at most."""
+from oed.workflow.planned_logs import Logging
 
 
 @dataclass(frozen=True)
@@ -124,8 +117,8 @@ def planned_information(trajectory: Trajectory, found: EstimateRecord, study: St
     fitting = Fitting(robot, names, study.problem.measurement, study.calibration)
     seconds = None if found.segments is None else found.segments.seconds
     noises = {one.about: _noise(one.at_rest, one.per_speed, one.per_yaw_rate) for one in found.noise}
-    quantities = tuple(found.logs[0].quantities or READ)
-    logs = planned_logs(robot, trajectory, _step(found, trajectory), quantities)
+    logging = Logging.of(found, study.problem.measurement, trajectory.duration)
+    logs = logging.of_drive(robot, trajectory)
     lasting = _lasting(found, noises)
     fit = fitting.planned(logs, math.inf if seconds is None else seconds, noises, lasting)
     then = information(fit) if lasting else drift(fit, _rates(found))
@@ -141,38 +134,3 @@ def _lasting(found: EstimateRecord, noises: Mapping[str, Noise]) -> GaussMarkov 
 
 def _noise(*parts: float | None) -> Noise:
     return Noise(*(float(part or 0.0) for part in parts))
-
-
-def _step(found: EstimateRecord, trajectory: Trajectory) -> float:
-    # Time between readings, as logged so far.
-    readings = sum(one.poses or 0 for one in found.logs)
-    usual = sum(one.seconds or 0.0 for one in found.logs) / max(readings, 1)
-    return max(usual, trajectory.duration * trajectory.runs / MOST)
-
-
-def planned_logs(
-    robot: Model, trajectory: Trajectory, step: float, quantities: Sequence[str]
-) -> tuple[Log, ...]:
-    """Logs of a drive as it is planned, run by run, without any error.
-
-    Args:
-        robot: at the parameters that it has.
-        trajectory: of all runs.
-        step: time between readings, about [s].
-        quantities: the states that are read.
-    """
-    return tuple(
-        _planned(robot, run, step, tuple(quantities), f"run {number}")
-        for number, run in enumerate(trajectory.each, 1)
-    )
-
-
-def _planned(robot: Model, run: Trajectory, step: float, quantities: tuple[str, ...], name: str) -> Log:
-    parts = max(1, round(run.period / step))
-    inputs, each = np.repeat(run.inputs, parts, axis=0), run.period / parts
-    times = np.linspace(0.0, len(inputs) * each, len(inputs) + 1)
-    turned = np.vstack([np.zeros((1, inputs.shape[1])), np.cumsum(inputs * each, axis=0)])
-    log = Log(name, name, times, turned, times, np.zeros((len(times), len(quantities))), quantities)
-    unknowns, start = Unknowns(robot, (), (), 0), np.reshape(run.start, (1, -1))
-    readings = LoggedReadings(cut([log], math.inf, [0.0]), unknowns, np.zeros(1), quantities)
-    return replace(log, poses=readings(np.zeros(0), start)[0])

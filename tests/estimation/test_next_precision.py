@@ -19,7 +19,8 @@ from oed.records.stored.estimate import FoundLasting
 from oed.robots.models import DifferentialDrive
 from oed.study.study import Study
 from oed.workflow.estimate_logs import estimate
-from oed.workflow.next_precision import planned_information, planned_logs
+from oed.workflow.next_precision import planned_information
+from oed.workflow.planned_logs import Logging
 from oed.workflow.studies import parse_study
 
 STUDY = """
@@ -55,8 +56,7 @@ def driven(drive: Course, seed: int) -> Log:
 
 
 def as_course(log: Log) -> Course:
-    inputs = np.diff(log.integrals, axis=0) / np.diff(log.input_times)[:, None]
-    return Course(ROBOT, log.input_times, inputs, log.poses)
+    return Course(ROBOT, log.pose_times, log.inputs_between(log.pose_times), log.poses)
 
 
 def as_csv(drive: Course, log: Log, path: Path) -> Path:
@@ -76,12 +76,18 @@ def found(study: Study, tmp_path_factory: pytest.TempPathFactory) -> EstimateRec
 
 
 def test_a_planned_log_is_what_the_robot_would_log(trajectory):
-    (log,) = planned_logs(ROBOT, trajectory, STEP, ("heading", "x", "y"))
+    (log,) = Logging(STEP, ("heading", "x", "y")).of_drive(ROBOT, trajectory)
     assert len(log.pose_times) == 201
     held = np.repeat(trajectory.inputs, 5, axis=0)
     path = arcs(trajectory.start, twists_of(ROBOT, held, TRUE), np.diff(log.pose_times))
     np.testing.assert_allclose(log.poses, path[:, [2, 0, 1]], atol=1e-12)
-    np.testing.assert_allclose(np.diff(log.integrals, axis=0), 0.1 * held, atol=1e-12)
+    np.testing.assert_allclose(np.diff(log.integrals_at(log.pose_times), axis=0), 0.1 * held, atol=1e-12)
+
+
+def test_poses_are_planned_as_seldom_as_they_were_logged(trajectory):
+    (log,) = Logging(2.0).of_drive(ROBOT, trajectory)
+    assert trajectory.period < 2.0
+    assert len(log.pose_times) == 11
 
 
 @pytest.mark.slow
@@ -98,7 +104,7 @@ def test_more_drift_is_less_information(study, trajectory, found):
 @pytest.mark.slow
 def test_errors_are_as_large_as_predicted_where_robots_drift(study, trajectory, found):
     predicted = np.linalg.inv(planned_information(trajectory, found, study))
-    (planned,) = planned_logs(ROBOT, trajectory, STEP, ("x", "y", "heading"))
+    (planned,) = Logging(STEP).of_drive(ROBOT, trajectory)
     drive, unknowns = as_course(planned), unknowns_of(ROBOT)
     seconds = found.segments.seconds or np.inf
     fits = [fit_of([driven(drive, seed)], unknowns, seconds) for seed in range(200)]
@@ -119,7 +125,7 @@ def test_errors_are_as_large_as_predicted_where_those_of_readings_last(study, tr
     segments = found.segments.model_copy(update={"seconds": None})
     whole = noise.model_copy(update={"noise": still, "segments": segments})
     predicted = np.linalg.inv(planned_information(trajectory, whole, study))
-    (planned,) = planned_logs(ROBOT, trajectory, STEP, ("x", "y", "heading"))
+    (planned,) = Logging(STEP).of_drive(ROBOT, trajectory)
     drive, known = as_course(planned), GaussMarkov(sizes, {"position": size}, seconds)
     white = (sizes["position"], sizes["heading"])
     logs = [lasting(log_of(drive, noise=white, seed=seed), size, seconds, seed) for seed in range(100)]

@@ -210,7 +210,7 @@ class Fitting:
             correlated: the same where they last.
         """
         prepared = PreparedLogs(tuple(logs), np.zeros(len({log.file for log in logs})), 0.0)
-        layout = cut(prepared.logs, seconds, prepared.clocks)
+        layout = cut(prepared.logs, seconds, prepared.clocks, self.sensors(prepared))
 
         def at_nominal(unknowns: Unknowns) -> Fit:
             known = self._known(unknowns, layout)

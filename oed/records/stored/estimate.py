@@ -190,6 +190,15 @@ class Finding(Stored):
     doubtful: bool | None = None
 
 
+class ReadSensor(Stored):
+    """What another sensor read during a log: how often, and how often each of its entries."""
+
+    sensor: str
+    readings: Count
+    entries: list[Count]
+    clock: Literal["inputs", "poses"]
+
+
 class ReadLog(Stored):
     """A log."""
 
@@ -199,6 +208,7 @@ class ReadLog(Stored):
     poses: Count | None = None
     quantities: list[str] | None = None
     clock_offset: Maybe = None
+    sensors: Entries[ReadSensor]
     findings: Entries[Finding]
 
     @property
