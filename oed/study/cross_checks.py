@@ -8,12 +8,13 @@ from oed.bounds import LATTICE
 from oed.estimation.methods import estimator_flaws
 from oed.foundation.errors import Flaw
 from oed.foundation.files import file_stem, name_flaw
+from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.solution import NOMINAL
 from oed.robots.baselines import label
 from oed.study.parts import PathFile
 
 if TYPE_CHECKING:
-    from oed.study.study import StudyFile
+    from oed.study.study import StudyFile, ValidationOptions
 
 OF_DESIGNS = (
     "robust",
@@ -30,7 +31,8 @@ OF_DESIGNS = (
 
 def file_flaws(file: StudyFile) -> list[Flaw]:
     """Why a study's keys do not go together; [] where they do."""
-    own = [*_design_flaws(file), *_name_flaws(file), *_start_flaws(file), *_validation_flaws(file)]
+    validated = validation_flaws(file.validation, file.measurement) if file.validation else []
+    own = [*_design_flaws(file), *_name_flaws(file), *_start_flaws(file), *validated]
     return [*own, *_log_flaws(file)]
 
 
@@ -93,12 +95,10 @@ def _start_flaws(file: StudyFile) -> list[Flaw]:
     return flaws
 
 
-def _validation_flaws(file: StudyFile) -> list[Flaw]:
-    if file.validation is None:
-        return []
-    options = file.validation
+def validation_flaws(options: ValidationOptions, measurement: Measurement) -> list[Flaw]:
+    """What keeps estimators from a measurement, each flaw once; [] if nothing."""
     flaws: list[Flaw] = []
     for name in options.estimators or (None,):
-        found = estimator_flaws(file.measurement, name, options.heading, options.loss)
+        found = estimator_flaws(measurement, name, options.heading, options.loss)
         flaws += [flaw for flaw in found if flaw not in flaws]
     return flaws

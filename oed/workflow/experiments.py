@@ -15,6 +15,7 @@ from oed.records.recorded_study import recorded_study
 from oed.records.stored.simulation import StoredTrial, StoredValidation
 from oed.simulation import validate
 from oed.simulation.trial import run_trial
+from oed.study.cross_checks import validation_flaws
 from oed.study.study import ValidationOptions
 from oed.workflow.studies import Work
 
@@ -73,10 +74,13 @@ def validated(
         trust: whether Python code that the record names may be run.
 
     Raises:
-        ProblemError: the measurement gives no noise to simulate with.
+        ProblemError: an estimator or headings that do not suit the measurement, or no noise to simulate with.
         RecordError: the robot is code that is not trusted.
     """
     study = recorded_study(saved, trust=trust)
+    flaws = validation_flaws(options, study.problem.measurement)
+    if flaws:
+        raise ProblemError(flaws)
     solutions = [
         scored(study.problem, one.drive.trajectory, one.name)
         for one in saved.results

@@ -567,6 +567,26 @@ class TestValidate:
         assert capsys.readouterr().err == "interrupted\n"
         assert files() == before
 
+    @pytest.mark.parametrize(
+        ("options", "said"),
+        [
+            (
+                ["--estimator", "nonlinear"],
+                "validation.estimators: displacements are estimated by ols, sandwich, gls, "
+                "errors_in_variables; not by nonlinear",
+            ),
+            (
+                ["--estimator", "ols", "--estimator", "errors_in_variables"],
+                "validation.heading: errors in variables are those of heading: measured; these are known",
+            ),
+        ],
+    )
+    def test_what_does_not_suit_the_measurement(self, folder: Path, capsys, options: list[str], said: str):
+        before = (folder / "record.json").read_bytes()
+        assert main(["validate", str(folder), *options, "--quiet"]) == 2
+        assert said in capsys.readouterr().err
+        assert (folder / "record.json").read_bytes() == before
+
     def test_too_few_replicates(self, folder: Path, capsys: pytest.CaptureFixture[str]):
         assert main(["validate", str(folder), "--replicates", "5", "--quiet"]) == 2
         assert "replicates" in capsys.readouterr().err
