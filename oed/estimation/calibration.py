@@ -27,7 +27,8 @@ from oed.estimation.assessment.model_selection import Comparison, ModelSelection
 from oed.estimation.assessment.prior_weight import weighted_with_prior
 from oed.estimation.methods.drift_rates import DriftRates, drift_rates
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.fitting import Fitting, Segmenting
+from oed.estimation.methods.fitting import Fitting
+from oed.estimation.methods.segment_length import Segmenting
 from oed.estimation.prediction.motion_layout import noise_specified
 from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess, thinned, thinning_notes
 from oed.estimation.preprocessing.steering_checks import steered_beyond

@@ -56,7 +56,6 @@ RENAMED = {
     "estimation.methods.knowledge": "estimation.setup.unknowns",
     "estimation.methods.losses": "estimation.methods.gauss_newton",
     "estimation.methods.replicated": "estimation.methods.measured_headings",
-    "estimation.methods.segment_length": "estimation.methods.fitting",
     "estimation.prediction.further_starts": "estimation.prediction.logged_readings",
     "estimation.prediction.logged_states": "estimation.prediction.segments",
     "estimation.prediction.sensor_frame": "estimation.methods.two_stage",

@@ -38,7 +38,7 @@ from oed.estimation.assessment.covariance import (
 from oed.estimation.assessment.dead_reckoning import cross_validated, values_without
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.fitting import longest_without_drift, spread
+from oed.estimation.methods.segment_length import longest_without_drift, spread
 from oed.estimation.setup.noise import estimated, greatest
 from oed.estimation.setup.unknowns import Knowledge, inverse_of_identifiable
 from oed.robots.models import SkidSteer, SkidSteerSlip

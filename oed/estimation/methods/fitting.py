@@ -1,12 +1,9 @@
-"""One robot fitted to preprocessed logs: what is unknown, with which noise, over which segments.
-
-Segments are as long as no drift shows in them beside the sensor's noise.
-"""
+"""One robot fitted to preprocessed logs: what is unknown, with which noise, over which segments."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,14 +14,20 @@ from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.gauss_markov import GaussMarkov
 from oed.estimation.methods.gls import WeightedWindows
 from oed.estimation.methods.joint import JointSearch
-from oed.estimation.methods.noise_selection import bounded_errors, has_lasting_form
+from oed.estimation.methods.noise_selection import has_lasting_form
+from oed.estimation.methods.segment_length import (
+    Segmenting,
+    if_bounded,
+    lengths_tried,
+    longest_without_drift,
+)
 from oed.estimation.methods.two_stage import TwoStage
 from oed.estimation.methods.windows import Windows
-from oed.estimation.prediction.layout import FEWEST, SegmentLayout, cut, shortest_seconds, usual_step
+from oed.estimation.prediction.layout import FEWEST, SegmentLayout, cut, usual_step
 from oed.estimation.prediction.motion_layout import motion_segments, noise_specified, with_usual_motions
 from oed.estimation.prediction.segments import Labelled, nuisances_of
 from oed.estimation.preprocessing.preprocess import PreparedLogs
-from oed.estimation.setup.noise import LEAST, group_of, groups, places_of
+from oed.estimation.setup.noise import group_of
 from oed.estimation.setup.options import CalibrationOptions
 from oed.estimation.setup.unknowns import PLACE, Knowledge, Unknowns, specified_mount
 from oed.foundation.arrays import Array
@@ -43,99 +46,6 @@ USUAL = 2.0
 """Length of a window, where none is given [s]: drift hardly shows, and pose noise is small beside motion."""
 LONG = 4.0
 """Times that length of the shortest segments from which on what these say is where a search begins."""
-GROWTH = 2.0
-"""Factor by which the residuals' variance may grow with the length of segments before it counts as drift."""
-BOUNDED = (
-    "residuals grow with the length of segments, but whole logs are likelier to have such errors than drift: "
-    "they are fitted whole"
-)
-"""Note on logs whose errors are large for a while, but bounded."""
-
-
-@dataclass(frozen=True)
-class Segmenting:
-    """The length that was chosen, and why.
-
-    Attributes:
-        seconds: infinite for whole logs.
-        fit: of that length.
-        tried: root mean square residuals by length and noise, SI.
-        drifts: whether longer segments showed drift.
-    """
-
-    seconds: float
-    fit: Fit
-    tried: dict[float, dict[str, float]]
-    drifts: bool
-
-    @property
-    def turns_drift(self) -> bool:
-        """Whether measured headings leave the wheels' in longer segments: readings' errors do not grow."""
-        sizes = [one.get("heading", 0.0) for one in self.tried.values()]
-        return sizes[-1] ** 2 > GROWTH * sizes[0] ** 2
-
-
-def longest_without_drift(
-    layout: Callable[[float], SegmentLayout], fit: Callable[[SegmentLayout], Fit]
-) -> Segmenting:
-    """The longest segments whose residuals are hardly larger than those of the shortest.
-
-    Args:
-        layout: the segments of a length [s].
-        fit: the solution over segments.
-    """
-    chosen: tuple[float, Fit] | None = None
-    tried: dict[float, dict[str, float]] = {}
-    for seconds in _lengths(layout(math.inf)):
-        found = fit(layout(seconds))
-        tried[seconds] = spread(found)
-        first = next(iter(tried.values()))
-        if chosen is not None and any(
-            tried[seconds][name] ** 2 > GROWTH * first[name] ** 2 for name in first
-        ):
-            return Segmenting(*chosen, tried, drifts=True)
-        chosen = seconds, found
-    assert chosen is not None
-    return Segmenting(*chosen, tried, drifts=False)
-
-
-def spread(fit: Fit) -> dict[str, float]:
-    """Root mean square of the residuals of each noise, SI, as an unbiased estimate."""
-    quantities, valid = fit.layout.quantities, fit.layout.valid
-    found = {}
-    for group in groups(quantities):
-        own = places_of(group, quantities)
-        present = valid[..., own]
-        squares = (fit.residuals[..., own][present] ** 2).sum()
-        size = float(np.sqrt(squares / max(fit.redundancy[..., own][present].sum(), 1e-12)))
-        # Rounding of exact readings is no drift.
-        found[group] = max(size, LEAST)
-    return found
-
-
-def _lengths(whole: SegmentLayout) -> Iterator[float]:
-    seconds = shortest_seconds(whole)
-    longest = float((whole.times[:, -1] - whole.times[:, 0]).max())
-    while seconds < longest / 1.5:
-        yield seconds
-        seconds *= 2
-    yield math.inf
-
-
-def if_bounded(short: Segmenting, whole: JointSearch) -> Segmenting:
-    """Whole logs, where their errors last but do not grow; else the segments that were chosen.
-
-    Args:
-        short: the longest segments whose residuals hardly grow.
-        whole: the search over whole logs.
-    """
-    fit = short.fit
-    noise = bounded_errors(whole, fit.values, fit.noises)
-    if noise is None:
-        return short
-    found = CorrelatedReadings(whole).fit(fit.values, noise)
-    found = replace(found, notes=(*found.notes, *([BOUNDED] if short.drifts else [])))
-    return replace(short, seconds=math.inf, fit=found, drifts=False)
 
 
 @dataclass(frozen=True)
@@ -292,8 +202,8 @@ class Fitting:
             return found
 
         if prepared.relative:
-            if short := with_usual_motions(logs):
-                fit(motion_segments(short, prepared.clocks))
+            if usual := with_usual_motions(logs):
+                fit(motion_segments(usual, prepared.clocks))
             return None, fit(motion_segments(logs, prepared.clocks))
         chosen = self.options.segment
         seconds = math.inf if isinstance(chosen, str) else chosen
@@ -307,7 +217,7 @@ class Fitting:
                 segmenting = if_bounded(segmenting, whole)
             return segmenting, self._correlated(segmenting.fit, unknowns)
         # Over a long drive a wrong size turns the robot anywhere: from there no derivative leads back.
-        short = next(_lengths(layout(math.inf)))
+        short = next(lengths_tried(layout(math.inf)))
         if LONG * short < seconds:
             fit(layout(short))
         return None, self._correlated(fit(layout(seconds)), unknowns)
