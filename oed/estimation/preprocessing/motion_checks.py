@@ -10,24 +10,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from oed.estimation.prediction.logged_readings import LoggedReadings
-from oed.estimation.prediction.motion_layout import driven, motion_segments
+from oed.estimation.prediction.motion_layout import driven
+from oed.estimation.preprocessing.motion_comparison import MotionComparison
 from oed.estimation.preprocessing.moves import FEWEST, Moves
 from oed.estimation.preprocessing.wiring_checks import BAD, BETTER, inputs_misread, worst
-from oed.estimation.setup.unknowns import Unknowns
-from oed.foundation.arrays import Array, Bools
+from oed.foundation.arrays import Array
 from oed.logs.log import Log
 from oed.logs.motions import inverted
 from oed.robots.models.model import Model
 
-STRAY = 8.0
-"""Robust standard deviations off the wheels' motion from which on one that a sensor read is a stray."""
-MOST_STRAYS = 0.3
-"""Share of strays beyond which they are none: something else is wrong."""
-FINEST = 1e-4
-"""Least deviation that strays are judged by [m, rad]."""
-ROUNDS = 30
-"""Of reweighting."""
+MANY, MOST_STRAYS = 0.3, 0.5
+"""Share of strays from which on more go wrong than usually do, and beyond which nobody can tell."""
 FAIR, FAR_BETTER = 0.02, 0.25
 """Share of the motion that may be left unexplained without a look, and what has to be left of it at most by
 another reading where it is not plainly bad."""
@@ -35,8 +28,9 @@ LUCK = 0.005
 """Share of the motion left unexplained below which one reading is as good as another."""
 AS_LIKELY = 2.0
 """What leaves at most so many times what the best explanation leaves is as likely."""
-STRAYS, LEFT_OUT = "stray_motions", "motions_left_out"
-"""Names of what is found of them, and of those that are not fitted."""
+LOOK = "look at the matcher, and at what else may be wrong"
+STRAYS, MANY_STRAYS, LEFT_OUT = "stray_motions", "many_stray_motions", "motions_left_out"
+"""Names of what is found of them, of very many, and of those that are not fitted."""
 
 
 def without_strays(robot: Model, log: Log, offset: float = 0.0) -> Log:
@@ -53,16 +47,37 @@ def without_strays(robot: Model, log: Log, offset: float = 0.0) -> Log:
     if np.count_nonzero(inside) < FEWEST:
         return log
     wrong = np.zeros(len(inside), dtype=bool)
-    wrong[inside] = _strays(robot, log, offset)
+    wrong[inside] = MotionComparison.of(robot, [log], offset).strays(offset)
     share = float(wrong.mean())
-    if not 0 < share <= MOST_STRAYS:
+    if share == 0:
         return log
+    if share > MOST_STRAYS:
+        text = f"{100 * share:.0f} % of the relative poses are far off what wheels do that suit the others"
+        return log.found(MANY_STRAYS, f"{text}: {LOOK}", doubtful=True)
     text = (
         f"{np.count_nonzero(wrong)} of {len(wrong)} relative poses ({100 * share:.1f} %) are far off the "
         "wheels' motion: bad matches, left out of the path that is shown; with loss: cauchy or huber they "
         "hardly matter to the estimates"
     )
-    return log.following(~wrong).found(STRAYS, text, doubtful=True)
+    if share > MANY:
+        text += f"; so many are more than usually go wrong: {LOOK}"
+    return log.following(~wrong).found(MANY_STRAYS if share > MANY else STRAYS, text, doubtful=True)
+
+
+def motion_clock_offsets(robot: Model, logs: Sequence[Log]) -> Array:
+    """What the inputs' clocks show when the poses' show 0, by the motions of each file's logs, (files,) [s];
+    0 where no motion shows it.
+
+    Args:
+        robot: at its nominal parameters.
+        logs: with motions.
+    """
+    found = list[float]()
+    for file in dict.fromkeys(log.file for log in logs):
+        own = [log for log in logs if log.file == file]
+        any_driven = any(driven(log, 0.0).any() for log in own)
+        found.append(MotionComparison.of(robot, own, 0.0).offset() if any_driven else 0.0)
+    return np.array(found)
 
 
 def with_left_out(log: Log, offset: float) -> Log:
@@ -74,31 +89,6 @@ def with_left_out(log: Log, offset: float) -> Log:
         "left out"
     )
     return log.found(LEFT_OUT, text)
-
-
-def _strays(robot: Model, log: Log, offset: float) -> Bools:
-    # Motions while wheels are logged that are far off what these explain, with any factors and mounting.
-    layout = motion_segments([log], [offset])
-    names = tuple(parameter.name for parameter in robot.parameters)
-    readings = LoggedReadings.of(layout, Unknowns(robot, names, (), 0), np.array([offset]))
-    values = np.array(robot.nominal, dtype=float)
-    rolled = readings(values, readings.first_starts(values))[:, -1]
-    measured = layout.readings[:, -1]
-    moved, by_wheels = (one[:, 0] + 1j * one[:, 1] for one in (measured, rolled))
-    swing = np.exp(1j * measured[:, 2]) - 1
-    return _off(measured[:, 2], rolled[:, 2:]) | _off(moved, np.column_stack([by_wheels, swing]))
-
-
-def _off(values: Array, columns: Array) -> Bools:
-    # Which values are far off their robust regression on columns, with Cauchy's weights; real or complex.
-    weights = np.ones(len(values))
-    for _ in range(ROUNDS):
-        root = np.sqrt(weights)
-        factors = np.linalg.lstsq(columns * root[:, None], values * root, rcond=None)[0]
-        off = np.abs(values - columns @ factors)
-        size = max(float(np.median(off)) / 0.6745, FINEST)
-        weights = 1 / (1 + (off / size) ** 2)
-    return np.asarray(off > STRAY * size)
 
 
 def motion_fault(moves: Moves, logs: Sequence[Log]) -> str | None:

@@ -16,8 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.estimation.prediction.layout import GAP, stretches
-from oed.estimation.preprocessing.motion_checks import motion_fault, with_left_out, without_strays
-from oed.estimation.preprocessing.moves import Moves, clock_offsets
+from oed.estimation.preprocessing.motion_checks import (
+    motion_clock_offsets,
+    motion_fault,
+    with_left_out,
+    without_strays,
+)
+from oed.estimation.preprocessing.moves import FEWEST, Moves, clock_offsets
 from oed.estimation.preprocessing.steering_checks import STEERED, zero_fault
 from oed.estimation.preprocessing.wiring_checks import (
     explained_by_other_sizes,
@@ -187,17 +192,23 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
     if not logs[0].quantities:
         # Without poses there is nothing to compare the wheels with before a fit.
         return PreparedLogs(tuple(logs), np.zeros(len({log.file for log in logs})), 0.0)
-    moves = Moves.of(robot, [without_strays(robot, log) for log in logs])
-    if compare_clocks:
-        moves = replace(moves, offsets=clock_offsets(moves))
-    if logs[0].motions is not None:
-        apart = dict(zip(moves.layout.clocks, map(float, moves.offsets), strict=True))
-        logs = [with_left_out(without_strays(robot, log, apart[log.file]), apart[log.file]) for log in logs]
-        moves = replace(Moves.of(robot, logs), offsets=moves.offsets)
+    relative = logs[0].motions is not None
+    files, apart = list(dict.fromkeys(log.file for log in logs)), np.zeros(0)
+    if relative:
+        # Before anything is made of their path, of which one that is wrong bends all that follows.
+        apart = motion_clock_offsets(robot, logs) if compare_clocks else np.zeros(len(files))
+        each = [float(apart[files.index(log.file)]) for log in logs]
+        logs = [
+            with_left_out(without_strays(robot, log, own), own) for log, own in zip(logs, each, strict=True)
+        ]
+    moves = Moves.of(robot, logs)
+    if relative or compare_clocks:
+        moves = replace(moves, offsets=apart if relative else clock_offsets(moves))
     flaws, doubts = [], dict[str, str]()
     for index, file in enumerate(moves.layout.clocks):
         own = moves.within(moves.layout.clock == index)
-        left = poorly_explained(own)
+        # Few motions that are long differ by more than the nominal sizes' first order.
+        left = None if relative and own.layout.count < FEWEST else poorly_explained(own)
         found = [one for log in logs if log.file == file for one in log.findings]
         odd = (f"; {one.message}" for one in found if one.name in (IN_DEGREES, STEERED))
         key, wrong = _what_is_wrong(own, left, next(odd, ""))
@@ -206,7 +217,7 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
         zero = zero_fault(agreeing) or zero_fault(own) if wrong or left is not None else None
         if wrong and zero is not None:
             key, wrong = zero
-        if logs[0].motions is not None:
+        if relative:
             wrong = motion_fault(own, [log for log in logs if log.file == file]) or wrong
         if wrong:
             wild = (f"; {one.message}" for one in found if one.name == WILD_READING)
