@@ -61,6 +61,7 @@ def _arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from oed.cli.terminal.console import progress
+    from oed.records.record import LOOP_FILE
     from oed.report import write_loop
     from oed.workflow.loop import loop
     from oed.workflow.studies import load_study
@@ -85,7 +86,9 @@ def _run(options: argparse.Namespace) -> int:
             written=_pages,
             **given,
         )
-    outcome = CommandResult(done.folder, out, None, done.interrupted, GOES_ON)
+    # Before the first design is there nothing of a loop can be reported.
+    begun = (done.folder / LOOP_FILE).is_file()
+    outcome = CommandResult(done.folder if begun else None, out, None, done.interrupted, GOES_ON)
     outcome.report(lambda: write_loop(done.found, out))
     outcome.show(options, {**done.data, **outcome.place}, lambda: _print(done))
     # Where nothing is wanted, it ends when another drive gains little.

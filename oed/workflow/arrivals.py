@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import filecmp
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatch
@@ -40,8 +41,8 @@ class LogFolder:
     def found(self) -> dict[str, Sign]:
         """All logs by their names, complete or not."""
         places = [one for one in sorted(self.folder.iterdir()) if self._fits(one)]
-        beside = {other for one in places for other in self._beside(one)}
-        signs = {one.name: _sign([one, *self._beside(one)]) for one in places if one not in beside}
+        beside = {other for one in places for other in beside_of(one, self.form)}
+        signs = {one.name: _sign([one, *beside_of(one, self.form)]) for one in places if one not in beside}
         return {name: sign for name, sign in signs.items() if sign is not None}
 
     def new(self, known: Mapping[str, Sign]) -> dict[str, Sign]:
@@ -74,11 +75,6 @@ class LogFolder:
         # A bag that is being recorded has no metadata yet.
         return is_bag(place) if isinstance(self.form, BagForm) else place.is_file()
 
-    def _beside(self, log: Path) -> Iterator[Path]:
-        # A file of poses or of other sensors is part of the log that it lies beside.
-        if isinstance(self.form, CsvForm):
-            yield from (found for found in self.form.beside(log).values() if found != log)
-
 
 def _sign(parts: Sequence[Path]) -> Sign | None:
     # Of a file or a folder, and of what lies beside; None of what is empty, or gone by now.
@@ -88,3 +84,32 @@ def _sign(parts: Sequence[Path]) -> Sign | None:
         size = sum(one.st_size for one in stats)
         return (size, max(one.st_mtime_ns for one in stats)) if size else None
     return None
+
+
+def beside_of(log: Path, form: LogForm) -> Iterator[Path]:
+    """Files of poses or of other sensors that are part of a log, which they lie beside.
+
+    Args:
+        log: a file.
+        form: how it is read.
+    """
+    if isinstance(form, CsvForm):
+        yield from (found for found in form.beside(log).values() if found != log)
+
+
+def twin_of(log: Path, others: Iterable[Path], form: LogForm) -> Path | None:
+    """The first of other logs that is a log to the byte, with all that is read beside it; None if none is.
+
+    Args:
+        log: a file.
+        others: that it may be a copy of.
+        form: how they are read.
+    """
+    return next((other for other in others if _alike(log, other, form)), None)
+
+
+def _alike(log: Path, other: Path, form: LogForm) -> bool:
+    parts = [[one, *beside_of(one, form)] for one in (log, other)]
+    if len(parts[0]) != len(parts[1]) or not all(one.is_file() for each in parts for one in each):
+        return False
+    return all(filecmp.cmp(one, two, shallow=False) for one, two in zip(*parts, strict=True))

@@ -19,6 +19,7 @@ from oed.records.calibration_outcome import estimate_of
 from oed.records.outcomes import provenance
 from oed.records.record import EstimateRecord
 from oed.study.study import Study
+from oed.workflow.arrivals import twin_of
 from oed.workflow.saving import save_estimate
 
 NO_NUMBER = r"expected a finite number, got '[-+]?(nan|inf)"
@@ -77,7 +78,7 @@ def estimate(
         require_usable(out)
     if not 0 <= hold_out < 1:
         raise UserMistake(f"hold_out: expected a share of each log, at least 0 and below 1, got {hold_out:g}")
-    _require_different([*logs, *apart])
+    _require_different([*logs, *apart], study.log)
     chosen = study.seed if seed is None else seed
     stage = _Stages(progress or Silent())
     stage("reading logs")
@@ -106,9 +107,9 @@ def estimate(
     return record
 
 
-def _require_different(files: Sequence[str | Path]) -> None:
-    # Twice the same log would count as twice the evidence.
-    known, flaws = set[Path](), []
+def _require_different(files: Sequence[str | Path], form: LogForm) -> None:
+    # Twice the same log would count as twice the evidence, whatever it is called.
+    known, flaws = dict[Path, str](), []
     for file in files:
         try:
             path = Path(file).resolve()
@@ -121,7 +122,10 @@ def _require_different(files: Sequence[str | Path]) -> None:
             continue
         if path in known:
             flaws.append(FileFlaw(str(file), 0, 0, "", "given twice; a log counts once"))
-        known.add(path)
+        elif (twin := twin_of(path, known, form)) is not None:
+            text = f"is the same as {known[twin]} to the byte; a log counts once"
+            flaws.append(FileFlaw(str(file), 0, 0, "", text))
+        known[path] = str(file)
     if flaws:
         raise LogError(flaws)
 

@@ -15,13 +15,13 @@ from typing import Any
 from oed.exporters import export
 from oed.foundation.errors import Failure, LogError, OedError, RecordError, UserMistake
 from oed.foundation.files import inside, write_text
-from oed.foundation.text import count, error_text, own_unit, quantity, to_error, words
+from oed.foundation.text import count, error_text, listing, own_unit, quantity, to_error, words
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs import BagForm, read_logs
 from oed.records.record import LOOP_FILE, load_record
 from oed.records.stored.loop import KnownParameter, LoopRound, SeenLog, StoredLoop, round_folder
 from oed.study.study import Study
-from oed.workflow.arrivals import LogFolder, Sign
+from oed.workflow.arrivals import LogFolder, Sign, twin_of
 from oed.workflow.next_drive import NextDrive, next_drive
 from oed.workflow.runner import run
 from oed.workflow.saving import save_estimate
@@ -173,28 +173,39 @@ class Rounds:
                 self._say([f"{self.folder.path(name)}: {text}"])
                 continue
             try:
+                self._require_new(name, taken)
                 self._measure([name])
                 taken.append(name)
             except LogError as error:
                 refused.append(SeenLog(name=name, size=size, changed=changed))
-                self._say([*map(str, error.flaws), f"{name} cannot be read: waiting for another log"])
+                self._say([*map(str, error.flaws), f"{name} is not used: waiting for another log"])
         rounds, current = self.found.rounds[:-1], self.found.rounds[-1]
         current = current.model_copy(update={"logs": [*current.logs, *taken]})
         kept = [one for one in self.found.seen if one.name not in new]
         self._save(rounds=[*rounds, current], seen=[*kept, *refused])
 
+    def _require_new(self, name: str, taken: Sequence[str]) -> None:
+        # Under another name a log says nothing new.
+        others = [self.folder.path(one) for one in (*self.found.logs, *taken)]
+        log = self.folder.path(name)
+        twin = twin_of(log, others, self.study.log)
+        if twin is not None:
+            raise LogError.about(str(log), f"is the same as {twin.name} to the byte; a log counts once")
+
     def _refuse(self, error: LogError) -> None:
         # Logs that can be read, and yet say nothing that an estimate can be made of.
-        last = {str(self.folder.path(name)) for name in self.found.rounds[-1].logs}
-        if last.isdisjoint(flaw.file for flaw in error.flaws):
+        wrong = {flaw.file for flaw in error.flaws}
+        refused = [one for one in self.found.rounds[-1].logs if str(self.folder.path(one)) in wrong]
+        if not refused:
             raise error
         self.refused += 1
         if self.command is not None and self.refused == TRIES:
             raise error
         current, there = self.found.rounds[-1], self.folder.found()
-        self._say([*map(str, error.flaws), "no estimate can be made with the last log: drive again"])
-        seen = [SeenLog(name=one, size=there[one][0], changed=there[one][1]) for one in current.logs]
-        again = current.model_copy(update={"logs": []})
+        names = listing(refused)
+        self._say([*map(str, error.flaws), f"no estimate can be made with {names}: drive again"])
+        seen = [SeenLog(name=one, size=there[one][0], changed=there[one][1]) for one in refused]
+        again = current.model_copy(update={"logs": [one for one in current.logs if one not in refused]})
         self._save(rounds=[*self.found.rounds[:-1], again], seen=[*self.found.seen, *seen])
 
     def _measure(self, names: Iterable[str]) -> None:

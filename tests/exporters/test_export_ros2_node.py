@@ -11,6 +11,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import fake_ros
 import numpy as np
 import pytest
 from export_records import DIFFERENTIAL, MECANUM, STEERED, TRICYCLE, entry, saved, study_of, winding
@@ -253,6 +254,16 @@ class TestPlaying:
 
     def test_options_of_ros_are_ros(self, plain: Path, run):
         assert run(plain, *QUIET, "--ros-args", "-p", "use_sim_time:=true") == 0
+
+    def test_there_is_no_recorder(self, run, plain: Path, capsys, monkeypatch):
+        def missing(*_: object, **__: object) -> None:
+            raise FileNotFoundError(2, "No such file or directory", "ros2")
+
+        monkeypatch.setattr(fake_ros.Recorder, "__init__", missing)
+        assert run(plain, "--yes") == 1
+        said = capsys.readouterr().err
+        assert "given up: nothing can be recorded" in said
+        assert "--no-record does without" in said
 
 
 class TestStopping:

@@ -186,6 +186,12 @@ class TestTwice:
             estimate(study, [file, tmp_path / "." / "run.csv"])
         with pytest.raises(LogError, match=r"run\.csv: given twice"):
             estimate(study, [file], apart=[file])
+        copy = tmp_path / "copy.csv"
+        copy.write_bytes(file.read_bytes())
+        with pytest.raises(
+            LogError, match=r"copy\.csv: is the same as .*run\.csv to the byte"
+        ):
+            estimate(study, [file, copy])
 
 
 def test_a_fault_of_the_log_is_all_that_is_told(tmp_path: Path):

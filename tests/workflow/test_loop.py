@@ -200,7 +200,7 @@ class TestLogs:
         assert found.reached
         assert found.found.logs == ["drive2.csv"]
         assert [one.name for one in found.found.seen] == ["broken.csv"]
-        assert any("broken.csv cannot be read: waiting for another log" in line for line in heard.said)
+        assert any("broken.csv is not used: waiting for another log" in line for line in heard.said)
 
     def test_nothing_but_those(self, study, logs):
         def drive(file: Path, logs: Path) -> None:
@@ -234,6 +234,41 @@ class TestLogs:
         found, heard = self.run(study, logs, command=drive)
         assert [one.logs for one in found.found.rounds] == [["run1.csv", "run2.csv"]]
         assert any("20 s of 40 s are there" in line for line in heard.said)
+
+    def test_a_copy_of_an_earlier_one(self, study, logs):
+        good, turns = robot(study), itertools.count(1)
+
+        def drive(file: Path, logs: Path) -> None:
+            if next(turns) == 2:
+                (logs / "again.csv").write_bytes((logs / "drive1.csv").read_bytes())
+            else:
+                good(file, logs)
+
+        heard, wanted = Heard(), dict.fromkeys(TRUTH, "0.001 %")
+        keys = {**SOON, "targets": wanted, "progress": heard, "most": 2, "least_gain": 0.0}
+        found = oed.loop(study, logs, logs.parent / "out", command=drive, **keys)
+        assert found.found.logs == ["drive1.csv", "drive3.csv"]
+        assert any("again.csv: is the same as drive1.csv to the byte" in line for line in heard.said)
+
+    def test_only_those_that_are_wrong_are_dropped(self, study, logs):
+        """Half a drive that is fine, and the rest of which no estimate can be made."""
+        good, turns = robot(study), itertools.count(1)
+
+        def drive(file: Path, logs: Path) -> None:
+            turn = next(turns)
+            if turn == 2:
+                rows = [f"{0.5 * k},{2 + k % 3},{3 - k % 2},{1e-4 * (k % 2)},0,0" for k in range(41)]
+                header = "t,wheel_speed_right,wheel_speed_left,x,y,heading"
+                (logs / "standing.csv").write_text("\n".join([header, *rows]) + "\n")
+                return
+            good(file, logs)
+            if turn == 1:
+                (half,) = logs.iterdir()
+                half.write_text("\n".join(half.read_text().splitlines()[:20]) + "\n")
+
+        found, heard = self.run(study, logs, command=drive)
+        assert found.found.logs == ["drive1.csv", "drive3.csv"]
+        assert any("no estimate can be made with standing.csv" in line for line in heard.said)
 
     def test_one_in_which_the_robot_stands(self, study, logs):
         good, turns = robot(study), itertools.count(1)
