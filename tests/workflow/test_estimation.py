@@ -188,9 +188,7 @@ class TestTwice:
             estimate(study, [file], apart=[file])
         copy = tmp_path / "copy.csv"
         copy.write_bytes(file.read_bytes())
-        with pytest.raises(
-            LogError, match=r"copy\.csv: is the same as .*run\.csv to the byte"
-        ):
+        with pytest.raises(LogError, match=r"copy\.csv: is the same as .*run\.csv to the byte"):
             estimate(study, [file, copy])
 
 
