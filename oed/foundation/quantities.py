@@ -1,7 +1,7 @@
 """Physical quantities at the doors: strings with a unit become SI numbers.
 
-Inside the package every number is SI (m, rad, s). Angles are a dimension of their own here, so that a
-speed in Hz or a bare 1/s is not mistaken for rad/s.
+Inside the package every number is SI (m, rad, s, kg, K, mol, A). Angles are a dimension of their own here,
+so that a speed in Hz or a bare 1/s is not mistaken for rad/s.
 """
 
 from __future__ import annotations
@@ -23,11 +23,13 @@ if TYPE_CHECKING:
     import pint
 
 _DEFINITIONS = (
-    "micro- = 1e-6 = u-",
+    "micro- = 1e-6 = u- = µ- = μ-",
     "milli- = 1e-3 = m-",
     "centi- = 1e-2 = c-",
     "deci- = 1e-1 = d-",
     "kilo- = 1e3 = k-",
+    "nano- = 1e-9 = n-",
+    "pico- = 1e-12 = p-",
     "meter = [length] = m = metre",
     "second = [time] = s = sec",
     "radian = [angle] = rad",
@@ -41,7 +43,31 @@ _DEFINITIONS = (
     "inch = 0.0254 * meter = in",
     "foot = 0.3048 * meter = ft",
     "percent = 0.01 = %",
+    "kelvin = [temperature] = K",
+    "mole = [substance] = mol",
+    "ampere = [current] = A",
+    "day = 24 * hour = d",
+    "liter = 1e-3 * meter ** 3 = l = L = litre",
+    "molar = mole / liter = M",
+    "newton = kilogram * meter / second ** 2 = N",
+    "newtonmeter = newton * meter = Nm",
+    "pascal = newton / meter ** 2 = Pa",
+    "hectopascal = 100 * pascal = hPa",
+    "megapascal = 1e6 * pascal = MPa",
+    "bar = 1e5 * pascal",
+    "joule = newton * meter = J",
+    "megajoule = 1e6 * joule = MJ",
+    "watt = joule / second = W",
+    "megawatt = 1e6 * watt = MW",
+    "watthour = watt * hour = Wh",
+    "coulomb = ampere * second = C",
+    "volt = watt / ampere = V",
+    "ohm = volt / ampere",
+    "siemens = 1 / ohm = S",
+    "farad = coulomb / volt = F",
+    "henry = volt * second / ampere = H",
 )
+"""No prefix mega: "Mm" and "Ms" are mistyped, and M is molar."""
 
 _COMMON = {
     "%": (0.01, (0, 0, 0)),
@@ -64,16 +90,26 @@ _QUOTIENT = re.compile(rf"({'|'.join(_COMMON)})(?:/(m|s)(?:\^([23]))?)?")
 
 SMALLEST, LARGEST = 1e-12, 1e12
 """What a robot's quantities lie between, SI: what is larger is refused, what is smaller counts as 0."""
-_FACTOR = r"(?:[^\W\d_⁰¹²³⁴-⁹]+|[%°]|1)(?:\s*(?:\^|\*\*)\s*[+-]?[0-9]|⁻?[¹²³⁴-⁹])?"
+Sizes = tuple[float, float]
+"""What the magnitudes of a quantity lie between, as `SMALLEST` and `LARGEST` of a robot's."""
+_POWER = r"\s*(?:\^|\*\*)\s*(?:[+-]?[0-9]|\(\s*[+-]?[0-9]\s*(?:/\s*[1-9]\s*)?\))"
+_FACTOR = rf"(?:[^\W\d_⁰¹²³⁴-⁹]+|[%°]|1)(?:{_POWER}|⁻?[¹²³⁴-⁹])?"
 _TIMES = r"(?:\s*[*/]\s*|\s+)"
 _PRODUCT = rf"{_FACTOR}(?:{_TIMES}{_FACTOR}){{0,7}}"
-_GROUP = rf"(?:{_FACTOR}|\(\s*{_PRODUCT}\s*\))"
+_GROUP = rf"(?:{_FACTOR}|\(\s*{_PRODUCT}\s*\)(?:{_POWER})?)"
 _UNIT = re.compile(rf"{_GROUP}(?:{_TIMES}{_GROUP}){{0,7}}")
 """Names and their small powers, multiplied and divided. pint would take any arithmetic, and compute it."""
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 _COMMA = re.compile(r",\d")
+_SEVERAL_SYMBOLS = re.compile(r"[A-Z][^\W\d_]*s(?![^\W\d_])")
+"""What pint takes for several: "Pas" for pascals, though it is meant to be pascal seconds."""
+_SCALE = re.compile(r"(?<![^\W\d_])(?:deg|°)\s?[CF](?![^\W\d_])|celsius|fahrenheit", re.IGNORECASE)
+_CELSIUS = re.compile(r"(?:deg|°)\s?C|(?:degrees?\s)?celsius", re.IGNORECASE)
+_FRACTION = re.compile(r"(?:\^|\*\*)\s*[+-]?[0-9]*(?:\.|/)[0-9]")
+ZERO_CELSIUS = 273.15
+"""[K]."""
 
 _MEANINGS = {
     "m": "a length",
@@ -85,6 +121,22 @@ _MEANINGS = {
     "m/s": "a speed",
     "m/s^2": "an acceleration",
     "": "a plain number or a percentage",
+    "m^2": "an area",
+    "m^3": "a volume",
+    "m^3/s": "a flow",
+    "kg": "a mass",
+    "kg/s": "a flow of mass",
+    "kg/m^3": "a concentration by mass",
+    "K": "a temperature",
+    "mol": "an amount",
+    "mol/m^3": "a concentration",
+    "1/s": "a rate",
+    "A": "a current",
+    "V": "a voltage",
+    "N": "a force",
+    "Pa": "a pressure",
+    "J": "an energy",
+    "W": "a power",
 }
 
 
@@ -98,28 +150,32 @@ def _registry() -> pint.UnitRegistry[float]:
     return registry
 
 
-def parse_quantity(value: object, unit: str) -> float:
+def parse_quantity(value: object, unit: str, sizes: Sizes = (SMALLEST, LARGEST), meaning: str = "") -> float:
     """The SI value of a quantity such as "4.9 cm" or 0.049, expected in the dimension of `unit`.
 
-    Magnitudes below `SMALLEST` are rounding's, and count as 0: what must be positive is refused for it.
+    Magnitudes below the smallest are rounding's, and count as 0: what must be positive is refused for it.
 
     Args:
-        value: a number (taken as SI) or a string with a unit.
+        value: a number (taken to be in `unit`) or a string with a unit.
         unit: the SI unit expected, e.g. "rad/s"; "" for a plain number.
+        sizes: smallest and largest magnitude; those of a robot unless others are given.
+        meaning: what is expected, for errors, where `unit` need not be SI.
 
     Raises:
-        ValueError: not a finite number, one beyond `LARGEST`, an unknown unit, or a unit of another
+        ValueError: not a finite number, one beyond the largest, an unknown unit, or a unit of another
             dimension.
     """
-    expected = f"expected {_meaning(unit)}"
+    smallest, largest = sizes
+    expected = f"expected {meaning or _meaning(unit)}"
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"{expected}, got {written(value)}")
     number = _parse_string(value, unit, expected) if isinstance(value, str) else value
     if isinstance(number, float) and not math.isfinite(number):
         raise ValueError(f"{expected} that is finite, got {written(value)}")
-    if abs(number) > LARGEST:
-        raise ValueError(f"{expected} of at most {LARGEST:g} in SI units, got {written(value)}")
-    return float(number) if abs(number) >= SMALLEST else 0.0
+    if abs(number) > largest:
+        units = "" if meaning else " in SI units"
+        raise ValueError(f"{expected} of at most {largest:g}{units}, got {written(value)}")
+    return float(number) if abs(number) >= smallest else 0.0
 
 
 def parse_size(value: object, nominal: float, unit: str, what: str = "amount") -> float:
@@ -204,27 +260,62 @@ def _common_unit(text: str) -> tuple[float, tuple[int, int, int]] | None:
 
 
 def _factor(text: str, unit_text: str, unit: str, expected: str) -> float:
-    hint = "; decimals need a point" if _COMMA.match(unit_text) else ""
-    unknown = f"{expected}, got {text!r}, whose unit {unit_text!r} is not known{hint}"
-    if _UNIT.fullmatch(unit_text) is None:
-        raise ValueError(unknown)
+    flaw = unit_flaw(unit_text)
+    if flaw:
+        celsius = _CELSIUS.fullmatch(unit_text) and _NUMBER.match(text)
+        instead = f": {float(celsius.group()) + ZERO_CELSIUS:.10g} K" if celsius else ""
+        raise ValueError(f"{expected}, got {text!r}, whose unit {flaw}{instead}")
     # Imported late, for it takes longer than all the rest of reading a study.
     import pint
 
-    registry = _registry()
     try:
-        factor = registry.Quantity(1.0, registry.parse_units(unit_text))
-        return float(factor.to(unit or "dimensionless").magnitude)
+        return float(_one(unit_text).to(unit or "dimensionless").magnitude)
     except pint.DimensionalityError:
         raise ValueError(f"{expected}, got {text!r}, whose unit is of another kind") from None
     except Exception:
+        # What is expected is no unit itself.
+        raise ValueError(f"{expected}, got {text!r}, whose unit {unit_text!r} is not known") from None
+
+
+def unit_flaw(text: str) -> str:
+    """What is wrong with the text of a unit, to be put after "unit"; "" if it is one."""
+    if _SCALE.search(text):
+        return f"{text!r} is no multiple of a unit; write temperatures in K"
+    unknown = f"{text!r} is not known"
+    if _COMMA.match(text):
+        return f"{unknown}; decimals need a point"
+    if _FRACTION.search(text):
+        return f"{unknown}; powers are whole numbers, or written as m^(1/2)"
+    if _SEVERAL_SYMBOLS.search(text):
+        return f"{unknown}; products are written with a space, as 'Pa s'"
+    if _UNIT.fullmatch(text) is None:
+        return unknown
+    try:
+        _one(text)
+    except Exception:
         # pint reports malformed unit text with a variety of exceptions, tokenizer errors among them.
-        raise ValueError(unknown) from None
+        return unknown
+    return ""
+
+
+def base_units(text: str) -> tuple[float, dict[str, float]]:
+    """Of a unit without a flaw, the factor to the registry's base units, and the powers of these by name."""
+    one = _one(text).to_base_units()
+    return float(one.magnitude), {str(name): float(str(power)) for name, power in one.unit_items()}
+
+
+def _one(unit_text: str) -> pint.Quantity[float]:
+    registry = _registry()
+    return registry.Quantity(1.0, registry.parse_units(unit_text))
+
+
+def unit_meaning(unit: str) -> str:
+    """What has this SI unit: "a length", "a quantity in m/K"."""
+    return _MEANINGS.get(unit, f"a quantity in {unit}")
 
 
 def _meaning(unit: str) -> str:
-    meaning = _MEANINGS.get(unit, f"a quantity in {unit}")
-    return f"{meaning} [{unit}]" if unit else meaning
+    return f"{unit_meaning(unit)} [{unit}]" if unit else unit_meaning(unit)
 
 
 @dataclass(frozen=True)

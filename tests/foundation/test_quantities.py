@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 from hypothesis import given
@@ -86,6 +87,68 @@ def test_another_dimension_is_refused(value, unit):
 def test_unknown_units_are_refused(text):
     with pytest.raises(ValueError, match=r"is not known|another kind"):
         parse_quantity(text, "m")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "expected"),
+    [
+        ("0.5 mol/l", "mol/m^3", 500.0),
+        ("2 mM", "mol/m^3", 2.0),
+        ("3 µmol/L", "mol/m^3", 3e-3),
+        ("5 nM", "mol/m^3", 5e-6),
+        ("1 g/l/h", "kg/m^3/s", 1 / 3600),
+        ("3 1/min", "1/s", 0.05),
+        ("2 d", "s", 172800.0),
+        ("5 ds", "s", 0.5),
+        ("298.15 K", "K", 298.15),
+        ("8.314 J/mol/K", "kg*m^2/s^2/mol/K", 8.314),
+        ("8.314 J/(mol*K)", "J/mol/K", 8.314),
+        ("1.5 bar", "Pa", 1.5e5),
+        ("2 MPa", "Pa", 2e6),
+        ("1 mPa s", "kg/m/s", 1e-3),
+        ("3 kW", "kg m^2/s^3", 3e3),
+        ("1 kWh", "J", 3.6e6),
+        ("40 mNm/A", "V s", 0.04),
+        ("2 kohm", "V/A", 2e3),
+        ("4 mS", "A/V", 4e-3),
+        ("3 uF", "C/V", 3e-6),
+        ("1 mH", "V s/A", 1e-3),
+        ("3 mol^(1/2)/l^(1/2)/s", "mol^(1/2)/m^(3/2)/s", 3 * 1000**0.5),
+        ("1 (m/s)^2", "m^2/s^2", 1.0),
+    ],
+)
+def test_units_of_other_fields(text: str, unit: str, expected: float):
+    assert parse_quantity(text, unit) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "why"),
+    [
+        ("25 degC", "K", "unit 'degC' is no multiple of a unit; write temperatures in K: 298.15 K"),
+        ("-40 °C", "K", "unit '°C' is no multiple of a unit; write temperatures in K: 233.15 K"),
+        ("70 °F", "K", "unit '°F' is no multiple of a unit; write temperatures in K"),
+        ("3 J/degC", "J/K", "unit 'J/degC' is no multiple of a unit; write temperatures in K"),
+        ("1 Pas", "Pa s", "unit 'Pas' is not known; products are written with a space, as 'Pa s'"),
+        ("1 m^0.5", "m", "unit 'm^0.5' is not known; powers are whole numbers, or written as m^(1/2)"),
+        ("1 m^1/2", "m", "unit 'm^1/2' is not known; powers are whole numbers, or written as m^(1/2)"),
+        ("5 Mm", "m", "unit 'Mm' is not known"),
+        ("5 Ms", "s", "unit 'Ms' is not known; products are written with a space, as 'Pa s'"),
+        ("5 mol", "m", "unit is of another kind"),
+        ("5 N", "m", "unit is of another kind"),
+        ("5 M", "m", "unit is of another kind"),
+        ("1e13 1/s", "1/s", r"expected a rate [1/s] of at most 1e+12 in SI units, got '1e13 1/s'"),
+    ],
+)
+def test_what_is_wrong_with_a_unit_is_said(text: str, unit: str, why: str):
+    with pytest.raises(ValueError, match=rf"{re.escape(why)}$"):
+        parse_quantity(text, unit)
+
+
+def test_sizes_may_be_others_than_a_robots():
+    assert parse_quantity("1e13 1/s", "1/s", sizes=(0.0, 1e100)) == 1e13
+    assert parse_quantity(1e-20, "mol/m^3", sizes=(0.0, 1e100)) == 1e-20
+    with pytest.raises(ValueError, match=r"of at most 1e\+100 in SI units"):
+        parse_quantity(1e101, "1/s", sizes=(0.0, 1e100))
 
 
 @pytest.mark.parametrize(
