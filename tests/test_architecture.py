@@ -20,6 +20,7 @@ HOUSE: dict[str, str] = {
     "uncertainty": "foundation kernel",
     "optimize": "foundation kernel uncertainty",
     "robots": "foundation kernel",
+    "equations": "foundation kernel",
     "bounds": "foundation kernel robots",
     "logs": "foundation kernel",
     "estimation": "foundation kernel robots logs",
@@ -34,7 +35,17 @@ HOUSE: dict[str, str] = {
 }
 """The rooms of the package, from the bottom up, and which others each may import."""
 
-CASADI_ROOMS = ("kernel", "uncertainty", "optimize", "robots", "bounds", "logs", "estimation", "simulation")
+CASADI_ROOMS = (
+    "kernel",
+    "uncertainty",
+    "optimize",
+    "robots",
+    "equations",
+    "bounds",
+    "logs",
+    "estimation",
+    "simulation",
+)
 FIGURE_MODULES = {
     f"oed.report.{name}"
     for name in (

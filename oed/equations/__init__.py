@@ -1,0 +1,1 @@
+"""Systems that are given by equations: what their expressions mean, and the units in them."""

@@ -1,0 +1,180 @@
+"""Units become factors and dimensions, and values SI numbers; what is wrong with them is said."""
+
+from __future__ import annotations
+
+import math
+import re
+from fractions import Fraction
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from oed.equations.dimensions import ANGLE, BASE, PLAIN, Dimension, parse_unit, parse_value
+
+
+def of(text: str) -> Dimension:
+    return parse_unit(text)[1]
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "text"),
+    [
+        ("mol/l", 1e3, "mol/m^3"),
+        ("M", 1e3, "mol/m^3"),
+        ("1/s", 1.0, "1/s"),
+        ("1/h", 1 / 3600, "1/s"),
+        ("m^2", 1.0, "m^2"),
+        ("K", 1.0, "K"),
+        ("rad", 1.0, "rad"),
+        ("deg", math.pi / 180, "rad"),
+        ("rpm", math.pi / 30, "rad/s"),
+        ("kg", 1.0, "kg"),
+        ("mg", 1e-6, "kg"),
+        ("g/l/h", 1 / 3600, "kg/m^3/s"),
+        ("kW", 1e3, "kg m^2/s^3"),
+        ("bar", 1e5, "kg/m/s^2"),
+        ("Pa s", 1.0, "kg/m/s"),
+        ("J/mol/K", 1.0, "kg m^2/s^2/mol/K"),
+        ("V", 1.0, "kg m^2/A/s^3"),
+        ("C", 1.0, "A s"),
+        ("mol^(1/2)/l^(1/2)/s", 1000**0.5, "mol^(1/2)/m^(3/2)/s"),
+        ("l^(2/3)", 0.01, "m^2"),
+        ("%", 0.01, ""),
+        ("", 1.0, ""),
+        ("1", 1.0, ""),
+        (" h ", 3600.0, "s"),
+    ],
+)
+def test_unit(unit: str, factor: float, text: str):
+    found, dimension = parse_unit(unit)
+    assert found == pytest.approx(factor, rel=1e-12)
+    assert dimension.text == str(dimension) == text
+
+
+@pytest.mark.parametrize(
+    ("unit", "why"),
+    [
+        ("smoot", "unit 'smoot' is not known"),
+        ("Mol", "unit 'Mol' is not known"),
+        ("mol//l", "unit 'mol//l' is not known"),
+        ("2 m", "unit '2 m' is not known"),
+        ("degC", "unit 'degC' is no multiple of a unit; write temperatures in K"),
+        ("J/°C", "unit 'J/°C' is no multiple of a unit; write temperatures in K"),
+        ("Pas", "unit 'Pas' is not known; products are written with a space, as 'Pa s'"),
+        ("m^.5", "unit 'm^.5' is not known; powers are whole numbers, or written as m^(1/2)"),
+        ("m**(9**9**9)", "unit 'm**(9**9**9)' is not known"),
+        ("(km^9 km^9)^9", "unit '(km^9 km^9)^9' is absurdly large or small"),
+        ("(pA^9 pA^9 pA^9)^9", "unit '(pA^9 pA^9 pA^9)^9' is absurdly large or small"),
+        ("(km^9 km^9 km^9 km^9)^9", "unit '(km^9 km^9 km^9 km^9)^9' is absurdly large or small"),
+        ("__import__('os')", "is not known"),
+    ],
+)
+def test_what_is_no_unit_is_refused(unit: str, why: str):
+    with pytest.raises(ValueError, match=rf"{re.escape(why)}$"):
+        parse_unit(unit)
+
+
+POWERS = st.fractions(-3, 3, max_denominator=3)
+DIMENSIONS = st.builds(lambda powers: Dimension(tuple(powers)), st.lists(POWERS, min_size=7, max_size=7))
+UNITS = st.sampled_from(
+    ["mol/l", "1/min", "kg", "g", "deg", "bar", "kW", "ohm", "K", "mN m", "%", "nM", "C^-2"]
+)
+
+
+@settings(max_examples=60)
+@given(dimension=DIMENSIONS)
+def test_a_dimensions_text_is_a_unit_of_it(dimension: Dimension):
+    factor, found = parse_unit(dimension.text)
+    assert factor == pytest.approx(1.0, rel=1e-12)
+    assert found == dimension
+
+
+@settings(max_examples=60)
+@given(one=UNITS, other=UNITS)
+def test_products_and_quotients_of_units(one: str, other: str):
+    (a, left), (b, right) = parse_unit(one), parse_unit(other)
+    for unit, factor, dimension in (
+        (f"({one}) ({other})", a * b, left * right),
+        (f"({one})/({other})", a / b, left / right),
+        (f"({one})^-2", a**-2, left**-2),
+    ):
+        found = parse_unit(unit)
+        assert found[0] == pytest.approx(factor, rel=1e-12)
+        assert found[1] == dimension
+
+
+@given(one=DIMENSIONS, other=DIMENSIONS)
+def test_dimensions_are_a_group(one: Dimension, other: Dimension):
+    assert one * other == other * one
+    assert one * other / other == one
+    assert (one * other) ** Fraction(1, 2) == one**0.5 * other**0.5
+    assert one / one == PLAIN == one**0
+
+
+def test_a_power_that_is_almost_a_fraction_is_that():
+    assert of("m") ** (1 / 3) * of("m") ** (2 / 3) == of("m")
+
+
+def test_radians_count_as_plain_numbers_where_dimensions_are_compared():
+    assert of("N m").fits(of("kg m^2 rad/s^2"))
+    assert of("rad/s").fits(of("1/s"))
+    assert not of("rad/s").fits(of("m/s"))
+    assert of("rad/s") != of("1/s")
+    assert ANGLE.plain
+    assert PLAIN.plain
+    assert not of("K").plain
+
+
+def test_dimensions_in_words():
+    assert [of(unit).words for unit in ("mol/l", "", "rad")] == ["in mol/m^3", "a plain number", "in rad"]
+    assert len(PLAIN.powers) == len(BASE)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "expected"),
+    [
+        ("0.7 1/min", "1/s", 0.7 / 60),
+        ("0.7 1/min", "1/h", 0.7 / 60),
+        (0.7, "1/min", 0.7 / 60),
+        ("0.7", "1/min", 0.7 / 60),
+        (2, "mol/l", 2000.0),
+        ("2 mol/m^3", "mol/l", 2.0),
+        (1e-20, "mol/l", 1e-17),
+        ("1e13 1/s", "1/s", 1e13),
+        ("6.02214076e23 1/mol", "1/mol", 6.02214076e23),
+        (5, "%", 0.05),
+        ("5 %", "", 0.05),
+        ("180 deg/s", "rad/s", math.pi),
+        (90, "deg", math.pi / 2),
+        (-0.0, "m", 0.0),
+    ],
+)
+def test_value(value: object, unit: str, expected: float):
+    found = parse_value(value, unit)
+    assert found == pytest.approx(expected, rel=1e-12)
+    assert math.copysign(1, found) == 1
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "why"),
+    [
+        ("3 s", "mol/l", "expected a concentration [mol/l], got '3 s', whose unit is of another kind"),
+        ("10 Hz", "rad/s", "expected an angular speed [rad/s], got '10 Hz', whose unit is of another kind"),
+        ("3 m", "", "expected a plain number or a percentage, got '3 m', whose unit is of another kind"),
+        ("3 smoots", "bar", "[bar], got '3 smoots', whose unit 'smoots' is not known"),
+        ("4,9 K", "K", "expected a temperature [K], got '4,9 K', whose unit ',9 K' is not known; decimals need a point"),
+        ("25 degC", "K", "whose unit 'degC' is no multiple of a unit; write temperatures in K: 298.15 K"),
+        ("warm", "K", "expected a temperature [K], got 'warm', which does not begin with a number"),
+        (True, "1/h", "expected a rate [1/h], got True"),
+        (None, "1/h", "expected a rate [1/h], got None"),
+        (math.nan, "1/h", "expected a rate [1/h] that is finite, got nan"),
+        (1e101, "1/h", "expected a rate [1/h] of at most 1e+100, got 1e+101"),
+        ("1e999 W", "W", "that is finite, got '1e999 W'"),
+        (1, "degC", "unit 'degC' is no multiple of a unit; write temperatures in K"),
+        (1, "mol/x", "unit 'mol/x' is not known"),
+    ],
+)  # fmt: skip
+def test_what_is_no_value_is_refused(value: object, unit: str, why: str):
+    with pytest.raises(ValueError, match=rf"{re.escape(why)}$"):
+        parse_value(value, unit)
