@@ -13,7 +13,7 @@ from fractions import Fraction
 from functools import lru_cache
 from math import inf
 
-from oed.foundation.quantities import base_units, parse_quantity, unit_flaw, unit_meaning
+from oed.foundation.quantities import NUMBER, base_units, parse_quantity, unit_flaw, unit_meaning
 
 BASE = ("kg", "A", "rad", "m", "s", "mol", "K")
 """SI base units, in the order in which texts have them."""
@@ -126,3 +126,14 @@ def parse_value(value: object, unit: str) -> float:
     number = parse_quantity(value, unit.strip(), SIZES, f"{unit_meaning(dimension.text)}{shown}")
     # Never -0.
     return number * factor + 0.0
+
+
+def quantity(value: object) -> tuple[float, Dimension]:
+    """The SI value and the dimension of a quantity with the unit that it names: "0.7 1/min", "25", 25.
+
+    Raises:
+        ValueError: no number, no unit, or a value that is not finite or absurdly large.
+    """
+    found = NUMBER.match(value) if isinstance(value, str) else None
+    unit = value[found.end() :].strip() if found is not None and isinstance(value, str) else ""
+    return parse_value(value, unit), parse_unit(unit)[1]

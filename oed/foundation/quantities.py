@@ -100,7 +100,7 @@ _GROUP = rf"(?:{_FACTOR}|\(\s*{_PRODUCT}\s*\)(?:{_POWER})?)"
 _UNIT = re.compile(rf"{_GROUP}(?:{_TIMES}{_GROUP}){{0,7}}")
 """Names and their small powers, multiplied and divided. pint would take any arithmetic, and compute it."""
 
-_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 _COMMA = re.compile(r",\d")
 _SEVERAL_SYMBOLS = re.compile(r"[A-Z][^\W\d_]*s(?![^\W\d_])")
@@ -223,13 +223,13 @@ def too_large(value: float) -> str:
 
 def counts_as_zero(value: object) -> str:
     """Why a number above 0 is refused as if it were 0; "" where that is not so."""
-    match = _NUMBER.match(str(value)) if isinstance(value, int | float | str) else None
+    match = NUMBER.match(str(value)) if isinstance(value, int | float | str) else None
     above = match is not None and float(match.group()) > 0
     return f"; less than {SMALLEST:g} in SI units counts as 0" if above else ""
 
 
 def _parse_string(text: str, unit: str, expected: str) -> float:
-    match = _NUMBER.match(text)
+    match = NUMBER.match(text)
     if match is None:
         raise ValueError(f"{expected}, got {text!r}, which does not begin with a number")
     number, unit_text = float(match.group()), text[match.end() :].strip()
@@ -240,11 +240,11 @@ def _parse_string(text: str, unit: str, expected: str) -> float:
 
 
 def _common_factor(text: str, unit: str) -> float | None:
-    # Of units such as "cm", "deg/s" or "rad/s^2" in the dimension of `unit`; None for any other text.
+    # To `unit` of units such as "cm", "deg/s" or "rad/s^2" in its dimension; None for any other text.
     found, wanted = _common_unit(text), _common_unit(unit or "%")
     if found is None or wanted is None or found[1] != wanted[1]:
         return None
-    return found[0]
+    return found[0] / wanted[0] if unit else found[0]
 
 
 @lru_cache(maxsize=256)
@@ -262,7 +262,7 @@ def _common_unit(text: str) -> tuple[float, tuple[int, int, int]] | None:
 def _factor(text: str, unit_text: str, unit: str, expected: str) -> float:
     flaw = unit_flaw(unit_text)
     if flaw:
-        celsius = _CELSIUS.fullmatch(unit_text) and _NUMBER.match(text)
+        celsius = _CELSIUS.fullmatch(unit_text) and NUMBER.match(text)
         instead = f": {float(celsius.group()) + ZERO_CELSIUS:.10g} K" if celsius else ""
         raise ValueError(f"{expected}, got {text!r}, whose unit {flaw}{instead}")
     # Imported late, for it takes longer than all the rest of reading a study.

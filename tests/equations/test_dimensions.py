@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oed.equations.dimensions import ANGLE, BASE, PLAIN, Dimension, parse_unit, parse_value
+from oed.equations.dimensions import ANGLE, BASE, PLAIN, Dimension, parse_unit, parse_value, quantity
 
 
 def of(text: str) -> Dimension:
@@ -178,3 +178,11 @@ def test_value(value: object, unit: str, expected: float):
 def test_what_is_no_value_is_refused(value: object, unit: str, why: str):
     with pytest.raises(ValueError, match=rf"{re.escape(why)}$"):
         parse_value(value, unit)
+
+
+@pytest.mark.parametrize("unit", ["min", "ms", "cm", "deg", "mm/s^2", "1/min", "mmol/l", "%"])
+def test_a_quantity_in_the_unit_that_is_declared(unit: str):
+    factor, dimension = parse_unit(unit)
+    assert parse_value(f"3 {unit}", unit) == pytest.approx(3 * factor)
+    assert parse_value(3, unit) == pytest.approx(3 * factor)
+    assert quantity(f"3 {unit}") == (pytest.approx(3 * factor), dimension)
