@@ -7,7 +7,7 @@ drives together, the start states and all nuisances eliminated.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,8 @@ from oed.kernel.problem import Estimation, Problem
 
 DRIVES = 6
 """Random drives whose information is added up: what none of them identifies, no drive does."""
+DECADES = 4.0
+"""How near the ends of their ranges, in powers of ten, inputs are tried where other drives hide something."""
 ANY = 1.0
 """Size of an input that nothing bounds, where no drive is designed, SI: any will do."""
 STEP = 0.01
@@ -93,14 +95,17 @@ def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]
 
 def _hidden(problem: Problem, drives: int) -> tuple[Ambiguity, ...]:
     rng = np.random.default_rng(0)
-    found = _informed(problem, [_random_drive(problem, rng) for _ in range(drives)])
-    pairs = [
-        (one, SquareRoot.together([each[one.block.name] for each in found]))
-        for one in problem.any_estimations
-    ]
-    asked = [root.leading(len(one.judged)).scaled(one.scales) for one, root in pairs]
-    if problem.objective.identifiable(asked):
-        return ()
+    found = list[dict[str, SquareRoot]]()
+    # What is over soon shows in next to none of the drives that are anywhere.
+    for shares in (_anywhere, _near_an_end):
+        found += _informed(problem, [_random_drive(problem, rng, shares) for _ in range(drives)])
+        pairs = [
+            (one, SquareRoot.together([each[one.block.name] for each in found]))
+            for one in problem.any_estimations
+        ]
+        asked = [root.leading(len(one.judged)).scaled(one.scales) for one, root in pairs]
+        if problem.objective.identifiable(asked):
+            return ()
     return tuple(ambiguity for one, root in pairs for ambiguity in _null_combinations(one, root))
 
 
@@ -158,13 +163,28 @@ def _ambiguity(one: Estimation, changes: Array) -> Ambiguity:
     )
 
 
-def _random_drive(problem: Problem, rng: np.random.Generator) -> Trajectory:
-    # Whether it keeps to the room does not matter here.
+def _anywhere(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
+    return rng.uniform(0.0, 1.0, shape)
+
+
+def _near_an_end(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
+    # Of a range, as often a thousandth off an end as a tenth.
+    near = 10.0 ** -rng.uniform(0.0, DECADES, shape)
+    return np.where(rng.uniform(size=shape) < 0.5, near, 1 - near)
+
+
+def _random_drive(
+    problem: Problem,
+    rng: np.random.Generator,
+    shares: Callable[[np.random.Generator, tuple[int, ...]], Array],
+) -> Trajectory:
+    # Inputs at shares of their ranges. Whether it keeps to the room does not matter here.
     space, own = problem.design, problem.input_bounds
     bounds = np.where(np.isfinite(own), own, [-ANY, ANY])
     coefficients = np.clip(np.zeros((space.all_coefficients, len(bounds))), bounds[:, 0], bounds[:, 1])
     shape = (len(space.free_rows), len(bounds))
-    coefficients[space.free_rows] = rng.uniform(bounds[:, 0], bounds[:, 1], shape)
+    low, high = bounds.T
+    coefficients[space.free_rows] = low + (high - low) * shares(rng, shape)
     start = problem.fixed_starts
     if start is None:
         start = problem.start_states(rng.uniform(-1, 1, (space.runs, problem.system.chosen_states)))
