@@ -1,0 +1,108 @@
+"""What is read of a system that is given by equations: its outputs, with noise of their own."""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
+
+import casadi as ca
+from pydantic import BeforeValidator, Field
+
+from oed.equations.dimensions import quantity
+from oed.equations.system import Equations
+from oed.foundation.errors import Flaw
+from oed.foundation.text import did_you_mean, listing
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.system import System
+from oed.kernel.measurement.sensor import Moment, Sensor, When
+
+
+def _pairs(given: Any) -> Any:
+    # By name, as a study has them; pairs can be hashed.
+    return tuple(given.items()) if isinstance(given, Mapping) else given
+
+
+Deviations = Annotated[tuple[tuple[str, str | float], ...], BeforeValidator(_pairs), Field(min_length=1)]
+"""Standard deviations with their units, by the outputs' names."""
+
+
+class OutputSensor(Sensor, ABC):
+    """Outputs of a system, with independent noise.
+
+    Attributes:
+        noise: standard deviations by the names of the outputs that are read.
+    """
+
+    noise: Deviations
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the outputs that are read."""
+        return tuple(name for name, _ in self.noise)
+
+    @property
+    def sizes(self) -> tuple[float, ...]:
+        """Their standard deviations, SI."""
+        return tuple(quantity(value)[0] for _, value in self.noise)
+
+    def flaws(self, system: System, samples: int) -> list[Flaw]:
+        """Outputs that the system has not, and noise that is in another unit, or none."""
+        if not isinstance(system, Equations):
+            return [Flaw(("measurement", "kind"), f"{self.kind} are those of a system given by equations")]
+        return [
+            Flaw(("measurement", "noise", name), reason)
+            for name, value in self.noise
+            if (reason := _noise_flaw(system, name, value))
+        ]
+
+    def reading(self, moment: Moment) -> Expression:
+        """The outputs, in the order of `noise`."""
+        return ca.vertcat(*(moment.signals[name] for name in self.names))
+
+    def whitening(self, moment: Moment) -> Expression:
+        """1 / sigma of each."""
+        return ca.diag(ca.SX(ca.DM([1 / size for size in self.sizes])))
+
+    @property
+    def entries(self) -> tuple[str, ...]:
+        """By their names."""
+        return tuple(f".{name}" for name in self.names)
+
+
+class Outputs(OutputSensor):
+    """Outputs read at the samples, the first at the start, of a system with states.
+
+    Attributes:
+        start: whether the start states are known.
+    """
+
+    kind: Literal["outputs"] = "outputs"
+    start: Literal["known", "unknown"] = "known"
+
+    @property
+    def start_known(self) -> Literal["known", "unknown"]:
+        """What `start` says."""
+        return self.start
+
+
+class Responses(OutputSensor):
+    """Outputs of a system without states, read once for each setting of its inputs."""
+
+    kind: Literal["responses"] = "responses"
+    when: ClassVar[When] = "in periods"
+
+
+def _noise_flaw(system: Equations, name: str, value: str | float) -> str:
+    known = system.output_dimensions
+    if name not in known:
+        return f"there is no such output; there is {listing(list(known))}{did_you_mean(name, known)}"
+    try:
+        size, dimension = quantity(value)
+    except ValueError as error:
+        return str(error)
+    if not size > 0:
+        return f"expected a standard deviation above 0, got {value}"
+    return (
+        "" if dimension.fits(known[name]) else f"{name} is {known[name].words}, its noise {dimension.words}"
+    )

@@ -1,0 +1,153 @@
+"""A system given by its equations: ordinary differential ones of its states, or a response alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+import casadi as ca
+
+from oed.equations.dimensions import Dimension
+from oed.equations.grammar import Expression
+from oed.equations.reading import Given, Reader
+from oed.kernel.dynamics import expression as kernel
+from oed.kernel.dynamics.integration import runge_kutta
+from oed.kernel.dynamics.system import Input, Parameter, System
+
+FINER = 10
+"""Steps of Runge and Kutta in a period, where nobody says."""
+
+
+@dataclass(frozen=True, init=False)
+class Equations(System):
+    """States that follow their derivatives, and outputs that can be read; expressions are texts.
+
+    Attributes:
+        states: names.
+        input_units: of the inputs held in each period, by name.
+        values: nominal values of the parameters with their SI units, by name.
+        rates: derivatives of the states by time, of states, inputs, parameters and `definitions`.
+        definitions: names for parts of these, in an order in which each needs only those before it.
+        responses: outputs, alike, by name.
+        substeps: steps of the fourth-order Runge-Kutta method in a period.
+    """
+
+    noun: ClassVar[str] = "system"
+    states: tuple[str, ...]  # type: ignore[misc]  # Of each system its own.
+    state_dimensions: tuple[Dimension, ...]
+    input_units: tuple[tuple[str, Dimension], ...]
+    values: tuple[tuple[str, float, Dimension], ...]
+    rates: tuple[Expression, ...]
+    definitions: tuple[tuple[str, Expression], ...]
+    responses: tuple[tuple[str, Expression], ...]
+    substeps: int = FINER
+    kind: str = field(default="equations", init=False)
+
+    def __init__(
+        self,
+        *,
+        parameters: Mapping[str, str | float],
+        outputs: Mapping[str, str],
+        states: Mapping[str, str] | None = None,
+        derivatives: Mapping[str, str] | None = None,
+        inputs: Mapping[str, str] | None = None,
+        define: Mapping[str, str] | None = None,
+        substeps: int = FINER,
+    ) -> None:
+        """Read the expressions, and check the units of all their terms.
+
+        Args:
+            parameters: nominal values with their units: {"k": "0.7 1/min"}.
+            outputs: what can be read: {"y": "x / volume"}.
+            states: their units: {"x": "mol"}; none where outputs follow from the inputs at once.
+            derivatives: of every state by time: {"x": "-k * x + u"}.
+            inputs: their units: {"u": "mol/s"}.
+            define: names for parts of the expressions, in any order.
+            substeps: steps of the integration in a period.
+
+        Raises:
+            ProblemError: every name, expression or unit that does not fit, by its key and column.
+        """
+        given = Given(
+            states or {}, inputs or {}, parameters, define or {}, derivatives or {}, outputs, substeps
+        )
+        read = Reader(given)
+        read.check()
+        dimensions, found = read.dimensions, read.expressions
+        own = {
+            "states": tuple(given.states),
+            "state_dimensions": tuple(dimensions[name] for name in given.states),
+            "input_units": tuple((name, dimensions[name]) for name in given.inputs),
+            "values": tuple((name, value, dimensions[name]) for name, value in read.values.items()),
+            "rates": tuple(found["derivatives"][name] for name in given.states),
+            "definitions": tuple((name, found["define"][name]) for name in read.order),
+            "responses": tuple(found["outputs"].items()),
+            "substeps": substeps,
+            "kind": "equations",
+        }
+        for name, value in own.items():
+            object.__setattr__(self, name, value)
+
+    @cached_property
+    def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]
+        """Each is a quantity of its own."""
+        return tuple(Input(name, name, unit.text) for name, unit in self.input_units)
+
+    @cached_property
+    def state_units(self) -> tuple[str, ...]:  # type: ignore[override]
+        """SI."""
+        return tuple(one.text for one in self.state_dimensions)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """As given, SI."""
+        return tuple(Parameter(name, value, unit.text) for name, value, unit in self.values)
+
+    @cached_property
+    def output_dimensions(self) -> dict[str, Dimension]:
+        """Of the outputs, by name."""
+        known = dict(zip(self.states, self.state_dimensions, strict=True))
+        known |= dict(self.input_units) | {name: unit for name, _, unit in self.values}
+        for name, one in self.definitions:
+            known[name] = one.dimension(known) or Dimension()
+        return {name: one.dimension(known) or Dimension() for name, one in self.responses}
+
+    def step(
+        self,
+        state: kernel.Expression,
+        inputs: kernel.Expression,
+        parameters: kernel.Expression,
+        period: kernel.Expression,
+    ) -> kernel.Expression:
+        """By the classical Runge-Kutta method, in `substeps` steps."""
+
+        def derivative(now: kernel.Expression) -> kernel.Expression:
+            values = self._named(now, inputs, parameters)
+            return ca.vertcat(*(one.casadi(values) for one in self.rates))
+
+        return runge_kutta(derivative, state, period, self.substeps) if self.states else state
+
+    def signals(
+        self,
+        state: kernel.Expression,
+        inputs: kernel.Expression,
+        parameters: kernel.Expression,
+        period: kernel.Expression,
+    ) -> Mapping[str, kernel.Expression]:
+        """The outputs in a state."""
+        values = self._named(state, inputs, parameters)
+        return {name: one.casadi(values) for name, one in self.responses}
+
+    def _named(self, state: Any, inputs: Any, parameters: Any) -> dict[str, Any]:
+        # The values of all names.
+        names = (self.states, self.input_names, [name for name, *_ in self.values])
+        found = {
+            name: column[place]
+            for own, column in zip(names, (state, inputs, parameters), strict=True)
+            for place, name in enumerate(own)
+        }
+        for name, one in self.definitions:
+            found[name] = one.casadi(found)
+        return found
