@@ -57,6 +57,16 @@ def full_information(problem: Problem, trajectory: Trajectory) -> dict[str, Squa
     return scorer.full_information(trajectory, extremes)
 
 
+def jacobians(problem: Problem, trajectory: Trajectory) -> tuple[Array, ...]:
+    """Derivatives of a trajectory's readings, by every block's parameters and nuisances, (rows, n) each.
+
+    Raises:
+        ValueError, NotFinite: as `evaluate` does.
+    """
+    scorer, extremes = _scorer_of(problem, trajectory)
+    return scorer.jacobians(trajectory, extremes)
+
+
 def limits_exceeded(problem: Problem, trajectory: Trajectory, share: float) -> frozenset[str]:
     """Names of the limits that a trajectory exceeds by more than a share of their size: as by the margins of
     `evaluate`, for less, because nobody asks how large these are.
@@ -169,6 +179,10 @@ class _Scorer:
         *_, jacobians, summed, _ = self._values(trajectory, extremes)
         _, full = self._square_roots(jacobians, summed)
         return {one.block.name: root for one, root in zip(self.estimations, full, strict=True)}
+
+    def jacobians(self, trajectory: Trajectory, extremes: Sequence[Array]) -> tuple[Array, ...]:
+        *_, found, _, _ = self._values(trajectory, extremes)
+        return tuple(found)
 
     def exceeded(self, trajectory: Trajectory, extremes: Sequence[Array], share: float) -> frozenset[str]:
         """Names of the limits exceeded by more than a share of their size.

@@ -450,3 +450,24 @@ def test_meanings_in_words(criterion: Criterion, told: str):
 )
 def test_deviations_in_words(criterion: Criterion, value: float, told: str):
     assert criterion.deviation(value, 3) == told
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 4))
+@pytest.mark.parametrize("criterion", [E(scaling="none"), D(scaling="none"), A(scaling="none")], ids="EDA")
+def test_no_information_lies_above_the_plane_of_a_supergradient(criterion: Criterion, seed: int, size: int):
+    """phi(F') <= the homogeneous bound <= phi(F) + tr(G (F' - F))."""
+    rng = np.random.default_rng(seed)
+    touched, other = (moderate_information(rng, size) for _ in range(2))
+    gradient = criterion.supergradient(touched)
+    most = float(np.trace(gradient @ other))
+    plane = value(criterion, [touched]) + most - float(np.trace(gradient @ touched))
+    bound = criterion.homogeneous_bound(touched, gradient, most)
+    assert value(criterion, [other]) <= bound + 1e-9 * abs(bound)
+    assert bound <= plane + 1e-9 * abs(plane)
+    same = criterion.homogeneous_bound(touched, gradient, float(np.trace(gradient @ touched)))
+    assert same == pytest.approx(value(criterion, [touched]), rel=1e-9)
+
+
+def test_what_is_not_concave_has_no_supergradient():
+    assert ModifiedE().supergradient(np.eye(2)) is None

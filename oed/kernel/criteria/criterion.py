@@ -101,6 +101,28 @@ class Criterion(Component, ABC):
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """The criterion of symbolic matrices in a form an interior-point solver can maximise."""
 
+    def supergradient(self, matrix: Array, dual: Array | None = None) -> Array | None:
+        """G (p, p) with phi(F') <= phi(F) + tr(G (F' - F)) for all information F' on the same parameters, for
+        the only block of a concave criterion; None of others [Pukelsheim, Optimal Design of Experiments].
+
+        Args:
+            matrix: F, positive definite, (p, p).
+            dual: symmetric, (p, p), up to its sign and size: what a search's multipliers say, for criteria
+                that have many supergradients where eigenvalues meet.
+        """
+        return None
+
+    def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
+        """The most that the criterion can be where tr(G F') is at most `most`: never more than what the
+        supergradient's plane says.
+
+        Args:
+            matrix: F, (p, p).
+            gradient: G, its supergradient, (p, p).
+            most: of tr(G F') over all F'.
+        """
+        return float(self.value([matrix])) + most - float(np.trace(gradient @ matrix))
+
     def about(self, subject: Subject) -> Criterion:
         """The criterion for these parameters; itself unless it needs to know them."""
         return self

@@ -40,6 +40,21 @@ class E(RootCriterion):
         what = names[0] if len(names) == 1 else "the least certain combination of parameters"
         return f"the standard error of {what}"
 
+    def supergradient(self, matrix: Array, dual: Array | None = None) -> Array:
+        """Z = v v' of the least certain combination v, or Z >= 0 of trace 1 from the multipliers of
+        F - t I = L L': any such Z bounds, and is one where it lies on the eigenspace of lambda_min.
+        """
+        if dual is None:
+            least = np.linalg.eigh(matrix)[1][:, 0]
+            return np.outer(least, least)
+        values, vectors = np.linalg.eigh(dual)
+        values = np.clip(values if values.sum() > 0 else -values, 0.0, None)
+        return np.asarray((vectors * values) @ vectors.T / values.sum())
+
+    def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
+        """lambda_min(F') <= tr(Z F'), for any Z >= 0 of trace 1."""
+        return most
+
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise t with F_b - t I = L_b L_b' for every block b."""
         level = ca.SX.sym("t")

@@ -29,6 +29,15 @@ class D(RootCriterion):
         """Log det of every block, summed; minus infinity where some combination is not identifiable."""
         return np.asarray(np.sum([root.log_determinant for root in information], axis=0))
 
+    def supergradient(self, matrix: Array, dual: Array | None = None) -> Array:
+        """F^-1."""
+        return np.asarray(np.linalg.inv(matrix))
+
+    def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
+        """Log det F' <= log det F + p log(tr(F^-1 F') / p)."""
+        size = len(matrix)
+        return float(self.value([matrix])) + size * math.log(most / size)
+
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise 2 sum log L_ii with F_b = L_b L_b'."""
         return factored(
@@ -67,6 +76,15 @@ class A(RootCriterion):
         """-tr F^-1, minus infinity where some combination is not identifiable."""
         traces = [(root.factor**2).sum(axis=(-2, -1)) for root in information]
         return np.where(self.identifiable(information), -np.sum(traces, axis=0), -np.inf)
+
+    def supergradient(self, matrix: Array, dual: Array | None = None) -> Array:
+        """F^-2."""
+        inverse = np.linalg.inv(matrix)
+        return np.asarray(inverse @ inverse)
+
+    def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
+        """Tr F'^-1 >= (tr F^-1)^2 / tr(F^-2 F')."""
+        return -(float(self.value([matrix])) ** 2) / most
 
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise -sum of squares of L_b^-1, with F_b = L_b L_b'."""
