@@ -1,0 +1,52 @@
+"""How good any choice of readings can be: the equivalence theorem of concave criteria.
+
+[Kiefer and Wolfowitz, The equivalence of two extremum problems, 1960; Pukelsheim, Optimal Design of
+Experiments, 1993]
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from oed.foundation.arrays import Array
+from oed.kernel.criteria import Criterion
+from oed.kernel.parts import Parts
+
+
+def directional_derivatives(parts: Parts, weights: Array, gradient: Array) -> Array:
+    """tr(G F) that every reading adds at a weight of 1, (n,): the switching function.
+
+    Args:
+        parts: of the information.
+        weights: of the readings, (n,).
+        gradient: G, a supergradient of the criterion at these, (judged, judged).
+    """
+    whole = _on_all(parts, weights, gradient)
+    return np.asarray(np.einsum("ab,nba->n", whole, parts.matrices))
+
+
+def weight_bound(
+    criterion: Criterion, parts: Parts, weights: Array, gradient: Array, total: float, most: float
+) -> float:
+    """What no weights of the readings, each from 0 to `most` and `total` together, exceed by a criterion.
+
+    The others' elimination only lowers tr(G F): with T of these weights, tr(G F') <= tr(T'GT M').
+
+    Args:
+        criterion: concave, of one block.
+        parts: of the information.
+        weights: of the readings, where the plane touches, (n,).
+        gradient: a supergradient there, (judged, judged).
+        total: sum of the weights, at most n `most`.
+        most: of each weight.
+    """
+    values = np.sort(directional_derivatives(parts, weights, gradient))[::-1]
+    filled = np.clip(total - most * np.arange(len(values)), 0.0, most)
+    known = float(np.trace(_on_all(parts, weights, gradient) @ parts.known))
+    return criterion.homogeneous_bound(parts.information(weights), gradient, known + float(filled @ values))
+
+
+def _on_all(parts: Parts, weights: Array, gradient: Array) -> Array:
+    # T'GT, (q, q).
+    back = parts.projection(weights)
+    return np.asarray(back.T @ gradient @ back)

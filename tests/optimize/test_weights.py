@@ -1,0 +1,160 @@
+"""Which readings to take: published weights, certificates that hold, whole readings, and wrong input."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from places import PROBLEMS
+
+import oed
+from oed.bounds.weights import directional_derivatives, weight_bound
+from oed.equations.limits import InputRange
+from oed.equations.outputs import Responses
+from oed.equations.system import Equations
+from oed.foundation.errors import ProblemError, UserMistake
+from oed.kernel.criteria import A, Criterion, D, E, ModifiedE
+from oed.kernel.parts import Parts, parts_of
+from oed.optimize.weights import best_weights, rounded
+
+CRITERIA: tuple[Criterion, ...] = (E(scaling="none"), D(scaling="none"), A(scaling="none"))
+POINTS = np.linspace(-1, 1, 201)
+
+
+@cache
+def quadratic() -> Parts:
+    """A parabola that may be read at 201 points."""
+    parameters = dict.fromkeys(("constant", "slope", "curvature"), "1")
+    system = Equations(
+        parameters=parameters, inputs={"x": ""}, outputs={"y": "constant + slope * x + curvature * x^2"}
+    )
+    count = len(POINTS)
+    spline = oed.Spline(degree=0, coefficients=count)
+    space = oed.SignalSpace(duration=count, samples=count, spline=spline, rest_to_rest=False)
+    problem = oed.Problem(
+        model=system,
+        design=space,
+        measurement=Responses(noise={"y": 1.0}),
+        limits=[InputRange(input="x", range=(-1, 1))],
+        criterion=D(),
+    )
+    return parts_of(problem, space.trajectory(POINTS[:, None], np.zeros((1, 0))))
+
+
+def driven(study: str) -> tuple[oed.Problem, oed.Trajectory]:
+    """A shipped study, and a random drive of it."""
+    problem = oed.load_study(PROBLEMS / f"{study}.yaml").problem
+    space, rng = problem.design, np.random.default_rng(0)
+    table = np.zeros((space.all_coefficients, len(problem.model.inputs)))
+    table[space.free_rows] = rng.uniform(-3, 3, (len(space.free_rows), table.shape[1]))
+    start = problem.fixed_starts
+    if start is None:
+        start = problem.start_states(np.zeros((space.runs, problem.system.chosen_states)))
+    return problem, space.trajectory(table, start)
+
+
+@cache
+def tracked(study: str) -> Parts:
+    """That drive, reading by reading."""
+    return parts_of(*driven(study))
+
+
+class TestParts:
+    @pytest.mark.parametrize("study", ["laser_tracker", "gyro_and_position", "three_runs"])
+    def test_all_of_them_are_what_evaluate_says(self, study: str):
+        problem, drive = driven(study)
+        parts = parts_of(problem, drive)
+        whole = parts.information(np.ones(len(parts.readings)))
+        assert float(problem.criterion.value([whole])) == pytest.approx(
+            oed.evaluate(problem, drive).objective, rel=1e-7
+        )
+
+    def test_every_reading_has_its_time(self):
+        parts = tracked("laser_tracker")
+        assert [one.time for one in parts.readings] == pytest.approx(np.linspace(0, 20, len(parts.readings)))
+        assert {one.sensor for one in parts.readings} == {"poses"}
+
+    def test_those_of_regressions_do_not_add_up(self):
+        problem = oed.load_study(PROBLEMS / "choi_skid_steer.yaml").problem
+        drive = problem.design.trajectory(np.zeros((16, 2)), problem.fixed_starts)
+        with pytest.raises(ProblemError, match=r"measurement\.kind: .*do not add up"):
+            parts_of(problem, drive)
+
+
+class TestPublished:
+    @pytest.mark.parametrize(
+        ("criterion", "weights", "value"),
+        [
+            # [Pukelsheim, Optimal Design of Experiments, 1993, sections 9.5 and 9.8].
+            (CRITERIA[0], [1 / 5, 3 / 5, 1 / 5], 1 / 5),
+            (CRITERIA[1], [1 / 3, 1 / 3, 1 / 3], np.log(4 / 27)),
+            (CRITERIA[2], [1 / 4, 1 / 2, 1 / 4], -8.0),
+        ],
+        ids="EDA",
+    )
+    def test_quadratic_regression(self, criterion: Criterion, weights: list[float], value: float):
+        parts = quadratic()
+        found = best_weights(criterion, parts, 1.0)
+        assert POINTS[found.values > 1e-4] == pytest.approx([-1, 0, 1])
+        assert found.values[found.values > 1e-4] == pytest.approx(weights, abs=1e-6)
+        assert found.value == pytest.approx(value, rel=1e-6)
+        bound = weight_bound(criterion, parts, found.values, found.gradient, 1.0, 1.0)
+        assert 0 <= bound - found.value < 1e-7
+
+
+@pytest.mark.slow
+class TestCertificates:
+    @pytest.mark.parametrize("criterion", CRITERIA, ids="EDA")
+    @pytest.mark.parametrize("study", ["laser_tracker", "gyro_and_position"])
+    def test_of_k_of_n_readings_are_tight(self, study: str, criterion: Criterion):
+        parts = tracked(study)
+        found = best_weights(criterion, parts, 20.0)
+        bound = weight_bound(criterion, parts, found.values, found.gradient, 20.0, 1.0)
+        assert abs(criterion.efficiency(found.value, bound, parts.judged) - 1) < 1e-6
+        # Readings above the threshold count in full, those below it not at all.
+        switching = directional_derivatives(parts, found.values, found.gradient)
+        full, none = switching[found.values > 0.999], switching[found.values < 0.001]
+        assert full.min() > none.max() * (1 - 1e-4)
+
+    @pytest.mark.parametrize("criterion", CRITERIA, ids="EDA")
+    def test_no_weights_are_better_wherever_the_plane_touches(self, criterion: Criterion):
+        parts, rng = tracked("laser_tracker"), np.random.default_rng(0)
+        for _ in range(20):
+            touched, other = (_random_weights(rng, len(parts.readings), 20.0) for _ in range(2))
+            gradient = criterion.supergradient(parts.information(touched))
+            bound = weight_bound(criterion, parts, touched, gradient, 20.0, 1.0)
+            best = best_weights(criterion, parts, 20.0).value if rng.uniform() < 0.1 else -np.inf
+            value = float(criterion.value([parts.information(other)]))
+            assert max(value, best) <= bound + 1e-9 * abs(bound)
+
+    @pytest.mark.parametrize("criterion", CRITERIA, ids="EDA")
+    def test_whole_readings_are_nearly_as_good(self, criterion: Criterion):
+        parts = tracked("laser_tracker")
+        found = best_weights(criterion, parts, 20.0)
+        chosen = rounded(criterion, parts, found.values, 20)
+        assert sorted(set(chosen.values)) == [0, 1]
+        assert chosen.values.sum() == 20
+        bound = weight_bound(criterion, parts, found.values, found.gradient, 20.0, 1.0)
+        assert 0.99 < criterion.efficiency(chosen.value, bound, parts.judged) <= 1 + 1e-9
+        # Twenty readings spread evenly say less.
+        even = np.zeros(len(parts.readings))
+        even[np.linspace(0, len(even) - 1, 20).astype(int)] = 1
+        assert criterion.value([parts.information(even)]) < chosen.value
+
+
+def _random_weights(rng: np.random.Generator, count: int, total: float) -> np.ndarray:
+    weights = np.zeros(count)
+    weights[rng.permutation(count)[: int(total)]] = 1.0
+    return 0.5 * weights + 0.5 * total / count
+
+
+@pytest.mark.parametrize("total", [0.0, -1.0, 202.0])
+def test_totals_that_no_weights_have(total: float):
+    with pytest.raises(UserMistake, match="expected a total above 0 and at most 201"):
+        best_weights(CRITERIA[1], quadratic(), total)
+
+
+def test_criteria_that_are_not_concave():
+    with pytest.raises(UserMistake, match="modified_E is not concave"):
+        best_weights(ModifiedE(), quadratic(), 1.0)
