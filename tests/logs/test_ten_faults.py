@@ -87,7 +87,7 @@ FAULTS: dict[str, list[Fault]] = {
         ),
         cell("a.csv", 8, "y_mm", "1e16", "expected a number of at most 1e+12 in SI units"),
         head("a.csv", "right_rpm", "right_rad", "the header lacks 'right_rpm'"),
-        study("unit: rpm", "unit: V", "whose unit 'V' is not known"),
+        study("unit: rpm", "unit: V", "whose unit is of another kind"),
         study("column: yaw, unit: deg", "column: yaw, unit: mm", "expected an angle [rad], got 'mm'"),
         study("radius: 5 cm", "radius: 0 cm", "radius: expected more than 0"),
     ],
@@ -542,7 +542,7 @@ FAULTS: dict[str, list[Fault]] = {
                 ("speeds.0", "field", "expected the path of a field, such as wheel.left.velocity"),
             )
         ),
-        study("unit: rpm", "unit: V", "whose unit 'V' is not known"),
+        study("unit: rpm", "unit: V", "whose unit is of another kind"),
         study(
             '"wheels[0].velocity"',
             '"speeds[0]"',
