@@ -6,11 +6,13 @@ Experiments, 1993]
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.criteria import Criterion
-from oed.kernel.parts import Parts
+from oed.kernel.parts import Budget, Parts
 
 
 def directional_derivatives(parts: Parts, weights: Array, gradient: Array) -> Array:
@@ -26,9 +28,9 @@ def directional_derivatives(parts: Parts, weights: Array, gradient: Array) -> Ar
 
 
 def weight_bound(
-    criterion: Criterion, parts: Parts, weights: Array, gradient: Array, total: float, most: float
+    criterion: Criterion, parts: Parts, weights: Array, gradient: Array, budgets: Sequence[Budget]
 ) -> float:
-    """What no weights of the readings, each from 0 to `most` and `total` together, exceed by a criterion.
+    """What no weights of the readings within budgets exceed by a criterion.
 
     The others' elimination only lowers tr(G F): with T of these weights, tr(G F') <= tr(T'GT M').
 
@@ -37,13 +39,12 @@ def weight_bound(
         parts: of the information.
         weights: of the readings, where the plane touches, (n,).
         gradient: a supergradient there, (judged, judged).
-        total: sum of the weights, at most n `most`.
-        most: of each weight.
+        budgets: of all readings.
     """
-    values = np.sort(directional_derivatives(parts, weights, gradient))[::-1]
-    filled = np.clip(total - most * np.arange(len(values)), 0.0, most)
-    known = float(np.trace(_on_all(parts, weights, gradient) @ parts.known))
-    return criterion.homogeneous_bound(parts.information(weights), gradient, known + float(filled @ values))
+    values = directional_derivatives(parts, weights, gradient)
+    most = float(np.trace(_on_all(parts, weights, gradient) @ parts.known))
+    most += sum(one.largest(values) for one in budgets)
+    return criterion.homogeneous_bound(parts.information(weights), gradient, most)
 
 
 def _on_all(parts: Parts, weights: Array, gradient: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,7 +14,7 @@ from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
 from oed.kernel.criteria import Criterion
 from oed.kernel.measurement.matrices import eliminate
-from oed.kernel.parts import Parts
+from oed.kernel.parts import Budget, Parts
 from oed.optimize.transcription.program import IPOPT_OPTIONS
 from oed.optimize.transcription.solver_calls import interrupts_kept, one_thread
 
@@ -37,53 +38,49 @@ class Weights(Brief):
     gradient: Array
 
 
-def best_weights(criterion: Criterion, parts: Parts, total: float, most: float = 1.0) -> Weights:
-    """The weights, each from 0 to `most` and `total` together, that make a concave criterion largest.
+def best_weights(criterion: Criterion, parts: Parts, budgets: Sequence[Budget]) -> Weights:
+    """The weights within budgets that make a concave criterion largest.
 
     Args:
         criterion: with a supergradient, of one block.
         parts: of the information.
-        total: sum of the weights.
-        most: of each.
+        budgets: of all readings.
 
     Raises:
-        UserMistake: no such weights, or a criterion that is not concave.
+        UserMistake: a criterion that is not concave.
     """
-    even = _even(criterion, parts, total, most)
+    even, most = np.empty((2, len(parts.readings)))
+    for one in budgets:
+        even[list(one.places)], most[list(one.places)] = one.even, one.most
+    if criterion.supergradient(parts.information(even)) is None:
+        text = f"{criterion.kind} is not concave: nothing says how good weights can be"
+        raise UserMistake(f"{text}; use E, D or A")
     # In units in which the information is of order 1.
     size = float(np.trace(parts.information(even))) / parts.judged
     scaled = replace(parts, matrices=parts.matrices / size, known=parts.known / size)
-    found, multipliers = _solved(criterion, scaled, even, most)
+    found, multipliers = _solved(criterion, scaled, budgets, even, most)
     chosen = np.clip(found, 0.0, most)
-    chosen *= total / chosen.sum()
+    for one in budgets:
+        chosen[list(one.places)] *= one.total / chosen[list(one.places)].sum()
     columns, rows = np.triu_indices(parts.judged)
     dual = np.zeros((parts.judged,) * 2)
     dual[rows, columns] = multipliers[: len(rows)]
     return _weights(criterion, parts, chosen, (dual + dual.T) / 2)
 
 
-def _even(criterion: Criterion, parts: Parts, total: float, most: float) -> Array:
-    # What every reading may count alike, if there are such weights at all.
-    count = len(parts.readings)
-    if not 0 < total <= most * count:
-        raise UserMistake(f"expected a total above 0 and at most {most * count:g}, got {total:g}")
-    even = np.full(count, total / count)
-    if criterion.supergradient(parts.information(even)) is None:
-        text = f"{criterion.kind} is not concave: nothing says how good weights can be"
-        raise UserMistake(f"{text}; use E, D or A")
-    return even
-
-
-def _solved(criterion: Criterion, parts: Parts, even: Array, most: float) -> tuple[Array, Array]:
+def _solved(
+    criterion: Criterion, parts: Parts, budgets: Sequence[Budget], even: Array, most: Array
+) -> tuple[Array, Array]:
     # The weights, and the multipliers of the criterion's equalities.
     weights, size = ca.SX.sym("w", len(even)), len(parts.known)
     flat = ca.DM(parts.matrices.reshape(len(even), -1).T) @ weights
     whole = ca.reshape(flat, size, size) + ca.DM(parts.known)
     epigraph = criterion.epigraph([eliminate(whole, parts.judged)])
+    spent = [ca.sum1(weights[list(one.places)]) - one.total for one in budgets]
     program = {
         "x": ca.vertcat(weights, epigraph.variables),
         "f": -epigraph.objective,
-        "g": ca.vertcat(ca.sum1(weights) - even.sum(), epigraph.equalities),
+        "g": ca.vertcat(*spent, epigraph.equalities),
     }
     further = epigraph.initial([parts.information(even)])
     open_ends = np.full(len(further), np.inf)
@@ -92,11 +89,11 @@ def _solved(criterion: Criterion, parts: Parts, even: Array, most: float) -> tup
         found = solver(
             x0=np.concatenate([even, further]),
             lbx=np.concatenate([np.zeros(len(even)), -open_ends]),
-            ubx=np.concatenate([np.full(len(even), most), open_ends]),
+            ubx=np.concatenate([most, open_ends]),
             lbg=0.0,
             ubg=0.0,
         )
-    return np.array(found["x"]).ravel()[: len(even)], np.array(found["lam_g"]).ravel()[1:]
+    return np.array(found["x"]).ravel()[: len(even)], np.array(found["lam_g"]).ravel()[len(budgets) :]
 
 
 def rounded(criterion: Criterion, parts: Parts, weights: Array, count: int) -> Weights:

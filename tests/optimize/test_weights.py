@@ -11,11 +11,11 @@ from places import PROBLEMS
 import oed
 from oed.bounds.weights import directional_derivatives, weight_bound
 from oed.equations.limits import InputRange
-from oed.equations.outputs import Responses
+from oed.equations.outputs import Outputs, Responses
 from oed.equations.system import Equations
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import A, Criterion, D, E, ModifiedE
-from oed.kernel.parts import Parts, parts_of
+from oed.kernel.parts import Parts, budgets_of, parts_of
 from oed.optimize.weights import best_weights, rounded
 
 CRITERIA: tuple[Criterion, ...] = (E(scaling="none"), D(scaling="none"), A(scaling="none"))
@@ -94,13 +94,81 @@ class TestPublished:
         ids="EDA",
     )
     def test_quadratic_regression(self, criterion: Criterion, weights: list[float], value: float):
-        parts = quadratic()
-        found = best_weights(criterion, parts, 1.0)
+        parts, one = quadratic(), budgets_of(quadratic(), 1.0)
+        found = best_weights(criterion, parts, one)
         assert POINTS[found.values > 1e-4] == pytest.approx([-1, 0, 1])
         assert found.values[found.values > 1e-4] == pytest.approx(weights, abs=1e-6)
         assert found.value == pytest.approx(value, rel=1e-6)
-        bound = weight_bound(criterion, parts, found.values, found.gradient, 1.0, 1.0)
+        bound = weight_bound(criterion, parts, found.values, found.gradient, one)
         assert 0 <= bound - found.value < 1e-7
+
+    def test_a_decay_that_is_measured_for_two_fifths_of_the_time(self):
+        """X' = p x, in ten intervals [1D test of DynamicOED.jl]: from .3 to .7."""
+        parts = followed({"x": "p * x"}, {"p": "-2 1/s"}, {"x": 1.0}, seconds=1.0, samples=1000).as_rates(
+            periods=100
+        )
+        criterion = E(scaling="none")
+        budgets = budgets_of(parts, 4.0)
+        found = best_weights(criterion, parts, budgets)
+        middles = [one.time for one, weight in zip(parts.readings, found.values, strict=True) if weight > 0.5]
+        assert middles == pytest.approx([0.35, 0.45, 0.55, 0.65])
+        assert found.value == pytest.approx(0.0128135, rel=1e-4)
+        assert weight_bound(criterion, parts, found.values, found.gradient, budgets) == pytest.approx(
+            found.value, rel=1e-8
+        )
+
+    def test_prey_and_predators_that_are_counted_for_a_third_of_the_time_each(self):
+        """Lotka and Volterra without fishing, p2 and p4 unknown [Sager, Sampling decisions in optimum
+        experimental design in the light of Pontryagin's maximum principle, 2013].
+        """
+        parts = followed(
+            {"prey": "p1 * prey - p2 * prey * hunters", "hunters": "p4 * prey * hunters - p3 * hunters"},
+            dict.fromkeys(("p1", "p2", "p3", "p4"), "1 1/s"),
+            {"prey": 0.5, "hunters": 0.7},
+            seconds=12.0,
+            samples=2400,
+            estimate=("p2", "p4"),
+        ).as_rates()
+        criterion = A(scaling="none")
+        budgets = budgets_of(parts, {"outputs": 4.0 / 12 * 2400, "outputs_2": 4.0 / 12 * 2400})
+        found = best_weights(criterion, parts, budgets)
+        assert -found.value == pytest.approx(0.063957, rel=1e-4)
+        bound = weight_bound(criterion, parts, found.values, found.gradient, budgets)
+        assert found.value <= bound + 1e-12
+        assert found.value / bound - 1 < 1e-6
+        # Each is measured all the time or not at all, but where it begins and ends.
+        assert np.count_nonzero((found.values > 0.01) & (found.values < 0.99)) < 10
+
+
+def followed(
+    derivatives: dict[str, str],
+    parameters: dict[str, str],
+    start: dict[str, float],
+    seconds: float,
+    samples: int,
+    **parts: object,
+) -> Parts:
+    """A system that nobody drives, each of its states read by itself with a noise of 1."""
+    system = Equations(
+        states=dict.fromkeys(derivatives, ""),
+        derivatives=derivatives,
+        parameters=parameters,
+        inputs={"idle": ""},
+        outputs={name: name for name in derivatives},
+        substeps=1,
+    )
+    space = oed.SignalSpace(
+        duration=seconds, samples=samples, spline=oed.Spline(degree=0, coefficients=1), rest_to_rest=False
+    ).model_copy(update={"start": tuple(start.values())})
+    problem = oed.Problem(
+        model=system,
+        design=space,
+        measurement=[Outputs(noise={name: 1.0}) for name in derivatives],
+        limits=[InputRange(input="idle", range=(0, 1))],
+        criterion=D(scaling="none"),
+        **parts,
+    )
+    return parts_of(problem, space.trajectory(np.zeros((1, 1)), [list(start.values())]))
 
 
 @pytest.mark.slow
@@ -109,8 +177,8 @@ class TestCertificates:
     @pytest.mark.parametrize("study", ["laser_tracker", "gyro_and_position"])
     def test_of_k_of_n_readings_are_tight(self, study: str, criterion: Criterion):
         parts = tracked(study)
-        found = best_weights(criterion, parts, 20.0)
-        bound = weight_bound(criterion, parts, found.values, found.gradient, 20.0, 1.0)
+        found = best_weights(criterion, parts, budgets_of(parts, 20.0))
+        bound = weight_bound(criterion, parts, found.values, found.gradient, budgets_of(parts, 20.0))
         assert abs(criterion.efficiency(found.value, bound, parts.judged) - 1) < 1e-6
         # Readings above the threshold count in full, those below it not at all.
         switching = directional_derivatives(parts, found.values, found.gradient)
@@ -120,22 +188,27 @@ class TestCertificates:
     @pytest.mark.parametrize("criterion", CRITERIA, ids="EDA")
     def test_no_weights_are_better_wherever_the_plane_touches(self, criterion: Criterion):
         parts, rng = tracked("laser_tracker"), np.random.default_rng(0)
+        best = best_weights(criterion, parts, budgets_of(parts, 20.0)).values
         for _ in range(20):
             touched, other = (_random_weights(rng, len(parts.readings), 20.0) for _ in range(2))
             gradient = criterion.supergradient(parts.information(touched))
-            bound = weight_bound(criterion, parts, touched, gradient, 20.0, 1.0)
-            best = best_weights(criterion, parts, 20.0).value if rng.uniform() < 0.1 else -np.inf
+            bound = weight_bound(criterion, parts, touched, gradient, budgets_of(parts, 20.0))
+            best = (
+                best_weights(criterion, parts, budgets_of(parts, 20.0)).value
+                if rng.uniform() < 0.1
+                else -np.inf
+            )
             value = float(criterion.value([parts.information(other)]))
             assert max(value, best) <= bound + 1e-9 * abs(bound)
 
     @pytest.mark.parametrize("criterion", CRITERIA, ids="EDA")
     def test_whole_readings_are_nearly_as_good(self, criterion: Criterion):
         parts = tracked("laser_tracker")
-        found = best_weights(criterion, parts, 20.0)
+        found = best_weights(criterion, parts, budgets_of(parts, 20.0))
         chosen = rounded(criterion, parts, found.values, 20)
         assert sorted(set(chosen.values)) == [0, 1]
         assert chosen.values.sum() == 20
-        bound = weight_bound(criterion, parts, found.values, found.gradient, 20.0, 1.0)
+        bound = weight_bound(criterion, parts, found.values, found.gradient, budgets_of(parts, 20.0))
         assert 0.99 < criterion.efficiency(chosen.value, bound, parts.judged) <= 1 + 1e-9
         # Twenty readings spread evenly say less.
         even = np.zeros(len(parts.readings))
@@ -152,9 +225,9 @@ def _random_weights(rng: np.random.Generator, count: int, total: float) -> np.nd
 @pytest.mark.parametrize("total", [0.0, -1.0, 202.0])
 def test_totals_that_no_weights_have(total: float):
     with pytest.raises(UserMistake, match="expected a total above 0 and at most 201"):
-        best_weights(CRITERIA[1], quadratic(), total)
+        budgets_of(quadratic(), total)
 
 
 def test_criteria_that_are_not_concave():
     with pytest.raises(UserMistake, match="modified_E is not concave"):
-        best_weights(ModifiedE(), quadratic(), 1.0)
+        best_weights(ModifiedE(), quadratic(), budgets_of(quadratic(), 1.0))
