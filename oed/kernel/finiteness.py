@@ -35,7 +35,7 @@ def require_finite(
     """
     for inside, what in ((np.isfinite(path), "not finite"), (np.abs(path) <= LARGEST, f"beyond {LARGEST:g}")):
         if not inside.all():
-            raise NotFinite(Flaw(("robot",), _departure(problem, trajectory, inside, what)))
+            raise NotFinite(Flaw((problem.model.noun,), _departure(problem, trajectory, inside, what)))
     pairs = [("reading", array) for array in responses] + [("derivative", array) for array in derivatives]
     for what, array in pairs:
         rows = np.flatnonzero(~np.isfinite(np.atleast_2d(array.T)).all(axis=0))

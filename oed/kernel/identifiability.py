@@ -95,31 +95,36 @@ def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]
 
 def _hidden(problem: Problem, drives: int) -> tuple[Ambiguity, ...]:
     rng = np.random.default_rng(0)
-    found = list[dict[str, SquareRoot]]()
-    # What is over soon shows in next to none of the drives that are anywhere.
+    found, failed = list[dict[str, SquareRoot]](), list[NotFinite]()
+    pairs = list[tuple[Estimation, SquareRoot]]()
+    # What is over soon, or goes beyond all bounds, shows in next to none of the drives that are anywhere.
     for shares in (_anywhere, _near_an_end):
-        found += _informed(problem, [_random_drive(problem, rng, shares) for _ in range(drives)])
+        _inform(problem, [_random_drive(problem, rng, shares) for _ in range(drives)], found, failed)
         pairs = [
             (one, SquareRoot.together([each[one.block.name] for each in found]))
             for one in problem.any_estimations
+            if found
         ]
         asked = [root.leading(len(one.judged)).scaled(one.scales) for one, root in pairs]
-        if problem.objective.identifiable(asked):
+        if found and problem.objective.identifiable(asked):
             return ()
+    if not found:
+        raise failed[0]
     return tuple(ambiguity for one, root in pairs for ambiguity in _null_combinations(one, root))
 
 
-def _informed(problem: Problem, drives: Sequence[Trajectory]) -> list[dict[str, SquareRoot]]:
-    # Of those that are finite: a system at its fastest may go beyond all bounds. Where none is, why not.
-    found, failed = list[dict[str, SquareRoot]](), list[NotFinite]()
+def _inform(
+    problem: Problem,
+    drives: Sequence[Trajectory],
+    found: list[dict[str, SquareRoot]],
+    failed: list[NotFinite],
+) -> None:
+    # Of drives that are finite: a system at its fastest may go beyond all bounds.
     for drive in drives:
         try:
             found.append(full_information(problem, drive))
         except NotFinite as error:
             failed.append(error)
-    if not found:
-        raise failed[0]
-    return found
 
 
 def _null_combinations(one: Estimation, root: SquareRoot) -> list[Ambiguity]:
@@ -168,9 +173,9 @@ def _anywhere(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
 
 
 def _near_an_end(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    # Of a range, as often a thousandth off an end as a tenth.
+    # Of each input's range the same end all the time, as often a thousandth off it as a tenth.
     near = 10.0 ** -rng.uniform(0.0, DECADES, shape)
-    return np.where(rng.uniform(size=shape) < 0.5, near, 1 - near)
+    return np.where(rng.uniform(size=shape[1:]) < 0.5, near, 1 - near)
 
 
 def _random_drive(

@@ -14,7 +14,7 @@ import oed
 from oed.equations.limits import InputRange
 from oed.equations.outputs import Outputs, Responses
 from oed.equations.system import Equations
-from oed.foundation.errors import PartError, ProblemError
+from oed.foundation.errors import NotFinite, PartError, ProblemError
 from oed.kernel.criteria import D
 from oed.kernel.dynamics.system import carrier, stepper
 
@@ -192,3 +192,30 @@ class TestProblem:
 
     def test_responses_are_those_of_equations(self):
         assert Responses(noise={"measured": 1}).flaws(tank(), 3) != []
+
+
+@pytest.mark.slow
+def test_drives_that_go_beyond_all_bounds_are_the_worst_and_no_error():
+    """The rate a x^2 + u leads to infinity after a while, unless it is held down."""
+    system = Equations(
+        states={"x": ""},
+        derivatives={"x": "a * x^2 + u"},
+        parameters={"a": "1 1/s"},
+        inputs={"u": "1/s"},
+        outputs={"y": "x"},
+    )
+    space = oed.SignalSpace(
+        duration=4.0, samples=40, spline=oed.Spline(degree=1, coefficients=8), rest_to_rest=False
+    ).model_copy(update={"start": (0.1,)})
+    problem = oed.Problem(
+        model=system,
+        design=space,
+        measurement=Outputs(noise={"y": 0.1}),
+        limits=[InputRange(input="u", range=("-1 1/s", "0.5 1/s"))],
+        criterion=D(),
+    )
+    with pytest.raises(NotFinite, match=r"system: x: not finite from .* s on"):
+        oed.evaluate(problem, space.trajectory(np.full((8, 1), 0.5), problem.fixed_starts))
+    found = oed.solve(problem, oed.Ipopt(starts=4, perturbations=0, second_stage="none"), seed=0, workers=1)
+    assert found.evaluation is not None
+    assert np.isfinite(found.evaluation.objective)

@@ -15,6 +15,8 @@ SMALL = 0.25
 """Amplitude of the small random starts, as a share of each input's range."""
 DISCOUNT = 1.0
 """Standard scores of the criterion that exceeding limits by their own size costs in the screening."""
+HUGE = 1e100
+"""Size of a criterion from which on its variance is not taken as it is."""
 USUAL = (-1.0, 1.0)
 """Where a start state of any other unit is tried, SI, if no limit bounds it."""
 PERTURBATION = 0.15
@@ -118,6 +120,10 @@ def _merit(values: Array, violations: Array) -> Array:
     finite = np.isfinite(values)
     if not finite.any():
         return np.asarray(-violations.sum(axis=1))
+    largest = float(np.abs(values[finite]).max())
+    if largest > HUGE:
+        # Of a system that all but goes beyond all bounds: its square is no number.
+        values = values / largest
     spread = float(values[finite].std()) or 1.0
     scores = np.where(finite, (values - values[finite].mean()) / spread, -1e3)
     return np.asarray(scores - DISCOUNT * violations.sum(axis=1))
