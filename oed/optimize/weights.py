@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -96,32 +96,58 @@ def _solved(
     return np.array(found["x"]).ravel()[: len(even)], np.array(found["lam_g"]).ravel()[len(budgets) :]
 
 
-def rounded(criterion: Criterion, parts: Parts, weights: Array, count: int) -> Weights:
-    """So many whole readings: those of the largest weights, exchanged one by one while that is better.
+def rounded(criterion: Criterion, parts: Parts, weights: Array, budgets: Sequence[Budget]) -> Weights:
+    """Whole readings within budgets: as near to weights as whole numbers are, then exchanged one by one while
+    that is better. How good they are shows beside the bound on all weights.
 
     Args:
-        criterion: to be large.
+        criterion: to be large, concave.
         parts: of the information.
         weights: of a relaxed choice, (n,).
-        count: of readings that are taken, once each.
+        budgets: of all readings, with whole totals.
+
+    Raises:
+        UserMistake: a total or most that is no whole number.
     """
     chosen = np.zeros(len(weights))
-    chosen[np.argsort(-weights, kind="stable")[:count]] = 1.0
+    for one in budgets:
+        chosen[list(one.places)] = _nearest(weights[list(one.places)], one)
     value, better = _value(criterion, parts, chosen), True
     while better:
         better = False
-        for given_up in np.flatnonzero(chosen).tolist():
-            others = np.flatnonzero(chosen == 0).tolist()
-            values = [_value(criterion, parts, _exchanged(chosen, given_up, one)) for one in others]
+        for given_up, others in _exchanges(chosen, budgets):
+            trials = [_exchanged(chosen, given_up, one) for one in others]
+            values = [_value(criterion, parts, trial) for trial in trials]
             if values and max(values) > value + abs(value) * SLIGHT:
-                chosen = _exchanged(chosen, given_up, others[int(np.argmax(values))])
-                value, better = max(values), True
+                chosen, value, better = trials[int(np.argmax(values))], max(values), True
+                break
     return _weights(criterion, parts, chosen)
+
+
+def _nearest(weights: Array, budget: Budget) -> Array:
+    # Largest remainders.
+    if budget.total % 1 or budget.most % 1:
+        text = f"expected whole numbers of readings, got {budget.total:g} and at most {budget.most:g} of each"
+        raise UserMistake(text)
+    found = np.minimum(np.floor(weights + SLIGHT), budget.most)
+    left = np.where(found < budget.most, weights - found, -np.inf)
+    found[np.argsort(-left, kind="stable")[: round(budget.total - found.sum())]] += 1.0
+    return found
+
+
+def _exchanges(chosen: Array, budgets: Sequence[Budget]) -> Iterator[tuple[int, list[int]]]:
+    # Readings that may be given up for others.
+    for one in budgets:
+        places = np.array(one.places)
+        others = places[chosen[places] < one.most]
+        for given_up in places[chosen[places] > 0].tolist():
+            yield given_up, [place for place in others.tolist() if place != given_up]
 
 
 def _exchanged(chosen: Array, given_up: int, taken: int) -> Array:
     found = chosen.copy()
-    found[[given_up, taken]] = 0.0, 1.0
+    found[given_up] -= 1.0
+    found[taken] += 1.0
     return found
 
 

@@ -205,7 +205,7 @@ class TestCertificates:
     def test_whole_readings_are_nearly_as_good(self, criterion: Criterion):
         parts = tracked("laser_tracker")
         found = best_weights(criterion, parts, budgets_of(parts, 20.0))
-        chosen = rounded(criterion, parts, found.values, 20)
+        chosen = rounded(criterion, parts, found.values, budgets_of(parts, 20.0))
         assert sorted(set(chosen.values)) == [0, 1]
         assert chosen.values.sum() == 20
         bound = weight_bound(criterion, parts, found.values, found.gradient, budgets_of(parts, 20.0))
@@ -214,6 +214,36 @@ class TestCertificates:
         even = np.zeros(len(parts.readings))
         even[np.linspace(0, len(even) - 1, 20).astype(int)] = 1
         assert criterion.value([parts.information(even)]) < chosen.value
+
+
+@pytest.mark.parametrize(
+    ("count", "taken"),
+    [(5, [1, 3, 1]), (10, [2, 6, 2]), (7, None)],
+    ids=["as the weights", "twice as the weights", "nearly as the weights"],
+)
+def test_trials_may_be_repeated(count: int, taken: list[int] | None):
+    """So many readings of a parabola: whole multiples of 1/5, 3/5, 1/5 are optimal."""
+    criterion, parts = E(scaling="none"), quadratic()
+    budgets = budgets_of(parts, float(count), most=float(count))
+    found = best_weights(criterion, parts, budgets)
+    chosen = rounded(criterion, parts, found.values, budgets)
+    bound = weight_bound(criterion, parts, found.values, found.gradient, budgets)
+    assert chosen.values.sum() == count
+    if taken is None:
+        assert 0.9 < chosen.value / bound < 1
+    else:
+        assert chosen.values[chosen.values > 0].tolist() == taken
+        assert chosen.value == pytest.approx(bound, rel=1e-7)
+
+
+def test_half_a_reading_is_none():
+    with pytest.raises(UserMistake, match=r"expected whole numbers of readings, got 2\.5"):
+        rounded(CRITERIA[1], quadratic(), np.zeros(201), budgets_of(quadratic(), 2.5))
+
+
+def test_every_sensor_has_a_total():
+    with pytest.raises(UserMistake, match="totals: expected one of each of responses, got outputs"):
+        budgets_of(quadratic(), {"outputs": 1.0})
 
 
 def _random_weights(rng: np.random.Generator, count: int, total: float) -> np.ndarray:
