@@ -24,6 +24,8 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
     Robots
         DifferentialDrive, SkidSteer, SkidSteerIcr, SkidSteerSlip, Tricycle, Ackermann, Mecanum, OmniThree,
         OffsetDrive, TractorTrailer, Unicycle, Model, DesignSpace, StartPose
+    Systems given by equations, what is read of them, and ranges of their inputs
+        Equations, Outputs, Responses, InputRange
     Sensors
         Poses, RelativePoses, Displacements, Ranges, Landmarks, Tags, YawRate, TrailerAngle, Several,
         AbsoluteNoise, PoseNoise, SightNoise, LeverArm, CameraArm, Mounting, PosePrior, Prior, regression,
@@ -38,6 +40,8 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
         E, D, A, G, I, ModifiedE, Criterion, Epigraph, Subject
     Searches
         solve, Ipopt, Genetic, DifferentialEvolution, CmaEs, Cluster, Progress, Solver, Context
+    Which readings to take
+        parts_of, Parts, budgets_of, Budget, best_weights, whole_weights, Weights, weight_bound
     Uncertain robots
         Uncertainty, Robust, violation_probability
     Bounds

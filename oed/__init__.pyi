@@ -1,5 +1,10 @@
 from .bounds import Certificate as Certificate
 from .bounds import bound as bound
+from .bounds.weights import weight_bound as weight_bound
+from .equations.limits import InputRange as InputRange
+from .equations.outputs import Outputs as Outputs
+from .equations.outputs import Responses as Responses
+from .equations.system import Equations as Equations
 from .estimation import Calibration as Calibration
 from .estimation import CalibrationOptions as CalibrationOptions
 from .estimation.methods import Estimate as Estimate
@@ -38,6 +43,10 @@ from .kernel.evaluation import Margin as Margin
 from .kernel.evaluation import evaluate as evaluate
 from .kernel.identifiability import ambiguities as ambiguities
 from .kernel.measurement.prior import Prior as Prior
+from .kernel.parts import Budget as Budget
+from .kernel.parts import Parts as Parts
+from .kernel.parts import budgets_of as budgets_of
+from .kernel.parts import parts_of as parts_of
 from .kernel.problem import Problem as Problem
 from .kernel.solution import Solution as Solution
 from .kernel.solution import Status as Status
@@ -57,6 +66,9 @@ from .optimize import Ipopt as Ipopt
 from .optimize import Progress as Progress
 from .optimize import Solver as Solver
 from .optimize import solve as solve
+from .optimize.weights import Weights as Weights
+from .optimize.weights import best_weights as best_weights
+from .optimize.weights import whole_weights as whole_weights
 from .records.path_file import read_trajectory as read_trajectory
 from .records.path_file import write_trajectory as write_trajectory
 from .records.record import EstimateRecord as EstimateRecord

@@ -269,9 +269,13 @@ def test_the_estimate_shown_is_that_of_the_shipped_log():
 
 
 @pytest.mark.slow
-def test_python_runs_and_prints_what_is_said(capsys: pytest.CaptureFixture[str]):
-    (text,) = blocks("howto/own_parts", "python")
-    exec(compile(text, "own_parts.md", "exec"), {})
+@pytest.mark.parametrize("page", ["own_parts", "equations"])
+def test_python_runs_and_prints_what_is_said(
+    page: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(ROOT)
+    text = "\n".join(blocks(f"howto/{page}", "python"))
+    exec(compile(text, f"{page}.md", "exec"), {})
     printed = capsys.readouterr().out
     said = [line.removeprefix("# ") for line in text.splitlines() if line.startswith("# ")]
     assert said == printed.splitlines()

@@ -96,7 +96,7 @@ def _solved(
     return np.array(found["x"]).ravel()[: len(even)], np.array(found["lam_g"]).ravel()[len(budgets) :]
 
 
-def rounded(criterion: Criterion, parts: Parts, weights: Array, budgets: Sequence[Budget]) -> Weights:
+def whole_weights(criterion: Criterion, parts: Parts, weights: Array, budgets: Sequence[Budget]) -> Weights:
     """Whole readings within budgets: as near to weights as whole numbers are, then exchanged one by one while
     that is better. How good they are shows beside the bound on all weights.
 

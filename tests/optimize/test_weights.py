@@ -16,7 +16,7 @@ from oed.equations.system import Equations
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import A, Criterion, D, E, ModifiedE
 from oed.kernel.parts import Parts, budgets_of, parts_of
-from oed.optimize.weights import best_weights, rounded
+from oed.optimize.weights import best_weights, whole_weights
 
 CRITERIA: tuple[Criterion, ...] = (E(scaling="none"), D(scaling="none"), A(scaling="none"))
 POINTS = np.linspace(-1, 1, 201)
@@ -205,7 +205,7 @@ class TestCertificates:
     def test_whole_readings_are_nearly_as_good(self, criterion: Criterion):
         parts = tracked("laser_tracker")
         found = best_weights(criterion, parts, budgets_of(parts, 20.0))
-        chosen = rounded(criterion, parts, found.values, budgets_of(parts, 20.0))
+        chosen = whole_weights(criterion, parts, found.values, budgets_of(parts, 20.0))
         assert sorted(set(chosen.values)) == [0, 1]
         assert chosen.values.sum() == 20
         bound = weight_bound(criterion, parts, found.values, found.gradient, budgets_of(parts, 20.0))
@@ -226,7 +226,7 @@ def test_trials_may_be_repeated(count: int, taken: list[int] | None):
     criterion, parts = E(scaling="none"), quadratic()
     budgets = budgets_of(parts, float(count), most=float(count))
     found = best_weights(criterion, parts, budgets)
-    chosen = rounded(criterion, parts, found.values, budgets)
+    chosen = whole_weights(criterion, parts, found.values, budgets)
     bound = weight_bound(criterion, parts, found.values, found.gradient, budgets)
     assert chosen.values.sum() == count
     if taken is None:
@@ -238,7 +238,7 @@ def test_trials_may_be_repeated(count: int, taken: list[int] | None):
 
 def test_half_a_reading_is_none():
     with pytest.raises(UserMistake, match=r"expected whole numbers of readings, got 2\.5"):
-        rounded(CRITERIA[1], quadratic(), np.zeros(201), budgets_of(quadratic(), 2.5))
+        whole_weights(CRITERIA[1], quadratic(), np.zeros(201), budgets_of(quadratic(), 2.5))
 
 
 def test_every_sensor_has_a_total():
