@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.kernel.criteria import Criterion
 from oed.kernel.parts import Budget, Parts
@@ -27,6 +28,7 @@ def directional_derivatives(parts: Parts, weights: Array, gradient: Array) -> Ar
     return np.asarray(np.einsum("ab,nba->n", whole, parts.matrices))
 
 
+@typed
 def weight_bound(
     criterion: Criterion, parts: Parts, weights: Array, gradient: Array, budgets: Sequence[Budget]
 ) -> float:

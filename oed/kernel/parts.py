@@ -118,6 +118,7 @@ class Budget:
         return float(np.clip(self.total - self.most * np.arange(len(own)), 0.0, self.most) @ own)
 
 
+@typed
 def budgets_of(parts: Parts, totals: float | Mapping[str, float], most: float = 1.0) -> tuple[Budget, ...]:
     """One budget for all readings, or one for those of every sensor.
 

@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
@@ -38,6 +39,7 @@ class Weights(Brief):
     gradient: Array
 
 
+@typed
 def best_weights(criterion: Criterion, parts: Parts, budgets: Sequence[Budget]) -> Weights:
     """The weights within budgets that make a concave criterion largest.
 
@@ -96,6 +98,7 @@ def _solved(
     return np.array(found["x"]).ravel()[: len(even)], np.array(found["lam_g"]).ravel()[len(budgets) :]
 
 
+@typed
 def whole_weights(criterion: Criterion, parts: Parts, weights: Array, budgets: Sequence[Budget]) -> Weights:
     """Whole readings within budgets: as near to weights as whole numbers are, then exchanged one by one while
     that is better. How good they are shows beside the bound on all weights.
