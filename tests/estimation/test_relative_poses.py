@@ -20,6 +20,8 @@ from oed.estimation import Calibration, CalibrationOptions, calibrate
 from oed.estimation.prediction.layout import without_turns
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.prediction.motion_layout import motion_parts, motion_segments
+from oed.estimation.preprocessing.motion_checks import motion_fault, without_strays
+from oed.estimation.preprocessing.moves import Moves
 from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.criteria import D, E
@@ -210,6 +212,17 @@ class TestBadMatches:
         assert drive.wrong.sum() - 2 <= count <= drive.wrong.sum()
         outliers = {one.about: one for one in found.diagnostics if one.name == "outliers"}
         assert not outliers["position"].passed
+
+    @pytest.mark.parametrize(("seed", "bad"), [(4, 0.8), (0, 0.6), (2, 0.95)])
+    def test_where_most_go_wrong_no_reading_is_said_to_explain_them(
+        self, tmp_path: Path, seed: int, bad: float
+    ):
+        drive, rng = matched(seed, seconds=40), np.random.default_rng(seed)
+        astray = rng.normal(size=drive.motions.shape) * [0.3, 0.3, 1.0]
+        wrong = rng.random(len(astray)) < bad
+        (log,) = logs_of(tmp_path, replace(drive, motions=np.where(wrong[:, None], astray, drive.motions)))
+        moves = Moves.of(NOMINAL, [without_strays(NOMINAL, log)])
+        assert motion_fault(moves, [log]) is None
 
     def test_they_are_no_drift(self, tmp_path: Path):
         found = estimated(logs_of(tmp_path, matched(4, bad=0.05, seconds=60)), loss="cauchy")

@@ -12,7 +12,7 @@ import numpy as np
 
 from oed.estimation.prediction.motion_layout import driven
 from oed.estimation.preprocessing.motion_comparison import MotionComparison
-from oed.estimation.preprocessing.moves import FEWEST, Moves
+from oed.estimation.preprocessing.moves import FEWEST, Moves, unexplained
 from oed.estimation.preprocessing.wiring_checks import BAD, BETTER, inputs_misread, worst
 from oed.foundation.arrays import Array
 from oed.logs.log import Log
@@ -103,8 +103,11 @@ def motion_fault(moves: Moves, logs: Sequence[Log]) -> str | None:
         return None
     tried = [(worst(moves, inputs, any_side=True), text) for text, inputs in inputs_misread(moves)]
     for text, read in MISREAD.items():
-        own = Moves.of(moves.robot, [without_strays(moves.robot, _as(log, read)) for log in logs])
-        tried.append((worst(own, own.inputs, any_side=True), text))
+        read_so = [without_strays(moves.robot, _as(log, read)) for log in logs]
+        own = Moves.of(moves.robot, read_so)
+        # Where many are left out, or noise hides what showed before, that is no explanation.
+        if _judged(own) >= _judged(moves) and not any(_has_many_strays(log) for log in read_so):
+            tried.append((worst(own, own.inputs, any_side=True), text))
     # A share of next to nothing is the luck of the noise.
     tried = [(max(left, LUCK), text) for left, text in tried]
     least = min(left for left, _ in tried)
@@ -116,11 +119,20 @@ def motion_fault(moves: Moves, logs: Sequence[Log]) -> str | None:
     return f"{', or '.join(texts)}: {left}"
 
 
+def _judged(moves: Moves) -> set[str]:
+    # The kinds of moves in which there is more than noise.
+    return set(unexplained(moves.measured(), moves.predicted(), moves.noise(), any_side=True))
+
+
+def _has_many_strays(log: Log) -> bool:
+    return any(one.name == MANY_STRAYS for one in log.findings)
+
+
 def _as(log: Log, read: Callable[[Array], Array]) -> Log:
-    # The log with its motions read otherwise.
+    # The log with its motions read otherwise, and nothing found in them yet.
     motions = log.motions
     assert motions is not None
-    other = replace(log, motions=replace(motions, values=read(motions.values)))
+    other = replace(log, motions=replace(motions, values=read(motions.values)), findings=())
     return other.following(np.ones(len(motions), dtype=bool))
 
 
