@@ -19,7 +19,7 @@ from oed.estimation.assessment.covariance import (
 )
 from oed.estimation.assessment.dead_reckoning import HeldOut, cross_validated, held_out
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
-from oed.estimation.assessment.doubts import Doubt, plausibility_doubts
+from oed.estimation.assessment.doubts import Doubt, plausibility_doubts, stray_doubts
 from oed.estimation.assessment.drift import drift, drift_of_motions
 from oed.estimation.assessment.further_sensors import odd_points, unread
 from oed.estimation.assessment.input_noise import Dilution, dilution_doubts, dilution_of
@@ -221,6 +221,7 @@ class _Work:
             chosen, *others = covariances
             covariances = (replace(chosen, matrix=dilution.widened(chosen.matrix)), *others)
         doubts += odd_points(fit)
+        doubts = (*stray_doubts(found.logs, self.options.loss), *doubts)
         if len(covariances) == 1 and not fit.correlated:
             doubts += (Doubt("", "short_logs", TOO_SHORT),)
         if rates is not None and covariances[0].name == "drift":

@@ -224,6 +224,14 @@ class TestBadMatches:
         moves = Moves.of(NOMINAL, [without_strays(NOMINAL, log)])
         assert motion_fault(moves, [log]) is None
 
+    @pytest.mark.parametrize(("loss", "said"), [("linear", True), ("cauchy", False)])
+    def test_so_many_that_they_decide_a_plain_fit_are_its_first_doubt(
+        self, tmp_path: Path, loss: str, said: bool
+    ):
+        logs = logs_of(tmp_path, matched(4, bad=0.38, seconds=60))
+        doubts = estimated(logs, loss=loss, clock_offset=False, block=60.0).doubts
+        assert (doubts[0].name == "stray_motions") == said
+
     def test_they_are_no_drift(self, tmp_path: Path):
         found = estimated(logs_of(tmp_path, matched(4, bad=0.05, seconds=60)), loss="cauchy")
         assert found.drift is None

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from oed.estimation.methods.beforehand import LOOSE
 from oed.estimation.methods.fit import Fit
+from oed.estimation.preprocessing.motion_checks import MANY_STRAYS
+from oed.estimation.setup.options import Loss
 from oed.foundation.arrays import Array
-from oed.foundation.text import count, size_text, words
+from oed.foundation.text import count, listing, size_text, words
 from oed.kernel.dynamics.system import Parameter
+from oed.logs.log import Log
 from oed.robots.models.model import Model
 
 ODD_WHEEL = 1.3
@@ -35,13 +38,25 @@ class Doubt:
 
     Attributes:
         parameter: its name; "" where it is about all of them.
-        name: "sign", "size", "prior", "input_noise", "odd_point" or "short_logs".
+        name: "sign", "size", "prior", "input_noise", "odd_point", "short_logs" or "stray_motions".
         message: a sentence with the size, and what to do.
     """
 
     parameter: str
     name: str
     message: str
+
+
+def stray_doubts(logs: Sequence[Log], loss: Loss) -> tuple[Doubt, ...]:
+    """A word on logs of which very many motions are far off, where a fit takes each for a measurement."""
+    names = [log.name for log in logs if any(one.name == MANY_STRAYS for one in log.findings)]
+    if not names or loss != "linear":
+        return ()
+    text = (
+        f"so many relative poses of {listing(names)} are bad matches that the estimates are theirs: give "
+        "`calibration: {loss: cauchy}`, which bounds what they do"
+    )
+    return (Doubt("", "stray_motions", text),)
 
 
 def plausibility_doubts(fit: Fit, covariance: Array) -> tuple[Doubt, ...]:
