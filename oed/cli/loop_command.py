@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 GOES_ON = "; the same command goes on where this one stopped"
 """What is to be known of an interrupted loop."""
+NOT_BEGUN = "interrupted: the first drive had not been designed by then; the same command begins anew"
+"""The same of one that has nothing to go on with, and nothing to report."""
 
 
 def _arguments(parser: argparse.ArgumentParser) -> None:
@@ -86,11 +88,12 @@ def _run(options: argparse.Namespace) -> int:
             written=_pages,
             **given,
         )
-    # Before the first design is there nothing of a loop can be reported.
-    begun = (done.folder / LOOP_FILE).is_file()
-    outcome = CommandResult(done.folder if begun else None, out, None, done.interrupted, GOES_ON)
+    folder = done.folder if (done.folder / LOOP_FILE).is_file() else None
+    outcome = CommandResult(folder, out, None, done.interrupted and folder is not None, GOES_ON)
     outcome.report(lambda: write_loop(done.found, out))
     outcome.show(options, {**done.data, **outcome.place}, lambda: _print(done))
+    if folder is None:
+        say(NOT_BEGUN)
     # Where nothing is wanted, it ends when another drive gains little.
     enough = done.reached or (done.found.finished and not options.target)
     return DONE if enough and not (done.interrupted or outcome.trouble) else FAILED

@@ -113,6 +113,19 @@ class TestMistakes:
         monkeypatch.setattr(module, "run", designed)
         assert oed.loop(other, logs, tmp_path / "out").interrupted
 
+    def test_interrupted_before_anything_is_saved(self, logs, tmp_path, monkeypatch, capsys):
+        """Nothing is there that `oed report` could make a page of."""
+        (tmp_path / "study.yaml").write_text(STUDY)
+
+        def designed(*_: object, **__: object) -> None:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(module, "run", designed)
+        given = ["--logs", str(logs), "--out", str(tmp_path / "out"), "--quiet"]
+        assert main(["loop", str(tmp_path / "study.yaml"), *given]) == 1
+        said = "interrupted: the first drive had not been designed by then; the same command begins anew\n"
+        assert capsys.readouterr().err == said
+
     def test_two_at_once(self, study, logs, tmp_path, monkeypatch):
         seen = []
 
