@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import filecmp
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatch
@@ -42,7 +42,7 @@ class LogFolder:
         """All logs by their names, complete or not."""
         places = [one for one in sorted(self.folder.iterdir()) if self._fits(one)]
         beside = {other for one in places for other in beside_of(one, self.form)}
-        signs = {one.name: _sign([one, *beside_of(one, self.form)]) for one in places if one not in beside}
+        signs = {one.name: _sign(one, self.form) for one in places if one not in beside}
         return {name: sign for name, sign in signs.items() if sign is not None}
 
     def new(self, known: Mapping[str, Sign]) -> dict[str, Sign]:
@@ -76,14 +76,20 @@ class LogFolder:
         return is_bag(place) if isinstance(self.form, BagForm) else place.is_file()
 
 
-def _sign(parts: Sequence[Path]) -> Sign | None:
-    # Of a file or a folder, and of what lies beside; None of what is empty, or gone by now.
+def _sign(log: Path, form: LogForm) -> Sign | None:
+    # Of all its files; None of what is empty, or gone by now.
     with suppress(OSError):
-        files = [one for part in parts for one in ([part] if part.is_file() else part.rglob("*"))]
-        stats = [one.stat() for one in files if one.is_file()]
+        stats = [one.stat() for one in _files(log, form)]
         size = sum(one.st_size for one in stats)
         return (size, max(one.st_mtime_ns for one in stats)) if size else None
     return None
+
+
+def _files(log: Path, form: LogForm) -> list[Path]:
+    # A log's own, or those of its folder, and what lies beside it.
+    parts = (log, *beside_of(log, form))
+    each = (one for part in parts for one in ([part] if part.is_file() else sorted(part.rglob("*"))))
+    return [one for one in each if one.is_file()]
 
 
 def beside_of(log: Path, form: LogForm) -> Iterator[Path]:
@@ -101,7 +107,7 @@ def twin_of(log: Path, others: Iterable[Path], form: LogForm) -> Path | None:
     """The first of other logs that is a log to the byte, with all that is read beside it; None if none is.
 
     Args:
-        log: a file.
+        log: a file, or a bag's folder.
         others: that it may be a copy of.
         form: how they are read.
     """
@@ -109,7 +115,9 @@ def twin_of(log: Path, others: Iterable[Path], form: LogForm) -> Path | None:
 
 
 def _alike(log: Path, other: Path, form: LogForm) -> bool:
-    parts = [[one, *beside_of(one, form)] for one in (log, other)]
-    if len(parts[0]) != len(parts[1]) or not all(one.is_file() for each in parts for one in each):
-        return False
-    return all(filecmp.cmp(one, two, shallow=False) for one, two in zip(*parts, strict=True))
+    # What cannot be read is told by who reads it.
+    with suppress(OSError):
+        one, two = (_files(each, form) for each in (log, other))
+        pairs = zip(one, two, strict=False)
+        return 0 < len(one) == len(two) and all(filecmp.cmp(*pair, shallow=False) for pair in pairs)
+    return False

@@ -204,7 +204,8 @@ class Rounds:
         current, there = self.found.rounds[-1], self.folder.found()
         names = listing(refused)
         self._say([*map(str, error.flaws), f"no estimate can be made with {names}: drive again"])
-        seen = [SeenLog(name=one, size=there[one][0], changed=there[one][1]) for one in refused]
+        signs = ((one, *there[one]) for one in refused if one in there)
+        seen = [SeenLog(name=name, size=size, changed=changed) for name, size, changed in signs]
         again = current.model_copy(update={"logs": [one for one in current.logs if one not in refused]})
         self._save(rounds=[*self.found.rounds[:-1], again], seen=[*self.found.seen, *seen])
 

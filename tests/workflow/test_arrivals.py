@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from looping import STUDY
 
-from oed.workflow.arrivals import LogFolder
+from oed.workflow.arrivals import LogFolder, twin_of
 from oed.workflow.studies import parse_study
 
 
@@ -62,3 +62,41 @@ class TestFolder:
         found = self.folder(logs).complete(known, 1.0, 3.0)
         assert [(name, size) for name, (size, _) in found.items()] == [("a.csv", 6)]
         assert now[0] == pytest.approx(8.0, abs=1.1)
+
+
+class TestTwins:
+    """Logs that hold the same under another name."""
+
+    def test_a_bag_is_all_that_its_folder_holds(self, logs):
+        form = parse_study(f"{STUDY}log: {{kind: rosbag}}\n").log
+        bags = [logs / name for name in ("one", "copy", "other")]
+        for bag, text in zip(bags, ("x", "x", "y"), strict=True):
+            bag.mkdir()
+            (bag / "bag_0.mcap").write_text(text)
+            (bag / "metadata.yaml").write_text("same")
+        assert twin_of(bags[1], bags[::2], form) == bags[0]
+        assert twin_of(bags[2], bags[:2], form) is None
+
+    def test_what_lies_beside_is_part_of_them(self, logs):
+        """The same commands may be driven twice."""
+        form = parse_study(f"{STUDY}log: {{poses: {{file: '{{stem}}_poses.csv'}}}}\n").log
+        one, other = logs / "one.csv", logs / "other.csv"
+        for log, poses in ((one, "1"), (other, "2")):
+            log.write_text("x")
+            log.with_name(f"{log.stem}_poses.csv").write_text(poses)
+        assert twin_of(other, [one], form) is None
+        other.with_name("other_poses.csv").write_text("1")
+        assert twin_of(other, [one], form) == one
+
+    def test_what_cannot_be_read_is_no_twin(self, logs, monkeypatch):
+        """The reader says what is wrong with it."""
+        form, one, other = parse_study(STUDY).log, logs / "one.csv", logs / "other.csv"
+        for log in (one, other):
+            log.write_text("x")
+
+        def forbidden(*_: object, **__: object) -> None:
+            raise PermissionError(13, "Permission denied")
+
+        assert twin_of(one, [logs / "gone.csv"], form) is None
+        monkeypatch.setattr("filecmp.cmp", forbidden)
+        assert twin_of(one, [other], form) is None

@@ -17,10 +17,11 @@ from looping import SOON, STUDY, TARGETS, TRUTH, Drive, Heard, robot, stopping_a
 
 import oed
 from oed.cli import main
-from oed.foundation.errors import Failure, UserMistake
+from oed.foundation.errors import Failure, LogError, UserMistake
 from oed.records.record import load_record
 from oed.report import write_loop
 from oed.study.study import Study
+from oed.workflow import rounds as module
 from oed.workflow.loop import Loop
 from oed.workflow.studies import parse_study
 
@@ -269,6 +270,21 @@ class TestLogs:
         found, heard = self.run(study, logs, command=drive)
         assert found.found.logs == ["drive1.csv", "drive3.csv"]
         assert any("no estimate can be made with standing.csv" in line for line in heard.said)
+
+    def test_one_that_is_moved_away_meanwhile(self, study, logs, monkeypatch):
+        good, turns, estimated = robot(study), itertools.count(1), module.next_drive
+
+        def refused(saved: Study, files: list[Path], **more: Any) -> object:
+            if next(turns) > 1:
+                return estimated(saved, files, **more)
+            files[0].unlink()
+            raise LogError.about(str(files[0]), "cannot be read: no such file")
+
+        monkeypatch.setattr(module, "next_drive", refused)
+        found, heard = self.run(study, logs, command=good)
+        assert found.reached
+        assert found.found.seen == []
+        assert "no estimate can be made with drive1.csv: drive again" in heard.said
 
     def test_one_in_which_the_robot_stands(self, study, logs):
         good, turns = robot(study), itertools.count(1)
