@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -41,6 +42,7 @@ class Ros:
         listeners: how many hear the commands.
         feedback: whether it arrives.
         stall: time from which on the timer comes late, and by how much.
+        behind: by how much the nodes' clock has been set back [s].
         events: what happens at times: called once.
         recorders: command lines of processes begun, and what they were sent.
         asked: questions to who drives.
@@ -57,12 +59,21 @@ class Ros:
         self.feedback: Callable[[Any], None] | None = None
         self.hearing = True
         self.stall: tuple[float, float] | None = None
+        self.behind = 0.0
         self.events: list[tuple[float, Callable[[], None]]] = []
         self.timer: SimpleNamespace | None = None
         self.recorders: list[Recorder] = []
         self.initialised = 0
         self.asked: list[str] = []
         self.handlers: dict[int, Callable[..., None]] = {}
+
+    def set_back(self, seconds: float, *, simulated: bool = False) -> None:
+        """As when the time is set on a robot that is driving: timers wait until it is theirs again. With
+        `simulated` time they come on.
+        """
+        self.behind += seconds
+        if self.timer is not None and not simulated:
+            self.timer.due += seconds
 
     def pass_time(self, seconds: float) -> None:
         self.now += seconds
@@ -117,7 +128,9 @@ class Node:
         self.ros.timer = None
 
     def get_clock(self) -> SimpleNamespace:
-        now = SimpleNamespace(nanoseconds=round(self.ros.now * 1e9), to_msg=lambda: self.ros.now)
+        now = SimpleNamespace(
+            nanoseconds=round((self.ros.now - self.ros.behind) * 1e9), to_msg=lambda: self.ros.now
+        )
         return SimpleNamespace(now=lambda: now)
 
     def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
@@ -128,11 +141,12 @@ class Node:
 
 
 class Recorder:
-    """A process that records."""
+    """A process that records, from the command of the number `since` on."""
 
     def __init__(self, command: list[str], start_new_session: bool = False) -> None:
         assert start_new_session, "Ctrl-C would end it before the robot stands"
-        self.command, self.signals, self.code = command, [], None
+        self.command, self.signals, self.code, self.ends = command, [], None, True
+        self.since = 0
 
     def poll(self) -> int | None:
         return self.code
@@ -142,7 +156,12 @@ class Recorder:
         self.code = 0
 
     def wait(self, timeout: float) -> int:
+        if not self.ends:
+            raise subprocess.TimeoutExpired(self.command, timeout)
         return 0
+
+    def kill(self) -> None:
+        self.code = -9
 
 
 def play(file: Path, *arguments: str, ros: Ros, patch: pytest.MonkeyPatch) -> int:
@@ -159,6 +178,7 @@ def play(file: Path, *arguments: str, ros: Ros, patch: pytest.MonkeyPatch) -> in
 
     def begun(command: list[str], **more: Any) -> Recorder:
         ros.recorders.append(Recorder(command, **more))
+        ros.recorders[-1].since = len(ros.sent)
         return ros.recorders[-1]
 
     patch.setattr(module.subprocess, "Popen", begun)

@@ -325,6 +325,31 @@ class TestStopping:
         moving = twists(ros)[np.flatnonzero(twists(ros)[:, 1]), 0]
         assert moving[-1] - moving[0] == pytest.approx(2.0, abs=0.11)
 
+    @pytest.mark.parametrize("simulated", [False, True])
+    def test_the_clock_is_set_back(self, run, ros: Ros, file: Path, capsys, simulated: bool):
+        """No timer comes for an hour, and the last command holds; or the drive begins anew."""
+        ros.events.append((102.0, lambda: ros.set_back(3600.0, simulated=simulated)))
+        assert run(file, *QUIET) == 1
+        assert "given up: the clock went back by 3" in capsys.readouterr().err
+        assert len(self.stopped(ros, 103.5)) == 0
+
+    def test_the_clock_is_set_back_a_little_as_a_drive_begins(self, run, ros: Ros, file: Path):
+        """No row from the drive's end is sent."""
+        assert run(file, *QUIET) == 0
+        table = twists(ros)
+        began = table[np.flatnonzero(table[:, 1])[0]]
+        passed = ros.now - 100.0
+        ros.sent.clear()
+        ros.events.append((began[0] + passed + 0.02, lambda: ros.set_back(0.2, simulated=True)))
+        assert run(file, *QUIET) == 0
+        again = twists(ros)
+        first = np.flatnonzero(again[:, 1])[0]
+        np.testing.assert_allclose(again[first : first + 4, 1:], np.tile(began[1:], (4, 1)))
+
+    @pytest.mark.parametrize("rate", ["4", "2"])
+    def test_commands_as_seldom_as_asked_for_are_not_late(self, run, ros: Ros, file: Path, rate: str):
+        assert run(file, *QUIET, "--scale", "0.01", "--rate", rate) == 0
+
     def test_feedback_stops(self, run, ros: Ros, file: Path, capsys):
         ros.events.append((102.0, lambda: setattr(ros, "hearing", False)))
         assert run(file, *QUIET, "--feedback", "/odom") == 1
@@ -343,6 +368,29 @@ class TestStopping:
         ros.events.append((102.0, lambda: setattr(ros.recorders[0], "code", 1)))
         assert run(file, "--yes") == 1
         assert "the recorder has ended" in capsys.readouterr().err
+
+    @pytest.mark.parametrize("moment", [100.5, 103.5])
+    def test_the_recorder_ends_while_the_robot_rests(self, run, ros: Ros, file: Path, capsys, moment: float):
+        ros.events.append((moment, lambda: setattr(ros.recorders[0], "code", 1)))
+        assert run(file, "--yes") == 1
+        said = capsys.readouterr()
+        assert "given up: the recorder has ended" in said.err
+        # Its bag lacks how the robot stopped, or all of the drive.
+        assert "oed estimate" not in said.out
+
+    def test_the_recorder_does_not_end(self, run, ros: Ros, file: Path, capsys):
+        ros.events.append((102.0, lambda: setattr(ros.recorders[0], "ends", False)))
+        assert run(file, "--yes") == 1
+        said = capsys.readouterr()
+        assert "given up: the recorder did not end" in said.err
+        assert "oed estimate" not in said.out
+        assert ros.recorders[0].code == -9
+
+    def test_what_ended_a_drive_is_said_whatever_the_recorder_does(self, run, ros: Ros, file: Path, capsys):
+        ros.stall = (102.0, 0.6)
+        ros.events.append((102.0, lambda: setattr(ros.recorders[0], "ends", False)))
+        assert run(file, "--yes") == 1
+        assert "s late" in capsys.readouterr().err
 
     def test_an_error(self, run, ros: Ros, file: Path):
         def fail() -> None:
