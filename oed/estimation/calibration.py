@@ -207,12 +207,12 @@ class _Work:
             raise LogError.about(other.logs[0].file, text)
         self.announce("fitting")
         fitted = self._fitting.fitted(found)
-        segmenting, fit = fitted.segmenting, fitted.fit
+        segmenting, plain = fitted.segmenting, fitted.fit
         notes = [*thinning_notes(self.logs, found.logs), *fitted.notes]
         notes += unread(self.problem.measurement, found.logs)
         self.announce("error bars")
-        rates = drift_rates(fit)
-        fit, covariances, weighting = weighted_with_prior(fit, self._covariances(fit, segmenting, rates))
+        rates = drift_rates(plain)
+        fit, covariances, weighting = weighted_with_prior(plain, self._covariances(plain, segmenting, rates))
         notes += weighting
         doubts, dilution = plausibility_doubts(fit, covariances[0].matrix), dilution_of(fit, self.seed)
         if dilution is not None:
@@ -244,7 +244,7 @@ class _Work:
             cross_validation=cross_validated(fit) if _has_positions(logs) else (),
             held_out=None if other is None else held_out(fit, fit.values, other.logs, _clocks(fit, other)),
             own=held_out(fit, fit.values, logs, fit.clocks_of(logs)) if alone else None,
-            comparison=self._comparison(found, fit, segmenting),
+            comparison=self._comparison(found, plain, segmenting),
             notes=(*notes, *fit.notes),
         )
 

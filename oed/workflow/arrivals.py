@@ -115,7 +115,7 @@ def twin_of(log: Path, others: Iterable[Path], form: LogForm) -> Path | None:
 
 
 def _alike(log: Path, other: Path, form: LogForm) -> bool:
-    # What cannot be read is told by who reads it.
+    # What cannot be read is refused where it is read.
     with suppress(OSError):
         one, two = (_files(each, form) for each in (log, other))
         pairs = zip(one, two, strict=False)
