@@ -11,7 +11,7 @@ from oed.foundation.shown import shown
 from oed.kernel.measurement.prior import Prior
 from oed.records.record import Record, load_record
 from oed.records.stored.door import in_record
-from oed.study.study import PriorRecord, Study, StudyFile, read_study
+from oed.study.study import AnyStudyFile, PriorRecord, Study, read_study
 from oed.study.yaml_source import plain_source
 
 TRUST = "if you trust it give --trust (in Python trust=True): it holds for this one call"
@@ -40,7 +40,7 @@ def recorded_study(record: Record, *, trust: bool = False) -> Study:
         raise in_record(error.flaws) from None
 
 
-def _refuse_code(file: StudyFile, place: Path) -> None:
+def _refuse_code(file: AnyStudyFile, place: Path) -> None:
     flaws = [
         FileFlaw(
             str(place),

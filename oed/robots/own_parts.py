@@ -19,13 +19,13 @@ from oed.foundation.own.part import OwnCodeError, OwnPart, is_own
 from oed.foundation.shown import written
 from oed.kernel.criteria import CRITERIA, Criterion, Epigraph
 from oed.kernel.dynamics.rollout import drive_shape
+from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System, signaller
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.measurement import Block, Measurement
 from oed.kernel.measurement.moment import moment_reading
 from oed.kernel.measurement.sensor import Moment, Sensor
 from oed.kernel.problem import Problem
-from oed.robots.space import DesignSpace
 
 Key = tuple[str | int, ...]
 
@@ -72,10 +72,10 @@ def measurement_flaws(file: Any) -> list[Flaw]:
     """What is wrong with measurements of the user's own, before a problem is made of them.
 
     Args:
-        file: the study, its robot and design space sound.
+        file: the study, its system and design space sound.
     """
     space = file.space
-    system = file.robot.system(space.integration)
+    system = space.driving(file.model)
     return _flaws(file, Sensor, lambda one: _try_sensor(one, system)) or _flaws(
         file, Measurement, lambda one: _try_measurement(one, system, space)
     )
@@ -134,7 +134,7 @@ def _try_sensor(sensor: Sensor, system: System) -> None:
     moment_reading(sensor, system)
 
 
-def _try_measurement(measurement: Measurement, system: System, space: DesignSpace) -> None:
+def _try_measurement(measurement: Measurement, system: System, space: Space) -> None:
     drive = drive_shape(system, samples=space.samples, runs=space.runs, period=space.period)
     blocks = measurement.blocks(drive)
     _require("blocks", blocks, tuple)

@@ -14,7 +14,9 @@ from oed.robots.baselines import label
 from oed.study.parts import PathFile
 
 if TYPE_CHECKING:
-    from oed.study.study import StudyFile, ValidationOptions
+    from oed.study.parts import ValidationOptions
+    from oed.study.robot_study import RobotStudyFile
+    from oed.study.study_file import StudyFile
 
 OF_DESIGNS = (
     "robust",
@@ -30,20 +32,28 @@ OF_DESIGNS = (
 
 
 def file_flaws(file: StudyFile) -> list[Flaw]:
-    """Why a study's keys do not go together; [] where they do."""
+    """Why keys that every study has do not go together; [] where they do."""
     validated = validation_flaws(file.validation, file.measurement) if file.validation else []
-    own = [*_design_flaws(file), *_name_flaws(file), *_start_flaws(file), *validated]
-    return [*own, *_log_flaws(file)]
+    flaws = [*_name_flaws(file), *_start_flaws(file), *validated]
+    if file.uncertainty is not None and file.robust is None:
+        text = "is what a robust drive has to survive, and none is asked for: add `robust: {kind: chance}`"
+        flaws.append(Flaw(("uncertainty",), text))
+    return flaws
 
 
-def _log_flaws(file: StudyFile) -> list[Flaw]:
+def robot_flaws(file: RobotStudyFile) -> list[Flaw]:
+    """Why a robot's keys do not go together; [] where they do."""
+    return [*_design_flaws(file), *_log_flaws(file)]
+
+
+def _log_flaws(file: RobotStudyFile) -> list[Flaw]:
     # What does not fit the robot, or its sensors.
     if file.log is None:
         return []
     return [*file.log.flaws(file.robot), *file.log.sensor_flaws(file.measurement)]
 
 
-def _design_flaws(file: StudyFile) -> list[Flaw]:
+def _design_flaws(file: RobotStudyFile) -> list[Flaw]:
     # What is asked of a drive where none is designed.
     if file.trajectory is not None:
         return []

@@ -2,134 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, Optional
+from typing import Any
 
 import yaml
-from pydantic import (
-    BeforeValidator,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    create_model,
-    field_validator,
-)
-from pydantic_core import PydanticCustomError
+from pydantic import ValidationError
 
-from oed.estimation import CalibrationOptions, alternative_flaws
-from oed.foundation.component import Component, OneOf
+from oed.estimation import CalibrationOptions
 from oed.foundation.errors import FileFlaw, Flaw, NotFinite, ProblemError, StudyError
-from oed.foundation.own.part import OwnCodeError, OwnPart
+from oed.foundation.own.part import OwnCodeError
 from oed.foundation.presenting import Card, Presented, given
-from oed.kernel.criteria import CRITERION_CHOICES, Criterion, E
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
-from oed.logs import AnyLogForm, CsvForm, LogForm
-from oed.optimize import SOLVERS, Ipopt, Solver
-from oed.robots.baselines import try_baselines
-from oed.robots.limits import LIMITS, Limit, PythonLimit
-from oed.robots.models import MODELS, Model
-from oed.robots.own_parts import code_flaw, components, judge_flaws, measurement_flaws
-from oed.robots.presets import preset_names, with_preset
-from oed.robots.sensors import MEASUREMENTS, Measurement
-from oed.robots.space import DesignSpace
-from oed.simulation.trial import Trial, trial_flaws
-from oed.study.cross_checks import file_flaws
-from oed.study.parts import AnyBaseline, AnyPrior
+from oed.logs import CsvForm, LogForm
+from oed.optimize import Solver
+from oed.robots.own_parts import code_flaw, judge_flaws
+from oed.robots.presets import preset_names
 from oed.study.parts import PathFile as PathFile
 from oed.study.parts import PriorRecord as PriorRecord
 from oed.study.parts import ValidationOptions as ValidationOptions
+from oed.study.robot_study import RobotStudyFile as RobotStudyFile
 from oed.study.study_errors import explain
+from oed.study.study_file import StudyFile as StudyFile
 from oed.study.yaml_source import PlainSource, Source
-from oed.uncertainty.robust import Robust
-from oed.uncertainty.uncertainty import Uncertainty
 
-
-def _limit_table() -> Any:
-    fields: dict[str, Any] = {
-        name: (Optional[kind], None)  # noqa: UP045
-        for name, kind in LIMITS.items()
-    }
-    fields["own"] = (Optional[tuple[Annotated[Limit, OneOf((PythonLimit,))], ...]], None)  # noqa: UP045
-    return create_model("Limits", __base__=Component, __doc__="Limits by name; all optional.", **fields)
-
-
-_Limits = _limit_table()
-
-
-def _sensor_list(value: Any) -> Any:
-    # Several sensors are given as a list of them.
-    return {"kind": "several", "sensors": value} if isinstance(value, list) else value
-
-
-USUAL = DesignSpace(duration=20.0)
-"""The drives of a study that designs none: as long and as often read as any."""
-
-
-class StudyFile(Component):
-    """The keys of a study file.
-
-    Attributes:
-        trajectory: the drives to choose from; without it nothing is designed, and parameters are estimated
-            from logs alone.
-        limits: of a drive that is designed.
-    """
-
-    format: Literal[1]
-    name: Annotated[str, Field(min_length=1)]
-    robot: Annotated[Model, OneOf(MODELS)]
-    trajectory: DesignSpace | None = None
-    measurement: Annotated[Measurement, OneOf(MEASUREMENTS), BeforeValidator(_sensor_list)]
-    estimate: tuple[str, ...] | None = None
-    prior: AnyPrior | None = None
-    uncertainty: Uncertainty | None = None
-    robust: Robust | None = None
-    limits: Annotated[_Limits | None, Field(validate_default=True)] = None  # type: ignore[valid-type]
-    criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] = E()
-    solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
-    baselines: tuple[AnyBaseline, ...] = ()
-    same_length: bool = False
-    bound: bool = False
-    validation: ValidationOptions | None = None
-    log: AnyLogForm | None = None
-    calibration: CalibrationOptions | None = None
-    physics: Trial | None = None
-    seed: Annotated[int, Field(ge=0)] = 0
-
-    @field_validator("limits")
-    @classmethod
-    def _limits_of_a_drive(cls, limits: Any, info: ValidationInfo) -> Any:
-        if limits is None and info.data.get("trajectory") is not None:
-            raise PydanticCustomError("missing", "Field required")
-        return limits
-
-    def __repr__(self) -> str:
-        """Its name, its robot and the keys that were given."""
-        return (
-            f"StudyFile({self.name!r}, {self.robot.kind}; keys: {', '.join(sorted(self.model_fields_set))})"
-        )
-
-    __str__ = __repr__
-
-    @property
-    def space(self) -> DesignSpace:
-        """The drives to choose from, or any where none is designed."""
-        return USUAL if self.trajectory is None else self.trajectory
-
-    def echo(self) -> dict[str, Any]:
-        """The study as plain data, defaults filled in, SI numbers; itself a valid study."""
-        plain: dict[str, Any] = self.model_dump(mode="json", exclude_none=True)
-        return plain
-
-    def named_code(self) -> Iterator[tuple[str, OwnPart]]:
-        """Every part of somebody's own that a study read as data names, with its key."""
-        for key, part in components(self, ("study",)):
-            if isinstance(part, OwnPart):
-                yield ".".join(map(str, key)), part
+AnyStudyFile = RobotStudyFile
+"""A study file of any domain."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -143,7 +45,7 @@ class Study(Presented):
     """
 
     problem: Problem
-    file: StudyFile
+    file: AnyStudyFile
     origin: Source
 
     @property
@@ -235,7 +137,7 @@ class Study(Presented):
         Raises:
             StudyError: every mistake, by its key.
         """
-        given = {name: getattr(self.file, name) for name in StudyFile.model_fields}
+        given = {name: getattr(self.file, name) for name in type(self.file).model_fields}
         study = read_study(PlainSource(self.source, "", {**given, **keys}))
         data = study.echo()
         return replace(study, origin=PlainSource(self.source, yaml.safe_dump(data, sort_keys=False), data))
@@ -259,6 +161,11 @@ def no_records(wanted: PriorRecord, folder: Path) -> Prior:
     raise ProblemError.about(("prior", "record"), text)
 
 
+def kind_of(data: Mapping[str, Any]) -> type[AnyStudyFile]:
+    """The keys that a study may have, by those that it has."""
+    return RobotStudyFile
+
+
 def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
     """The study that `source` describes.
 
@@ -272,25 +179,18 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
     if not isinstance(source.data, dict):
         got = "nothing; `oed init` makes a first one" if source.data is None else "something else"
         raise StudyError([source.flaw((), f"expected a study (keys and values), got {got}")])
+    kind = kind_of(source.data)
     try:
-        file = StudyFile.model_validate(_with_folder(with_preset(source.data), Path(source.file).parent))
+        file = kind.model_validate(_with_folder(kind.completed(source.data), Path(source.file).parent))
     except ProblemError as error:
         raise StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
     except ValidationError as error:
-        raise StudyError(explain(error, StudyFile, source)) from None
-    flaws = file_flaws(file)
-    if file.uncertainty is not None and file.robust is None:
-        text = "is what a robust drive has to survive, and none is asked for: add `robust: {kind: chance}`"
-        flaws.append(Flaw(("uncertainty",), text))
-    if file.calibration is not None:
-        flaws += alternative_flaws(file.robot, file.calibration.models)
+        raise StudyError(explain(error, kind, source)) from None
+    flaws = file.flaws()
     try:
         file = _with_prior(file, Path(source.file).parent, prior_of)
-        problem = _problem(file)
-        flaws += judge_flaws(file, problem)
-        if problem.designed:
-            try_baselines(problem, file.baselines)
-            flaws += trial_flaws(problem, file.physics)
+        problem = file.problem()
+        flaws += [*judge_flaws(file, problem), *file.problem_flaws(problem)]
     except ProblemError as error:
         flaws = [*error.flaws, *flaws]
     except OwnCodeError as error:
@@ -320,42 +220,17 @@ def _with_folder(data: Any, folder: Path) -> Any:
     return placed
 
 
-def _with_prior(file: StudyFile, folder: Path, prior_of: PriorOf) -> StudyFile:
+def _with_prior(file: AnyStudyFile, folder: Path, prior_of: PriorOf) -> AnyStudyFile:
     # A prior taken from a record becomes its numbers, so that the study stands on its own from here on.
     if not isinstance(file.prior, PriorRecord):
         return file
     return file.model_copy(update={"prior": prior_of(file.prior, folder)})
 
 
-def _problem(file: StudyFile) -> Problem:
-    assert not isinstance(file.prior, PriorRecord)
-    flaws = measurement_flaws(file)
-    if flaws:
-        raise ProblemError(flaws)
-    return Problem(
-        model=file.robot,
-        design=file.space,
-        measurement=file.measurement,
-        limits=_limits(file),
-        criterion=file.criterion,
-        name=file.name,
-        estimate=file.estimate,
-        prior=file.prior,
-        uncertainty=file.uncertainty,
-        robust=file.robust,
-        designed=file.trajectory is not None,
-    )
-
-
-def _limits(file: StudyFile) -> tuple[Limit, ...]:
-    given = [getattr(file.limits, name, None) for name in LIMITS]
-    return (*(limit for limit in given if limit is not None), *(getattr(file.limits, "own", None) or ()))
-
-
 @cache
 def json_schema() -> dict[str, Any]:
     """The JSON schema of a study file, for editors."""
-    schema = StudyFile.model_json_schema()
+    schema = RobotStudyFile.model_json_schema()
     from_preset = {
         "type": "object",
         "properties": {"preset": {"enum": list(preset_names())}},

@@ -15,7 +15,7 @@ from oed.foundation.files import text_of
 from oed.foundation.own.part import UNMADE
 from oed.foundation.wording import sentence
 from oed.records.stored.parts import Stored
-from oed.study.study import StudyFile
+from oed.study.study import AnyStudyFile, kind_of
 from oed.study.study_errors import explain
 from oed.study.yaml_source import PlainSource
 
@@ -154,7 +154,7 @@ def _flaws(details: list[ErrorDetails], path: Path) -> list[FileFlaw]:
     )
 
 
-def read_echo(data: Any, file: Path, *, designs: bool = True) -> StudyFile:
+def read_echo(data: Any, file: Path, *, designs: bool = True) -> AnyStudyFile:
     """A saved study; no robot of somebody's code is made of it.
 
     Args:
@@ -165,14 +165,14 @@ def read_echo(data: Any, file: Path, *, designs: bool = True) -> StudyFile:
     Raises:
         RecordError: names the file and the study's key of every mistake.
     """
-    source = PlainSource(str(file), "", data)
+    source, kind = PlainSource(str(file), "", data), kind_of(data)
     try:
-        found = StudyFile.model_validate(data, context=UNMADE)
+        found = kind.model_validate(data, context=UNMADE)
     except ValidationError as error:
-        raise in_record(explain(error, StudyFile, source)) from None
+        raise in_record(explain(error, kind, source)) from None
     except ProblemError as error:
         raise in_record([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
-    if designs and found.trajectory is None:
+    if designs and not found.designs:
         raise in_record([source.flaw((), "missing", "trajectory")])
     return found
 

@@ -37,7 +37,7 @@ from oed.records.stored.parts import (
 )
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness, StoredTrial, StoredValidation
-from oed.study.study import StudyFile
+from oed.study.study import AnyStudyFile
 
 
 class StoredInput(Stored):
@@ -198,11 +198,11 @@ class Record(Presented, SavedFile):
     interrupted: bool = False
     notes: list[str]
     provenance: Provenance
-    _study: StudyFile | None = PrivateAttr(default=None)
+    _study: AnyStudyFile | None = PrivateAttr(default=None)
     _folder: Path | None = PrivateAttr(default=None)
 
     @property
-    def study(self) -> StudyFile:
+    def study(self) -> AnyStudyFile:
         """The study, its parts as objects that describe themselves; robots of code that was not run yet
         cannot move.
         """
@@ -281,7 +281,7 @@ class Record(Presented, SavedFile):
         """The record with other simulated experiments."""
         return self.model_copy(update={"validation": found})
 
-    def of_study(self, study: StudyFile) -> Self:
+    def of_study(self, study: AnyStudyFile) -> Self:
         """The record with the study that it was made of, or that its file holds; defaults filled in."""
         found = self.model_copy(update={"echo": study.echo()})
         found._study = study

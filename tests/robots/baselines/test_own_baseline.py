@@ -79,7 +79,7 @@ def test_its_echo_is_the_same_study_and_names_it_without_its_code(folder: Path) 
     assert echo["baselines"][1]["described"] == {"kind": "zigzag"}
     assert parse_study(str(echo)).file.baselines == study.file.baselines
     (folder / "was_run").unlink()
-    read = oed.study.study.StudyFile.model_validate(echo, context={"code": "is not run"})
+    read = oed.study.study.RobotStudyFile.model_validate(echo, context={"code": "is not run"})
     (key, named) = next(read.named_code())
     assert (key, named.label) == ("study.baselines.1", "zigzag")
     assert isinstance(named, PythonBaseline)

@@ -1,0 +1,134 @@
+"""The keys that studies of every domain have, and what a domain's own keys have to give."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from oed.foundation.component import Component, OneOf
+from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.own.part import OwnPart
+from oed.kernel.criteria import CRITERION_CHOICES, Criterion, E
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.system import System, label_of
+from oed.kernel.limit import Limit
+from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.prior import Prior
+from oed.kernel.problem import Problem
+from oed.optimize import SOLVERS, Ipopt, Solver
+from oed.robots.own_parts import components, measurement_flaws
+from oed.study.parts import AnyBaseline, AnyPrior, ValidationOptions
+from oed.uncertainty.robust import Robust
+from oed.uncertainty.uncertainty import Uncertainty
+
+LEADING = ("format", "name", "robot", "system", "trajectory", "experiment")
+"""Keys that come first where a study is written."""
+
+
+class StudyFile(Component, ABC):
+    """The keys of a study file."""
+
+    domain: ClassVar[str]
+    """What it is about; pages have its words."""
+    format: Literal[1]
+    name: Annotated[str, Field(min_length=1)]
+    measurement: Measurement
+    estimate: tuple[str, ...] | None = None
+    prior: AnyPrior | None = None
+    uncertainty: Uncertainty | None = None
+    robust: Robust | None = None
+    criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] = E()
+    solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
+    baselines: tuple[AnyBaseline, ...] = ()
+    bound: bool = False
+    validation: ValidationOptions | None = None
+    seed: Annotated[int, Field(ge=0)] = 0
+
+    def __repr__(self) -> str:
+        """Its name, its system and the keys that were given."""
+        return (
+            f"StudyFile({self.name!r}, {label_of(self.model)}; "
+            f"keys: {', '.join(sorted(self.model_fields_set))})"
+        )
+
+    __str__ = __repr__
+
+    @classmethod
+    def completed(cls, data: Mapping[str, Any]) -> dict[str, Any]:
+        """A study's keys with what stands for further ones filled in; as they are by default.
+
+        Raises:
+            ProblemError: one that stands for nothing.
+        """
+        return dict(data)
+
+    @property
+    @abstractmethod
+    def model(self) -> System:
+        """What responds."""
+
+    @property
+    @abstractmethod
+    def space(self) -> Space:
+        """What may be chosen; anything where nothing is designed."""
+
+    @property
+    @abstractmethod
+    def every_limit(self) -> tuple[Limit, ...]:
+        """What a design must keep to."""
+
+    @property
+    def designs(self) -> bool:
+        """Whether anything is designed."""
+        return True
+
+    @abstractmethod
+    def flaws(self) -> list[Flaw]:
+        """Why its keys do not go together; [] where they do."""
+
+    @abstractmethod
+    def problem_flaws(self, problem: Problem) -> list[Flaw]:
+        """What of its keys the problem made of them has no place for.
+
+        Raises:
+            ProblemError: the same, of parts that are tried.
+        """
+
+    def problem(self) -> Problem:
+        """What to design for.
+
+        Raises:
+            ProblemError: the parts do not fit together; every reason is listed.
+        """
+        assert self.prior is None or isinstance(self.prior, Prior)
+        flaws = measurement_flaws(self)
+        if flaws:
+            raise ProblemError(flaws)
+        return Problem(
+            model=self.model,
+            design=self.space,
+            measurement=self.measurement,
+            limits=self.every_limit,
+            criterion=self.criterion,
+            name=self.name,
+            estimate=self.estimate,
+            prior=self.prior,
+            uncertainty=self.uncertainty,
+            robust=self.robust,
+            designed=self.designs,
+        )
+
+    def echo(self) -> dict[str, Any]:
+        """The study as plain data, defaults filled in, SI numbers; itself a valid study."""
+        plain: dict[str, Any] = self.model_dump(mode="json", exclude_none=True)
+        first = [name for name in LEADING if name in plain]
+        return {name: plain[name] for name in (*first, *(one for one in plain if one not in first))}
+
+    def named_code(self) -> Iterator[tuple[str, OwnPart]]:
+        """Every part of somebody's own that a study read as data names, with its key."""
+        for key, part in components(self, ("study",)):
+            if isinstance(part, OwnPart):
+                yield ".".join(map(str, key)), part
