@@ -25,7 +25,7 @@ HOUSE: dict[str, str] = {
     "logs": "foundation kernel",
     "estimation": "foundation kernel robots logs",
     "simulation": "foundation kernel optimize robots logs estimation",
-    "study": "foundation kernel uncertainty optimize robots bounds logs estimation simulation",
+    "study": "foundation kernel uncertainty optimize robots equations bounds logs estimation simulation",
     "records": "foundation kernel bounds estimation simulation study",
     "exporters": "foundation kernel robots logs records",
     "workflow": "foundation kernel uncertainty optimize robots bounds logs estimation simulation "

@@ -2,39 +2,118 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import model_validator
 
-from oed.equations.dimensions import quantity
+from oed.equations.dimensions import Dimension, parse_unit, quantity
 from oed.equations.system import Equations
 from oed.foundation.errors import Flaw
 from oed.foundation.text import did_you_mean
+from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit, Rows, rest_flaws
 
+Quantity = str | float
+SECOND = parse_unit("s")[1]
 
-class InputRange(Limit):
-    """One input between two values.
+
+class OneInput(Limit, ABC):
+    """One input, or how fast it changes, between two values.
 
     Attributes:
         input: its name.
-        range: least and largest value, with their units.
     """
 
     looks_at: ClassVar[Literal["inputs"]] = "inputs"
     input: str
-    range: tuple[str | float, str | float]
+
+    @property
+    @abstractmethod
+    def given(self) -> tuple[Quantity, Quantity]:
+        """Least and largest value, with their units."""
+
+    @abstractmethod
+    def of(self, dimension: Dimension) -> Dimension:
+        """The dimension of what is limited, of an input of that dimension."""
+
+    @abstractmethod
+    def table(self, drive: Drive) -> Expression:
+        """What is limited of every input, (K, inputs)."""
 
     @model_validator(mode="after")
-    def _rising(self) -> InputRange:
-        low, high = self.bounds
-        if not low < high:
-            raise ValueError(f"expected [least, largest], got {list(self.range)}")
+    def _rising(self) -> OneInput:
+        require_rising(self.given, self.bounds)
         return self
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """SI."""
+        low, high = (quantity(one)[0] for one in self.given)
+        return low, high
+
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
+        """No such input, or bounds in another unit."""
+        units = dict(system.input_units) if isinstance(system, Equations) else {}
+        if self.input not in units:
+            known = ", ".join(system.input_names) or "none"
+            meant = did_you_mean(self.input, system.input_names)
+            return [Flaw(("limits", self.name), f"there is no such input; the inputs are {known}{meant}")]
+        expected = self.of(units[self.input])
+        wrong = {quantity(one)[1] for one in self.given if not quantity(one)[1].fits(expected)}
+        text = f"expected bounds {expected.words}, got some {{}}"
+        return [Flaw(("limits", self.name), text.format(one.words)) for one in wrong]
+
+    def rows(self, drive: Drive) -> Rows:
+        """At all times."""
+        place = drive.system.input_names.index(self.input)
+        column = self.table(drive)[:, place]
+        low, high = self.bounds
+        count, size = column.shape[0], max(abs(low), abs(high))
+        unit = self.of(parse_unit(drive.system.inputs[place].unit)[1]).text
+        return Rows(column, np.full(count, low), np.full(count, high), size, unit)
+
+
+def require_rising(given: Sequence[Quantity], bounds: tuple[float, float]) -> None:
+    """Refuse bounds that do not rise.
+
+    Args:
+        given: as they are written.
+        bounds: SI.
+
+    Raises:
+        ValueError: the second is not larger.
+    """
+    if not bounds[0] < bounds[1]:
+        raise ValueError(f"expected [least, largest], got {list(given)}")
+
+
+def both_ways(rate: Quantity | tuple[Quantity, Quantity]) -> tuple[float, float]:
+    """Bounds of a rate, SI: one for both directions, or two.
+
+    Raises:
+        ValueError: no quantities, or bounds that do not rise.
+    """
+    low, high = rate if isinstance(rate, tuple) else (rate, rate)
+    least, most = quantity(low)[0], quantity(high)[0]
+    bounds = (least if isinstance(rate, tuple) else -most, most)
+    require_rising([low, high], bounds)
+    return bounds
+
+
+class InputRange(OneInput):
+    """One input between two values.
+
+    Attributes:
+        range: least and largest value, with their units.
+    """
+
+    range: tuple[Quantity, Quantity]
 
     @property
     def name(self) -> str:  # type: ignore[override]
@@ -42,35 +121,64 @@ class InputRange(Limit):
         return self.input
 
     @property
-    def bounds(self) -> tuple[float, float]:
-        """SI."""
-        low, high = (quantity(one)[0] for one in self.range)
-        return low, high
+    def given(self) -> tuple[Quantity, Quantity]:
+        """The range."""
+        return self.range
+
+    def of(self, dimension: Dimension) -> Dimension:
+        """The input's own."""
+        return dimension
+
+    def table(self, drive: Drive) -> Expression:
+        """The inputs."""
+        return drive.input_values
 
     def flaws(self, system: System, space: Space) -> list[Flaw]:
         """No such input, bounds in another unit, or that exclude a rest that is asked for."""
-        units = dict(system.input_units) if isinstance(system, Equations) else {}
-        if self.input not in units:
-            known = ", ".join(system.input_names) or "none"
-            meant = did_you_mean(self.input, system.input_names)
-            return [Flaw(("limits", self.input), f"there is no such input; the inputs are {known}{meant}")]
-        dimensions = {quantity(one)[1] for one in self.range}
-        wrong = [one for one in dimensions if not one.fits(units[self.input])]
-        flaws = [
-            Flaw(("limits", self.input), f"{self.input} is {units[self.input].words}, its bound {one.words}")
-            for one in wrong
-        ]
-        return flaws or rest_flaws(self, [self.bounds], units[self.input].text, space)
+        flaws = super().flaws(system, space)
+        return flaws or rest_flaws(self, [self.bounds], _unit(system, self.input), space)
 
     def input_bounds(self, system: System) -> dict[str, tuple[float, float]]:
         """Of this input alone."""
         return {self.input: self.bounds} if self.input in system.input_names else {}
 
-    def rows(self, drive: Drive) -> Rows:
-        """The input at all times."""
-        column = drive.input_values[:, drive.system.input_names.index(self.input)]
-        low, high = self.bounds
-        count = column.shape[0]
-        size = max(abs(low), abs(high))
-        unit = next(one.unit for one in drive.system.inputs if one.name == self.input)
-        return Rows(column, np.full(count, low), np.full(count, high), size, unit)
+
+class InputRate(OneInput):
+    """How fast one input changes.
+
+    Attributes:
+        rate: the most, either way, or least and largest.
+    """
+
+    rate: Quantity | tuple[Quantity, Quantity]
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """That of the input, and what of it."""
+        return f"rate_of_{self.input}"
+
+    @property
+    def given(self) -> tuple[Quantity, Quantity]:
+        """Both ends."""
+        return self.rate if isinstance(self.rate, tuple) else (self.rate, self.rate)
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """SI."""
+        return both_ways(self.rate)
+
+    def of(self, dimension: Dimension) -> Dimension:
+        """The input's own a second."""
+        return dimension / SECOND
+
+    def table(self, drive: Drive) -> Expression:
+        """Their rates."""
+        return drive.input_rates
+
+    def rate_bounds(self, system: System) -> dict[str, tuple[float, float]]:
+        """Of this input alone."""
+        return {self.input: self.bounds} if self.input in system.input_names else {}
+
+
+def _unit(system: System, name: str) -> str:
+    return next(one.unit for one in system.inputs if one.name == name)

@@ -175,7 +175,7 @@ def _largest_rates(request: Request, runs: tuple[Commands, ...]) -> Array:
     # Of each input, (inputs,): what the study allows, else the most that the drive itself asks for, and inf
     # where that says nothing.
     vehicle = request.vehicle
-    limits = [one for one in vars(request.record.study.limits).values() if isinstance(one, Limit)]
+    limits = [one for one in vars(request.record.robot_study.limits).values() if isinstance(one, Limit)]
     tables = [] if vehicle.model is None else [one.rate_bounds(vehicle.model) for one in limits]
     found = []
     for place, name in enumerate(vehicle.input_names):

@@ -53,7 +53,7 @@ class Request:
     @cached_property
     def vehicle(self) -> Vehicle:
         """What drives: as its model says, or of code that is not trusted as the record says."""
-        robot = self.record.study.robot
+        robot = self.record.robot_study.robot
         if not isinstance(robot, PythonRobot):
             return vehicle_of(robot)
         if self.trust or self.record.file is None:
@@ -106,7 +106,7 @@ class Request:
             raise UserMistake(f"rate: {self.rate:g} Hz would be {text}")
         model = self.vehicle.model
         if model is not None:
-            return commands(model.system(self.record.study.space.integration), drive, self.rate)
+            return commands(model.system(self.record.robot_study.space.integration), drive, self.rate)
         motions = [one.driven for one in motions_of(self.record, self.drive, drive.period)]
         return commands_along(self.vehicle.inputs, motions, drive, self.rate)
 

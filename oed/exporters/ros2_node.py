@@ -59,7 +59,7 @@ def _text(request: Request, file: str) -> str:
     message, runs, record = MESSAGES[kind], played_runs(request), request.record
     tables = [message.columns(request.vehicle, run.commands) for run in runs]
     names, _, speeds = tables[0]
-    log = record.study.log
+    log = record.robot_study.log
     form = log if isinstance(log, BagForm) else BagForm()
     joints = [joint_name(entry) for entry in request.vehicle.inputs] if kind == "joint_state" else []
     return _template().render(
@@ -106,7 +106,7 @@ def _about(request: Request, runs: tuple[PlayedRun, ...]) -> list[str]:
     rooms = np.array([one.room for one in runs])
     (left, bottom), (right, top) = rooms[:, :, 0].min(axis=0), rooms[:, :, 1].max(axis=0)
     speed, turning = np.hypot(*twists[:, :2].T).max(), np.abs(twists[:, 2]).max()
-    robot = request.record.study.robot
+    robot = request.record.robot_study.robot
     lasting = ", ".join(quantity(one.duration, "s") for one in runs)
     length = quantity(sum(one.length for one in runs), "m")
     lines = [

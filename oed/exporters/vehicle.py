@@ -132,6 +132,6 @@ def motions_of(record: Record, drive: StoredDrive, period: float) -> list[Record
         drive: of one of its results.
         period: of its samples [s].
     """
-    arcs = record.study.space.integration == "arc"
+    arcs = record.robot_study.space.integration == "arc"
     runs = np.split(np.array(drive.poses, dtype=float), drive.runs)
     return [RecordedMotion(states, period, arcs) for states in runs]

@@ -13,6 +13,7 @@ from oed.records.stored.study_record import StoredParameter
 from oed.report.parts.judging import identifies, judged, repeatable, repetitions_of, study_aim
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import duration_text, in_place, kind_of
+from oed.robots.limits import Workspace
 
 SAY = Prose("answer")
 EQUAL = 0.05
@@ -100,7 +101,7 @@ def _pattern(baseline: Result) -> str:
 
 def title_of(record: Record) -> str:
     """What was asked for: a drive of how long, in which room."""
-    room = getattr(record.study.limits, "workspace", None)
+    room = next((one for one in record.study.every_limit if isinstance(one, Workspace)), None)
     size = None
     if room is not None:
         x_min, x_max, y_min, y_max = room.extent

@@ -37,8 +37,8 @@ def _limit_table() -> Any:
 _Limits = _limit_table()
 
 
-def _sensor_list(value: Any) -> Any:
-    # Several sensors are given as a list of them.
+def sensor_list(value: Any) -> Any:
+    """A study's measurement: several sensors are given as a list of them."""
     return {"kind": "several", "sensors": value} if isinstance(value, list) else value
 
 
@@ -58,7 +58,7 @@ class RobotStudyFile(StudyFile):
     domain: ClassVar[str] = "robots"
     robot: Annotated[Model, OneOf(MODELS)]
     trajectory: DesignSpace | None = None
-    measurement: Annotated[Measurement, OneOf(MEASUREMENTS), BeforeValidator(_sensor_list)]
+    measurement: Annotated[Measurement, OneOf(MEASUREMENTS), BeforeValidator(sensor_list)]
     limits: Annotated[_Limits | None, Field(validate_default=True)] = None  # type: ignore[valid-type]
     baselines: tuple[AnyBaseline, ...] = ()
     same_length: bool = False

@@ -12,7 +12,7 @@ import yaml
 from pydantic import ValidationError
 
 from oed.estimation import CalibrationOptions
-from oed.foundation.errors import FileFlaw, Flaw, NotFinite, ProblemError, StudyError
+from oed.foundation.errors import FileFlaw, Flaw, NotFinite, ProblemError, StudyError, UserMistake
 from oed.foundation.own.part import OwnCodeError
 from oed.foundation.presenting import Card, Presented, given
 from oed.kernel.identifiability import require_identifiable
@@ -22,16 +22,29 @@ from oed.logs import CsvForm, LogForm
 from oed.optimize import Solver
 from oed.robots.own_parts import code_flaw, judge_flaws
 from oed.robots.presets import preset_names
+from oed.simulation.trial import Trial
 from oed.study.parts import PathFile as PathFile
 from oed.study.parts import PriorRecord as PriorRecord
 from oed.study.parts import ValidationOptions as ValidationOptions
 from oed.study.robot_study import RobotStudyFile as RobotStudyFile
 from oed.study.study_errors import explain
 from oed.study.study_file import StudyFile as StudyFile
+from oed.study.system_study import SystemStudyFile as SystemStudyFile
 from oed.study.yaml_source import PlainSource, Source
 
-AnyStudyFile = RobotStudyFile
+AnyStudyFile = RobotStudyFile | SystemStudyFile
 """A study file of any domain."""
+
+
+def of_robot(file: AnyStudyFile) -> RobotStudyFile:
+    """The keys of a robot's study.
+
+    Raises:
+        UserMistake: the study is not of a robot.
+    """
+    if not isinstance(file, RobotStudyFile):
+        raise UserMistake(f"{file.name}: a study of a system, not of a robot: there is no such thing for it")
+    return file
 
 
 @dataclass(frozen=True, repr=False)
@@ -74,7 +87,7 @@ class Study(Presented):
         return Path(self.source).parent
 
     def _card(self) -> Card:
-        asked = {"a bound": self.file.bound, "validation": self.file.validation, "physics": self.file.physics}
+        asked = {"a bound": self.file.bound, "validation": self.file.validation, "physics": self.physics}
         paths = [one if isinstance(one, str) else one.label for one in self.file.baselines]
         facts = given(
             ("file", self.source),
@@ -86,14 +99,28 @@ class Study(Presented):
         return Card(f"Study {self.name}", facts)
 
     @property
+    def of_robot(self) -> RobotStudyFile:
+        """The keys of a robot's study.
+
+        Raises:
+            UserMistake: the study is not of a robot.
+        """
+        return of_robot(self.file)
+
+    @property
     def log(self) -> LogForm:
         """How the robot's logs are read."""
-        return CsvForm() if self.file.log is None else self.file.log
+        return CsvForm() if self.of_robot.log is None else self.of_robot.log
 
     @property
     def calibration(self) -> CalibrationOptions:
         """How parameters are estimated from logs."""
-        return self.file.calibration or CalibrationOptions()
+        return self.of_robot.calibration or CalibrationOptions()
+
+    @property
+    def physics(self) -> Trial | None:
+        """The simulated robot on which designs are tried, if any is asked for."""
+        return self.file.physics if isinstance(self.file, RobotStudyFile) else None
 
     @property
     def seed(self) -> int:
@@ -163,7 +190,7 @@ def no_records(wanted: PriorRecord, folder: Path) -> Prior:
 
 def kind_of(data: Mapping[str, Any]) -> type[AnyStudyFile]:
     """The keys that a study may have, by those that it has."""
-    return RobotStudyFile
+    return SystemStudyFile if "system" in data and "robot" not in data else RobotStudyFile
 
 
 def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:

@@ -30,7 +30,7 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
     for detail in details[:MOST_EXPLAINED]:
         place = _place(detail, source)
         texts = reasons.setdefault((place.line, place.column, place.key), [])
-        text = sentence(detail, root) + _offered(detail)
+        text = sentence(detail, root) + (_offered(detail) if getattr(root, "domain", "") == "robots" else "")
         if text not in texts:
             texts.append(text)
     # A flaw deeper down says more than "none of the forms fits" about the whole.

@@ -25,7 +25,7 @@ from oed.records.record import FILE, Record, load_record
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness
 from oed.records.stored.study_record import StoredCertificate, StoredParameter
-from oed.study.study import Study
+from oed.study.study import RobotStudyFile, Study
 from oed.workflow.robustness import robustness, tried
 from oed.workflow.studies import Work
 
@@ -148,7 +148,7 @@ def is_log(study: Study, file: str | Path) -> bool:
     path = Path(file)
     if is_bag(path) or not study.problem.designed:
         return True
-    if study.file.log is None or not path.is_file():
+    if not isinstance(study.file, RobotStudyFile) or study.file.log is None or not path.is_file():
         return False
     with open(path, encoding="utf-8-sig", errors="replace") as handle:
         header = [cell.strip() for cell in handle.readline(HEADER).split(",")]

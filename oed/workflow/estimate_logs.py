@@ -139,7 +139,7 @@ def _read(study: Study, files: Sequence[str | Path]) -> list[Log]:
             raise LogError([*error.flaws, FileFlaw(study.source, 0, 0, "log", hint)]) from None
         # What is wrong with the log itself, the key would not mend.
         named = [one for one in error.flaws if isinstance(one, NotInLog) and one.named]
-        if study.file.log is not None or not named:
+        if study.of_robot.log is not None or not named:
             raise LogError([_with_place(one, study) for one in error.flaws]) from None
         # The cause, and what follows from it in a line each.
         hint = "the study has no key `log`, which says what stands in which column of a log"

@@ -122,7 +122,7 @@ def driven_in_physics(work: Work, solutions: Sequence[Solution]) -> StoredTrial 
     none.
     """
     study = work.study
-    trial, solver = study.file.physics, next(iter(study.solvers), Ipopt())
+    trial, solver = study.physics, next(iter(study.solvers), Ipopt())
     if trial is None:
         return None
     known = solutions[0] if study.solvers else None

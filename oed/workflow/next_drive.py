@@ -158,7 +158,7 @@ def next_drive(
 
 def _refuse_outside(record: Record, logs: Iterable[str | Path]) -> None:
     # A record from a file must not have anything read from elsewhere than beside the logs.
-    form = record.study.log
+    form = record.robot_study.log
     if record.file is None or not isinstance(form, CsvForm):
         return
     for log in map(Path, logs):

@@ -37,7 +37,7 @@ from oed.records.stored.simulation import StoredTrial, StoredValidation
 from oed.records.stored.study_record import StoredCertificate
 from oed.robots.baselines import baselines
 from oed.simulation.trial import require_ready
-from oed.study.study import PathFile, Study
+from oed.study.study import PathFile, RobotStudyFile, Study
 from oed.workflow.experiments import driven_in_physics, simulated
 from oed.workflow.robustness import nominal_search, robustness, safe, tried
 from oed.workflow.saving import RunFolder, run_folder
@@ -106,8 +106,8 @@ class _Run:
     def everything(self) -> None:
         """All that the study asks for; an interrupt keeps what is done."""
         study = self.work.study
-        if study.file.physics is not None:
-            require_ready(study.problem, study.file.physics)
+        if study.physics is not None:
+            require_ready(study.problem, study.physics)
         self.search()
         try:
             with interrupts_named():
@@ -367,9 +367,13 @@ def _baselines(work: Work, paths: dict[str, Trajectory], best: Solution | None) 
             found.append(_scored_path(problem, paths[path.label], path.label))
         else:
             own, *same = baselines(problem, path, length=length, seed=work.seed)
-            found += [own, *(one for one in same if work.study.file.same_length or _driven(one))]
+            found += [own, *(one for one in same if _same_length(work.study) or _driven(one))]
         work.progress.advance()
     return found
+
+
+def _same_length(study: Study) -> bool:
+    return isinstance(study.file, RobotStudyFile) and study.file.same_length
 
 
 def _driven(one: Solution) -> bool:

@@ -178,7 +178,7 @@ class TestProblem:
             ({"measurement": Outputs(noise={"measured": "1 m"})}, "noise.measured", "its noise in m"),
             ({"measurement": Outputs(noise={"measured": 0})}, "noise.measured", "above 0"),
             ({"limits": [InputRange(input="flo", range=(0, 1))]}, "limits.flo", "did you mean flow?"),
-            ({"limits": [InputRange(input="flow", range=("0 m", "1 m"))]}, "limits.flow", "its bound in m"),
+            ({"limits": [InputRange(input="flow", range=("0 m", "1 m"))]}, "limits.flow", "got some in m"),
         ],
     )
     def test_mistakes(self, parts: dict[str, Any], key: str, words: str):

@@ -37,7 +37,7 @@ from oed.records.stored.parts import (
 )
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness, StoredTrial, StoredValidation
-from oed.study.study import AnyStudyFile
+from oed.study.study import AnyStudyFile, RobotStudyFile, of_robot
 
 
 class StoredInput(Stored):
@@ -209,6 +209,15 @@ class Record(Presented, SavedFile):
         if self._study is None:
             self._study = read_echo(self.echo, self.file or Path("record.json"))
         return self._study
+
+    @property
+    def robot_study(self) -> RobotStudyFile:
+        """The study, of a robot.
+
+        Raises:
+            UserMistake: it is of another system.
+        """
+        return of_robot(self.study)
 
     @property
     def folder(self) -> Path | None:

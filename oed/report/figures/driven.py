@@ -101,15 +101,15 @@ def _box(outline: Outline) -> Box:
 
 def room_of(record: Record) -> Room:
     """The room of a record's study."""
-    limits: Any = record.study.limits
+    limits: Any = record.robot_study.limits
     beacons = points_seen(record.study.measurement.joint_sensors)
     obstacles = () if limits.obstacles is None else limits.obstacles.shapes
-    return Room(limits.workspace, obstacles, beacons, record.study.robot.body_radius)
+    return Room(limits.workspace, obstacles, beacons, record.robot_study.robot.body_radius)
 
 
 def robot_width(record: Record) -> float:
     """Width [m] of the triangle that stands for the robot; 0 where its size is not known."""
-    robot = record.study.robot
+    robot = record.robot_study.robot
     width = min(robot.body_width or math.inf, 2 * (robot.body_radius or math.inf) / SLENDER)
     return width if math.isfinite(width) else 0.0
 
@@ -189,21 +189,21 @@ def path_of(record: Record, result: Result) -> Path:
 def moves_sideways(record: Record) -> bool:
     """Whether the record's robot drives sideways as well as ahead: by its kind, or seen from its drives."""
     drives = [one.drive for one in with_drive(record) if one.drive is not None]
-    return record.study.robot.sideways or any(
+    return record.robot_study.robot.sideways or any(
         goes_sideways(poses, NOWHERE) for drive in drives for poses in drive.by_run
     )
 
 
 def _run(record: Record, poses: Array, period: float, sideways: bool) -> Run:
     x, y, angle = poses[:, :3].T
-    speed = signed_speeds(poses, period, record.study.space.integration, sideways)
+    speed = signed_speeds(poses, period, record.robot_study.space.integration, sideways)
     count = segments(record, len(speed)) or 1
     edges = np.rint(np.linspace(0, len(speed), count + 1)).astype(np.int64)[1:-1]
     return Run(x, y, angle, speed, edges, _trailer(record, poses))
 
 
 def _trailer(record: Record, poses: Array) -> Array | None:
-    robot = record.study.robot
+    robot = record.robot_study.robot
     return robot.body(poses)[:, -1] if robot.towed and poses.shape[1] > 3 else None
 
 

@@ -62,7 +62,7 @@ def film_physics(
     rate = film_rate(driven.duration / speed, target, fps, FPS)
     each = rate / speed
     study = recorded_study(saved, trust=trust)
-    own = study.file.physics
+    own = study.physics
     robot = physics_robot(robot_of(study.problem.model)) if own is None else own.robot
     motion = drive(robot, driven.inputs, driven.period, start=driven.start[:3], rate=max(50.0, each))
     pictures = frames(robot, motion, rate=each, size=SIZE)

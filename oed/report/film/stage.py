@@ -96,7 +96,7 @@ class Stage:
         casts = [Cast.of(one, called(record, one)) for one in results]
         self._speed, room = speed, room_of(record)
         view = view_of(record, results)
-        scene = _Scene(room, view, record.study.robot, robot_width(record))
+        scene = _Scene(room, view, record.robot_study.robot, robot_width(record))
         columns = _columns(view, len(casts))
         apart = any(_clock_apart(cast, (WIDTHS[columns] - 1.0) / columns) for cast in casts)
         self._figure = drawn(_still(scene, casts, apart), dpi=DPI)

@@ -60,11 +60,15 @@ class Group:
 
     def own_bounds(self, record: Record) -> dict[str, Bounds]:
         """Bounds (min, max) of every input that has some, as shown."""
-        limit = getattr(record.study.limits, self.limit, None)
-        if not isinstance(limit, InputLimit):
+        limit = next((one for one in record.study.every_limit if one.name == self.limit), None)
+        if limit is None:
             return {}
-        own = [name for name in self.names if not limit.each or name in limit.each]
-        bounds = {name: limit.bounds_of(name) for name in own}
+        if isinstance(limit, InputLimit):
+            own = [name for name in self.names if not limit.each or name in limit.each]
+            bounds = {name: limit.bounds_of(name) for name in own}
+        else:
+            model = record.study.model
+            bounds = limit.rate_bounds(model) if self.rates else limit.input_bounds(model)
         return {name: (self.factor * low, self.factor * high) for name, (low, high) in bounds.items()}
 
     def bounds(self, record: Record) -> Bounds | None:

@@ -106,7 +106,7 @@ def _picture(record: Record, group: Group, drives: list[Series], broken: bool) -
 
 def player(record: Record) -> Animation | None:
     """The drives to choose from run by run, the best first, ready to be played in the HTML page."""
-    best, room, robot = record.best, room_of(record), record.study.robot
+    best, room, robot = record.best, room_of(record), record.robot_study.robot
     results = sorted(drivable(record), key=lambda one: best is None or one.name != best.name)
     if not results or results[0].drive is None:
         return None

@@ -71,7 +71,7 @@ def _downloads(record: Record) -> tuple[Download, ...]:
 def _assumed(record: Record) -> list[str]:
     names = [one.name for one in judged(record)]
     how = readings_text(record) if regression_of(record) is None else ""
-    yours = SAY("question", record.study.robot.kind, duration_text(record), names, measured_as(record))
+    yours = SAY("question", record.robot_study.robot.kind, duration_text(record), names, measured_as(record))
     criterion = SAY("criterion", meaning(record))
     bound = SAY("bound", record.certificate) if record.certificate is not None else ""
     said = (yours, how, nuisance_text(record), prior_text(record), criterion, bound)

@@ -34,7 +34,8 @@ def robustness(record: Record) -> Section | None:
 
 def _sentences(record: Record, found: StoredRobustness) -> Iterator[str]:
     # Where every robot ends cannot be asked for: nothing corrects it on its way.
-    ends = [name for name in (EndPosition.name, EndHeading.name) if getattr(record.study.limits, name, None)]
+    given = {one.name for one in record.study.every_limit}
+    ends = [name for name in (EndPosition.name, EndHeading.name) if name in given]
     searched = [(called_by(record, one.name), one) for one in found.results if one.back_off is not None]
     yield SAY("verdict", found.kind, searched)
     yield SAY("uncertain", found, [_range(one) for one in found.uncertain])

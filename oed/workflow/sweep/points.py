@@ -135,8 +135,8 @@ def _require_runnable(study: Study) -> None:
     study.require_designed()
     study.require_identifiable()
     own_paths(study)
-    if study.file.physics is not None:
-        require_ready(study.problem, study.file.physics)
+    if study.physics is not None:
+        require_ready(study.problem, study.physics)
 
 
 def _point(axes: Sequence[Axis], chosen: Sequence[int], label: str, study: Study) -> Point:

@@ -1,0 +1,96 @@
+"""The keys of a study of any system: its equations, what may be chosen, and what is read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Annotated, ClassVar
+
+from pydantic import BeforeValidator
+
+from oed.equations.experiment import Experiment
+from oed.equations.keys import EquationKeys
+from oed.equations.several import SENSORS, SeveralOutputs
+from oed.equations.system import Equations
+from oed.foundation.component import OneOf
+from oed.foundation.errors import Flaw, ProblemError
+from oed.kernel.dynamics.space import SignalSpace
+from oed.kernel.limit import Limit
+from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.problem import Problem
+from oed.study.cross_checks import file_flaws
+from oed.study.parts import PathFile
+from oed.study.robot_study import sensor_list
+from oed.study.study_file import StudyFile
+
+
+class SystemStudyFile(StudyFile):
+    """The keys of a study file of any system."""
+
+    domain: ClassVar[str] = "systems"
+    system: EquationKeys
+    experiment: Experiment
+    measurement: Annotated[Measurement, OneOf((*SENSORS, SeveralOutputs)), BeforeValidator(sensor_list)]
+    baselines: tuple[PathFile, ...] = ()
+
+    @property
+    def model(self) -> Equations:
+        """The system.
+
+        Raises:
+            ProblemError: equations that are none, by key and column.
+        """
+        return self.system.system
+
+    @property
+    def space(self) -> SignalSpace:
+        """What may be chosen."""
+        return self.experiment.space(self.system.begins)
+
+    @property
+    def every_limit(self) -> tuple[Limit, ...]:
+        """What inputs may do."""
+        return self.experiment.limits
+
+    def flaws(self) -> list[Flaw]:
+        """Why its keys do not go together; [] where they do."""
+        return file_flaws(self)
+
+    def problem(self) -> Problem:
+        """What to design for.
+
+        Raises:
+            ProblemError: the parts do not fit together; every reason is listed.
+        """
+        model = self.model
+        flaws = self.experiment.flaws(model.states, model.input_names)
+        if flaws:
+            raise ProblemError(flaws)
+        with self._own_keys():
+            return super().problem()
+
+    def problem_flaws(self, problem: Problem) -> list[Flaw]:
+        """Nothing further."""
+        return []
+
+    @contextmanager
+    def _own_keys(self) -> Iterator[None]:
+        # What is wrong with limits and spaces is said of the keys that they are given by.
+        try:
+            yield
+        except ProblemError as error:
+            flaws = [Flaw(self._own_key(flaw.key), flaw.message) for flaw in error.flaws]
+            raise ProblemError(flaws) from None
+
+    def _own_key(self, key: tuple[str | int, ...]) -> tuple[str | int, ...]:
+        if key[:1] == ("trajectory",):
+            return ("experiment", *key[1:])
+        if key[:1] == ("limits",):
+            name = str(key[1]) if len(key) > 1 else ""
+            of_rate = name.removeprefix("rate_of_")
+            found = [(name, "range"), (of_rate, "rate")]
+            return next(
+                (("experiment", "inputs", own, what) for own, what in found if own in self.experiment.inputs),
+                ("experiment", "inputs"),
+            )
+        return key
