@@ -3,6 +3,7 @@ from .bounds import bound as bound
 from .bounds.weights import weight_bound as weight_bound
 from .equations.limits import InputRange as InputRange
 from .equations.outputs import Outputs as Outputs
+from .equations.outputs import Rates as Rates
 from .equations.outputs import Responses as Responses
 from .equations.system import Equations as Equations
 from .estimation import Calibration as Calibration

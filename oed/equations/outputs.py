@@ -86,6 +86,31 @@ class Outputs(OutputSensor):
         return self.start
 
 
+class Rates(OutputSensor):
+    """Outputs read all the time, of a system with states: in a second as much as one reading with the noise.
+
+    That is of white noise, whose mean over a second deviates by so much. The outputs of a period count as
+    they are in its middle.
+
+    Attributes:
+        start: whether the start states are known.
+    """
+
+    kind: Literal["rates"] = "rates"
+    when: ClassVar[When] = "in periods"
+    continuous: ClassVar[bool] = True
+    start: Literal["known", "unknown"] = "known"
+
+    @property
+    def start_known(self) -> Literal["known", "unknown"]:
+        """What `start` says."""
+        return self.start
+
+    def whitening(self, moment: Moment) -> Expression:
+        """sqrt(T) / sigma of each."""
+        return super().whitening(moment) * ca.sqrt(moment.period)
+
+
 class Responses(OutputSensor):
     """Outputs of a system without states, read once for each setting of its inputs."""
 

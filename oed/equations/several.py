@@ -6,11 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from oed.equations.outputs import Outputs, OutputSensor, Responses
+from oed.equations.outputs import Outputs, OutputSensor, Rates, Responses
 from oed.foundation.component import OneOf
 from oed.kernel.measurement.several import Together
 
-SENSORS: tuple[type[OutputSensor], ...] = (Outputs, Responses)
+SENSORS: tuple[type[OutputSensor], ...] = (Outputs, Rates, Responses)
 """Every way of reading outputs."""
 
 

@@ -136,8 +136,10 @@ class Equations(System):
         parameters: kernel.Expression,
         period: kernel.Expression,
     ) -> Mapping[str, kernel.Expression]:
-        """The outputs in a state."""
-        values = self._named(state, inputs, parameters)
+        """The outputs in a state; as means of a period those in its middle, right to the second order."""
+        instant = not self.states or (not isinstance(period, ca.MX) and ca.SX(period).is_zero())
+        at = state if instant else self.step(state, inputs, parameters, period / 2)
+        values = self._named(at, inputs, parameters)
         return {name: one.casadi(values) for name, one in self.responses}
 
     def _named(self, state: Any, inputs: Any, parameters: Any) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
@@ -14,7 +14,7 @@ from oed.foundation.errors import ProblemError, UserMistake
 from oed.foundation.presenting import Brief
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import jacobians
-from oed.kernel.measurement.sensor import row_times
+from oed.kernel.measurement.sensor import row_times, sensor_labels
 from oed.kernel.problem import Problem
 
 
@@ -38,44 +38,67 @@ class Parts(Brief):
     """Information of readings that are independent of each other, and what is known without them.
 
     Attributes:
-        readings: n of them.
+        readings: n of them, or of groups of them.
         matrices: M of each on judged parameters, further ones and nuisances, in the criterion's scaling,
             (n, q, q).
         known: information from before, (q, q).
         judged: how many of the q are judged; the others are unknown as well.
+        sizes: how much of a budget each is at a weight of 1: one reading, or so many seconds of one that is
+            taken all the time, (n,).
+        members: of each the places of its readings among all that there are.
     """
 
     readings: tuple[Reading, ...]
     matrices: Array
     known: Array
     judged: int
+    sizes: Array
+    members: tuple[tuple[int, ...], ...]
 
-    def as_rates(self, periods: int = 1) -> Parts:
-        """Information of readings that are taken all the time, with as much of it a second as one reading at
-        the samples has: of every so many periods together, the integral by the trapezoidal rule.
-
-        Their weights are shares of that time.
-
-        Args:
-            periods: that have one weight in common; a divisor of those of a run.
+    def grouped(self, count: int) -> Parts:
+        """So many readings in a row of every sensor and run together, with one weight in common.
 
         Raises:
-            UserMistake: no divisor.
+            UserMistake: no divisor of how many there are.
         """
-        readings, matrices = list[Reading](), list[Array]()
-        each = {(one.sensor, one.run): list[int]() for one in self.readings}
+        groups = list[list[int]]()
+        for places in self._each(lambda one: (one.sensor, one.run)):
+            if len(places) % count:
+                raise UserMistake(f"expected a divisor of {len(places)} readings, got {count}")
+            groups += np.reshape(places, (-1, count)).tolist()
+        return self._merged(groups)
+
+    def by_run(self) -> Parts:
+        """All readings of a run together: how often is it to be repeated?"""
+        return self._merged(self._each(lambda one: one.run))
+
+    def _each(self, key: Callable[[Reading], object]) -> list[list[int]]:
+        found = dict[object, list[int]]()
         for place, one in enumerate(self.readings):
-            each[one.sensor, one.run].append(place)
-        for (sensor, run), places in each.items():
-            times, own = np.array([self.readings[one].time for one in places]), self.matrices[places]
-            steps = np.diff(times)
-            if len(steps) % periods or not len(steps):
-                raise UserMistake(f"periods: expected a divisor of {len(steps)}, got {periods}")
-            integrals = steps[:, None, None] * (own[1:] + own[:-1]) / 2
-            matrices += list(integrals.reshape(-1, periods, *own.shape[1:]).sum(axis=1))
-            middles = (times[:-1:periods] + times[periods::periods]) / 2
-            readings += [Reading(sensor, run, float(one)) for one in middles]
-        return replace(self, readings=tuple(readings), matrices=np.stack(matrices))
+            found.setdefault(key(one), []).append(place)
+        return list(found.values())
+
+    def _merged(self, groups: Sequence[Sequence[int]]) -> Parts:
+        first = [self.readings[group[0]] for group in groups]
+        times = [float(np.mean([self.readings[place].time for place in group])) for group in groups]
+        one_run = all(len({self.readings[place].sensor for place in group}) > 1 for group in groups)
+        return replace(
+            self,
+            readings=tuple(
+                replace(one, time=time, sensor="" if one_run else one.sensor)
+                for one, time in zip(first, times, strict=True)
+            ),
+            matrices=np.stack([self.matrices[list(group)].sum(axis=0) for group in groups]),
+            sizes=np.array([self.sizes[list(group)].sum() for group in groups]),
+            members=tuple(tuple(at for place in group for at in self.members[place]) for group in groups),
+        )
+
+    def of_every_reading(self, weights: Array) -> Array:
+        """Weights of these, (n,), for each of the readings that they are made of."""
+        found = np.empty(sum(map(len, self.members)))
+        for places, weight in zip(self.members, weights, strict=True):
+            found[list(places)] = weight
+        return found
 
     def whole(self, weights: Array) -> Array:
         """Information on all q of readings that count so much, (q, q)."""
@@ -95,27 +118,47 @@ class Parts(Brief):
 
 @dataclass(frozen=True)
 class Budget:
-    """Weights of some readings, each from 0 to `most`, that are `total` together.
+    """Weights of some readings, each from 0 to `most`, of which so much is taken together.
 
     Attributes:
         places: of these readings among all.
+        sizes: how much of the total each is at a weight of 1.
         total: above 0, and at most as much as they can be.
-        most: of each.
+        most: weight of each.
     """
 
     places: tuple[int, ...]
+    sizes: tuple[float, ...]
     total: float
     most: float = 1.0
 
     @property
     def even(self) -> float:
         """What each counts where all count alike."""
-        return self.total / len(self.places)
+        return self.total / sum(self.sizes)
+
+    @property
+    def whole(self) -> int | None:
+        """How many whole ones are the total; None where they are not all of one size, or not so many."""
+        count = self.total / self.sizes[0]
+        alike = np.ptp(self.sizes) <= ROUNDING * self.sizes[0]
+        near = abs(count - round(count)) <= ROUNDING * max(count, 1.0) and self.most % 1 == 0
+        return round(count) if alike and near and round(count) > 0 else None
+
+    def spent(self, weights: Array) -> float:
+        """How much these weights of all readings take of it."""
+        return float(weights[list(self.places)] @ np.array(self.sizes))
 
     def largest(self, values: Array) -> float:
         """The largest sum of values of all readings, (n,), weighted so: a linear program, by sorting."""
-        own = np.sort(values[list(self.places)])[::-1]
-        return float(np.clip(self.total - self.most * np.arange(len(own)), 0.0, self.most) @ own)
+        own, sizes = values[list(self.places)], np.array(self.sizes)
+        order = np.argsort(-own / sizes, kind="stable")
+        taken = np.clip((self.total - np.cumsum(sizes[order] * self.most)) / sizes[order], -self.most, 0.0)
+        return float((taken + self.most) @ own[order])
+
+
+ROUNDING = 1e-9
+"""Share by which a number may miss a whole one."""
 
 
 @typed
@@ -124,7 +167,7 @@ def budgets_of(parts: Parts, totals: float | Mapping[str, float], most: float = 
 
     Args:
         parts: with the readings.
-        totals: of the weights, all together or by the sensors' labels.
+        totals: of the weights times the sizes, all together or by the sensors' labels.
         most: of each weight.
 
     Raises:
@@ -132,18 +175,21 @@ def budgets_of(parts: Parts, totals: float | Mapping[str, float], most: float = 
     """
     each = {"": list(range(len(parts.readings)))}
     if isinstance(totals, Mapping):
-        each = {one.sensor: [] for one in parts.readings}
+        each = {}
         for place, one in enumerate(parts.readings):
-            each[one.sensor].append(place)
+            each.setdefault(one.sensor, []).append(place)
     given = dict(totals) if isinstance(totals, Mapping) else {"": totals}
     if set(given) != set(each):
         raise UserMistake(f"totals: expected one of each of {', '.join(each)}, got {', '.join(given)}")
     for name, places in each.items():
-        if not 0 < given[name] <= most * len(places):
+        largest = most * float(parts.sizes[places].sum())
+        if not 0 < given[name] <= largest * (1 + ROUNDING):
             of = f" of {name}" if name else ""
-            text = f"expected a total{of} above 0 and at most {most * len(places):g}, got {given[name]:g}"
-            raise UserMistake(text)
-    return tuple(Budget(tuple(places), given[name], most) for name, places in each.items())
+            raise UserMistake(f"expected a total{of} above 0 and at most {largest:g}, got {given[name]:g}")
+    return tuple(
+        Budget(tuple(places), tuple(parts.sizes[places].tolist()), given[name], most)
+        for name, places in each.items()
+    )
 
 
 @typed
@@ -176,9 +222,15 @@ def parts_of(problem: Problem, trajectory: Trajectory) -> Parts:
     groups = [
         (key, [row for row, _ in each]) for key, each in groupby(enumerate(times), lambda pair: pair[1])
     ]
+    lasting = {
+        label: trajectory.period if sensor.continuous else 1.0
+        for sensor, label in zip(sensors, sensor_labels(sensors), strict=True)
+    }
     return Parts(
         tuple(Reading(label, run, column * trajectory.period) for (label, run, column), _ in groups),
         np.stack([rows[own].T @ rows[own] for _, own in groups]),
         known,
         judged,
+        np.array([lasting[label] for (label, _, _), _ in groups]),
+        tuple((place,) for place in range(len(groups))),
     )

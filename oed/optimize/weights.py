@@ -63,7 +63,7 @@ def best_weights(criterion: Criterion, parts: Parts, budgets: Sequence[Budget]) 
     found, multipliers = _solved(criterion, scaled, budgets, even, most)
     chosen = np.clip(found, 0.0, most)
     for one in budgets:
-        chosen[list(one.places)] *= one.total / chosen[list(one.places)].sum()
+        chosen[list(one.places)] *= one.total / one.spent(chosen)
     columns, rows = np.triu_indices(parts.judged)
     dual = np.zeros((parts.judged,) * 2)
     dual[rows, columns] = multipliers[: len(rows)]
@@ -78,7 +78,7 @@ def _solved(
     flat = ca.DM(parts.matrices.reshape(len(even), -1).T) @ weights
     whole = ca.reshape(flat, size, size) + ca.DM(parts.known)
     epigraph = criterion.epigraph([eliminate(whole, parts.judged)])
-    spent = [ca.sum1(weights[list(one.places)]) - one.total for one in budgets]
+    spent = [ca.dot(ca.DM(one.sizes), weights[list(one.places)]) - one.total for one in budgets]
     program = {
         "x": ca.vertcat(weights, epigraph.variables),
         "f": -epigraph.objective,
@@ -107,10 +107,10 @@ def whole_weights(criterion: Criterion, parts: Parts, weights: Array, budgets: S
         criterion: to be large, concave.
         parts: of the information.
         weights: of a relaxed choice, (n,).
-        budgets: of all readings, with whole totals.
+        budgets: of all readings, with totals of whole ones.
 
     Raises:
-        UserMistake: a total or most that is no whole number.
+        UserMistake: a total that is not so many whole ones.
     """
     chosen = np.zeros(len(weights))
     for one in budgets:
@@ -129,12 +129,12 @@ def whole_weights(criterion: Criterion, parts: Parts, weights: Array, budgets: S
 
 def _nearest(weights: Array, budget: Budget) -> Array:
     # Largest remainders.
-    if budget.total % 1 or budget.most % 1:
+    if budget.whole is None:
         text = f"expected whole numbers of readings, got {budget.total:g} and at most {budget.most:g} of each"
         raise UserMistake(text)
     found = np.minimum(np.floor(weights + SLIGHT), budget.most)
     left = np.where(found < budget.most, weights - found, -np.inf)
-    found[np.argsort(-left, kind="stable")[: round(budget.total - found.sum())]] += 1.0
+    found[np.argsort(-left, kind="stable")[: round(budget.whole - found.sum())]] += 1.0
     return found
 
 

@@ -11,7 +11,7 @@ from places import PROBLEMS
 import oed
 from oed.bounds.weights import directional_derivatives, weight_bound
 from oed.equations.limits import InputRange
-from oed.equations.outputs import Outputs, Responses
+from oed.equations.outputs import Rates, Responses
 from oed.equations.system import Equations
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import A, Criterion, D, E, ModifiedE
@@ -104,11 +104,9 @@ class TestPublished:
 
     def test_a_decay_that_is_measured_for_two_fifths_of_the_time(self):
         """X' = p x, in ten intervals [1D test of DynamicOED.jl]: from .3 to .7."""
-        parts = followed({"x": "p * x"}, {"p": "-2 1/s"}, {"x": 1.0}, seconds=1.0, samples=1000).as_rates(
-            periods=100
-        )
+        parts = followed({"x": "p * x"}, {"p": "-2 1/s"}, {"x": 1.0}, seconds=1.0, samples=1000).grouped(100)
         criterion = E(scaling="none")
-        budgets = budgets_of(parts, 4.0)
+        budgets = budgets_of(parts, 0.4)
         found = best_weights(criterion, parts, budgets)
         middles = [one.time for one, weight in zip(parts.readings, found.values, strict=True) if weight > 0.5]
         assert middles == pytest.approx([0.35, 0.45, 0.55, 0.65])
@@ -128,9 +126,9 @@ class TestPublished:
             seconds=12.0,
             samples=2400,
             estimate=("p2", "p4"),
-        ).as_rates()
+        )
         criterion = A(scaling="none")
-        budgets = budgets_of(parts, {"outputs": 4.0 / 12 * 2400, "outputs_2": 4.0 / 12 * 2400})
+        budgets = budgets_of(parts, {"rates": 4.0, "rates_2": 4.0})
         found = best_weights(criterion, parts, budgets)
         assert -found.value == pytest.approx(0.063957, rel=1e-4)
         bound = weight_bound(criterion, parts, found.values, found.gradient, budgets)
@@ -163,7 +161,7 @@ def followed(
     problem = oed.Problem(
         model=system,
         design=space,
-        measurement=[Outputs(noise={name: 1.0}) for name in derivatives],
+        measurement=[Rates(noise={name: 1.0}) for name in derivatives],
         limits=[InputRange(input="idle", range=(0, 1))],
         criterion=D(scaling="none"),
         **parts,

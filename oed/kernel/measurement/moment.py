@@ -29,6 +29,7 @@ class Moment(Named):
         nuisances: the sensor's own, by the names it gave them.
         earlier: of a sensor that reads between samples, the moment that its reading begins at.
         elapsed: the time since then [s]; 0 of other sensors.
+        period: how long a reading of a period lasts [s]; 0 of an instant.
     """
 
     system: System
@@ -38,6 +39,7 @@ class Moment(Named):
     nuisances: Mapping[str, Expression]
     earlier: Moment | None = None
     elapsed: Expression | float = 0.0
+    period: Expression | float = 0.0
 
 
 class AnyMoment:
@@ -87,8 +89,9 @@ def moment_reading(sensor: Sensor, system: System) -> ca.Function:
             one[place * size : (place + 1) * size]
             for one, size in ((state, states), (inputs, len(system.inputs)))
         )
-        signals = system.signals(at, held, parameters, period if moments == 1 else 0.0)
-        moment = Moment(system, at, held, signals, nuisances, moment, period if moment else 0.0)
+        lasting = period if sensor.when == "in periods" else 0.0
+        signals = system.signals(at, held, parameters, lasting)
+        moment = Moment(system, at, held, signals, nuisances, moment, period if moment else 0.0, lasting)
     assert moment is not None
     reading, whitening = sensor.reading(moment), sensor.whitening(moment)
     direct = ca.horzcat(ca.jacobian(reading, parameters), ca.SX(reading.shape[0], states))

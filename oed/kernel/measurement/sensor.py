@@ -48,6 +48,8 @@ class Sensor(Measurement):
     """
 
     when: ClassVar[When] = "at samples"
+    continuous: ClassVar[bool] = False
+    """Whether it reads all the time, and the reading of a period is that of all its time."""
 
     every: Annotated[int, Field(ge=1)] = 1
 
