@@ -21,7 +21,7 @@ HOUSE: dict[str, str] = {
     "optimize": "foundation kernel uncertainty",
     "robots": "foundation kernel",
     "equations": "foundation kernel",
-    "bounds": "foundation kernel robots",
+    "bounds": "foundation kernel optimize robots",
     "logs": "foundation kernel",
     "estimation": "foundation kernel robots logs",
     "simulation": "foundation kernel optimize robots logs estimation",

@@ -12,6 +12,7 @@ from oed.bounds.certificate import INFLATION, LOOSE, Bound, Certificate, bound_o
 from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_bounds
 from oed.bounds.joint import joint_bounds
 from oed.bounds.reach import largest_rates, room, unslipped
+from oed.bounds.readings import selection_certificate
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
@@ -75,6 +76,9 @@ def bound(
     if problem.robust is not None and problem.robust.objective == "mean":
         # A bound is of the nominal robot, which limits the worst of several, but not their mean.
         return Certificate(np.inf, MEAN, (), wall_seconds=time.perf_counter() - began)
+    if problem.selection is not None and problem.design.only is not None:
+        found_there = selection_certificate(problem, problem.design.only)
+        return replace(found_there, wall_seconds=time.perf_counter() - began)
     looser = problem.widened(TOLERANCE)
     bounds, widened = _bounds_of_runs(problem), _bounds_of_runs(looser)
     found = _lattice(problem, nodes, time_limit, gap)

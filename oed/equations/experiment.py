@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from oed.equations.candidates import Candidates
 from oed.equations.dimensions import quantity
 from oed.equations.keys import Begin, Quantity
 from oed.equations.limits import InputRange, InputRate, both_ways, require_rising
+from oed.equations.system import Equations
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Duration
-from oed.kernel.dynamics.space import SignalSpace, Spline
+from oed.kernel.dynamics.held import HeldSpace
+from oed.kernel.dynamics.space import SignalSpace, Space, Spline
 from oed.kernel.limit import Limit
 
 
@@ -58,6 +62,8 @@ class Experiment(Component):
 
     Attributes:
         points: settings of the inputs, each for itself, of a system without states.
+        candidates: instead of what inputs may do, the trials to choose among; of a system without states the
+            settings of the inputs.
         duration: of one trial, of a system with states.
         samples: periods of a trial, in each of which the inputs are held.
         trials: designed together, each with inputs and initial values of its own.
@@ -65,43 +71,68 @@ class Experiment(Component):
     """
 
     points: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    candidates: Candidates | None = None
     duration: Annotated[Duration, Field(gt=0)] | None = None
     samples: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
-    trials: Annotated[int, Field(ge=1, le=100)] = 1
+    trials: Annotated[int, Field(ge=1, le=100)] | None = None
     inputs: dict[str, InputKeys] = Field(default_factory=dict)
 
-    def flaws(self, states: Sequence[str], inputs: Sequence[str]) -> list[Flaw]:
-        """What is missing, or means nothing, for a system with these states and inputs; [] if nothing."""
+    def flaws(self, system: Equations) -> list[Flaw]:
+        """What is missing, or means nothing, for a system; [] if nothing."""
+        given = "candidates" if self.candidates is not None else "inputs"
+        flaws = self._input_flaws(system.input_names) if given == "inputs" else []
+        if system.states:
+            wrong, needed, text = ["points"], "duration", "say how long a trial takes, e.g. 10 s"
+        else:
+            text = "say how many settings of the inputs there are, e.g. 4"
+            wrong, needed = ["duration", "samples", "trials"], "points"
+        means = f"means nothing for a system {'with' if system.states else 'without'} states"
+        flaws += [Flaw(("experiment", key), means) for key in wrong if getattr(self, key) is not None]
+        beside = ["points", "trials", *(["inputs"] if self.inputs else [])] if given == "candidates" else []
+        flaws += [
+            Flaw(("experiment", key), "means nothing beside candidates: leave it out")
+            for key in beside
+            if getattr(self, key) is not None and key not in wrong
+        ]
+        missing = getattr(self, needed) is None and (given == "inputs" or needed == "duration")
+        return flaws + ([Flaw(("experiment", needed), f"missing: {text}")] if missing else [])
+
+    def _input_flaws(self, inputs: Sequence[str]) -> list[Flaw]:
         flaws = [
             Flaw(("experiment", "inputs", name), f"the system has no such input; it has {_listed(inputs)}")
             for name in self.inputs
             if name not in inputs
         ]
-        flaws += [
+        return flaws + [
             Flaw(("experiment", "inputs"), f"missing: what {name} may do, e.g. {name}: [0, 1]")
             for name in inputs
             if name not in self.inputs
         ]
-        if states:
-            wrong, needed, text = ["points"], "duration", "say how long a trial takes, e.g. 10 s"
-        else:
-            text = "say how many settings of the inputs there are, e.g. 4"
-            wrong, needed = ["duration", "samples"], "points"
-        means = f"means nothing for a system {'with' if states else 'without'} states"
-        flaws += [Flaw(("experiment", key), means) for key in wrong if getattr(self, key) is not None]
-        missing = getattr(self, needed) is None
-        return flaws + ([Flaw(("experiment", needed), f"missing: {text}")] if missing else [])
 
-    def space(self, begins: Mapping[str, Begin]) -> SignalSpace:
-        """All that may be chosen, of a system whose states begin so."""
+    def space(self, system: Equations, begins: Mapping[str, Begin]) -> Space:
+        """All that may be chosen, of a system whose states begin so.
+
+        Raises:
+            ProblemError: candidates that are none.
+        """
+        start, trials = [one.low for one in begins.values()], self.trials or 1
         samples = self.points or self.samples or USUAL_SAMPLES
+        if self.candidates is not None:
+            settings = self.candidates.table(dict(system.input_units))
+            if not system.states:
+                return HeldSpace.of(settings, np.zeros((1, 0)), duration=float(len(settings)))
+            held, trials = np.repeat(settings, samples, axis=0), len(settings)
+            return HeldSpace.of(held, np.tile(start, (trials, 1)), duration=self.duration or 1.0)
+        if not system.input_names:
+            held = np.zeros((trials * samples, 0))
+            return HeldSpace.of(held, np.tile(start, (trials, 1)), duration=self.duration or 1.0)
         return SignalSpace(
             duration=self.duration or float(samples),
             samples=samples,
             spline=Spline(degree=0, coefficients=samples),
             rest_to_rest=False,
-            runs=self.trials,
-            start=tuple(one.low for one in begins.values()),
+            runs=trials,
+            start=tuple(start),
         )
 
     @property

@@ -129,11 +129,14 @@ def problem_flaws(problem: Problem) -> list[Flaw]:
     # What widens a problem by a tolerance is nobody's mistake.
     flaws += [] if problem.excess else model.doubts(problem)
     # Blocks exist only for a measurement that fits the system.
-    return flaws or _estimation_flaws(problem) or _uncertainty_flaws(problem)
+    chosen = problem.selection.flaws(problem) if problem.selection is not None and not flaws else []
+    return flaws or chosen or _estimation_flaws(problem) or _uncertainty_flaws(problem)
 
 
 def unbounded(problem: Problem) -> list[Flaw]:
-    """Inputs that no limit bounds, with the limits that would."""
+    """Inputs that no limit bounds, with the limits that would; of those that are given none."""
+    if problem.design.only is not None:
+        return []
     names = [limit.name for limit in problem.limits]
     found = zip(problem.model.inputs, problem.input_bounds, strict=True)
     return [

@@ -25,6 +25,7 @@ from oed.kernel.limit import Limit, Rows
 from oed.kernel.margin import TOLERANCE as TOLERANCE
 from oed.kernel.margin import Margin as Margin
 from oed.kernel.measurement.square_root import SquareRoot
+from oed.kernel.parts import rows_of
 from oed.kernel.problem import Problem
 
 EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
@@ -143,8 +144,21 @@ class _Scorer:
             given = [trajectory.inputs, trajectory.starts + shift, parameters, trajectory.period]
             results = [np.array(each) for each in self._jacobians.call(given)]
             jacobians, summed = results[: len(results) // 2], results[len(results) // 2 :]
+            jacobians = self._weighted(jacobians, trajectory)
             found.append(self._square_roots(jacobians, summed)[0])
         return found
+
+    def _weighted(self, jacobians: list[Array], drive: Trajectory) -> list[Array]:
+        # A reading that counts w times says as much as w readings.
+        if drive.weights is None:
+            return jacobians
+        sensors = self.problem.measurement.joint_sensors
+        places = rows_of(sensors, self.problem.system, drive.samples // drive.runs, drive.runs)
+        if not sensors or len(drive.weights) != places.max() + 1:
+            expected = places.max() + 1 if sensors else "no"
+            raise ValueError(f"expected weights of {expected} readings, got {len(drive.weights)}")
+        roots = np.sqrt(drive.weights)[places, None]
+        return [roots * one for one in jacobians]
 
     def _square_roots(
         self, jacobians: Sequence[Array], summed: Sequence[Array]
@@ -172,6 +186,7 @@ class _Scorer:
         ]
         groups = [arrays[first:last] for first, last in pairwise(self._edges)]
         (_, _, path, _), _, responses, jacobians, *_ = groups
+        groups[3] = jacobians = self._weighted(jacobians, drive)
         require_finite(self.problem, drive, path, responses, jacobians)
         return groups
 
@@ -204,7 +219,8 @@ class _Scorer:
             _margin(problem, limit, sight, rows, values.ravel(), share)
             for limit, rows, values in zip(problem.limits, self.rows, limits, strict=True)
         ]
-        return (*margins, *_conditions(problem, trajectory))
+        chosen = () if problem.selection is None else problem.selection.margins(problem, trajectory)
+        return (*margins, *_conditions(problem, trajectory), *chosen)
 
     def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
         problem = self.problem

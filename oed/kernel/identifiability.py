@@ -98,8 +98,10 @@ def _hidden(problem: Problem, drives: int) -> tuple[Ambiguity, ...]:
     found, failed = list[dict[str, SquareRoot]](), list[NotFinite]()
     pairs = list[tuple[Estimation, SquareRoot]]()
     # What is over soon, or goes beyond all bounds, shows in next to none of the drives that are anywhere.
+    only = problem.design.only
     for shares in (_anywhere, _near_an_end):
-        _inform(problem, [_random_drive(problem, rng, shares) for _ in range(drives)], found, failed)
+        tried = [_random_drive(problem, rng, shares) for _ in range(drives)] if only is None else [only]
+        _inform(problem, tried, found, failed)
         pairs = [
             (one, SquareRoot.together([each[one.block.name] for each in found]))
             for one in problem.any_estimations

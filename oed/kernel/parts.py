@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
 
 import numpy as np
 
 from oed.foundation.arguments import typed
-from oed.foundation.arrays import Array
-from oed.foundation.errors import ProblemError, UserMistake
+from oed.foundation.arrays import Array, Places
+from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
-from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import jacobians
-from oed.kernel.measurement.sensor import row_times, sensor_labels
-from oed.kernel.problem import Problem
+from oed.kernel.dynamics.system import System
+from oed.kernel.measurement.sensor import Sensor, row_times, sensor_labels
 
 
 @dataclass(frozen=True)
@@ -55,17 +52,19 @@ class Parts(Brief):
     sizes: Array
     members: tuple[tuple[int, ...], ...]
 
-    def grouped(self, count: int) -> Parts:
-        """So many readings in a row of every sensor and run together, with one weight in common.
+    def divided(self, pieces: int) -> Parts:
+        """So many equal pieces of what every sensor reads in a run, each with one weight.
 
         Raises:
-            UserMistake: no divisor of how many there are.
+            UserMistake: no divisor of how many readings these are.
         """
         groups = list[list[int]]()
         for places in self._each(lambda one: (one.sensor, one.run)):
-            if len(places) % count:
-                raise UserMistake(f"expected a divisor of {len(places)} readings, got {count}")
-            groups += np.reshape(places, (-1, count)).tolist()
+            if len(places) % pieces:
+                name = self.readings[places[0]].sensor
+                text = f"pieces: expected a divisor of the {len(places)} readings of {name} in a trial"
+                raise UserMistake(f"{text}, got {pieces}")
+            groups += np.reshape(places, (pieces, -1)).tolist()
         return self._merged(groups)
 
     def by_run(self) -> Parts:
@@ -192,45 +191,38 @@ def budgets_of(parts: Parts, totals: float | Mapping[str, float], most: float = 
     )
 
 
-@typed
-def parts_of(problem: Problem, trajectory: Trajectory) -> Parts:
-    """What every reading of a trajectory says.
+def laid_out(sensors: Sequence[Sensor], system: System, samples: int, runs: int, period: float) -> Parts:
+    """The readings that sensors take, before anything is known of what they say.
 
-    Raises:
-        ProblemError: a measurement whose readings do not add up: of regressions, or correlated.
-        ValueError, NotFinite: as `evaluate` does.
+    Args:
+        sensors: whose readings are independent of each other.
+        system: that is read.
+        samples: of each run.
+        runs: how many.
+        period: T [s].
     """
-    sensors = problem.measurement.joint_sensors
-    if not sensors or any(one.joint_whitening is not None for one in sensors):
-        text = "its readings do not add up one by one: weights need sensors with independent readings"
-        raise ProblemError.about(("measurement", "kind"), text)
-    (one,), (jacobian,) = problem.any_estimations, jacobians(problem, trajectory)
-    block, count = one.block, len(one.parameters)
-    own = [block.parameters.index(name) for name in one.parameters]
-    nuisances = range(len(block.parameters), jacobian.shape[1])
-    judged = len(one.judged)
-    scales = np.concatenate([one.scales, np.ones(count - judged + len(nuisances))])
-    rows = jacobian[:, [*own, *nuisances]] * scales
-    known = np.zeros((rows.shape[1],) * 2)
-    if one.prior is not None:
-        known[:count, :count] = one.prior
-    known[np.diag_indices(len(known))] += [0.0] * count + [
-        0.0 if nuisance.deviation is None else nuisance.deviation**-2 for nuisance in block.nuisances
-    ]
-    known *= np.outer(scales, scales)
-    times = row_times(sensors, problem.system, trajectory.samples // trajectory.runs, trajectory.runs)
-    groups = [
-        (key, [row for row, _ in each]) for key, each in groupby(enumerate(times), lambda pair: pair[1])
-    ]
-    lasting = {
-        label: trajectory.period if sensor.continuous else 1.0
-        for sensor, label in zip(sensors, sensor_labels(sensors), strict=True)
-    }
+    labels = zip(sensors, sensor_labels(sensors), strict=True)
+    lasting = {label: period if sensor.continuous else 1.0 for sensor, label in labels}
+    each = list(dict.fromkeys(row_times(sensors, system, samples, runs)))
     return Parts(
-        tuple(Reading(label, run, column * trajectory.period) for (label, run, column), _ in groups),
-        np.stack([rows[own].T @ rows[own] for _, own in groups]),
-        known,
-        judged,
-        np.array([lasting[label] for (label, _, _), _ in groups]),
-        tuple((place,) for place in range(len(groups))),
+        tuple(Reading(label, run, column * period) for label, run, column in each),
+        np.zeros((len(each), 0, 0)),
+        np.zeros((0, 0)),
+        0,
+        np.array([lasting[label] for label, _, _ in each]),
+        tuple((place,) for place in range(len(each))),
     )
+
+
+def rows_of(sensors: Sequence[Sensor], system: System, samples: int, runs: int) -> Places:
+    """For every row of all sensors' readings the place of its reading among `laid_out` ones, (rows,).
+
+    Args:
+        sensors: that read.
+        system: that is read.
+        samples: of each run.
+        runs: how many.
+    """
+    times = row_times(sensors, system, samples, runs)
+    places = {one: place for place, one in enumerate(dict.fromkeys(times))}
+    return np.array([places[one] for one in times], dtype=int)

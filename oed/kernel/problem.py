@@ -34,6 +34,7 @@ from oed.kernel.measurement.measurement import Block, Measurement, Nuisance
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.sensor import Sensor, constants_of
 from oed.kernel.measurement.square_root import SquareRoot
+from oed.kernel.selection import Selection
 from oed.kernel.tightening import Tightening, Uncertain, UncertainSystem, tightened_rows
 
 
@@ -110,6 +111,7 @@ class Problem(Presented, Renamed):
         robust: how limits are satisfied all the same; by the nominal system alone if None.
         excess: share of its size by which every limit, and what the design space asks, may be exceeded; see
             `widened`.
+        selection: which readings are taken, where not all of them are.
         designed: whether drives are designed. Else parameters are only estimated, inputs need no bounds, and
             the design space is any.
 
@@ -128,6 +130,7 @@ class Problem(Presented, Renamed):
     uncertainty: Uncertain | None
     robust: Tightening | None
     excess: float
+    selection: Selection | None
     designed: bool
 
     @called_in_words
@@ -144,6 +147,7 @@ class Problem(Presented, Renamed):
         uncertainty: Uncertain | None = None,
         robust: Tightening | None = None,
         excess: float = 0.0,
+        selection: Selection | None = None,
         designed: bool = True,
     ) -> None:
         """Take lists and names for what they stand for, and check that the parts fit together."""

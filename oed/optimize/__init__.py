@@ -13,10 +13,11 @@ from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.evaluation import evaluate
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.problem import Problem
-from oed.kernel.solution import Solution
+from oed.kernel.solution import Solution, Status, scored
 from oed.optimize.assurance import assured
 from oed.optimize.genetic import CmaEs, DifferentialEvolution, Genetic
 from oed.optimize.ipopt import Ipopt
+from oed.optimize.selection import with_readings
 from oed.optimize.solver import Context, Solver
 
 SOLVERS: tuple[type[Solver], ...] = (Ipopt, Genetic, CmaEs, DifferentialEvolution)
@@ -53,12 +54,23 @@ def solve(
     own = problem if options.criterion is None else replace(problem, criterion=options.criterion)
     own.require_designed()
     require_identifiable(own)
-    solution = assured(options, own, context)
+    solution = _searched(options, own, context)
     if own is problem:
         return replace(solution, problem=problem)
     # Found by another measure of quality, but scored by the problem's.
     evaluation = None if solution.trajectory is None else evaluate(problem, solution.trajectory)
     return replace(solution, evaluation=evaluation, criterion=own.criterion.kind, gains={}, problem=problem)
+
+
+def _searched(options: Solver, problem: Problem, context: Context) -> Solution:
+    # The trajectory, unless there is only one; then the readings, where they are chosen.
+    bare = replace(problem, selection=None)
+    if problem.design.only is not None:
+        alone = scored(bare, problem.design.only, options.label)
+        solution = replace(alone, kind=options.kind, seed=context.seed, status=Status.CONVERGED)
+    else:
+        solution = assured(options, bare, context)
+    return solution if problem.selection is None else with_readings(problem, solution)
 
 
 def _solver(given: Solver | str | None) -> Solver:

@@ -20,6 +20,7 @@ from oed.kernel.evaluation import TOLERANCE, Evaluation
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.records.stored.result import NUMBERS, Covariance, Margin, Result, StoredDrive
+from oed.records.stored.selection import StoredSelection
 from oed.records.stored.simulation import (
     Error,
     Fit,
@@ -67,7 +68,10 @@ UNSCORED: Mapping[str, Any] = {
 
 
 def result_of(
-    solution: Solution, trajectory_file: str | None, criteria: Mapping[str, float | None] | None = None
+    solution: Solution,
+    trajectory_file: str | None,
+    criteria: Mapping[str, float | None] | None = None,
+    selection: StoredSelection | None = None,
 ) -> Result:
     """One of a record's `results`.
 
@@ -75,6 +79,7 @@ def result_of(
         solution: what was found.
         trajectory_file: name of the drive's CSV file, None for no file.
         criteria: what other criteria say of the drive, by their kinds.
+        selection: which of its readings are taken.
     """
     evaluation, trajectory = solution.evaluation, solution.trajectory
     return Result.of(
@@ -87,6 +92,7 @@ def result_of(
         if trajectory is None or evaluation is None
         else StoredDrive.of(trajectory, poses=evaluation.states),
         criteria=criteria or {},
+        selection=selection,
     )
 
 

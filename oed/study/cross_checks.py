@@ -25,6 +25,7 @@ OF_DESIGNS = (
     "baselines",
     "same_length",
     "bound",
+    "weights",
     "validation",
     "physics",
 )

@@ -215,7 +215,8 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
         raise StudyError(explain(error, kind, source)) from None
     flaws = file.flaws()
     try:
-        file = _with_prior(file, Path(source.file).parent, prior_of)
+        folder = Path(source.file).parent
+        file = _with_prior(file.with_files(folder), folder, prior_of)
         problem = file.problem()
         flaws += [*judge_flaws(file, problem), *file.problem_flaws(problem)]
     except ProblemError as error:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field
 
@@ -18,6 +19,7 @@ from oed.kernel.limit import Limit
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
+from oed.kernel.selection import Selection
 from oed.optimize import SOLVERS, Ipopt, Solver
 from oed.robots.own_parts import components, measurement_flaws
 from oed.study.parts import AnyBaseline, AnyPrior, ValidationOptions
@@ -44,6 +46,7 @@ class StudyFile(Component, ABC):
     solvers: tuple[Annotated[Solver, OneOf(SOLVERS)], ...] = (Ipopt(),)
     baselines: tuple[AnyBaseline, ...] = ()
     bound: bool = False
+    weights: Selection | None = None
     validation: ValidationOptions | None = None
     seed: Annotated[int, Field(ge=0)] = 0
 
@@ -118,6 +121,7 @@ class StudyFile(Component, ABC):
             prior=self.prior,
             uncertainty=self.uncertainty,
             robust=self.robust,
+            selection=self.weights,
             designed=self.designs,
         )
 
@@ -126,6 +130,17 @@ class StudyFile(Component, ABC):
         plain: dict[str, Any] = self.model_dump(mode="json", exclude_none=True)
         first = [name for name in LEADING if name in plain]
         return {name: plain[name] for name in (*first, *(one for one in plain if one not in first))}
+
+    def with_files(self, folder: Path) -> Self:
+        """The study with what it names other files for, but records, read from them; nothing by default.
+
+        Args:
+            folder: from which the files are found.
+
+        Raises:
+            ProblemError: files that cannot be read.
+        """
+        return self
 
     def named_code(self) -> Iterator[tuple[str, OwnPart]]:
         """Every part of somebody's own that a study read as data names, with its key."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated, ClassVar
+from pathlib import Path
+from typing import Annotated, ClassVar, Self
 
 from pydantic import BeforeValidator
 
@@ -14,7 +15,7 @@ from oed.equations.several import SENSORS, SeveralOutputs
 from oed.equations.system import Equations
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Flaw, ProblemError
-from oed.kernel.dynamics.space import SignalSpace
+from oed.kernel.dynamics.space import Space
 from oed.kernel.limit import Limit
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.problem import Problem
@@ -43,9 +44,16 @@ class SystemStudyFile(StudyFile):
         return self.system.system
 
     @property
-    def space(self) -> SignalSpace:
+    def space(self) -> Space:
         """What may be chosen."""
-        return self.experiment.space(self.system.begins)
+        return self.experiment.space(self.model, self.system.begins)
+
+    def with_files(self, folder: Path) -> Self:
+        """The study with candidates as numbers where a file has them."""
+        if self.experiment.candidates is None:
+            return self
+        read = self.experiment.candidates.read(folder, self.model.input_names)
+        return self.model_copy(update={"experiment": self.experiment.model_copy(update={"candidates": read})})
 
     @property
     def every_limit(self) -> tuple[Limit, ...]:
@@ -63,7 +71,7 @@ class SystemStudyFile(StudyFile):
             ProblemError: the parts do not fit together; every reason is listed.
         """
         model = self.model
-        flaws = self.experiment.flaws(model.states, model.input_names)
+        flaws = self.experiment.flaws(model)
         if flaws:
             raise ProblemError(flaws)
         with self._own_keys():

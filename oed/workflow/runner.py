@@ -39,6 +39,7 @@ from oed.robots.baselines import baselines
 from oed.simulation.trial import require_ready
 from oed.study.study import PathFile, RobotStudyFile, Study
 from oed.workflow.experiments import driven_in_physics, simulated
+from oed.workflow.readings import readings_csv, selection_of
 from oed.workflow.robustness import nominal_search, robustness, safe, tried
 from oed.workflow.saving import RunFolder, run_folder
 from oed.workflow.studies import Work, own_paths
@@ -252,7 +253,15 @@ def record(
 
 def _results(study: Study, solutions: Sequence[Solution], *, named: bool) -> list[Result]:
     judges = criteria_of(study)
-    return [result_of(one, _file(one) if named else None, _judged(study, judges, one)) for one in solutions]
+    return [
+        result_of(
+            one,
+            _file(one) if named else None,
+            _judged(study, judges, one),
+            selection_of(study.problem, one),
+        )
+        for one in solutions
+    ]
 
 
 def record_files(study: Study, solutions: Sequence[Solution], made: Record) -> dict[str, str]:
@@ -268,7 +277,12 @@ def record_files(study: Study, solutions: Sequence[Solution], made: Record) -> d
         for one in solutions
         if one.trajectory is not None and one.evaluation is not None
     }
-    return {FILE: made.to_json(), **drives}
+    readings = {
+        f"{file_stem(one.name)}_readings.csv": readings_csv(one.selection)
+        for one in made.results
+        if one.selection is not None
+    }
+    return {FILE: made.to_json(), **drives, **readings}
 
 
 def criteria_of(study: Study) -> dict[str, Criterion]:

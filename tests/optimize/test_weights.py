@@ -15,7 +15,8 @@ from oed.equations.outputs import Rates, Responses
 from oed.equations.system import Equations
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import A, Criterion, D, E, ModifiedE
-from oed.kernel.parts import Parts, budgets_of, parts_of
+from oed.kernel.parts import Parts, budgets_of
+from oed.kernel.taken_apart import parts_of
 from oed.optimize.weights import best_weights, whole_weights
 
 CRITERIA: tuple[Criterion, ...] = (E(scaling="none"), D(scaling="none"), A(scaling="none"))
@@ -104,7 +105,7 @@ class TestPublished:
 
     def test_a_decay_that_is_measured_for_two_fifths_of_the_time(self):
         """X' = p x, in ten intervals [1D test of DynamicOED.jl]: from .3 to .7."""
-        parts = followed({"x": "p * x"}, {"p": "-2 1/s"}, {"x": 1.0}, seconds=1.0, samples=1000).grouped(100)
+        parts = followed({"x": "p * x"}, {"p": "-2 1/s"}, {"x": 1.0}, seconds=1.0, samples=1000).divided(10)
         criterion = E(scaling="none")
         budgets = budgets_of(parts, 0.4)
         found = best_weights(criterion, parts, budgets)

@@ -527,6 +527,7 @@ class TestSchema:
             "robust",
             "same_length",
             "uncertainty",
+            "weights",
         }
         assert schema["additionalProperties"] is False
         assert {"format", "name", "robot", "measurement"} == set(schema["required"])

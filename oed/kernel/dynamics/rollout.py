@@ -154,7 +154,7 @@ class Drive(Brief, Named):
     def speeds(self) -> Expression:
         """How fast the system moves through space in each period [m/s], (N, 1); 0 of one that does not."""
         if not self.system.velocity_signal:
-            return 0 * self.inputs[:, 0]
+            return 0 * ca.sum2(self.inputs)
         velocity = self.signals[self.system.velocity_signal]
         return ca.hypot(velocity[:, 0], velocity[:, 1])
 

@@ -52,6 +52,11 @@ class Space(Component, ABC):
         chooses them.
         """
 
+    @property
+    def only(self) -> Trajectory | None:
+        """The one drive of a space in which nothing is chosen; None where something is."""
+        return None
+
     def driving(self, system: System) -> System:
         """The system as drives of this space drive it; itself, unless the space chooses how it steps."""
         return system

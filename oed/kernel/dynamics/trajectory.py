@@ -72,6 +72,8 @@ class Trajectory(Presented):
         start: start state (states,), SI; of several runs (runs, states).
         samples: N; the system holds each input at its spline's value in the middle of each period.
         runs: how many runs of equal length the N samples are shared out to.
+        weights: how much every reading counts, in the order of `parts_of`, (n,); None where all of them are
+            taken once.
     """
 
     knots: Array
@@ -80,6 +82,7 @@ class Trajectory(Presented):
     start: Array
     samples: int
     runs: int = 1
+    weights: Array | None = None
 
     def __post_init__(self) -> None:
         """Copy the arrays, check their shapes and make them read-only.
@@ -88,7 +91,9 @@ class Trajectory(Presented):
             ValueError: knots and coefficients that do not match, or numbers that are not finite, or knots
                 that are no times from 0 to a duration.
         """
-        for name in ("knots", "coefficients", "start"):
+        for name in ("knots", "coefficients", "start", "weights"):
+            if getattr(self, name) is None:
+                continue
             array = np.array(getattr(self, name), dtype=float)
             if name == "start" and self.runs == 1:
                 array = array.reshape(-1)
@@ -96,6 +101,8 @@ class Trajectory(Presented):
                 raise ValueError(f"{name} must be finite")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+        if self.weights is not None and (self.weights.ndim != 1 or np.any(self.weights < 0)):
+            raise ValueError("expected weights of readings, none below 0")
         if not len(self.knots) or self.knots[0] != 0 or self.duration <= 0 or np.any(np.diff(self.knots) < 0):
             raise ValueError(f"expected knots that rise from 0 to a positive duration, got {self.knots}")
         expected = len(self.knots) - self.degree - 1

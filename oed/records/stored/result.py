@@ -27,6 +27,7 @@ from oed.records.stored.parts import (
     Stored,
     require_table,
 )
+from oed.records.stored.selection import StoredSelection
 
 DEGREE = 7
 """Of splines, at most."""
@@ -57,6 +58,7 @@ class StoredDrive(Stored):
     samples: Annotated[int, Field(ge=1)]
     runs: Annotated[int, Field(ge=1)] = 1
     poses: Annotated[Sizes, Rounded(9)]
+    weights: list[Positive] | None = None
 
     @property
     def trajectory(self) -> Trajectory:
@@ -68,6 +70,7 @@ class StoredDrive(Stored):
             np.array(self.start),
             self.samples,
             self.runs,
+            None if self.weights is None else np.array(self.weights),
         )
 
     @property
@@ -77,12 +80,10 @@ class StoredDrive(Stored):
 
     def _require(self) -> None:
         require_table("coefficients", self.coefficients, None, len(self.coefficients[0]))
-        if not self.coefficients[0]:
-            raise ValueError("coefficients: expected one of every input, got none")
         self._require_knots()
         if self.samples % self.runs:
             raise ValueError(f"samples: expected as many in each of {self.runs} runs, got {self.samples}")
-        width = max(3, len(self.poses[0])) if self.poses else 3
+        width = len(self.poses[0]) if self.poses else 3
         require_table("poses", self.poses, self.samples + self.runs, width)
         self._require_starts(width)
 
@@ -160,6 +161,7 @@ class Result(Presented, Stored):
         trajectory: name of the drive's CSV file.
         drive: the drive.
         criteria: what other criteria say of it, by their kinds.
+        selection: which readings are taken, where they were chosen.
     """
 
     name: Name
@@ -190,6 +192,7 @@ class Result(Presented, Stored):
     trajectory: Name | None
     drive: StoredDrive | None
     criteria: dict[str, Number | None] = Field(default_factory=dict)
+    selection: StoredSelection | None = None
 
     @property
     def origin(self) -> Literal["search", "baseline", "path"]:

@@ -332,7 +332,7 @@ class Record(Presented, SavedFile):
         assert first is not None
         width = len(first.coefficients[0]) if not self.inputs else len(self.inputs)
         require_alike(width, **{f"{what}.drive.coefficients.0": one.drive.coefficients[0]})
-        states = len(self.states) if self.states else len(first.poses[0])
+        states = len(self.states) or len(first.poses[0])
         require_alike(states, **{f"{what}.drive.poses.0": one.drive.poses[0]})
 
     def _require_simulated(self, names: list[str], parameters: list[str]) -> None:

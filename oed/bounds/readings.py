@@ -1,0 +1,61 @@
+"""Certificates of chosen readings: of one trajectory's, no weights within the budgets are better."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from oed.bounds.certificate import Certificate
+from oed.bounds.weights import directional_derivatives, weight_bound
+from oed.foundation.arguments import typed
+from oed.foundation.arrays import Array
+from oed.foundation.presenting import Brief
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.problem import Problem
+from oed.optimize.selection import Selected, select
+
+METHOD = "directional derivatives at the best weights [Kiefer and Wolfowitz, 1960], {count} weights"
+
+
+@dataclass(frozen=True, repr=False)
+class Certified(Brief):
+    """Readings chosen for a trajectory, with what proves how good they are.
+
+    Attributes:
+        selected: the readings.
+        bound: no weights within the budgets have more.
+        derivatives: of the criterion, linearised at the relaxed weights, by every weight, (n,).
+    """
+
+    selected: Selected
+    bound: float
+    derivatives: Array
+
+
+@typed
+def certified_selection(problem: Problem, trajectory: Trajectory) -> Certified:
+    """The best readings of a trajectory within the problem's selection, and what no others exceed.
+
+    Args:
+        problem: with a selection.
+        trajectory: whose readings they are.
+
+    Raises:
+        UserMistake: a criterion that is not concave, or a problem without a selection.
+        ProblemError: readings that do not add up.
+    """
+    found, criterion = select(problem, trajectory), problem.objective
+    given = found.parts, found.relaxed.values, found.relaxed.gradient
+    bound = weight_bound(criterion, *given, found.budgets)
+    return Certified(found, bound, directional_derivatives(*given))
+
+
+def selection_certificate(problem: Problem, trajectory: Trajectory) -> Certificate:
+    """What no choice of the readings of a trajectory exceeds."""
+    found = certified_selection(problem, trajectory)
+    count = len(found.derivatives)
+    return Certificate(
+        found.bound,
+        METHOD.format(count=count),
+        ("readings of this experiment within the budget of weights",),
+        found.selected.relaxed.gradient,
+    )

@@ -1,0 +1,48 @@
+"""A trajectory taken apart: what each of its readings says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from oed.foundation.arguments import typed
+from oed.foundation.errors import ProblemError
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import jacobians
+from oed.kernel.parts import Parts, laid_out, rows_of
+from oed.kernel.problem import Problem
+
+
+@typed
+def parts_of(problem: Problem, trajectory: Trajectory) -> Parts:
+    """What every reading of a trajectory says, whatever weights they have in it.
+
+    Raises:
+        ProblemError: a measurement whose readings do not add up: of regressions, or correlated.
+        ValueError, NotFinite: as `evaluate` does.
+    """
+    sensors = problem.measurement.joint_sensors
+    if not sensors or any(one.joint_whitening is not None for one in sensors):
+        text = "its readings do not add up one by one: weights need sensors with independent readings"
+        raise ProblemError.about(("measurement", "kind"), text)
+    (one,), (jacobian,) = problem.any_estimations, jacobians(problem, replace(trajectory, weights=None))
+    block, count = one.block, len(one.parameters)
+    own = [block.parameters.index(name) for name in one.parameters]
+    nuisances = range(len(block.parameters), jacobian.shape[1])
+    judged = len(one.judged)
+    scales = np.concatenate([one.scales, np.ones(count - judged + len(nuisances))])
+    rows = jacobian[:, [*own, *nuisances]] * scales
+    known = np.zeros((rows.shape[1],) * 2)
+    if one.prior is not None:
+        known[:count, :count] = one.prior
+    known[np.diag_indices(len(known))] += [0.0] * count + [
+        0.0 if nuisance.deviation is None else nuisance.deviation**-2 for nuisance in block.nuisances
+    ]
+    known *= np.outer(scales, scales)
+    given = sensors, problem.system, trajectory.samples // trajectory.runs, trajectory.runs
+    places = rows_of(*given)
+    single = laid_out(*given, trajectory.period)
+    matrices = np.zeros((len(single.readings), *known.shape))
+    np.add.at(matrices, places, np.einsum("ra,rb->rab", rows, rows))
+    return replace(single, matrices=matrices, known=known, judged=judged)

@@ -1,0 +1,75 @@
+"""Readings chosen for a trajectory, by weights that are best for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from oed.foundation.arguments import typed
+from oed.foundation.errors import UserMistake
+from oed.foundation.presenting import Brief
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.parts import Budget, Parts
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution
+from oed.kernel.taken_apart import parts_of
+from oed.optimize.weights import Weights, best_weights, whole_weights
+
+
+@dataclass(frozen=True, repr=False)
+class Selected(Brief):
+    """Readings chosen within a problem's budget.
+
+    Attributes:
+        parts: what has weights.
+        budgets: of these.
+        relaxed: the best weights, not whole.
+        whole: whole readings near them; None where the problem asks for none.
+    """
+
+    parts: Parts
+    budgets: tuple[Budget, ...]
+    relaxed: Weights
+    whole: Weights | None
+
+    @property
+    def chosen(self) -> Weights:
+        """What is to be done."""
+        return self.relaxed if self.whole is None else self.whole
+
+
+@typed
+def select(problem: Problem, trajectory: Trajectory) -> Selected:
+    """The best readings of a trajectory within the problem's `selection`.
+
+    Args:
+        problem: with a selection.
+        trajectory: whose readings they are; weights that it has are of no matter.
+
+    Raises:
+        UserMistake: a criterion that is not concave, or a problem without a selection.
+        ProblemError: readings that do not add up.
+    """
+    selection = problem.selection
+    if selection is None:
+        raise UserMistake("the problem's readings are all taken: give it a selection")
+    parts = selection.parts(parts_of(problem, trajectory))
+    budgets, criterion = selection.budgets(parts), problem.objective
+    relaxed = best_weights(criterion, parts, budgets)
+    whole = whole_weights(criterion, parts, relaxed.values, budgets) if selection.whole else None
+    return Selected(parts, budgets, relaxed, whole)
+
+
+def with_readings(problem: Problem, solution: Solution) -> Solution:
+    """A solution with the readings that are best for its trajectory, scored anew.
+
+    Args:
+        problem: with a selection.
+        solution: of the same without one.
+    """
+    if solution.trajectory is None:
+        return solution
+    found = select(problem, solution.trajectory)
+    weights = found.parts.of_every_reading(found.chosen.values)
+    trajectory = replace(solution.trajectory, weights=weights)
+    return replace(solution, trajectory=trajectory, evaluation=evaluate(problem, trajectory))
