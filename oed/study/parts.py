@@ -55,14 +55,33 @@ class PriorRecord(Component):
     result: str | None = None
 
 
+class PriorReadings(Component):
+    """A prior from readings that were taken before, of a system without states, as the study measures.
+
+    Attributes:
+        readings: settings of every input, reading by reading.
+    """
+
+    readings: dict[str, tuple[float | str, ...]]
+
+
 def _prior_form(value: Any) -> str:
     # By what is given, so that mistakes are those of the form that was meant.
-    from_record = "record" in value if isinstance(value, dict) else isinstance(value, PriorRecord)
-    return "from a record" if from_record else "as numbers"
+    forms = {"record": (PriorRecord, "from a record"), "readings": (PriorReadings, "from readings")}
+    for key, (kind, form) in forms.items():
+        if key in value if isinstance(value, dict) else isinstance(value, kind):
+            return form
+    return "as numbers"
 
 
 AnyPrior = Annotated[
     Annotated[Prior, Tag("as numbers")] | Annotated[PriorRecord, Tag("from a record")],
+    Discriminator(_prior_form),
+]
+AnySystemPrior = Annotated[
+    Annotated[Prior, Tag("as numbers")]
+    | Annotated[PriorRecord, Tag("from a record")]
+    | Annotated[PriorReadings, Tag("from readings")],
     Discriminator(_prior_form),
 ]
 

@@ -21,7 +21,7 @@ from oed.robots.sensors import MEASUREMENTS, Measurement
 from oed.robots.space import DesignSpace
 from oed.simulation.trial import Trial, trial_flaws
 from oed.study.cross_checks import file_flaws, robot_flaws
-from oed.study.parts import AnyBaseline
+from oed.study.parts import AnyBaseline, AnyPrior
 from oed.study.study_file import StudyFile
 
 
@@ -59,6 +59,7 @@ class RobotStudyFile(StudyFile):
     robot: Annotated[Model, OneOf(MODELS)]
     trajectory: DesignSpace | None = None
     measurement: Annotated[Measurement, OneOf(MEASUREMENTS), BeforeValidator(sensor_list)]
+    prior: AnyPrior | None = None
     limits: Annotated[_Limits | None, Field(validate_default=True)] = None  # type: ignore[valid-type]
     baselines: tuple[AnyBaseline, ...] = ()
     same_length: bool = False

@@ -216,7 +216,7 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
     flaws = file.flaws()
     try:
         folder = Path(source.file).parent
-        file = _with_prior(file.with_files(folder), folder, prior_of)
+        file = _with_prior(file.in_numbers(folder), folder, prior_of)
         problem = file.problem()
         flaws += [*judge_flaws(file, problem), *file.problem_flaws(problem)]
     except ProblemError as error:

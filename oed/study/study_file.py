@@ -22,7 +22,7 @@ from oed.kernel.problem import Problem
 from oed.kernel.selection import Selection
 from oed.optimize import SOLVERS, Ipopt, Solver
 from oed.robots.own_parts import components, measurement_flaws
-from oed.study.parts import AnyBaseline, AnyPrior, ValidationOptions
+from oed.study.parts import AnyBaseline, AnySystemPrior, ValidationOptions
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
 
@@ -39,7 +39,7 @@ class StudyFile(Component, ABC):
     name: Annotated[str, Field(min_length=1)]
     measurement: Measurement
     estimate: tuple[str, ...] | None = None
-    prior: AnyPrior | None = None
+    prior: AnySystemPrior | None = None
     uncertainty: Uncertainty | None = None
     robust: Robust | None = None
     criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] = E()
@@ -106,13 +106,21 @@ class StudyFile(Component, ABC):
         Raises:
             ProblemError: the parts do not fit together; every reason is listed.
         """
-        assert self.prior is None or isinstance(self.prior, Prior)
         flaws = measurement_flaws(self)
         if flaws:
             raise ProblemError(flaws)
+        return self.problem_of(self.space)
+
+    def problem_of(self, space: Space) -> Problem:
+        """The problem with another space than the study's.
+
+        Raises:
+            ProblemError: the parts do not fit together; every reason is listed.
+        """
+        assert self.prior is None or isinstance(self.prior, Prior)
         return Problem(
             model=self.model,
-            design=self.space,
+            design=space,
             measurement=self.measurement,
             limits=self.every_limit,
             criterion=self.criterion,
@@ -131,14 +139,14 @@ class StudyFile(Component, ABC):
         first = [name for name in LEADING if name in plain]
         return {name: plain[name] for name in (*first, *(one for one in plain if one not in first))}
 
-    def with_files(self, folder: Path) -> Self:
-        """The study with what it names other files for, but records, read from them; nothing by default.
+    def in_numbers(self, folder: Path) -> Self:
+        """The study with numbers where it names other files, but records, or what they follow from.
 
         Args:
-            folder: from which the files are found.
+            folder: from which files are found.
 
         Raises:
-            ProblemError: files that cannot be read.
+            ProblemError: files that cannot be read, or from which no numbers follow.
         """
         return self
 

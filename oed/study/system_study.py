@@ -7,20 +7,25 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, ClassVar, Self
 
+import numpy as np
 from pydantic import BeforeValidator
 
+from oed.equations.candidates import Candidates
 from oed.equations.experiment import Experiment
 from oed.equations.keys import EquationKeys
 from oed.equations.several import SENSORS, SeveralOutputs
 from oed.equations.system import Equations
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Flaw, ProblemError
+from oed.kernel.dynamics.held import HeldSpace
 from oed.kernel.dynamics.space import Space
+from oed.kernel.evaluation import evaluate
 from oed.kernel.limit import Limit
 from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
 from oed.study.cross_checks import file_flaws
-from oed.study.parts import PathFile
+from oed.study.parts import AnySystemPrior, PathFile, PriorReadings
 from oed.study.robot_study import sensor_list
 from oed.study.study_file import StudyFile
 
@@ -32,6 +37,7 @@ class SystemStudyFile(StudyFile):
     system: EquationKeys
     experiment: Experiment
     measurement: Annotated[Measurement, OneOf((*SENSORS, SeveralOutputs)), BeforeValidator(sensor_list)]
+    prior: AnySystemPrior | None = None
     baselines: tuple[PathFile, ...] = ()
 
     @property
@@ -48,12 +54,39 @@ class SystemStudyFile(StudyFile):
         """What may be chosen."""
         return self.experiment.space(self.model, self.system.begins)
 
-    def with_files(self, folder: Path) -> Self:
-        """The study with candidates as numbers where a file has them."""
-        if self.experiment.candidates is None:
-            return self
-        read = self.experiment.candidates.read(folder, self.model.input_names)
-        return self.model_copy(update={"experiment": self.experiment.model_copy(update={"candidates": read})})
+    def in_numbers(self, folder: Path) -> Self:
+        """The study with candidates where a file has them, and what earlier readings say as a covariance."""
+        found = self
+        if self.experiment.candidates is not None:
+            read = self.experiment.candidates.read(folder, self.model.input_names)
+            experiment = self.experiment.model_copy(update={"candidates": read})
+            found = found.model_copy(update={"experiment": experiment})
+        if isinstance(self.prior, PriorReadings):
+            found = found.model_copy(update={"prior": self._read_before(self.prior)})
+        return found
+
+    def _read_before(self, given: PriorReadings) -> Prior:
+        # By the study's own measurement, as if these readings were the experiment.
+        model = self.model
+        if model.states:
+            text = "are settings of a system without states: give a record, or a covariance"
+            raise ProblemError.about(("prior", "readings"), text)
+        try:
+            settings = Candidates(rows=given.readings).table(dict(model.input_units))
+        except ProblemError as error:
+            flaws = [Flaw(("prior", "readings", *flaw.key[3:]), flaw.message) for flaw in error.flaws]
+            raise ProblemError(flaws) from None
+        alone = HeldSpace.of(settings, np.zeros((1, 0)), duration=float(len(settings)))
+        earlier = self.model_copy(update={"prior": None, "weights": None, "robust": None})
+        with earlier._own_keys():
+            problem = earlier.problem_of(alone)
+        assert alone.only is not None
+        found = evaluate(problem, alone.only)
+        (covariance,), (names,) = found.covariances.values(), found.parameters.values()
+        if not np.all(np.isfinite(covariance)):
+            text = f"these do not identify {', '.join(names)} by themselves: add some"
+            raise ProblemError.about(("prior", "readings"), text)
+        return Prior(parameters=names, covariance=tuple(map(tuple, covariance.tolist())))
 
     @property
     def every_limit(self) -> tuple[Limit, ...]:
