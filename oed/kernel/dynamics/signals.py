@@ -1,0 +1,215 @@
+"""Signals: what an input may do in a run, as a linear map from a few unknowns to the values held."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from oed.foundation.arrays import Array, Places
+from oed.foundation.component import Component
+from oed.foundation.quantities import Duration
+from oed.kernel.dynamics import spline
+from oed.kernel.dynamics.trajectory import middles
+
+Pieces = Annotated[int, Field(ge=1, le=100_000)]
+
+
+class Signal(Component, ABC):
+    """What one input may do in a run: the values held in its N periods, linear in n unknowns.
+
+    Attributes:
+        kind: its name.
+        shared: whether all runs have the same; else each has unknowns of its own.
+    """
+
+    kind: str
+    shared: bool = False
+
+    @property
+    @abstractmethod
+    def unknowns(self) -> int:
+        """How many unknowns n a run has."""
+
+    @abstractmethod
+    def matrix(self, duration: float, samples: int) -> Array:
+        """(N, n): takes the unknowns to the values held, those in the middles of the periods.
+
+        Args:
+            duration: of a run [s].
+            samples: N.
+        """
+
+    def bounds(self, low: float, high: float) -> Array:
+        """Bounds (n, 2) of the unknowns for an input that is to stay in [low, high]."""
+        return np.tile([low, high], (self.unknowns, 1)).astype(float)
+
+    def within(self, unknowns: Array, low: float, high: float) -> Array:
+        """Unknowns like others within such bounds, that leave [low, high] at no time.
+
+        Args:
+            unknowns: within their bounds, (..., n).
+            low: least value of the input.
+            high: its largest.
+        """
+        return unknowns
+
+    def doubts(self, duration: float, samples: int) -> str:
+        """Why it does not fit a run of this duration [s] and so many samples; "" where it does."""
+        if self.unknowns > samples:
+            return f"{self.unknowns} unknowns need as many samples in a run, got {samples}"
+        return ""
+
+
+class Constant(Signal):
+    """One value all the time: a single unknown in a run."""
+
+    kind: Literal["constant"] = "constant"
+
+    @property
+    def unknowns(self) -> int:
+        """The value."""
+        return 1
+
+    def matrix(self, duration: float, samples: int) -> Array:
+        """Ones."""
+        return np.ones((samples, 1))
+
+
+class PiecewiseConstant(Signal):
+    """Steps: as many values as pieces of equal length; a period has the value of the piece of its middle."""
+
+    kind: Literal["piecewise_constant"] = "piecewise_constant"
+    pieces: Pieces
+
+    @property
+    def unknowns(self) -> int:
+        """A value for each piece."""
+        return self.pieces
+
+    def matrix(self, duration: float, samples: int) -> Array:
+        """A one in each row."""
+        table = np.zeros((samples, self.pieces))
+        table[np.arange(samples), _piece_of(samples, self.pieces)] = 1.0
+        return table
+
+
+class PiecewiseLinear(Signal):
+    """A polygon of pieces of equal length: a value where each begins, and one at the end."""
+
+    kind: Literal["piecewise_linear"] = "piecewise_linear"
+    pieces: Pieces
+
+    @property
+    def unknowns(self) -> int:
+        """A value where each piece begins, and at the end."""
+        return self.pieces + 1
+
+    def matrix(self, duration: float, samples: int) -> Array:
+        """Shares of the values at both ends of the piece of a period's middle."""
+        row, piece = np.arange(samples), _piece_of(samples, self.pieces)
+        share = (row + 0.5) * self.pieces / samples - piece
+        table = np.zeros((samples, self.pieces + 1))
+        table[row, piece], table[row, piece + 1] = 1 - share, share
+        return table
+
+
+class SplineSignal(Signal):
+    """A clamped uniform B-spline, as held in the middles of the periods.
+
+    Attributes:
+        degree: of the spline.
+        coefficients: those that rest fixes included.
+        rest_to_rest: whether the first and the last coefficient are 0.
+    """
+
+    kind: Literal["spline"] = "spline"
+    degree: Annotated[int, Field(ge=0, le=7)] = 3
+    coefficients: Pieces = 16
+    rest_to_rest: bool = False
+
+    @property
+    def unknowns(self) -> int:
+        """The coefficients that are free."""
+        return self.coefficients - (2 if self.rest_to_rest else 0)
+
+    def matrix(self, duration: float, samples: int) -> Array:
+        """The basis functions [de Boor, A Practical Guide to Splines, ch. IX]."""
+        knots = spline.clamped_knots(duration, self.coefficients, self.degree)
+        table = spline.basis(knots, self.degree, middles(duration, samples)).toarray()
+        return table[:, 1:-1] if self.rest_to_rest else table
+
+    def doubts(self, duration: float, samples: int) -> str:
+        """Too few coefficients, or more than samples."""
+        needed = self.degree + (3 if self.rest_to_rest else 1)
+        if self.coefficients < needed:
+            rest = " at rest at both ends" if self.rest_to_rest else ""
+            return (
+                f"a degree-{self.degree} spline{rest} needs at least {needed} coefficients, "
+                f"got {self.coefficients}"
+            )
+        return super().doubts(duration, samples)
+
+
+class Fourier(Signal):
+    """A mean, and cosines and sines of a period and its first harmonics.
+
+    The unknowns are the mean, the amplitudes of the cosines, then those of the sines.
+
+    Attributes:
+        harmonics: how many of each.
+        period: of the first [s]; a run's duration if None.
+    """
+
+    kind: Literal["fourier"] = "fourier"
+    harmonics: Annotated[int, Field(ge=1, le=10_000)]
+    period: Annotated[Duration, Field(gt=0)] | None = None
+
+    @property
+    def unknowns(self) -> int:
+        """The mean and two amplitudes for each harmonic."""
+        return 1 + 2 * self.harmonics
+
+    def matrix(self, duration: float, samples: int) -> Array:
+        """Ones, cosines, sines."""
+        orders = 2 * np.pi / (self.period or duration) * np.arange(1, self.harmonics + 1)
+        angles = np.outer(middles(duration, samples), orders)
+        return np.hstack([np.ones((samples, 1)), np.cos(angles), np.sin(angles)])
+
+    def bounds(self, low: float, high: float) -> Array:
+        """The range for the mean, half of it either way for the amplitudes."""
+        half = (high - low) / 2
+        found = np.tile([-half, half], (self.unknowns, 1))
+        found[0] = low, high
+        return found
+
+    def within(self, unknowns: Array, low: float, high: float) -> Array:
+        """Waves of this shape, as large as there is room on both sides of the mean."""
+        mean, waves = np.clip(unknowns[..., :1], low, high), unknowns[..., 1:]
+        cosines, sines = np.split(waves, 2, axis=-1)
+        # No sum of waves is larger than that of their amplitudes.
+        most = np.hypot(cosines, sines).sum(axis=-1, keepdims=True)
+        room = np.minimum(mean - low, high - mean)
+        share = np.minimum(1.0, room / np.where(most > 0, most, 1.0))
+        return np.concatenate([mean, share * waves], axis=-1)
+
+    def doubts(self, duration: float, samples: int) -> str:
+        """Waves too short for the samples."""
+        waves = self.harmonics * duration / (self.period or duration)
+        if 2 * waves >= samples:
+            return (
+                f"{waves:g} waves of the last harmonic in a run need more than {2 * waves:g} samples, "
+                f"got {samples}: take fewer harmonics, a longer period or more samples"
+            )
+        return super().doubts(duration, samples)
+
+
+SIGNALS: tuple[type[Signal], ...] = (Constant, PiecewiseConstant, PiecewiseLinear, SplineSignal, Fourier)
+"""Every signal of this package."""
+
+
+def _piece_of(samples: int, pieces: int) -> Places:
+    # The piece that the middle of each period is in; in whole numbers, lest rounding decide.
+    return np.asarray((2 * np.arange(samples, dtype=np.int64) + 1) * pieces // (2 * samples))
