@@ -26,6 +26,8 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
         OffsetDrive, TractorTrailer, Unicycle, Model, DesignSpace, StartPose
     Systems given by equations, what is read of them, and ranges of their inputs
         Equations, Outputs, Rates, Responses, InputRange
+    What their inputs may do
+        Constant, PiecewiseConstant, PiecewiseLinear, SplineSignal, Fourier, Signal
     Sensors
         Poses, RelativePoses, Displacements, Ranges, Landmarks, Tags, YawRate, TrailerAngle, Several,
         AbsoluteNoise, PoseNoise, SightNoise, LeverArm, CameraArm, Mounting, PosePrior, Prior, regression,

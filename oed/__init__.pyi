@@ -32,6 +32,12 @@ from .kernel.criteria import I as I
 from .kernel.criteria import ModifiedE as ModifiedE
 from .kernel.criteria import Subject as Subject
 from .kernel.dynamics.rollout import Drive as Drive
+from .kernel.dynamics.signals import Constant as Constant
+from .kernel.dynamics.signals import Fourier as Fourier
+from .kernel.dynamics.signals import PiecewiseConstant as PiecewiseConstant
+from .kernel.dynamics.signals import PiecewiseLinear as PiecewiseLinear
+from .kernel.dynamics.signals import Signal as Signal
+from .kernel.dynamics.signals import SplineSignal as SplineSignal
 from .kernel.dynamics.space import SignalSpace as SignalSpace
 from .kernel.dynamics.space import Space as Space
 from .kernel.dynamics.space import Spline as Spline

@@ -33,7 +33,8 @@ def coarsened(problem: Problem, samples: int) -> Problem:
     """The problem on so many samples per run; itself where its measurement needs all of them."""
     space = problem.design
     measurement = problem.measurement.coarser(space.samples / samples)
-    if measurement is None or samples >= space.samples:
+    # What signals hold is known by all periods.
+    if measurement is None or samples >= space.samples or space.own_signals:
         return problem
     return replace(problem, measurement=measurement, design=space.model_copy(update={"samples": samples}))
 

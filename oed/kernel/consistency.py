@@ -111,13 +111,8 @@ def problem_flaws(problem: Problem) -> list[Flaw]:
     if flaws:
         # Of such a system nothing else can be said.
         return flaws
-    needed = space.spline.degree + (3 if space.rest_to_rest else 1)
-    if space.spline.coefficients < needed:
-        text = (
-            f"a degree-{space.spline.degree} spline{' at rest at both ends' if space.rest_to_rest else ''} "
-            f"needs at least {needed} coefficients, got {space.spline.coefficients}"
-        )
-        flaws.append(Flaw(("trajectory", "spline", "coefficients"), text))
+    flaws += _signal_flaws(problem) if space.own_signals else _spline_flaws(space)
+    flaws += _start_flaws(problem)
     for limit in problem.limits:
         flaws += limit.flaws(model, space)
     names = [limit.name for limit in problem.limits]
@@ -131,6 +126,50 @@ def problem_flaws(problem: Problem) -> list[Flaw]:
     # Blocks exist only for a measurement that fits the system.
     chosen = problem.selection.flaws(problem) if problem.selection is not None and not flaws else []
     return flaws or chosen or _estimation_flaws(problem) or _uncertainty_flaws(problem)
+
+
+def _spline_flaws(space: Space) -> list[Flaw]:
+    needed = space.spline.degree + (3 if space.rest_to_rest else 1)
+    if space.spline.coefficients >= needed:
+        return []
+    text = (
+        f"a degree-{space.spline.degree} spline{' at rest at both ends' if space.rest_to_rest else ''} "
+        f"needs at least {needed} coefficients, got {space.spline.coefficients}"
+    )
+    return [Flaw(("trajectory", "spline", "coefficients"), text)]
+
+
+def _signal_flaws(problem: Problem) -> list[Flaw]:
+    space, names = problem.design, problem.model.input_names
+    if len(space.own_signals) != len(names):
+        text = f"expected one for each input ({', '.join(names)}), got {len(space.own_signals)}"
+        return [Flaw(("trajectory", "signals"), text)]
+    doubts = [one.doubts(space.duration, space.samples) for one in space.own_signals]
+    found = [
+        Flaw(("trajectory", "signals", place), f"{names[place]}: {doubt}")
+        for place, doubt in enumerate(doubts)
+        if doubt
+    ]
+    if space.rest_to_rest:
+        found.append(
+            Flaw(("trajectory", "rest_to_rest"), "each of `signals` says it for itself; leave it out")
+        )
+    return found
+
+
+def _start_flaws(problem: Problem) -> list[Flaw]:
+    space, states = problem.design, problem.model.states
+    given = (
+        {"start": space.fixed_starts}
+        if space.start_ranges is None
+        else {"start_bounds": space.start_ranges.T}
+    )
+    known = ", ".join(states) or "there are none"
+    return [
+        Flaw(("trajectory", key), f"expected at most one for each state ({known}), got {table.shape[1]}")
+        for key, table in given.items()
+        if table is not None and table.shape[1] > len(states)
+    ]
 
 
 def unbounded(problem: Problem) -> list[Flaw]:

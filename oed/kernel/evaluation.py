@@ -302,6 +302,9 @@ def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
         offset = np.abs(trajectory.starts - problem.fixed_starts).max(initial=0.0)
         units = dict.fromkeys(model.state_units[: model.chosen_states])
         margins.append(Margin("start", problem.start_spare - float(offset), 1.0, " or ".join(units)))
+    elif problem.chosen_starts is not None and problem.chosen_starts.bounded:
+        outside = problem.chosen_starts.excess(trajectory.starts)
+        margins.append(Margin("start", problem.start_spare - outside, 1.0, ""))
     if space.rest_to_rest:
         size = float(np.abs(problem.input_bounds).max())
         spare = problem.rest_spare - float(np.abs(trajectory.ends).max())

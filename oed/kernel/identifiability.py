@@ -16,6 +16,7 @@ from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, NotFinite, ProblemError
 from oed.kernel.coarser import as_well_read
+from oed.kernel.dynamics.embedding import Embedding, embedding_of
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import full_information
 from oed.kernel.measurement.square_root import SquareRoot
@@ -188,11 +189,27 @@ def _random_drive(
     # Inputs at shares of their ranges. Whether it keeps to the room does not matter here.
     space, own = problem.design, problem.input_bounds
     bounds = np.where(np.isfinite(own), own, [-ANY, ANY])
-    coefficients = np.clip(np.zeros((space.all_coefficients, len(bounds))), bounds[:, 0], bounds[:, 1])
-    shape = (len(space.free_rows), len(bounds))
-    low, high = bounds.T
-    coefficients[space.free_rows] = low + (high - low) * shares(rng, shape)
-    start = problem.fixed_starts
-    if start is None:
-        start = problem.start_states(rng.uniform(-1, 1, (space.runs, problem.system.chosen_states)))
-    return space.trajectory(coefficients, start)
+    if space.own_signals:
+        coefficients = _random_signals(embedding_of(space, len(bounds)), bounds, rng, shares)
+    else:
+        coefficients = np.clip(np.zeros((space.all_coefficients, len(bounds))), bounds[:, 0], bounds[:, 1])
+        shape = (len(space.free_rows), len(bounds))
+        low, high = bounds.T
+        coefficients[space.free_rows] = low + (high - low) * shares(rng, shape)
+    chosen = problem.chosen_starts
+    if chosen is None:
+        assert problem.fixed_starts is not None
+        return space.trajectory(coefficients, problem.fixed_starts)
+    return space.trajectory(coefficients, chosen.states(rng.uniform(-1, 1, chosen.size)))
+
+
+def _random_signals(
+    embedding: Embedding,
+    bounds: Array,
+    rng: np.random.Generator,
+    shares: Callable[[np.random.Generator, tuple[int, ...]], Array],
+) -> Array:
+    # Values held (n, inputs), each input's unknowns at shares of their own ranges.
+    drawn = np.concatenate([shares(rng, (count, 1)).ravel() for count in embedding.sizes])
+    low, high = embedding.bounds(bounds).T
+    return embedding.table(embedding.within((low + (high - low) * drawn)[None, :], bounds)[0])

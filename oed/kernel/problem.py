@@ -21,6 +21,7 @@ from oed.kernel.criteria import Criterion, Subject
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, drive_shape
 from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.starts import ChosenStarts
 from oed.kernel.dynamics.system import System, label_of
 from oed.kernel.limit import Limit, Rows, implied_bounds
 from oed.kernel.measurement.information import (
@@ -246,6 +247,16 @@ class Problem(Presented, Renamed):
         """The start state of every run, (runs, states), where it is fixed."""
         given = self.design.fixed_starts
         return None if given is None else self.start_states(given)
+
+    @cached_property
+    def chosen_starts(self) -> ChosenStarts | None:
+        """How the design chooses start states; None where they are fixed."""
+        if self.fixed_starts is not None:
+            return None
+        count, runs, ranges = len(self.system.states), self.design.runs, self.design.start_ranges
+        if ranges is None:
+            return ChosenStarts.anywhere(count, self.system.chosen_states, runs)
+        return ChosenStarts.between(ranges, count, runs)
 
     def start_states(self, chosen: npt.ArrayLike) -> Array:
         """Start states (runs, states) of which the first k are chosen, (runs, k): the others begin at 0."""

@@ -338,7 +338,7 @@ def test_a_limit_is_asked_of_what_it_looks_at():
     problem = small_problem(
         limits=(*OWN, EndHeading(at="start"), Unsaid(), Steps(), Splines(), Held(), Product())
     )
-    needs = needs_of(problem, terms_of(problem).coefficients, 3)
+    needs = needs_of(problem, terms_of(problem).bounding, 3)
     names = [limit.name for limit in problem.limits]
     assert [names[place] for place in needs.tables] == ["wheel_speed", "sum"]
     assert {names[place]: asked for place, asked in needs.asked.items()} == {

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from oed.foundation.arrays import Array, Places
-from oed.foundation.component import Component
+from oed.foundation.component import Component, OneOf
 from oed.foundation.quantities import Duration
 from oed.kernel.dynamics import spline
+from oed.kernel.dynamics.signals import SIGNALS, Signal
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory, held_jerks, held_rates, middles
 
@@ -57,6 +58,24 @@ class Space(Component, ABC):
         """The one drive of a space in which nothing is chosen; None where something is."""
         return None
 
+    def start_ranges(self) -> Array | None:
+        """Least and largest value (k, 2) of the first k states where the design chooses them; None where it
+        is free to choose any.
+        """
+        return None
+
+    @property
+    def own_signals(self) -> tuple[Signal, ...]:
+        """What each input may do; () where all have one spline."""
+        return ()
+
+    @property
+    def own_spline(self) -> Spline:
+        """The spline that every input of a run is: of signals, what they are held at."""
+        if self.own_signals:
+            return Spline.model_construct(degree=0, coefficients=self.samples)
+        return self.spline
+
     def driving(self, system: System) -> System:
         """The system as drives of this space drive it; itself, unless the space chooses how it steps."""
         return system
@@ -79,23 +98,23 @@ class Space(Component, ABC):
     @property
     def all_coefficients(self) -> int:
         """Spline coefficients of an input in all runs together."""
-        return self.runs * self.spline.coefficients
+        return self.runs * self.own_spline.coefficients
 
     @property
     def knots(self) -> Array:
         """Knots of the splines [s], of all runs on one clock."""
-        return spline.repeated_knots(self.own_knots, self.spline.degree, self.runs)
+        return spline.repeated_knots(self.own_knots, self.own_spline.degree, self.runs)
 
     @property
     def own_knots(self) -> Array:
         """Knots of one run's splines [s], on its own clock."""
-        return spline.clamped_knots(self.duration, self.spline.coefficients, self.spline.degree)
+        return spline.clamped_knots(self.duration, self.own_spline.coefficients, self.own_spline.degree)
 
     @property
     def own_sampling(self) -> Array:
         """Takes one run's coefficients to the inputs held in each of its periods."""
         times = middles(self.duration, self.samples)
-        return spline.basis(self.own_knots, self.spline.degree, times).toarray()
+        return spline.basis(self.own_knots, self.own_spline.degree, times).toarray()
 
     @property
     def sampling_matrix(self) -> Array:
@@ -107,14 +126,14 @@ class Space(Component, ABC):
         """Takes coefficients to bounds of the inputs' rates: the derivative's coefficients, a convex hull
         of the rate at all times; for degree 0, the rates from period to period.
         """
-        if self.spline.degree == 0:
+        if self.own_spline.degree == 0:
             return self._of_every_run(held_rates)
-        return spline.derivative(self.knots, self.spline.degree)[0].toarray()
+        return spline.derivative(self.knots, self.own_spline.degree)[0].toarray()
 
     @property
     def jerk_matrix(self) -> Array:
         """Takes coefficients to bounds of the inputs' jerks; of degrees 0 and 1 to `held_jerks`."""
-        degree = self.spline.degree
+        degree = self.own_spline.degree
         if degree < 2:
             return self._of_every_run(held_jerks)
         first, knots = spline.derivative(self.knots, degree)
@@ -123,16 +142,16 @@ class Space(Component, ABC):
 
     def _of_every_run(self, held: Callable[[Array, int, Array, int], Array]) -> Array:
         # The matrix of what is held of a run's splines, for all runs.
-        identity = np.eye(self.spline.coefficients)
-        own = held(self.own_knots, self.spline.degree, identity, self.samples)
+        identity = np.eye(self.own_spline.coefficients)
+        own = held(self.own_knots, self.own_spline.degree, identity, self.samples)
         return np.asarray(np.kron(np.eye(self.runs), own))
 
     @property
     def free_rows(self) -> Places:
         """Indices of the coefficients that are free; the others are 0."""
-        own = np.arange(self.spline.coefficients)
+        own = np.arange(self.own_spline.coefficients)
         own = own[1:-1] if self.rest_to_rest else own
-        return np.concatenate([run * self.spline.coefficients + own for run in range(self.runs)])
+        return np.concatenate([run * self.own_spline.coefficients + own for run in range(self.runs)])
 
     @property
     def start_is_free(self) -> bool:
@@ -143,7 +162,7 @@ class Space(Component, ABC):
         """The drive of this space with these coefficients (n, inputs) and start states (runs, states)."""
         return Trajectory(
             self.knots,
-            self.spline.degree,
+            self.own_spline.degree,
             np.asarray(coefficients),
             np.asarray(start),
             self.all_samples,
@@ -155,14 +174,59 @@ class SignalSpace(Space):
     """The drives of any system: `start` is one state for all runs, one for each, or "free".
 
     Of a start with fewer values than the system has states, the other states begin at 0.
+
+    Attributes:
+        start: where all runs, or each, begin, SI; "free" where the design chooses it.
+        start_bounds: instead, between which values (low, high) each state begins, SI: each run chooses its
+            own; fixed where both are equal.
+        signals: what each input may do in a run, in the system's order; () for one spline of all inputs.
+            Drives are then known by the values held in their periods.
     """
 
     start: tuple[float, ...] | tuple[tuple[float, ...], ...] | Literal["free"] = ()
+    start_bounds: tuple[tuple[float, float], ...] = ()
+    signals: tuple[Annotated[Signal, OneOf(SIGNALS)], ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_rest_of_signals(cls, values: Any) -> Any:
+        signals = isinstance(values, dict) and values.get("signals")
+        return {"rest_to_rest": False, **values} if signals else values
+
+    @model_validator(mode="after")
+    def _no_spline_beside_signals(self) -> Self:
+        if self.signals and (self.rest_to_rest or self.spline != Spline()):
+            raise ValueError(
+                "spline and rest_to_rest are of spaces without signals, each of which says it for itself"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _one_way_to_start(self) -> Self:
+        if self.start_bounds and self.start != ():
+            raise ValueError("expected start or start_bounds, got both")
+        for low, high in self.start_bounds:
+            if not (np.isfinite([low, high]).all() and low <= high):
+                raise ValueError(f"start_bounds: expected finite (low, high), got ({low:g}, {high:g})")
+        return self
+
+    @property
+    def own_signals(self) -> tuple[Signal, ...]:
+        """What each input may do."""
+        return self.signals
+
+    @property
+    def start_ranges(self) -> Array | None:
+        """Those that are given."""
+        return np.array(self.start_bounds, dtype=float) if self.start_bounds else None
 
     @property
     def fixed_starts(self) -> Array | None:
         """The states (runs, k) that the runs start in; None where the design chooses them."""
         if isinstance(self.start, str):
             return None
-        table = np.array(self.start, dtype=float)
+        ranges = self.start_ranges
+        if ranges is not None and np.any(ranges[:, 0] < ranges[:, 1]):
+            return None
+        table = np.array(self.start, dtype=float) if ranges is None else ranges[:, 0]
         return np.tile(table, (self.runs, 1)) if table.ndim == 1 else table

@@ -11,9 +11,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Array, Places
+from oed.foundation.arrays import Array, Bools, Places
+from oed.kernel.dynamics.embedding import DIGITS, Bounding, embedding_of
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, roll_out
+from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
 
 
@@ -30,11 +32,13 @@ class RowBounds:
 class Terms(ABC):
     """Information and limit rows of a problem's drives as functions of the unknowns z.
 
-    The unknowns are the free spline coefficients, in units of each input's largest speed, and the start
-    states where they are free. Positions are limited at `refine` points per sample.
+    The unknowns are those of the inputs (free spline coefficients, or what signals have), in units of each
+    input's largest speed, and the start states where they are free. Positions are limited at `refine` points
+    per sample.
 
     Attributes:
-        size: of z; the first `coefficient_count` are spline coefficients.
+        size: of z; the first `coefficient_count` are of the inputs.
+        embedding: how these become coefficients.
         unknowns: z (SX), for what is written around the terms.
     """
 
@@ -43,11 +47,9 @@ class Terms(ABC):
         space = problem.design
         self.problem, self.refine = problem, refine
         self.input_scale = np.abs(problem.input_bounds).max(axis=1)
-        self.free = space.free_rows
-        self.coefficient_count = len(self.free) * len(problem.model.inputs)
-        self.size = self.coefficient_count + (
-            problem.system.chosen_states * space.runs if space.start_is_free else 0
-        )
+        self.embedding = embedding_of(space, len(problem.model.inputs))
+        self.coefficient_count, chosen = self.embedding.size, problem.chosen_starts
+        self.size = self.coefficient_count + (0 if chosen is None else chosen.size)
         self.unknowns: Expression = ca.SX.sym("z", self.size)
 
     @cached_property
@@ -56,33 +58,49 @@ class Terms(ABC):
         space, robot = self.problem.design, self.problem.system
         drive = roll_out(
             robot,
-            inputs=without_zeros(space.sampling_matrix) @ self.coefficients,
+            inputs=self.held,
             start=self.starts,
             parameters=ca.SX(ca.DM(robot.nominal)),
             period=ca.SX(space.period),
             refine=self.refine,
             runs=space.runs,
         )
-        return splines_of(self.problem, drive, self.coefficients)
+        return splines_of(drive, self.bounding)
+
+    @property
+    def _inputs_unknowns(self) -> Expression:
+        # In the inputs' units.
+        return self.unknowns[: self.coefficient_count] * ca.DM(self.embedding.spread(self.input_scale))
 
     @property
     def coefficients(self) -> Expression:
         """Coefficients of all splines (SX of `unknowns`), (n, inputs)."""
-        inputs = len(self.problem.model.inputs)
-        free = ca.reshape(self.unknowns[: self.coefficient_count], len(self.free), inputs)
-        table = ca.SX.zeros(self.problem.design.all_coefficients, inputs)
-        table[self.free.tolist(), :] = free @ ca.diag(ca.DM(self.input_scale))
-        return table
+        return self.embedding.expressed(self._inputs_unknowns)
+
+    @property
+    def held(self) -> Expression:
+        """Inputs held in each period (SX of `unknowns`), (N, inputs)."""
+        return self.embedding.held(self.coefficients)
+
+    @cached_property
+    def bounding(self) -> Bounding:
+        """What bounds the inputs and their derivatives at all times (SX of `unknowns`)."""
+        return self.embedding.bounding(self._inputs_unknowns)
+
+    @property
+    def own_bounds(self) -> Array:
+        """Bounds (size, 2) that the design space sets on z; infinite where it sets none."""
+        chosen = self.problem.chosen_starts
+        unbounded = np.tile([-np.inf, np.inf], (self.coefficient_count, 1))
+        return unbounded if chosen is None else np.concatenate([unbounded, chosen.bounds])
 
     @property
     def starts(self) -> Expression:
         """Start states of the runs (SX of `unknowns`), (runs, states)."""
-        problem = self.problem
-        if problem.fixed_starts is not None:
-            return ca.SX(ca.DM(problem.fixed_starts))
-        runs, chosen = problem.design.runs, problem.system.chosen_states
-        free = ca.reshape(self.unknowns[self.coefficient_count :], chosen, runs).T
-        return ca.horzcat(free, ca.SX(runs, len(problem.system.states) - chosen))
+        chosen = self.problem.chosen_starts
+        if chosen is None:
+            return ca.SX(ca.DM(self.problem.fixed_starts))
+        return chosen.expressed(self.unknowns[self.coefficient_count :])
 
     @cached_property
     def start_slopes(self) -> Array:
@@ -206,21 +224,27 @@ def small_drive(problem: Problem, held: Expression, start: Expression, refine: i
     )
 
 
-def splines_of(problem: Problem, drive: Drive, coefficients: Expression) -> Drive:
-    """The drive with what bounds its inputs and their derivatives at all times.
+def splines_of(drive: Drive, bounding: Bounding) -> Drive:
+    """The drive with what bounds its inputs and their derivatives at all times."""
+    return replace(
+        drive, input_values=bounding.values, input_rates=bounding.rates, input_jerks=bounding.jerks
+    )
+
+
+def said_once(slopes: Array, constants: Array, rows: RowBounds | Rows) -> Bools:
+    """Which of rows slopes @ z + constants, between bounds, say what none before them does.
 
     Args:
-        problem: whose splines drive.
-        drive: at the samples.
-        coefficients: of the splines, (n, inputs).
+        slopes: (rows, size).
+        constants: (rows,).
+        rows: with the bounds.
     """
-    space = problem.design
-    return replace(
-        drive,
-        input_values=coefficients,
-        input_rates=without_zeros(space.rate_matrix) @ coefficients,
-        input_jerks=without_zeros(space.jerk_matrix) @ coefficients,
-    )
+    size = np.abs(slopes).max(axis=1, initial=0.0)
+    table = np.column_stack([slopes, constants, rows.lower, rows.upper])
+    keys = np.round(table / np.where(size > 0, size, 1.0)[:, None], DIGITS) + 0.0
+    kept = np.zeros(len(table), dtype=bool)
+    kept[np.unique(keys, axis=0, return_index=True)[1]] = True
+    return kept
 
 
 def _above(values: Expression, upper: Array) -> Expression:
@@ -275,8 +299,3 @@ def stacks(entries: Array, sizes: Sequence[int]) -> list[Array]:
         found.append(matrix)
         first += len(rows)
     return found
-
-
-def without_zeros(matrix: Array) -> ca.DM:
-    """A constant whose zeros are structural."""
-    return ca.sparsify(ca.DM(matrix))

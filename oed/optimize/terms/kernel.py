@@ -39,7 +39,7 @@ class Kernel:
         """Take the parts; every so many samples each sensor reads."""
         self.cell, self.layout = cell, layout
         self.states, self.inputs = cell.states, layout.inputs
-        self.size = self.states + layout.inputs * layout.window
+        self.size = self.states + layout.own
         self._count = layout.count * layout.samples
         place = np.arange(self._count) % layout.samples
         self.reads = ca.DM(np.array([place % one == 0 for one in every], float).reshape(-1, self._count))
@@ -72,11 +72,9 @@ class Kernel:
     def held_slopes(self) -> ca.DM:
         """Derivatives (size, inputs) of every sample's inputs by its piece's unknowns."""
         layout = self.layout
-        basis = np.tile(layout.basis, (layout.space.runs, 1, 1)).reshape(self._count, layout.window)
+        basis = np.tile(layout.basis, (layout.space.runs, 1, 1, 1))
         table = np.zeros((self._count, self.inputs, self.size))
-        for one in range(self.inputs):
-            first = self.states + one * layout.window
-            table[:, one, first : first + layout.window] = basis
+        table[:, :, self.states :] = basis.reshape(self._count, self.inputs, layout.own)
         return ca.DM(table.reshape(-1, self.size).T)
 
     def roll(self, first: Expression, inputs: Expression) -> tuple[Expression, ...]:

@@ -1,4 +1,4 @@
-"""How the runs of a drive are cut into pieces, and which coefficients act in each."""
+"""How the runs of a drive are cut into pieces, and which of the inputs' unknowns act in each."""
 
 from __future__ import annotations
 
@@ -8,8 +8,45 @@ from functools import cached_property
 import numpy as np
 
 from oed.foundation.arrays import Array, Places
+from oed.kernel.dynamics.embedding import Embedding, embedding_of
 from oed.kernel.dynamics.space import Space
 from oed.kernel.problem import Problem
+
+
+@dataclass(frozen=True)
+class Window:
+    """Which of an input's unknowns act in each piece of a run.
+
+    Attributes:
+        first: the first of each piece, (pieces,).
+        basis: values of each piece's own unknowns' basis functions, (pieces, samples, width).
+    """
+
+    first: Places
+    basis: Array
+
+    @classmethod
+    def of(cls, held: Array, pieces: int) -> Window:
+        """Of what takes a run's unknowns to the values held, (N, n), in so many pieces."""
+        parts = held.reshape(pieces, -1, held.shape[1])
+        acting = (parts != 0).any(axis=1)
+        last = acting.shape[1] - 1 - acting[:, ::-1].argmax(axis=1)
+        both = np.stack([acting.argmax(axis=1), last], axis=1)
+        spans = np.where(acting.any(axis=1)[:, None], both, 0)
+        width = int(np.ptp(spans, axis=1).max()) + 1
+        first = np.minimum(spans[:, 0], held.shape[1] - width)
+        columns = first[:, None] + np.arange(width)
+        return cls(first, np.asarray(np.take_along_axis(parts, columns[:, None, :], axis=2)))
+
+    @property
+    def width(self) -> int:
+        """How many act in a piece, at most."""
+        return int(self.basis.shape[2])
+
+    @property
+    def places(self) -> Places:
+        """Those of each piece, (pieces, width)."""
+        return np.asarray(self.first[:, None] + np.arange(self.width))
 
 
 @dataclass(frozen=True)
@@ -37,44 +74,43 @@ class PieceLayout:
         return self.each * self.space.runs
 
     @cached_property
-    def held(self) -> Array:
-        """Takes the free coefficients of a run to the input held in each of its periods, (N, free)."""
-        whole = self.space.own_sampling
-        return whole[:, 1:-1] if self.space.rest_to_rest else whole
+    def embedding(self) -> Embedding:
+        """What the inputs' unknowns are."""
+        return embedding_of(self.space, self.inputs)
 
     @cached_property
-    def _spans(self) -> Places:
-        # First and last coefficient (pieces of a run, 2) that act in each piece.
-        acting = (self.held != 0).reshape(self.each, self.samples, -1).any(axis=1)
-        last = acting.shape[1] - 1 - acting[:, ::-1].argmax(axis=1)
-        both = np.stack([acting.argmax(axis=1), last], axis=1)
-        return np.asarray(np.where(acting.any(axis=1)[:, None], both, 0))
+    def windows(self) -> tuple[Window, ...]:
+        """Which of each input's unknowns act in the pieces."""
+        # Inputs of one spline have the same.
+        known: dict[int, Window] = {}
+        for held in self.embedding.own_held:
+            if id(held) not in known:
+                known[id(held)] = Window.of(held, self.each)
+        return tuple(known[id(held)] for held in self.embedding.own_held)
 
-    @cached_property
-    def window(self) -> int:
-        """Coefficients of an input that act in a piece, at most."""
-        return int(np.ptp(self._spans, axis=1).max()) + 1
-
-    @cached_property
-    def first(self) -> Places:
-        """The first coefficient of each piece's window, (pieces of a run,)."""
-        return np.asarray(np.minimum(self._spans[:, 0], self.held.shape[1] - self.window))
+    @property
+    def own(self) -> int:
+        """Unknowns of all inputs that act in a piece, at most."""
+        return sum(one.width for one in self.windows)
 
     @cached_property
     def basis(self) -> Array:
-        """Values of each piece's own coefficients' basis functions, (pieces of a run, samples, window)."""
-        columns = self.first[:, None] + np.arange(self.window)
-        parts = self.held.reshape(self.each, self.samples, -1)
-        return np.asarray(np.take_along_axis(parts, columns[:, None, :], axis=2))
+        """Slopes of each piece's inputs by its own unknowns, (pieces of a run, samples, inputs, own)."""
+        found, first = np.zeros((self.each, self.samples, self.inputs, self.own)), 0
+        for place, one in enumerate(self.windows):
+            found[:, :, place, first : first + one.width] = one.basis
+            first += one.width
+        return found
 
     @cached_property
     def places(self) -> Places:
-        """Where each piece's own coefficients stand in z, (pieces, inputs * window), ascending."""
-        free = self.held.shape[1]
-        own = self.first[:, None] + np.arange(self.window)
-        runs = np.concatenate([own + run * free for run in range(self.space.runs)])
-        offsets = np.arange(self.inputs) * free * self.space.runs
-        return np.asarray((offsets[None, :, None] + runs[:, None, :]).reshape(self.count, -1))
+        """Where each piece's own unknowns stand in z, (pieces, own), ascending."""
+        embedding, columns = self.embedding, []
+        each = zip(self.windows, embedding.slices, embedding.counts, embedding.shared, strict=True)
+        for one, own, count, shared in each:
+            runs = np.arange(self.space.runs) * (0 if shared else count)
+            columns.append((own.start + runs[:, None, None] + one.places).reshape(self.count, -1))
+        return np.concatenate(columns, axis=1)
 
 
 LEAST, MOST = 2, 50
@@ -105,6 +141,6 @@ def divisible(problem: Problem) -> PieceLayout | None:
 
 def _work(layout: PieceLayout) -> float:
     # A piece costs its samples times the squared number of what acts in it, and something of its own.
-    size = layout.inputs * layout.window + 3
-    unknowns: int = layout.inputs * layout.held.shape[1]
+    size = layout.own + 3
+    unknowns: int = sum(layout.embedding.counts)
     return layout.count * (layout.samples * size**2 + _OVERHEAD * unknowns)

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
+from oed.kernel.dynamics.embedding import Bounding
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import Limit, Rows
@@ -59,17 +60,17 @@ class Needs:
         return [found[place] for place in range(len(found))]
 
 
-def needs_of(problem: Problem, coefficients: Expression, refine: int = 1) -> Needs:
+def needs_of(problem: Problem, bounding: Bounding, refine: int = 1) -> Needs:
     """What a problem's limits need.
 
     Args:
         problem: whose limits.
-        coefficients: of all splines, (n, inputs), in terms of z (SX).
+        bounding: what bounds the inputs, in terms of z (SX).
         refine: points of the path in a sample.
     """
     tables, asked, whole = dict[int, Rows](), dict[int, Asked](), list[int]()
     for place, limit in enumerate(problem.limits):
-        if (rows := _on_splines(problem, limit, coefficients)) is not None:
+        if (rows := _on_splines(problem, limit, bounding)) is not None:
             tables[place] = rows
         elif (found := asked_of(problem, limit, refine)) is not None:
             asked[place] = found
@@ -78,15 +79,15 @@ def needs_of(problem: Problem, coefficients: Expression, refine: int = 1) -> Nee
     return Needs(tables, asked, tuple(whole))
 
 
-def _on_splines(problem: Problem, limit: Limit, coefficients: Expression) -> Rows | None:
+def _on_splines(problem: Problem, limit: Limit, bounding: Bounding) -> Rows | None:
     # Rows that are linear in the splines, and look neither at what is held in a sample nor at a state.
     if limit.looks_at != "inputs":
         return None
     robot = problem.system
     held, start = ca.SX.sym("held", 1, len(robot.inputs)), ca.SX.sym("start", len(robot.states))
     drive = small_drive(problem, held, start)
-    rows = limit.rows(splines_of(problem, drive, coefficients))
-    expression, unknowns = ca.SX(ca.densify(rows.expression)), ca.vertcat(*ca.symvar(coefficients))
+    rows = limit.rows(splines_of(drive, bounding))
+    expression, unknowns = ca.SX(ca.densify(rows.expression)), ca.vertcat(*ca.symvar(bounding.values))
     bent = any(ca.which_depends(expression, unknowns, 2, True))
     return None if bent or ca.depends_on(expression, ca.veccat(held, start)) else rows
 

@@ -10,9 +10,10 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
+from oed.kernel.dynamics.embedding import without_zeros
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import Smooth, Terms, symmetric, without_zeros
+from oed.optimize.terms.base import Smooth, Terms, symmetric
 from oed.optimize.terms.blocks import begins
 from oed.optimize.terms.cell import read_end
 from oed.optimize.terms.condensing import Condensing
@@ -117,10 +118,8 @@ class Sweep:
     @cached_property
     def _inputs(self) -> Expression:
         # Held in every sample, (inputs, samples), in units of their scale.
-        coefficients = ca.reshape(self.z[: self.plan.terms.coefficient_count], -1, self._kernel.inputs)
-        runs = ca.vertsplit(coefficients, coefficients.shape[0] // self._runs)
-        held = without_zeros(self.plan.layout.held)
-        return ca.vertcat(*(held @ run for run in runs)).T
+        embedding = self.plan.terms.embedding
+        return embedding.by_runs([without_zeros(one) for one in embedding.own_held], self.z).T
 
     @cached_property
     def _starts(self) -> Expression:
@@ -177,9 +176,7 @@ class Sweep:
         layout, inputs = self.plan.layout, self._kernel.inputs
         found = np.zeros((self._runs, inputs, self._size))
         for run in range(self._runs):
-            places = layout.places[(run + 1) * layout.each - 1].reshape(inputs, -1)
-            for one in range(inputs):
-                found[run, one, places[one]] = layout.basis[-1, -1]
+            found[run][:, layout.places[(run + 1) * layout.each - 1]] = layout.basis[-1, -1]
         return found.reshape(-1, self._size)
 
     @cached_property

@@ -12,7 +12,7 @@ import numpy as np
 from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
-from oed.optimize.terms.base import RowBounds, Terms, small_drive
+from oed.optimize.terms.base import RowBounds, Terms, said_once, small_drive
 from oed.optimize.terms.cell import Cell
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.needs import Needs
@@ -58,6 +58,7 @@ class PieceRows:
         """
         self._problem, self._layout, self._cell = terms.problem, layout, cell
         self._size, self._free = terms.size, terms.problem.design.start_is_free
+        self._repeats = terms.embedding.repeats
         self._moved_starts: Bools = terms.start_slopes != 0
         self._pool = self._pooled(terms.unknowns, list(needs.tables.values()))
         self._sort(needs)
@@ -108,8 +109,7 @@ class PieceRows:
                     first[run] = start @ moved
             for sample in range(layout.samples):
                 found = by_state @ moved
-                own = by_inputs[:, :, None] & acting[place, sample]
-                found[:, layout.places[piece]] |= own.reshape(len(found), layout.places.shape[1])
+                found[:, layout.places[piece]] |= by_inputs @ acting[place, sample]
                 moved, rows[piece, sample] = found[:states], found[states:]
         return first.reshape(-1, self._size), rows.reshape(-1, self._size)
 
@@ -119,6 +119,8 @@ class PieceRows:
         source: list[Places] = []
         for rows, places, linear in self._served(needs):
             kept = self._pool.moved[places].any(axis=1)
+            if self._repeats and len(places) and places[-1] < len(self._pool.constant):
+                kept &= said_once(self._pool.slope[places], self._pool.constant[places], rows)
             source.append(places[kept])
             self.bounds.append(RowBounds(rows.lower[kept], rows.upper[kept], rows.size, rows.unit))
             self.linear.append(linear)

@@ -30,7 +30,7 @@ class Pieces(Terms):
     def __init__(self, problem: Problem, layout: PieceLayout, refine: int = 1) -> None:
         """Write a piece and what joins the pieces; functions are compiled when first used."""
         super().__init__(problem, refine)
-        needs = self._needs = needs_of(problem, self.coefficients, refine)
+        needs = self._needs = needs_of(problem, self.bounding, refine)
         formulas = Formulas(self, needs.whole) if needs.whole else None
         asked = [(problem.limits[place], asked) for place, asked in needs.asked.items()]
         if formulas is not None and formulas.states is not None:

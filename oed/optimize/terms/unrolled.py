@@ -5,16 +5,18 @@ It serves every problem, at a cost of building that grows with the samples.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from oed.foundation.arrays import Bools
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import RowBounds, Terms, upper_half
+from oed.optimize.terms.base import RowBounds, Terms, said_once, upper_half
 
 
 class Unrolled(Terms):
@@ -30,6 +32,9 @@ class Unrolled(Terms):
         super().__init__(problem, refine)
         matrices = [one.matrix for one in problem.estimations(self.drive)]
         rows = [_dependent(rows, self.unknowns) for rows in problem.limit_rows(self.drive)]
+        if self.embedding.repeats and problem.robust is None:
+            both = zip(problem.limits, rows, strict=True)
+            rows = [_once(one, self.unknowns) if limit.looks_at == "inputs" else one for limit, one in both]
         # Step and measurement repeat each other's sines; shared, a quarter of the operations goes away.
         shared = ca.cse([*matrices, *(one.expression for one in rows)])
         self.matrices: list[Expression] = shared[: len(matrices)]
@@ -127,5 +132,19 @@ def _dependent(rows: Rows, unknowns: Expression) -> Rows:
     # Dense, or rows that are structurally 0 (where runs meet) would not be counted.
     expression = ca.densify(rows.expression)
     moved = np.array(ca.which_depends(expression, unknowns, 1, True), dtype=bool)
-    chosen = np.flatnonzero(moved)
-    return Rows(expression[chosen.tolist()], rows.lower[moved], rows.upper[moved], rows.size, rows.unit)
+    return _chosen(replace(rows, expression=expression), moved)
+
+
+def _once(rows: Rows, unknowns: Expression) -> Rows:
+    # Linear rows that say what one before them does would only burden the solver, too.
+    if not rows.lower.size or any(ca.which_depends(rows.expression, unknowns, 2, True)):
+        return rows
+    slopes = ca.densify(ca.jacobian(rows.expression, unknowns))
+    both = ca.Function("rows", [unknowns], [slopes, rows.expression])
+    steep, constants = map(np.array, both(np.zeros(unknowns.shape[0])))
+    return _chosen(rows, said_once(steep, constants.ravel(), rows))
+
+
+def _chosen(rows: Rows, kept: Bools) -> Rows:
+    places = np.flatnonzero(kept).tolist()
+    return replace(rows, expression=rows.expression[places], lower=rows.lower[kept], upper=rows.upper[kept])

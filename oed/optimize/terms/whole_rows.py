@@ -18,7 +18,7 @@ from oed.foundation.arrays import Bools
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.limit import Limit, Rows
-from oed.optimize.terms.base import RowBounds, Terms, splines_of, without_zeros
+from oed.optimize.terms.base import RowBounds, Terms, splines_of
 from oed.optimize.terms.needs import Asked, Needs
 from oed.optimize.terms.passes import Sweep
 
@@ -71,7 +71,7 @@ class Formulas:
             period=ca.SX(space.period),
             refine=terms.refine,
         )
-        drive = splines_of(problem, drive, terms.coefficients)
+        drive = splines_of(drive, terms.bounding)
         self.rows = [problem.limits[place].rows(drive) for place in limits]
         self.stacked = ca.vertcat(*(ca.densify(one.expression) for one in self.rows))
         self.states = _looked_at(self.stacked, after)
@@ -79,7 +79,7 @@ class Formulas:
         given = ca.veccat(after[:, columns], held, terms.unknowns)
         self.needed = np.flatnonzero(ca.which_depends(self.stacked, given, 1, False)).tolist()
         self.given = picked(given, self.needed)
-        by_unknowns = ca.veccat(without_zeros(space.sampling_matrix) @ terms.coefficients, terms.unknowns)
+        by_unknowns = ca.veccat(terms.held, terms.unknowns)
         self.affine = ca.evalf(ca.jacobian(by_unknowns, terms.unknowns))
         self.linear = [self._linear(one.expression, after) for one in self.rows]
 

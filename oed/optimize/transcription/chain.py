@@ -39,7 +39,7 @@ class Frame:
 
     def __init__(self, terms: Terms, *, relaxing: bool) -> None:
         """Sort the rows."""
-        self.size, self.relaxing = terms.size, relaxing
+        self.size, self.relaxing, self._own = terms.size, relaxing, terms.own_bounds
         self._sizes = np.array([rows.size for rows in terms.rows])
         self._owner = np.repeat(np.arange(len(terms.rows)), [len(rows.lower) for rows in terms.rows])
         self._lower = np.concatenate([rows.lower for rows in terms.rows])
@@ -109,7 +109,7 @@ class Frame:
 
     def _ranges(self, lower: Array, upper: Array) -> Interval:
         # Of every unknown, where all its own rows lie between such bounds.
-        low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
+        low, high = self._own.T.copy()
         ends = np.array([lower[self._simple], upper[self._simple]])
         ends = np.sort((ends - self._constant) / self._slope, axis=0)
         np.maximum.at(low, self._unknown, ends[0])

@@ -157,8 +157,9 @@ class FineGrid:
         by_inputs = slope[: samples * columns].reshape((samples, columns), order="F")
         by_coefficients = (self._sampled.T @ by_inputs) * self._design.terms.input_scale
         parts = [by_coefficients.ravel(order="F")]
-        if self._design.terms.size > self._design.terms.coefficient_count:
+        chosen = self._design.problem.chosen_starts
+        if chosen is not None:
             runs = self._design.problem.design.runs
             by_start = slope[samples * columns :].reshape((runs, -1), order="F")
-            parts.append(by_start[:, : self._design.problem.system.chosen_states].ravel())
+            parts.append(chosen.by_unknowns(by_start))
         return np.concatenate(parts)

@@ -48,9 +48,13 @@ class DesignExpressions:
 
     @cached_property
     def coefficient_bounds(self) -> Array:
-        """Bounds (k, 2) of those unknowns that are spline coefficients."""
-        scaled = self.problem.input_bounds / self.terms.input_scale[:, None]
-        return np.repeat(scaled, len(self.terms.free), axis=0)
+        """Bounds (k, 2) of those unknowns that are of the inputs."""
+        return self.terms.embedding.bounds(self.ranges)
+
+    @property
+    def ranges(self) -> Array:
+        """Bounds (inputs, 2) of the inputs, in units of each input's largest."""
+        return np.asarray(self.problem.input_bounds / self.terms.input_scale[:, None])
 
     @cached_property
     def others(self) -> list[tuple[int, Array, Array]]:
@@ -70,30 +74,31 @@ class DesignExpressions:
 
     def trajectory(self, unknowns: Array) -> Trajectory:
         """The drive that z stands for."""
-        space, inputs = self.problem.design, len(self.problem.model.inputs)
-        table = np.zeros((space.all_coefficients, inputs))
-        free = unknowns[: self.terms.coefficient_count].reshape((len(space.free_rows), inputs), order="F")
-        table[space.free_rows] = free * self.terms.input_scale
-        start = self.problem.fixed_starts
-        if start is None:
-            start = self.problem.start_states(unknowns[self.terms.coefficient_count :])
-        return space.trajectory(table, start)
+        own, chosen = unknowns[: self.terms.coefficient_count], self.problem.chosen_starts
+        table = self.terms.embedding.table(own * self._scales)
+        if chosen is None:
+            assert self.problem.fixed_starts is not None
+            return self.problem.design.trajectory(table, self.problem.fixed_starts)
+        return self.problem.design.trajectory(table, chosen.states(unknowns[len(own) :]))
+
+    @property
+    def _scales(self) -> Array:
+        # Of those unknowns that are of the inputs.
+        return self.terms.embedding.spread(self.terms.input_scale)
 
     def unknowns_of(self, trajectory: Trajectory) -> Array:
         """Z of a drive of this design space.
 
         Raises:
-            ValueError: the drive's splines are not this space's.
+            ValueError: the drive's splines, signals or starts are not this space's.
         """
-        space = self.problem.design
-        same = trajectory.degree == space.spline.degree and trajectory.knots.shape == space.knots.shape
+        space, chosen = self.problem.design, self.problem.chosen_starts
+        same = trajectory.degree == space.own_spline.degree and trajectory.knots.shape == space.knots.shape
         if not same or not np.allclose(trajectory.knots, space.knots):
             raise ValueError("the trajectory's splines are not those of the design space")
-        free = trajectory.coefficients[space.free_rows] / self.terms.input_scale
-        start = (
-            trajectory.starts[:, : self.problem.system.chosen_states] if space.start_is_free else np.zeros(0)
-        )
-        return np.concatenate([free.ravel(order="F"), start.ravel()])
+        free = self.terms.embedding.unknowns(trajectory.coefficients) / self._scales
+        start = np.zeros(0) if chosen is None else chosen.unknowns(trajectory.starts)
+        return np.concatenate([free, start])
 
     def matrices_of(self, unknowns: Array) -> list[list[Array]]:
         """The information matrices of every robot judged, for one z."""
@@ -109,7 +114,10 @@ class DesignExpressions:
         rng = np.random.default_rng(0)
         low, high = np.full((2, self.terms.size), [[-1.0], [1.0]])
         low[: self.terms.coefficient_count], high[: self.terms.coefficient_count] = self.coefficient_bounds.T
-        (first, *_), _ = self._judged(rng.uniform(low, high, (200, self.terms.size)))
+        drawn = rng.uniform(low, high, (200, self.terms.size))
+        own = drawn[:, : self.terms.coefficient_count]
+        own[:] = self.terms.embedding.within(own, self.ranges)
+        (first, *_), _ = self._judged(drawn)
         smallest = np.min([SquareRoot.of_matrix(stack).smallest for stack in first], axis=0)
         means = [np.trace(stack, axis1=1, axis2=2) / stack.shape[1] for stack in first]
         typical = float(smallest.max())

@@ -35,13 +35,19 @@ def random_drives(design: DesignExpressions, amplitudes: Array, rng: np.random.G
     centre = np.clip(0.0, low, high)
     draws = rng.uniform(low, high, (len(amplitudes), len(centre)))
     coefficients = centre + amplitudes[:, None] * (draws - centre)
+    coefficients = design.terms.embedding.within(coefficients, design.ranges)
     if design.terms.size == design.terms.coefficient_count:
         return np.asarray(coefficients)
     return np.hstack([coefficients, random_starts(design, len(amplitudes), rng)])
 
 
 def start_bounds(design: DesignExpressions) -> Array:
-    """Bounds (k * runs, 2) of free start states: what limits say of them, else all angles, and a place."""
+    """Bounds (k * runs, 2) of the unknowns that are start states: the space's own, or what limits say of
+    them, else all angles, and a place.
+    """
+    chosen = design.problem.chosen_starts
+    if chosen is not None and chosen.bounded:
+        return chosen.bounds
     robot, known = design.problem.system, dict[str, tuple[float, float]]()
     for limit in design.problem.limits:
         for state, (low, high) in limit.state_bounds().items():
@@ -140,4 +146,4 @@ def perturbed(design: DesignExpressions, unknowns: Array, rng: np.random.Generat
     moved: Array = unknowns + PERTURBATION * rng.standard_normal(len(unknowns))
     head = moved[: design.terms.coefficient_count]
     np.clip(head, *design.coefficient_bounds.T, out=head)
-    return moved
+    return np.clip(moved, *design.terms.own_bounds.T)

@@ -46,8 +46,9 @@ class DerivativeLimit(InputLimit, Generic[Pair]):
 
     def flaws(self, system: System, space: Space) -> list[Flaw]:
         """No such inputs, splines without that derivative, bounds without rest or beyond the equations."""
-        if space.spline.degree < 2 and self.order == 2:
-            text = f"a degree-{space.spline.degree} spline has no jerk; take spline.degree 2 or more"
+        degree = space.own_spline.degree
+        if degree < 2 and self.order == 2:
+            text = f"a degree-{degree} spline has no jerk; take spline.degree 2 or more"
             return [Flaw(("limits", self.name), text)]
         flaws = super().flaws(system, space)
         if flaws or self.order:
