@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -10,6 +15,7 @@ import pytest
 
 import oed
 from oed.kernel.criteria import D
+from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.signals import (
     Constant,
     Fourier,
@@ -18,6 +24,8 @@ from oed.kernel.dynamics.signals import (
     Signal,
     SplineSignal,
 )
+from oed.kernel.limit import Limit, Rows
+from oed.optimize.terms import terms_of
 from oed.optimize.terms.layout import divisible
 from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
@@ -165,3 +173,176 @@ def test_solved_by_ipopt_and_by_the_genetic_algorithm(signals: tuple[Signal, ...
         # What was found is of the space.
         DesignExpressions(problem).unknowns_of(found.trajectory)
     assert near.evaluation.objective < best.evaluation.objective < near.evaluation.objective + 0.5
+
+
+def at_most(expression: Any, bound: float, unit: str) -> Rows:
+    count = expression.shape[0]
+    return Rows(expression, np.full(count, -bound), np.full(count, bound), bound, unit)
+
+
+class Slew(Limit):
+    """On how fast the first two inputs change."""
+
+    name: ClassVar[str] = "slew"
+    looks_at: ClassVar = "inputs"
+
+    def rows(self, drive: Drive) -> Rows:
+        return at_most(ca.vec(drive.input_rates[:, :2]), 0.9, "1/s")
+
+
+class Jolt(Limit):
+    """On how fast the rate of the first changes."""
+
+    name: ClassVar[str] = "jolt"
+    looks_at: ClassVar = "inputs"
+
+    def rows(self, drive: Drive) -> Rows:
+        return at_most(drive.input_jerks[:, 0], 5.0, "1/s^2")
+
+
+class Together(Limit):
+    """On two inputs at one time."""
+
+    name: ClassVar[str] = "together"
+    looks_at: ClassVar = "inputs"
+
+    def rows(self, drive: Drive) -> Rows:
+        return at_most(drive.input_values[:, 0] + drive.input_values[:, 1], 2.2, "")
+
+
+class Total(Limit):
+    """Of whole runs, of inputs and states."""
+
+    name: ClassVar[str] = "total"
+    looks_at: ClassVar = "run"
+
+    def rows(self, drive: Drive) -> Rows:
+        _, last = drive.ends_of(drive.states)
+        return at_most(ca.vertcat(ca.sumsqr(drive.inputs) / drive.samples, last[:, 1] ** 2), 6.0, "")
+
+
+FURTHER = (Slew(), Jolt(), Together(), Total())
+
+
+class TestFurtherLimits:
+    @pytest.mark.parametrize("signals", MIXED, ids=["steps", "smooth"])
+    def test_pieces_are_the_whole_drive(self, signals: tuple[Signal, ...]):
+        problem = problem_of(signals)
+        problem = replace(problem, limits=(*problem.limits, *FURTHER))
+        pieces, whole = in_pieces(problem), Unrolled(problem)
+        assert pieces.linear == whole.linear == [*[True] * 6, False]
+        assert [len(one.lower) for one in pieces.rows] == [len(one.lower) for one in whole.rows]
+        z = np.random.default_rng(1).uniform(0.1, 1.0, pieces.size)
+        for name in ("values", "jacobian"):
+            for one, other in zip(getattr(pieces, name)(z), getattr(whole, name)(z), strict=True):
+                np.testing.assert_allclose(dense(one), dense(other), rtol=1e-9, atol=1e-10)
+        found, expected = (one.hessian(z, *weights_of(pieces)) for one in (pieces, whole))
+        np.testing.assert_allclose(dense(found), dense(expected), rtol=1e-8, atol=1e-9)
+
+    def test_every_change_is_limited_once(self):
+        problem = replace(problem_of(), limits=(*problem_of().limits, *FURTHER))
+        rows = {
+            limit.name: len(one.lower)
+            for limit, one in zip(problem.limits, in_pieces(problem).rows, strict=True)
+        }
+        # Between five pieces of two runs there are four steps each; of each the jerk rises and falls.
+        assert (rows["slew"], rows["jolt"], rows["together"]) == (8, 16, 10)
+
+    @pytest.mark.parametrize("signals", MIXED, ids=["steps", "smooth"])
+    def test_are_those_of_the_drive_as_scored(self, signals: tuple[Signal, ...]):
+        problem = problem_of(signals)
+        problem = replace(problem, limits=(*problem.limits, *FURTHER))
+        design = DesignExpressions(problem)
+        candidates = random_drives(design, np.ones(5), np.random.default_rng(0))
+        candidates[:, : design.terms.coefficient_count] *= 1.5
+        _, violations = design.score_many(candidates)
+        for z, own in zip(candidates, violations, strict=True):
+            margins = {one.name: one for one in oed.evaluate(problem, design.trajectory(z)).margins}
+            shares = [margins[limit.name].violation / margins[limit.name].size for limit in problem.limits]
+            np.testing.assert_allclose(own, shares, rtol=1e-8, atol=1e-9)
+        assert np.all(violations.max(axis=0)[:5] > 0.01)
+
+    def test_a_design_keeps_them(self):
+        problem = replace(problem_of(), limits=(*problem_of().limits, *FURTHER))
+        ipopt = oed.Ipopt(starts=2, perturbations=0, second_stage="none")
+        found = oed.solve(problem, ipopt, seed=0, workers=1)
+        assert found.status is oed.Status.CONVERGED
+        inputs, period = found.trajectory.inputs, problem.design.period
+        changes = np.abs(np.diff(inputs.reshape(2, -1, 3), axis=1)).max(axis=(0, 1)) / period
+        assert changes[0] <= 0.9 * (1 + 1e-6)
+        assert changes[1] == 0
+
+
+def test_gains_are_those_of_wider_ranges():
+    problem, ipopt = problem_of(), oed.Ipopt(starts=2, perturbations=0, second_stage="none")
+    found = oed.solve(problem, ipopt, seed=0, workers=1)
+    step = 1e-4
+    for place, (name, pair) in enumerate(RANGES.items()):
+        low, high = problem.input_bounds[place]
+        wider = [*problem.limits]
+        unit = " 1/s" if name == "w" else ""
+        wider[place] = oed.InputRange(input=name, range=(f"{low - step}{unit}", f"{high + step}{unit}"))
+        more = oed.solve(replace(problem, limits=tuple(wider)), ipopt, seed=0, workers=1)
+        gain = problem.objective.change(more.evaluation.objective, found.evaluation.objective, 2) / step
+        assert found.gains[name] == pytest.approx(gain, rel=1e-2, abs=1e-4), pair
+
+
+def test_long_drives_are_not_written_out_for_values_alone():
+    problem = problem_of(samples=960)
+    values = terms_of(problem, differentiated=False)
+    assert isinstance(values, Pieces)
+    assert isinstance(terms_of(problem_of(), differentiated=False), Unrolled)
+
+
+def fishing(samples: int = 480, pieces: int = 48) -> oed.Problem:
+    """Prey and predators that are fished, in steps [Lotka and Volterra; Sager, 2005]."""
+    system = oed.Equations(
+        states={"x": "", "y": ""},
+        derivatives={"x": "a * x - b * x * y - 0.4 * x * u", "y": "c * x * y - d * y - 0.2 * y * u"},
+        parameters={"a": "1 1/s", "b": "1 1/s", "c": "1 1/s", "d": "1 1/s"},
+        inputs={"u": "1/s"},
+        outputs={"x": "x", "y": "y"},
+    )
+    return oed.Problem(
+        model=system,
+        design=oed.SignalSpace(
+            duration=12, samples=samples, start=(0.5, 0.7), signals=(PiecewiseConstant(pieces=pieces),)
+        ),
+        measurement=oed.Outputs(noise={"x": 0.1, "y": 0.1}),
+        limits=[oed.InputRange(input="u", range=("0 1/s", "1 1/s"))],
+        criterion="D",
+    )
+
+
+def test_steps_are_as_cheap_as_a_spline_of_degree_0():
+    """The same drives by both descriptions: the same unknowns, pieces, operations and numbers."""
+    problem = fishing()
+    spline = oed.Spline(degree=0, coefficients=48)
+    usual = oed.SignalSpace(duration=12, samples=480, start=(0.5, 0.7), spline=spline, rest_to_rest=False)
+    signals, splines = in_pieces(problem), in_pieces(replace(problem, design=usual))
+    z = np.random.default_rng(0).uniform(0, 1, 48)
+    for name in ("values", "jacobian", "hessian"):
+        found, expected = getattr(signals, name), getattr(splines, name)
+        assert found.n_instructions() == expected.n_instructions()
+        given = [z, *weights_of(signals)] if name == "hessian" else [z]
+        assert [one.shape for one in found.call(given)] == [one.shape for one in expected.call(given)]
+        for one, other in zip(found.call(given), expected.call(given), strict=True):
+            np.testing.assert_array_equal(dense(one), dense(other))
+
+
+@pytest.mark.slow
+def test_many_steps_of_a_long_drive_need_little_memory():
+    """Building the terms and a local search in a process of its own, whose largest memory is known."""
+    script = (
+        "import resource, numpy as np\n"
+        "from test_signal_problems import fishing\n"
+        "from oed.optimize.local import LocalSearch, Settings\n"
+        "search = LocalSearch(fishing(), Settings(100, 1e-8, None, 'none'))\n"
+        "assert search.maximise(np.full(48, 0.4)).status.name == 'CONVERGED'\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)\n"
+    )
+    folders = [str(Path(__file__).parent), str(Path(oed.__file__).parent.parent)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(folders)}
+    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) < 400e3

@@ -52,6 +52,11 @@ class Pieces(Terms):
         return self._sweep if self._whole is None else WholeSweep(self._sweep, self._whole, self._needs)
 
     @property
+    def operations(self) -> int:
+        """Operations of a whole drive, one after the other."""
+        return int(self._plan.kernel.cell.values.n_instructions()) * self.problem.design.all_samples
+
+    @property
     def sizes(self) -> list[int]:
         """The size of every matrix."""
         return self._plan.total.sizes
