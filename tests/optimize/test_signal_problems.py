@@ -30,6 +30,7 @@ from oed.optimize.terms.layout import divisible
 from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
 from oed.optimize.transcription.chain import Frame
+from oed.optimize.transcription.coarse import FineGrid, Grid
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import perturbed, random_drives, start_bounds
 
@@ -124,6 +125,7 @@ class TestTermsOfSignals:
         problem = problem_of(signals)
         design = DesignExpressions(problem)
         rng = np.random.default_rng(0)
+        assert random_drives(design, np.ones(0), rng).shape == (0, design.terms.size)
         drawn = random_drives(design, np.ones(50), rng)
         drawn = np.vstack([drawn, [perturbed(design, one, rng) for one in drawn]])
         first = design.terms.coefficient_count
@@ -328,6 +330,27 @@ def test_steps_are_as_cheap_as_a_spline_of_degree_0():
         assert [one.shape for one in found.call(given)] == [one.shape for one in expected.call(given)]
         for one, other in zip(found.call(given), expected.call(given), strict=True):
             np.testing.assert_array_equal(dense(one), dense(other))
+
+
+def test_a_coarse_grid_knows_chosen_starts():
+    """Of one spline for all inputs: slopes of the information of all samples are those of differences."""
+    spline = oed.Spline(degree=3, coefficients=6)
+    parts = {"signals": (), "spline": spline, "rest_to_rest": False, "runs": 2}
+    problem = problem_of(samples=96, **parts)
+    grid = Grid(problem, 24)
+    assert grid.coarse
+    fine = FineGrid(problem, grid.design)
+    (z,) = random_drives(grid.design, np.array([0.5]), np.random.default_rng(0))
+    _, slopes = fine.at(grid.trajectory(z))
+    for place, step in enumerate(1e-5 * np.eye(len(z))):
+        high, low = (fine.entries(grid.trajectory(z + sign * step)) for sign in (1, -1))
+        np.testing.assert_allclose(slopes[:, place], (high - low) / 2e-5, rtol=1e-6, atol=1e-6)
+    assert not Grid(problem_of(samples=96), 24).coarse
+
+
+def test_a_start_may_be_one_alone():
+    found = oed.solve(problem_of(), oed.Ipopt(starts=1), seed=0, workers=1)
+    assert found.status is oed.Status.CONVERGED
 
 
 @pytest.mark.slow

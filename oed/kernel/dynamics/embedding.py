@@ -224,11 +224,11 @@ class HeldSignals(Embedding):
 
     def within(self, unknowns: Array, ranges: Array) -> Array:
         """What each signal makes of them."""
-        parts = []
+        found = np.empty_like(unknowns)
         for signal, own, (low, high) in zip(self.space.own_signals, self.slices, ranges, strict=True):
-            each = unknowns[:, own].reshape(len(unknowns), -1, signal.unknowns)
-            parts.append(signal.within(each, low, high).reshape(len(unknowns), -1))
-        return np.hstack(parts)
+            table = unknowns[:, own]
+            found[:, own] = signal.within(table.reshape(-1, signal.unknowns), low, high).reshape(table.shape)
+        return found
 
     def table(self, unknowns: Array) -> Array:
         """The values held."""
