@@ -58,6 +58,7 @@ class Space(Component, ABC):
         """The one drive of a space in which nothing is chosen; None where something is."""
         return None
 
+    @property
     def start_ranges(self) -> Array | None:
         """Least and largest value (k, 2) of the first k states where the design chooses them; None where it
         is free to choose any.
