@@ -13,11 +13,12 @@ from oed.equations.dimensions import quantity
 from oed.equations.keys import Begin, Quantity
 from oed.equations.limits import InputRange, InputRate, both_ways, require_rising
 from oed.equations.system import Equations
-from oed.foundation.component import Component
+from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Duration
 from oed.kernel.dynamics.held import HeldSpace
-from oed.kernel.dynamics.space import SignalSpace, Space, Spline
+from oed.kernel.dynamics.signals import SIGNALS, PiecewiseConstant, Signal
+from oed.kernel.dynamics.space import SignalSpace, Space
 from oed.kernel.limit import Limit
 
 
@@ -27,10 +28,12 @@ class InputKeys(Component):
     Attributes:
         range: least and largest value, with their units; alone it stands for all of this.
         rate: largest rate of change, or least and largest.
+        signal: what it may be over a trial; steps by default.
     """
 
     range: tuple[Quantity, Quantity]
     rate: Quantity | tuple[Quantity, Quantity] | None = None
+    signal: Annotated[Signal, OneOf(SIGNALS)] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -126,13 +129,16 @@ class Experiment(Component):
         if not system.input_names:
             held = np.zeros((trials * samples, 0))
             return HeldSpace.of(held, np.tile(start, (trials, 1)), duration=self.duration or 1.0)
+        usual = PiecewiseConstant(pieces=samples if self.points else min(samples, USUAL_PIECES))
+        given: dict[str, Any] = {"start": tuple(start)}
+        if any(one.low < one.high for one in begins.values()):
+            given = {"start_bounds": tuple((one.low, one.high) for one in begins.values())}
         return SignalSpace(
             duration=self.duration or float(samples),
             samples=samples,
-            spline=Spline(degree=0, coefficients=samples),
-            rest_to_rest=False,
             runs=trials,
-            start=tuple(start),
+            signals=tuple(self.inputs[name].signal or usual for name in system.input_names),
+            **given,
         )
 
     @property
@@ -141,8 +147,8 @@ class Experiment(Component):
         return tuple(limit for name, one in self.inputs.items() for limit in one.limits(name))
 
 
-USUAL_SAMPLES = 100
-"""Periods of a trial, where nothing is said."""
+USUAL_SAMPLES, USUAL_PIECES = 100, 20
+"""Periods of a trial, and steps of an input in it, where nothing is said."""
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
@@ -14,6 +15,8 @@ from oed.equations.system import FINER, Equations
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw, ProblemError
 
+EXACTLY = 1e-8
+"""Share of a known initial value that is its deviation beside unknown ones: its square is rounding."""
 Quantity = float | str
 """A number, or text with a unit."""
 
@@ -73,6 +76,15 @@ class Begin:
     unknown: bool
     deviation: float | None
     dimension: Dimension
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the initial value, SI: infinite where nothing is known, next to none where it
+        is known.
+        """
+        if self.unknown:
+            return inf if self.deviation is None else self.deviation
+        return EXACTLY * (max(abs(self.low), abs(self.high)) or 1.0)
 
 
 class EquationKeys(Component):

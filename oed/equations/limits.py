@@ -10,7 +10,6 @@ import numpy as np
 from pydantic import model_validator
 
 from oed.equations.dimensions import Dimension, parse_unit, quantity
-from oed.equations.system import Equations
 from oed.foundation.errors import Flaw
 from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.expression import Expression
@@ -59,7 +58,7 @@ class OneInput(Limit, ABC):
 
     def flaws(self, system: System, space: Space) -> list[Flaw]:
         """No such input, or bounds in another unit."""
-        units = dict(system.input_units) if isinstance(system, Equations) else {}
+        units = {one.name: parse_unit(one.unit)[1] for one in system.inputs}
         if self.input not in units:
             known = ", ".join(system.input_names) or "none"
             meant = did_you_mean(self.input, system.input_names)

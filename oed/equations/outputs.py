@@ -15,7 +15,7 @@ from oed.foundation.errors import Flaw
 from oed.foundation.text import did_you_mean, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
-from oed.kernel.measurement.sensor import Moment, Sensor, When
+from oed.kernel.measurement.sensor import Moment, Sensor, Start, When
 
 
 def _pairs(given: Any) -> Any:
@@ -25,6 +25,12 @@ def _pairs(given: Any) -> Any:
 
 Deviations = Annotated[tuple[tuple[str, str | float], ...], BeforeValidator(_pairs), Field(min_length=1)]
 """Standard deviations with their units, by the outputs' names."""
+
+
+Begun = Literal["known", "unknown"] | Annotated[tuple[tuple[str, float], ...], BeforeValidator(_pairs)]
+"""What is known of the start states: all, nothing, or standard deviations by their names, SI; infinite where
+nothing is known.
+"""
 
 
 class OutputSensor(Sensor, ABC):
@@ -74,16 +80,16 @@ class Outputs(OutputSensor):
     """Outputs read at the samples, the first at the start, of a system with states.
 
     Attributes:
-        start: whether the start states are known.
+        start: what is known of the start states.
     """
 
     kind: Literal["outputs"] = "outputs"
-    start: Literal["known", "unknown"] = "known"
+    start: Begun = "known"
 
     @property
-    def start_known(self) -> Literal["known", "unknown"]:
+    def start_known(self) -> Start:
         """What `start` says."""
-        return self.start
+        return self.start if isinstance(self.start, str) else dict(self.start)
 
 
 class Rates(OutputSensor):
@@ -93,18 +99,18 @@ class Rates(OutputSensor):
     they are in its middle.
 
     Attributes:
-        start: whether the start states are known.
+        start: what is known of the start states.
     """
 
     kind: Literal["rates"] = "rates"
     when: ClassVar[When] = "in periods"
     continuous: ClassVar[bool] = True
-    start: Literal["known", "unknown"] = "known"
+    start: Begun = "known"
 
     @property
-    def start_known(self) -> Literal["known", "unknown"]:
+    def start_known(self) -> Start:
         """What `start` says."""
-        return self.start
+        return self.start if isinstance(self.start, str) else dict(self.start)
 
     def whitening(self, moment: Moment) -> Expression:
         """sqrt(T) / sigma of each."""

@@ -95,6 +95,11 @@ class Selection(Component):
         )
         return budgets_of(parts, totals, self.most)
 
+    def laid_out(self, problem: Problem) -> Parts:
+        """The readings of a problem's designs, before anything is known of what they say."""
+        sensors, space = problem.measurement.joint_sensors, problem.design
+        return laid_out(sensors, problem.system, space.samples, space.runs, space.period)
+
     def flaws(self, problem: Problem) -> list[Flaw]:
         """Why a problem's readings cannot be weighed so; [] if they can."""
         sensors = problem.measurement.joint_sensors
@@ -103,10 +108,8 @@ class Selection(Component):
             return [Flaw(("weights",), f"{text}; {problem.measurement.kind} are not")]
         if problem.robust is not None:
             return [Flaw(("weights",), "cannot be chosen for several systems at once: leave out `robust`")]
-        space = problem.design
         try:
-            found = self.parts(laid_out(sensors, problem.system, space.samples, space.runs, space.period))
-            self._require_whole(self.budgets(found))
+            self._require_whole(self.budgets(self.parts(self.laid_out(problem))))
         except UserMistake as error:
             return [Flaw(("weights",), str(error))]
         return []

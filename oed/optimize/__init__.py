@@ -17,6 +17,7 @@ from oed.kernel.solution import Solution, Status, scored
 from oed.optimize.assurance import assured
 from oed.optimize.genetic import CmaEs, DifferentialEvolution, Genetic
 from oed.optimize.ipopt import Ipopt
+from oed.optimize.lifted import lifted, lowered
 from oed.optimize.selection import with_readings
 from oed.optimize.solver import Context, Solver
 
@@ -68,6 +69,8 @@ def _searched(options: Solver, problem: Problem, context: Context) -> Solution:
     if problem.design.only is not None:
         alone = scored(bare, problem.design.only, options.label)
         solution = replace(alone, kind=options.kind, seed=context.seed, status=Status.CONVERGED)
+    elif (together := lifted(problem)) is not None:
+        solution = lowered(bare, assured(options, together, context))
     else:
         solution = assured(options, bare, context)
     return solution if problem.selection is None else with_readings(problem, solution)

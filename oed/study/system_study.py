@@ -13,7 +13,7 @@ from pydantic import BeforeValidator
 from oed.equations.candidates import Candidates
 from oed.equations.experiment import Experiment
 from oed.equations.keys import EquationKeys
-from oed.equations.several import SENSORS, SeveralOutputs
+from oed.equations.several import SENSORS, SeveralOutputs, replaced_starts
 from oed.equations.system import Equations
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Flaw, ProblemError
@@ -114,6 +114,19 @@ class SystemStudyFile(StudyFile):
         """Nothing further."""
         return []
 
+    def problem_of(self, space: Space) -> Problem:
+        """The problem with another space than the study's, its sensors told how well starts are known.
+
+        Raises:
+            ProblemError: the parts do not fit together; every reason is listed.
+        """
+        begins = self.system.begins
+        if not any(one.unknown for one in begins.values()):
+            return super().problem_of(space)
+        known = tuple((name, one.spread) for name, one in begins.items())
+        told = replaced_starts(self.measurement, known)
+        return super(SystemStudyFile, self.model_copy(update={"measurement": told})).problem_of(space)
+
     @contextmanager
     def _own_keys(self) -> Iterator[None]:
         # What is wrong with limits and spaces is said of the keys that they are given by.
@@ -124,6 +137,9 @@ class SystemStudyFile(StudyFile):
             raise ProblemError(flaws) from None
 
     def _own_key(self, key: tuple[str | int, ...]) -> tuple[str | int, ...]:
+        if key[:2] == ("trajectory", "signals"):
+            names = [self.model.input_names[one] for one in key[2:] if isinstance(one, int)]
+            return ("experiment", "inputs", *(part for name in names for part in (name, "signal")))
         if key[:1] == ("trajectory",):
             return ("experiment", *key[1:])
         if key[:1] == ("limits",):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from math import lcm
+from math import inf, isfinite, lcm
 from typing import Annotated, ClassVar, Literal, Self, TypeVar, cast
 
 import casadi as ca
@@ -28,7 +28,9 @@ from oed.kernel.measurement.moment import AnyMoment, moment_reading
 from oed.kernel.measurement.moment import Moment as Moment
 
 Start = Literal["unknown", "known"] | Mapping[str, float]
-"""What is known of the start states: nothing, all, or standard deviations by their units."""
+"""What is known of the start states: nothing, all, or standard deviations by their names or units, infinite
+where nothing is known.
+"""
 FRAME = 1e-3
 """Standard deviation of start states that define the frame, SI. Its size is of no matter: readings that do
 not depend on the frame say the same of all else."""
@@ -326,11 +328,16 @@ def start_nuisances(sensors: Sequence[Sensor], system: System, runs: int = 1) ->
             f"{system.start_name}{f'_{run + 1}' if runs > 1 else ''}.{state}",
             0.0,
             unit,
-            FRAME if state in frame and not run else deviations.get(unit),
+            FRAME if state in frame and not run else _deviation(deviations, state, unit),
         )
         for run in range(runs)
         for state, unit in zip(system.states, system.state_units, strict=True)
     )
+
+
+def _deviation(deviations: Mapping[str, float], state: str, unit: str) -> float | None:
+    found = deviations.get(state, deviations.get(unit, inf))
+    return found if isfinite(found) else None
 
 
 def sensor_labels(sensors: Sequence[Sensor]) -> list[str]:
