@@ -144,11 +144,11 @@ def _signal_flaws(problem: Problem) -> list[Flaw]:
     if len(space.own_signals) != len(names):
         text = f"expected one for each input ({', '.join(names)}), got {len(space.own_signals)}"
         return [Flaw(("trajectory", "signals"), text)]
-    doubts = [one.doubts(space.duration, space.samples) for one in space.own_signals]
+    ranges = problem.input_bounds
     found = [
         Flaw(("trajectory", "signals", place), f"{names[place]}: {doubt}")
-        for place, doubt in enumerate(doubts)
-        if doubt
+        for place, one in enumerate(space.own_signals)
+        if (doubt := one.doubts(space.duration, space.samples) or one.misfit(*ranges[place]))
     ]
     if space.rest_to_rest:
         found.append(

@@ -174,7 +174,7 @@ def test_spaces_that_contradict_themselves(parts, reason):
         mixed(**parts)
 
 
-def decay(**parts) -> oed.Problem:
+def decay(least: str = "0 1/s", **parts) -> oed.Problem:
     """A state that decays while it is fed."""
     system = oed.Equations(
         states={"a": ""},
@@ -188,7 +188,7 @@ def decay(**parts) -> oed.Problem:
         model=system,
         design=oed.SignalSpace(**{**space, **parts}),
         measurement=oed.Outputs(noise={"a": 0.1}),
-        limits=[oed.InputRange(input="u", range=("0 1/s", "2 1/s"))],
+        limits=[oed.InputRange(input="u", range=(least, "2 1/s"))],
         criterion="D",
     )
 
@@ -214,6 +214,10 @@ def decay(**parts) -> oed.Problem:
             "u: 12 waves of the last harmonic in a run need more than 24",
         ),
         ({"signals": (Fourier(harmonics=4, period=1),)}, "u: 16 waves of the last harmonic"),
+        (
+            {"signals": (SplineSignal(rest_to_rest=True),), "least": "0.1 1/s"},
+            r"trajectory.signals.0: u: \[0.1, 2\] \(SI\) excludes 0, which rest_to_rest needs",
+        ),
         ({"start": (1.0, 2.0)}, r"trajectory.start: expected at most one for each state \(a\), got 2"),
         ({"start_bounds": ((0, 1), (0, 1))}, "trajectory.start_bounds: expected at most one for each state"),
     ],

@@ -77,8 +77,11 @@ def dense(matrix: ca.DM) -> np.ndarray:
 
 @pytest.mark.parametrize("signals", MIXED, ids=["steps", "smooth"])
 class TestTermsOfSignals:
-    def test_pieces_are_the_whole_drive(self, signals: tuple[Signal, ...]):
+    @pytest.mark.parametrize("start", ["known", "unknown"])
+    def test_pieces_are_the_whole_drive(self, signals: tuple[Signal, ...], start: str):
         problem = problem_of(signals)
+        unknown = oed.Outputs(noise={"a": 0.1, "b": 0.1}, every=2, start=start)
+        problem = replace(problem, measurement=unknown, estimate=("k1", "k2"))
         pieces, whole = in_pieces(problem), Unrolled(problem)
         assert pieces.linear == whole.linear == [True] * 3
         for one, other in zip(pieces.rows, whole.rows, strict=True):

@@ -62,6 +62,10 @@ class Signal(Component, ABC):
             return f"{self.unknowns} unknowns need as many samples in a run, got {samples}"
         return ""
 
+    def misfit(self, low: float, high: float) -> str:
+        """Why it cannot stay in [low, high]; "" where it can."""
+        return ""
+
 
 class Constant(Signal):
     """One value all the time: a single unknown in a run."""
@@ -151,6 +155,12 @@ class SplineSignal(Signal):
                 f"got {self.coefficients}"
             )
         return super().doubts(duration, samples)
+
+    def misfit(self, low: float, high: float) -> str:
+        """A range without the rest that is asked for."""
+        if not self.rest_to_rest or low <= 0 <= high:
+            return ""
+        return f"[{low:g}, {high:g}] (SI) excludes 0, which rest_to_rest needs"
 
 
 class Fourier(Signal):
