@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 import pytest
+from builders import problem_of as robot_problem
 
 import oed
 from oed.kernel.criteria import D
@@ -33,6 +34,7 @@ from oed.optimize.transcription.chain import Frame
 from oed.optimize.transcription.coarse import FineGrid, Grid
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import perturbed, random_drives, start_bounds
+from oed.robots.space import DesignSpace
 
 STEPS = (PiecewiseConstant(pieces=5), Constant(), Fourier(harmonics=2))
 SMOOTH = (PiecewiseLinear(pieces=3), Constant(shared=True), SplineSignal(degree=2, coefficients=6))
@@ -367,8 +369,23 @@ def test_many_steps_of_a_long_drive_need_little_memory():
         "assert search.maximise(np.full(48, 0.4)).status.name == 'CONVERGED'\n"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)\n"
     )
-    folders = [str(Path(__file__).parent), str(Path(oed.__file__).parent.parent)]
+    here = Path(__file__).parent
+    folders = [str(here), str(here.parent), str(Path(oed.__file__).parent.parent)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(folders)}
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) < 400e3
+
+
+def test_drives_of_one_spline_are_as_they_were():
+    """Free coefficients, input by input, in units of the largest speed; then the start poses."""
+    space = DesignSpace(duration=4, samples=24, spline=oed.Spline(coefficients=6), runs=2, start="free")
+    problem = robot_problem(design=space)
+    design = DesignExpressions(problem)
+    z = np.random.default_rng(0).normal(size=16 + 6)
+    drive = design.trajectory(z)
+    table = np.zeros((12, 2))
+    table[[1, 2, 3, 4, 7, 8, 9, 10]] = z[:16].reshape(2, 8).T * np.abs(problem.input_bounds).max(axis=1)
+    np.testing.assert_array_equal(drive.coefficients, table)
+    np.testing.assert_array_equal(drive.starts, z[16:].reshape(2, 3))
+    np.testing.assert_allclose(design.unknowns_of(drive), z, rtol=1e-15)
