@@ -1,0 +1,105 @@
+"""Published optimal designs through their study files alone: problems/published/*.yaml."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from places import PROBLEMS
+
+import oed
+from oed.records.stored.result import Result
+
+PUBLISHED = sorted((PROBLEMS / "published").glob("*.yaml"))
+MINUTE, HOUR = 60.0, 3600.0
+
+
+def found(name: str, **changed: object) -> tuple[oed.Study, Result]:
+    """A study, some of its keys changed, and what its search finds."""
+    study = oed.load_study(PROBLEMS / "published" / f"{name}.yaml")
+    study = study.changed(**changed) if changed else study
+    best = oed.run(study, search_only=True).best
+    assert best is not None
+    assert best.drive is not None
+    return study, best
+
+
+def settings(result: Result) -> np.ndarray:
+    """The points of a design of one input, ascending."""
+    assert result.drive is not None
+    return np.sort(result.drive.trajectory.inputs.ravel())
+
+
+def taken(result: Result) -> dict[float, float]:
+    """Weights above a thousandth, by time."""
+    assert result.selection is not None
+    return {one.time: one.weight for one in result.selection.readings if one.weight > 1e-3}
+
+
+@pytest.mark.parametrize("file", PUBLISHED, ids=lambda file: file.stem)
+def test_each_is_short(file):
+    """Between 15 and 25 lines, with the source in the first ones."""
+    lines = file.read_text().splitlines()
+    assert 15 <= len(lines) <= 25
+    assert lines[0].startswith("# ")
+
+
+def test_box_and_lucas_1959():
+    """1.2295 and 6.8577 min, det F = .65677 by rates in 1/min and a noise of 1."""
+    study, best = found("box_lucas")
+    np.testing.assert_allclose(settings(best) / MINUTE, [1.2295, 6.8577], rtol=1e-4)
+    noise = dict(study.file.measurement.noise)["b"]
+    assert math.exp(best.objective) * noise**4 / MINUTE**4 == pytest.approx(0.65677, rel=1e-4)
+
+
+def test_atkinson_compartmental_model():
+    """0.2288, 1.3886 and 18.417 h: to the digits that are printed."""
+    _, best = found("compartmental_model")
+    assert np.all(np.abs(settings(best) / HOUR - [0.2288, 1.3886, 18.417]) < [5e-5, 5e-5, 5e-4])
+
+
+def test_pukelsheim_quadratic_regression():
+    """1/5, 3/5, 1/5 at -1, 0, 1; the value 1/5, which nothing exceeds by 1e-7."""
+    study, best = found("quadratic_regression")
+    grid = best.drive.trajectory.inputs.ravel()
+    weights = {grid[int(time)]: weight for time, weight in taken(best).items()}
+    assert list(weights) == pytest.approx([-1, 0, 1])
+    assert list(weights.values()) == pytest.approx([1 / 5, 3 / 5, 1 / 5], rel=1e-6)
+    assert best.objective == pytest.approx(1 / 5, rel=1e-6)
+    assert oed.bound(study.problem).upper_bound - best.objective < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("criterion", "value"),
+    [("D", 6.864795 * math.log(10)), ("A", -(10**-2.236425))],
+)
+def test_pyomo_rooney_and_biegler(criterion: str, value: float):
+    """One more reading as late as may be; log10 det F = 6.864795, log10 tr F^-1 = -2.236425."""
+    _, best = found("rooney_biegler", criterion={"kind": criterion, "scaling": "none"})
+    assert settings(best) == pytest.approx([10.0], rel=1e-5)
+    assert best.objective == pytest.approx(value, rel=1e-5)
+
+
+def test_dynamicoed_decay():
+    """Weight on [.3, .7]; .0128135."""
+    _, best = found("decay_weights")
+    assert list(taken(best)) == pytest.approx([0.35, 0.45, 0.55, 0.65])
+    assert best.objective == pytest.approx(0.0128135, rel=1e-4)
+
+
+def test_sager_lotka_volterra_without_fishing():
+    """The trace .063957 of continuous weights, as samples become many."""
+    _, best = found("lotka_volterra")
+    assert -best.objective == pytest.approx(0.063957, rel=1e-4)
+    assert best.selection.efficiency == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_sager_lotka_volterra_with_fishing():
+    """The trace .037000, or better, with 48 steps of fishing and of weights."""
+    _, best = found("lotka_volterra_fishing")
+    assert -best.objective <= 0.037000 * (1 + 1e-4)
+    for budget in best.selection.budgets:
+        spent = [best.selection.readings[place] for place in budget.readings]
+        assert sum(one.size * one.weight for one in spent) == pytest.approx(4.0)
