@@ -28,11 +28,13 @@ def _searched(
 ) -> tuple[Record, CommandResult]:
     # A run of the study with these options, and where it is; processes load what they need `later` meanwhile.
     from oed.cli.terminal.console import progress
+    from oed.foundation.vocabulary import speak
     from oed.foundation.work.parallel import default_workers, load_ahead
     from oed.workflow.runner import run
     from oed.workflow.studies import load_study
 
     study = load_study(options.study)
+    speak(study.file.vocabulary)
     workers = workers_of(options) or default_workers()
     if later:
         load_ahead(workers, later)
@@ -107,7 +109,8 @@ def _run(options: argparse.Namespace) -> int:
 
     notes = [note for note in record.notes if note != CUT_SHORT]
     exports = [f"oed export {out} --to {kind}" for kind in ("ros2_node", "rosbag2")]
-    further = [f"Drive: {exports[0]}", f"   or: {exports[1]}"] if record.best is not None else []
+    drives = record.best is not None and record.study.domain == "robots"
+    further = [f"Drive: {exports[0]}", f"   or: {exports[1]}"] if drives else []
     outcome.show(
         options, {**record.plain(), **outcome.place}, lambda: _found(options, record, outcome), notes, further
     )

@@ -115,11 +115,13 @@ def _bound(options: argparse.Namespace) -> int:
     from oed.bounds import LATTICE, bound
     from oed.cli.terminal.console import print_certificate
     from oed.foundation.errors import Failure
+    from oed.foundation.vocabulary import speak
     from oed.kernel.solution import scored
     from oed.workflow.runner import certified
     from oed.workflow.studies import load_study
 
     study = load_study(options.study)
+    speak(study.file.vocabulary)
     study.require_designed()
     certificate = bound(study.problem, nodes=options.nodes, time_limit=options.time_limit)
     drives = [] if certificate.drive is None else [scored(study.problem, certificate.drive, LATTICE)]
@@ -145,10 +147,12 @@ def _evaluate_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _evaluate(options: argparse.Namespace) -> int:
     from oed.cli.terminal.console import print_driven, print_results, print_worth
+    from oed.foundation.vocabulary import speak
     from oed.workflow.driven import score_path
     from oed.workflow.studies import load_study
 
     study = load_study(options.study)
+    speak(study.file.vocabulary)
     designs = options.designs or Path("reports") / Path(options.study).stem
     found = score_path(study, options.path, designs)
     if options.json:

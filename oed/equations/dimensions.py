@@ -137,3 +137,14 @@ def quantity(value: object) -> tuple[float, Dimension]:
     found = NUMBER.match(value) if isinstance(value, str) else None
     unit = value[found.end() :].strip() if found is not None and isinstance(value, str) else ""
     return parse_value(value, unit), parse_unit(unit)[1]
+
+
+def unit_of(text: str) -> tuple[str, float]:
+    """The unit that a quantity is written with, and the factor to it from SI.
+
+    Raises:
+        ValueError: no quantity.
+    """
+    found = NUMBER.match(text)
+    unit = text[found.end() :].strip() if found is not None else ""
+    return unit, 1 / parse_unit(unit)[0]

@@ -70,6 +70,11 @@ class OutputSensor(Sensor, ABC):
         """1 / sigma of each."""
         return ca.diag(ca.SX(ca.DM([1 / size for size in self.sizes])))
 
+    def units_of(self, system: System) -> tuple[str, ...]:
+        """Those of the outputs."""
+        known = system.output_dimensions if isinstance(system, Equations) else {}
+        return tuple(known[name].text for name in self.names if name in known)
+
     @property
     def entries(self) -> tuple[str, ...]:
         """By their names."""

@@ -85,7 +85,7 @@ def result_of(
     return Result.of(
         solution,
         evaluation,
-        **(UNSCORED if evaluation is None else _parts_of(evaluation, solution.gains)),
+        **(UNSCORED if evaluation is None else _parts_of(evaluation, solution)),
         trajectory=None if trajectory is None else trajectory_file,
         # The exact splines, so that nothing is lost; the poses, so that a report need not integrate.
         drive=None
@@ -96,14 +96,19 @@ def result_of(
     )
 
 
-def _parts_of(evaluation: Evaluation, gains: Mapping[str, float]) -> dict[str, Any]:
+def _parts_of(evaluation: Evaluation, solution: Solution) -> dict[str, Any]:
+    # What does not move through space has no path.
+    model = None if solution.problem is None else solution.problem.model
+    length = None if model is not None and not model.velocity_signal else evaluation.path_length
     return {
+        "path_length": length,
         "covariances": [
             Covariance.of(parameters=evaluation.parameters[block], covariance=covariance)
             for block, covariance in evaluation.covariances.items()
         ],
         "margins": [
-            Margin.of(margin, limit=margin.name, gain=gains.get(margin.name)) for margin in evaluation.margins
+            Margin.of(margin, limit=margin.name, gain=solution.gains.get(margin.name))
+            for margin in evaluation.margins
         ],
     }
 

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from oed.foundation.text import deviation_text, given_text, nominal_text, own_unit, unit_text, words
+from oed.foundation.text import (
+    Unit,
+    deviation_text,
+    given_text,
+    nominal_text,
+    own_unit,
+    quantity,
+    unit_text,
+    words,
+)
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.records.stored.study_record import StoredParameter
@@ -65,7 +74,7 @@ def answer_of(record: Record) -> Answer | None:
         return None
     baseline = best_baseline(record)
     beside = baseline if baseline is not None and baseline.name != winner.name else None
-    rows = rows_of(record.parameters, winner, beside)
+    rows = rows_of(record.parameters, winner, beside, record.study.shown_units)
     said = (_compared(record, winner, baseline), _proved(record, winner), _holds(record, winner))
     return Answer(
         title_of(record),
@@ -111,7 +120,10 @@ def title_of(record: Record) -> str:
 
 
 def rows_of(
-    parameters: Sequence[StoredParameter], drive: Result, beside: Result | None = None
+    parameters: Sequence[StoredParameter],
+    drive: Result,
+    beside: Result | None = None,
+    units: Mapping[str, Unit] | None = None,
 ) -> tuple[Estimated, ...]:
     """A row for each parameter with its standard errors; none where there is no noise.
 
@@ -119,22 +131,27 @@ def rows_of(
         parameters: that are estimated.
         drive: that identifies them.
         beside: another drive, to compare with.
+        units: in which parameters are shown, and their factors from SI; usual ones of those not named.
     """
-    return tuple(_row(one, drive, beside) for one in parameters) if drive.standard_deviations else ()
+    if not drive.standard_deviations:
+        return ()
+    return tuple(_row(one, drive, beside, (units or {}).get(one.name)) for one in parameters)
 
 
-def _row(parameter: StoredParameter, winner: Result, baseline: Result | None) -> Estimated:
-    unit, factor = own_unit(parameter.unit)
+def _row(parameter: StoredParameter, winner: Result, baseline: Result | None, own: Unit | None) -> Estimated:
+    unit, factor = own or own_unit(parameter.unit)
     value = f"{nominal_text(parameter.nominal * factor)} {unit_text(unit)}".strip()
-    other = "" if baseline is None else _error(parameter, baseline)
-    return Estimated(words(parameter.name), value, _error(parameter, winner), other)
+    other = "" if baseline is None else _error(parameter, baseline, own)
+    return Estimated(words(parameter.name), value, _error(parameter, winner, own), other)
 
 
-def _error(parameter: StoredParameter, result: Result) -> str:
+def _error(parameter: StoredParameter, result: Result, own: Unit | None) -> str:
     size = result.standard_deviations.get(parameter.name)
     if size is None:
         return SAY("open")
-    return deviation_text(size, parameter.unit) if identifies(result, parameter) else SAY("beyond")
+    if not identifies(result, parameter):
+        return SAY("beyond")
+    return deviation_text(size, parameter.unit) if own is None else quantity(size * own[1], own[0], 2)
 
 
 def _compared(record: Record, winner: Result, baseline: Result | None) -> str:

@@ -16,6 +16,7 @@ from markupsafe import Markup
 from oed.foundation.arguments import typed
 from oed.foundation.errors import UserMistake
 from oed.foundation.shown import page_text, shown
+from oed.foundation.vocabulary import speaking
 from oed.foundation.work.folders import updated
 from oed.foundation.work.parallel import run_tasks, waiting
 from oed.records.record import FIGURE_FORMATS, REPORT, Record, pages
@@ -23,6 +24,7 @@ from oed.report.figures.spec import WIDTH, Plot
 from oed.report.film.animation import with_film
 from oed.report.parts.prose import environment
 from oed.report.parts.section import Animation, Section
+from oed.report.parts.spoken import in_words
 from oed.report.sections import SECTIONS
 
 NAME = REPORT
@@ -101,8 +103,11 @@ def address_of(page: str | Path, target: str | Path) -> str:
 
 
 def sections_of(record: Record) -> list[Section]:
-    """The sections that the record has something for, in order."""
-    return [section for make in SECTIONS if (section := make(record)) is not None]
+    """The sections that the record has something for, in order, in its domain's words."""
+    vocabulary = record.study.vocabulary
+    with speaking(vocabulary):
+        made = [section for make in SECTIONS[record.study.domain] if (section := make(record)) is not None]
+    return [in_words(section, vocabulary) for section in made]
 
 
 def _drawings(sections: list[Section]) -> dict[str, str]:

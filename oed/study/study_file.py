@@ -12,6 +12,7 @@ from pydantic import Field
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw, ProblemError
 from oed.foundation.own.part import OwnPart
+from oed.foundation.vocabulary import Vocabulary
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion, E
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System, label_of
@@ -58,6 +59,16 @@ class StudyFile(Component, ABC):
         )
 
     __str__ = __repr__
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """The words in which pages and terminals speak of it: those of robots by default."""
+        return Vocabulary()
+
+    @property
+    def shown_units(self) -> Mapping[str, tuple[str, float]]:
+        """Units, and their factors from SI, in which the study gives its quantities, by their names."""
+        return {}
 
     @classmethod
     def completed(cls, data: Mapping[str, Any]) -> dict[str, Any]:

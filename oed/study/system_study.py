@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, ClassVar, Self
@@ -11,12 +11,15 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from oed.equations.candidates import Candidates
+from oed.equations.dimensions import unit_of
 from oed.equations.experiment import Experiment
 from oed.equations.keys import EquationKeys
 from oed.equations.several import SENSORS, SeveralOutputs, replaced_starts
 from oed.equations.system import Equations
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.text import words
+from oed.foundation.vocabulary import Vocabulary
 from oed.kernel.dynamics.held import HeldSpace
 from oed.kernel.dynamics.space import Space
 from oed.kernel.evaluation import evaluate
@@ -28,6 +31,21 @@ from oed.study.cross_checks import file_flaws
 from oed.study.parts import AnySystemPrior, PathFile, PriorReadings
 from oed.study.robot_study import sensor_list
 from oed.study.study_file import StudyFile
+
+WORDS = {
+    "a drive": "an experiment",
+    "drive": "experiment",
+    "drives": "experiments",
+    "driven": "carried out",
+    "a robot": "a system",
+    "robot": "system",
+    "robots": "systems",
+    "run": "trial",
+    "runs": "trials",
+    "path": "course",
+    "paths": "courses",
+}
+"""What systems are spoken of with, by the words of robots."""
 
 
 class SystemStudyFile(StudyFile):
@@ -87,6 +105,20 @@ class SystemStudyFile(StudyFile):
             text = f"these do not identify {', '.join(names)} by themselves: add some"
             raise ProblemError.about(("prior", "readings"), text)
         return Prior(parameters=names, covariance=tuple(map(tuple, covariance.tolist())))
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """Of experiments with systems; names that the study gives stay as they are."""
+        keys = self.system
+        names = [*keys.states, *keys.inputs, *keys.parameters, *keys.outputs]
+        return Vocabulary(WORDS, (self.name, *names, *map(words, names)))
+
+    @property
+    def shown_units(self) -> Mapping[str, tuple[str, float]]:
+        """Of parameters, initial values and inputs, as they are written."""
+        given: dict[str, object] = {**self.system.parameters, **self.system.states}
+        given |= {name: one.range[1] for name, one in self.experiment.inputs.items()}
+        return {name: unit_of(text) for name, text in given.items() if isinstance(text, str)}
 
     @property
     def every_limit(self) -> tuple[Limit, ...]:

@@ -247,10 +247,12 @@ def test_shipped_records_are_read_as_they_are(name: str):
 
 def _added(one: dict[str, Any]) -> dict[str, Any]:
     # What drives of one run left out before there were several, and margins before they were of all times
-    # and said what looser limits gain; and whether a drive tells all parameters apart, before results did.
+    # and said what looser limits gain; whether a drive tells all parameters apart, before results did; and
+    # which readings are taken, before they were chosen.
     drive, margins = one["drive"], [{"certain": None, "gain": None, **margin} for margin in one["margins"]]
     said = {key: one.get(key) for key in ("identifiable", "singular")}
-    return {"drive": None if drive is None else {"runs": 1, **drive}, "margins": margins, **said}
+    known = None if drive is None else {"runs": 1, "weights": None, **drive}
+    return {"drive": known, "margins": margins, "selection": None, **said}
 
 
 @pytest.mark.slow

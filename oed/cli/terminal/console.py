@@ -18,6 +18,7 @@ from rich.text import Text
 from oed.cli.terminal.messages import tell
 from oed.foundation.shown import shown
 from oed.foundation.text import error_text, own_unit, to_error, words
+from oed.foundation.vocabulary import spoken
 from oed.foundation.work.progress import Progress, Silent
 
 if TYPE_CHECKING:
@@ -57,14 +58,14 @@ class _Bars:
             # Stages of one step take each other's place.
             self._bars.remove_task(self._task)
         self._current, self._one_step = description, total == 1
-        self._task = self._bars.add_task(shown(description), total=total, note="")
+        self._task = self._bars.add_task(shown(spoken(description)), total=total, note="")
 
     def advance(self, note: str = "") -> None:
         if self._task is not None:
-            self._bars.update(self._task, advance=1, note=shown(note))
+            self._bars.update(self._task, advance=1, note=shown(spoken(note)))
 
     def say(self, sentence: str) -> None:
-        self._bars.console.print(shown(sentence), markup=False, highlight=False)
+        self._bars.console.print(shown(spoken(sentence)), markup=False, highlight=False)
 
     def end(self) -> None:
         # Where nothing has begun, nothing is shown: not even the empty line that rich ends with.
@@ -125,7 +126,7 @@ def print_lines(lines: Iterable[str]) -> None:
 
 def _print_rows(rows: Iterable[Estimated], beside: str) -> None:
     # Standard errors, and what is `beside` them.
-    headings = ("", "value", "standard error", *([beside] if beside else []))
+    headings = ("", "value", "standard error", *([spoken(beside)] if beside else []))
     table = _table(headings, ("",))
     for one in rows:
         table.add_row(*map(_cell, (one.name, one.value, one.designed, one.baseline)[: len(headings)]))
@@ -134,7 +135,9 @@ def _print_rows(rows: Iterable[Estimated], beside: str) -> None:
 
 def print_results(results: Sequence[Result], robustness: StoredRobustness | None = None) -> None:
     """Results as a table and their messages, on standard output; `robustness` as a record has it."""
-    headings = ("name", "objective", "s_min(W)", "cond(W)", "path [m]", "feasible", "time [s]")
+    lengths = any(one.path_length is not None for one in results)
+    path = ["path [m]"] if lengths else []
+    headings = ("name", "objective", "s_min(W)", "cond(W)", *path, "feasible", "time [s]")
     table = _table(headings, ("name",), kept=headings[1:])
     for one in results:
         table.add_row(
@@ -142,7 +145,7 @@ def print_results(results: Sequence[Result], robustness: StoredRobustness | None
             number(one.objective),
             number(one.smallest_singular_value, 4),
             number(one.condition_number, 3),
-            number(one.path_length, 3),
+            *([number(one.path_length, 3)] if lengths else []),
             "yes" if one.feasible else "no",
             number(one.wall_seconds, 3),
         )
@@ -190,7 +193,7 @@ def _cell(text: str) -> Text:
 
 def _print_line(console: Console, line: str) -> None:
     # A number and its unit, and the sides of a room, stay on one line.
-    text = re.sub(r"(?<=\d) (?=\S)|(?<= x) | (?=x )", HELD, shown(line))
+    text = re.sub(r"(?<=\d) (?=\S)|(?<= x) | (?=x )", HELD, shown(spoken(line)))
     for one in textwrap.wrap(text, console.width, break_long_words=False, break_on_hyphens=False):
         console.print(one.replace(HELD, " "), highlight=False, markup=False, soft_wrap=True)
 

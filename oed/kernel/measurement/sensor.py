@@ -135,6 +135,10 @@ class Sensor(Measurement):
         """SI units of a reading's entries; () where the sensor does not say."""
         return ()
 
+    def units_of(self, system: System) -> tuple[str, ...]:
+        """SI units of a reading's entries where it is of that system; `units` by default."""
+        return self.units
+
     @property
     def entries(self) -> tuple[str, ...]:
         """What tells the entries of a reading apart: `.quantity`, `[which]` or both; () where nobody says."""

@@ -249,8 +249,6 @@ class Result(Presented, Stored):
     def _require(self) -> None:
         if self.feasible and self.drive is None:
             raise ValueError("drive: expected that of a feasible result, got none")
-        if self.drive is not None and self.path_length is None:
-            raise ValueError("path_length: expected that of the drive, got none")
         self._require_order()
 
     def _require_order(self) -> None:

@@ -220,6 +220,11 @@ class Record(Presented, SavedFile):
         return of_robot(self.study)
 
     @property
+    def states_are_none(self) -> bool:
+        """Whether it is of a system without states, whose experiments are settings and take no time."""
+        return self.study.domain != "robots" and not self.study.model.states
+
+    @property
     def folder(self) -> Path | None:
         """Where it was saved, None where it was not."""
         return self._folder

@@ -137,7 +137,7 @@ class Call:
         look: of what it draws.
     """
 
-    method: Literal["axhline", "axhspan", "axvline", "bar", "hlines"]
+    method: Literal["axhline", "axhspan", "axvline", "bar", "fill_between", "hlines", "vlines"]
     arguments: tuple[Any, ...]
     look: Look
 

@@ -6,7 +6,7 @@ import math
 import re
 
 from oed.foundation.component import Component
-from oed.foundation.text import deviation_text, given_text, listing, words
+from oed.foundation.text import count, deviation_text, given_text, listing, words
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.sensor import FRAME
 from oed.kernel.solution import NOMINAL
@@ -121,8 +121,24 @@ def runs_of(record: Record) -> int:
 
 def duration_text(record: Record) -> str:
     """How long the designed drives last: `8 s`, `3 runs of 8 s`."""
-    duration, runs = f"{record.study.space.duration:g} s", runs_of(record)
+    space = record.study.space
+    if record.states_are_none:
+        return count(space.samples, "setting")
+    duration, runs = f"{space.duration:g} s", runs_of(record)
     return duration if runs == 1 else f"{runs} runs of {duration}"
+
+
+TIMES = (("d", 86400.0, 5.0), ("h", 3600.0, 3.0), ("min", 60.0, 5.0), ("s", 1.0, 0.0))
+"""Units of time [s], and from how many of them on they are shown."""
+
+
+def time_scale(duration: float) -> tuple[str, float]:
+    """The unit in which times of an experiment are shown, and its factor from s.
+
+    Args:
+        duration: of it [s].
+    """
+    return next((unit, 1 / size) for unit, size, least in TIMES if duration >= least * size)
 
 
 def regression_of(record: Record) -> Displacements | None:

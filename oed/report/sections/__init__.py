@@ -12,10 +12,12 @@ from oed.report.sections.first import first
 from oed.report.sections.limits import limits
 from oed.report.sections.physics import physics
 from oed.report.sections.precision import precision
+from oed.report.sections.readings import readings
 from oed.report.sections.robustness import robustness
 from oed.report.sections.searches import convergence, starts
 from oed.report.sections.summary import question
 from oed.report.sections.sureness import sureness
+from oed.report.sections.systems import courses, experiment, inputs, sensitivity
 from oed.report.sections.validation import validation
 
 Make = Callable[[Record], Section | None]
@@ -30,16 +32,7 @@ def _folded(make: Make) -> Make:
     return made
 
 
-SECTIONS: tuple[Make, ...] = (
-    first,
-    comparison,
-    sureness,
-    validation,
-    robustness,
-    limits,
-    paths,
-    wheels,
-    physics,
+_DETAILS: tuple[Make, ...] = (
     _folded(question),
     _folded(candidates),
     _folded(criteria),
@@ -49,4 +42,32 @@ SECTIONS: tuple[Make, ...] = (
     _folded(convergence),
     _folded(provenance),
 )
-"""In the order of the page; a function returns None where the record has nothing for its section."""
+SECTIONS: dict[str, tuple[Make, ...]] = {
+    "robots": (
+        first,
+        comparison,
+        sureness,
+        validation,
+        robustness,
+        readings,
+        limits,
+        paths,
+        wheels,
+        physics,
+        *_DETAILS,
+    ),
+    "systems": (
+        experiment,
+        comparison,
+        readings,
+        courses,
+        sensitivity,
+        sureness,
+        validation,
+        robustness,
+        limits,
+        inputs,
+        *_DETAILS,
+    ),
+}
+"""Of each domain in the order of the page; a function returns None where there is nothing for its section."""

@@ -125,7 +125,8 @@ def _columns(record: Record, shares: bool) -> Iterator[Column]:
     if shares:
         yield Column("efficiency", "%", fixed(1), efficiency)
         yield Column("repetitions for the same", "", significant(2), repetitions)
-    yield Column("path length", "m", fixed(2), lambda one: one.path_length)
+    if any(one.path_length is not None for one in record.results):
+        yield Column("path length", "m", fixed(2), lambda one: one.path_length)
     yield Column("search time", "s", fixed(1), lambda one: one.wall_seconds if one.history else None)
     yield Column("evaluations", "", whole, lambda one: one.history[-1].evaluations if one.history else None)
     yield Column("satisfies every limit", cell=lambda one: one.feasible)

@@ -1,0 +1,157 @@
+"""What a design does over time: its states and readings, and their derivatives by what is estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from oed.foundation.arrays import Array
+from oed.foundation.presenting import Brief
+from oed.kernel.dynamics.system import System, carrier, stepper
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.measurement.moment import moment_reading
+from oed.kernel.measurement.sensor import Sensor, sensor_labels
+from oed.kernel.problem import Problem
+
+
+@dataclass(frozen=True, repr=False)
+class Course(Brief):
+    """One quantity of a run of a design, from its start to its end, or over settings of an input.
+
+    Attributes:
+        name: of the quantity.
+        unit: SI.
+        places: times [s], or values of the input, (n,).
+        values: (n,), SI.
+        slopes: derivatives by the estimated parameters, (n, p), SI.
+        deviation: standard deviation of the noise of a reading; None of a state, or where it depends.
+        read: places among these at which it is read; () of a state.
+        sensor: that reads it, its label; "" of a state.
+    """
+
+    name: str
+    unit: str
+    places: Array
+    values: Array
+    slopes: Array
+    deviation: float | None = None
+    read: tuple[int, ...] = ()
+    sensor: str = ""
+
+    def spread(self, covariance: Array) -> Array:
+        """Standard deviations (n,) that the estimates' covariance (p, p) gives it."""
+        variances = np.einsum("na,ab,nb->n", self.slopes, covariance, self.slopes)
+        return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
+
+
+def state_courses(problem: Problem, trajectory: Trajectory) -> list[list[Course]]:
+    """The states over time, run by run; the starts taken as known."""
+    system, own = problem.system, _estimated(problem)
+    found = []
+    for run, (states, slopes) in enumerate(_rolled_out(system, trajectory)):
+        times = np.linspace(0.0, trajectory.each[run].duration, len(states))
+        each = zip(system.states, system.state_units, states.T, slopes.transpose(1, 0, 2), strict=True)
+        found.append([Course(name, unit, times, value, slope[:, own]) for name, unit, value, slope in each])
+    return found
+
+
+def reading_courses(problem: Problem, trajectory: Trajectory) -> list[list[Course]]:
+    """What sensors would read at all samples, run by run; those that read two moments together are left out.
+
+    Of a system without states there is one of each setting of the inputs.
+    """
+    system = problem.system
+    found = list[list[Course]]()
+    for run, (states, slopes) in enumerate(_rolled_out(system, trajectory)):
+        one = trajectory.each[run]
+        begun = len(states) - 1 if not system.states else len(states)
+        held = np.vstack([one.inputs, one.inputs[-1:]])[:begun]
+        times = np.linspace(0.0, one.duration, len(states))[:begun]
+        found.append(
+            [
+                course
+                for sensor, label in _at_moments(problem)
+                for course in _courses(problem, sensor, label, (states[:begun], slopes[:begun], held), times)
+            ]
+        )
+    return found
+
+
+def response_courses(problem: Problem, place: int, values: Array) -> list[Course]:
+    """What sensors read of a system without states over values of one of its inputs, the only one.
+
+    Args:
+        problem: whose system has no states.
+        place: of the input.
+        values: of it, SI, (n,).
+    """
+    states, slopes = np.zeros((len(values), 0)), np.zeros((len(values), 0, len(problem.system.parameters)))
+    held = np.zeros((len(values), len(problem.system.inputs)))
+    held[:, place] = values
+    return [
+        course
+        for sensor, label in _at_moments(problem)
+        for course in _courses(problem, sensor, label, (states, slopes, held), values)
+    ]
+
+
+def _estimated(problem: Problem) -> list[int]:
+    # Places of the parameters that are estimated, among the system's.
+    known = [one.name for one in problem.system.parameters]
+    (one,) = problem.any_estimations
+    return [known.index(name) for name in one.parameters if name in known]
+
+
+def _at_moments(problem: Problem) -> Iterator[tuple[Sensor, str]]:
+    sensors = problem.measurement.joint_sensors
+    for sensor, label in zip(sensors, sensor_labels(sensors), strict=True):
+        if sensor.when != "between samples":
+            yield sensor, label
+
+
+def _rolled_out(system: System, trajectory: Trajectory) -> Iterator[tuple[Array, Array]]:
+    # Of every run the states (N + 1, states) and their derivatives by the parameters (N + 1, states, p).
+    size, count = len(system.parameters), len(system.states)
+    step, carry, nominal = stepper(system), carrier(system), ca.DM(system.nominal)
+    for one in trajectory.each:
+        inputs, samples = ca.DM(one.inputs.T), one.samples
+        begin = ca.DM(one.starts[0])
+        following = step.mapaccum(samples)(begin, inputs, nominal, one.period)
+        states = np.hstack([np.array(begin).reshape(count, 1), np.array(following).reshape(count, samples)])
+        slopes = np.zeros((samples + 1, count, size))
+        if count:
+            first = ca.horzcat(ca.DM.zeros(count, size), ca.DM.eye(count))
+            along = carry.mapaccum(samples)(first, ca.DM(states[:, :-1]), inputs, nominal, one.period)
+            slopes[1:] = np.array(along).reshape(count, samples, size + count).transpose(1, 0, 2)[:, :, :size]
+        yield np.asarray(states).T, slopes
+
+
+def _courses(
+    problem: Problem, sensor: Sensor, label: str, moments: Sequence[Array], places: Array
+) -> Iterator[Course]:
+    system, own = problem.system, _estimated(problem)
+    function, count = moment_reading(sensor, system), len(places)
+    states, slopes, held = moments
+    size = len(system.parameters)
+    carried = np.zeros((count, len(system.states), size + len(system.states)))
+    carried[:, :, :size] = slopes
+    nominal = [one.nominal for one in sensor.nuisances]
+    readings, by_all = function.map(count)(
+        states.T, np.hstack(list(carried)) if count else ca.DM(), held.T, system.nominal, nominal, 0.0
+    )[:2]
+    values, each = np.array(readings), np.array(by_all).reshape(by_all.shape[0], count, -1)
+    deviations, units = sensor.deviations, sensor.units_of(system)
+    last = len(places)
+    read = tuple(column for column in sensor.columns(problem.design.samples) if column < last)
+    for entry, value in enumerate(values):
+        name = _name(sensor, entry)
+        unit = units[entry] if units else ""
+        noise = deviations[entry] if deviations else None
+        yield Course(name, unit, places, value, each[own, :, entry].T, noise, read, label)
+
+
+def _name(sensor: Sensor, entry: int) -> str:
+    return sensor.entries[entry].strip(".") or sensor.kind if sensor.entries else sensor.kind
