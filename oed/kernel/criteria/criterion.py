@@ -123,6 +123,16 @@ class Criterion(Component, ABC):
         """
         return float(self.value([matrix])) + most - float(np.trace(gradient @ matrix))
 
+    def trace_bound(self, multiplier: Array, most: float) -> float:
+        """The most that the criterion can be of any F with tr(Z F) at most `most`, by its concave conjugate:
+        the same for every multiple of both; infinite where nothing is known.
+
+        Args:
+            multiplier: Z >= 0, (p, p).
+            most: of tr(Z F).
+        """
+        return np.inf
+
     def about(self, subject: Subject) -> Criterion:
         """The criterion for these parameters; itself unless it needs to know them."""
         return self

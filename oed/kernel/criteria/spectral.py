@@ -55,6 +55,10 @@ class E(RootCriterion):
         """lambda_min(F') <= tr(Z F'), for any Z >= 0 of trace 1."""
         return most
 
+    def trace_bound(self, multiplier: Array, most: float) -> float:
+        """Tr(Z F) >= lambda_min tr Z."""
+        return most / float(np.trace(multiplier))
+
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise t with F_b - t I = L_b L_b' for every block b."""
         level = ca.SX.sym("t")

@@ -35,8 +35,14 @@ class D(RootCriterion):
 
     def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
         """Log det F' <= log det F + p log(tr(F^-1 F') / p)."""
-        size = len(matrix)
-        return float(self.value([matrix])) + size * math.log(most / size)
+        return self.trace_bound(gradient, most)
+
+    def trace_bound(self, multiplier: Array, most: float) -> float:
+        """Log det(Z F) <= p log(tr(Z F) / p)."""
+        size, (sign, volume) = len(multiplier), np.linalg.slogdet(multiplier)
+        if sign <= 0:
+            return np.inf
+        return size * math.log(most / size) - float(volume) if most > 0 else -np.inf
 
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise 2 sum log L_ii with F_b = L_b L_b'."""
@@ -84,7 +90,12 @@ class A(RootCriterion):
 
     def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
         """Tr F'^-1 >= (tr F^-1)^2 / tr(F^-2 F')."""
-        return -(float(self.value([matrix])) ** 2) / most
+        return self.trace_bound(gradient, most)
+
+    def trace_bound(self, multiplier: Array, most: float) -> float:
+        """Tr F^-1 >= (tr Z^1/2)^2 / tr(Z F)."""
+        roots = np.sqrt(np.clip(np.linalg.eigvalsh(multiplier), 0.0, None))
+        return -(float(roots.sum()) ** 2) / most if most > 0 else -np.inf
 
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise -sum of squares of L_b^-1, with F_b = L_b L_b'."""
