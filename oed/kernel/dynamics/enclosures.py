@@ -238,23 +238,39 @@ def _larger(first: Enclosure, second: Enclosure) -> Enclosure:
     return Enclosure(value, first.slope.where(above, second.slope.where(below, both)))
 
 
-def _constant_power(one: Enclosure, exponent: Enclosure) -> Enclosure:
+def _any_power(one: Enclosure, exponent: Enclosure) -> Enclosure:
     power = exponent.value.low
-    if not exponent.constant or not power.is_constant():
-        raise NotEnclosed
-    return _power(one, float(power))
+    if exponent.constant and power.is_constant():
+        return _power(one, float(power))
+    return _exponential(_product(exponent, _applied(ca.OP_LOG, [one])))
 
 
 def _power(one: Enclosure, exponent: float) -> Enclosure:
     if exponent < 0:
         return _inverse(_power(one, -exponent))
     if not exponent.is_integer():
-        whole = _power(one, float(int(exponent)))
-        return _product(whole, _exponential(_product(_logarithm(one), Enclosure(number(exponent % 1)))))
+        return _fractional_power(one, exponent)
     if exponent == 0:
         return Enclosure(ONE)
     half = _power(one, exponent // 2)
     return _square(half) if exponent % 2 == 0 else one if exponent == 1 else _product(one, _square(half))
+
+
+def _fractional_power(one: Enclosure, exponent: float) -> Enclosure:
+    # Of what is not negative: rising, and so is its slope, or falling.
+    def raised(end: Expression, power: float) -> Expression:
+        return ca.fmax(end, 0) ** power
+
+    slopes = [exponent * raised(end, exponent - 1) for end in (one.value.low, one.value.high)]
+    derivative = Interval(*(slopes if exponent > 1 else slopes[::-1]))
+    found = _chained(one.value.rising(lambda end: raised(end, exponent)), derivative, one)
+    return _where(one.value.low >= 0, found)
+
+
+def _arc_sine(one: Enclosure) -> Enclosure:
+    slope = _inverse(_root(Enclosure(ONE - one.value.square)))
+    found = _rising(one, ca.asin, lambda _: slope.value)
+    return _where(ca.logic_and(one.value.low >= -1, one.value.high <= 1), found)
 
 
 def _hyperbolic_cosine(one: Interval) -> Interval:
@@ -324,14 +340,16 @@ _RULES: dict[int, Callable[..., Enclosure]] = {
     ca.OP_EXPM1: lambda one: _rising(one, ca.expm1, lambda inner: inner.rising(ca.exp)),
     ca.OP_LOG: _logarithm,
     ca.OP_LOG1P: lambda one: _logarithm(_sum(one, Enclosure(ONE))),
-    ca.OP_POW: _constant_power,
-    ca.OP_CONSTPOW: _constant_power,
+    ca.OP_POW: _any_power,
+    ca.OP_CONSTPOW: _any_power,
     ca.OP_SQRT: _root,
     ca.OP_SQ: _square,
     ca.OP_TWICE: lambda one: _sum(one, one),
     ca.OP_SIN: lambda one: _turned(one, 0.0),
     ca.OP_COS: lambda one: _turned(one, pi / 2),
     ca.OP_TAN: lambda one: _quotient(_turned(one, 0.0), _turned(one, pi / 2)),
+    ca.OP_ASIN: _arc_sine,
+    ca.OP_ACOS: lambda one: _difference(Enclosure(number(pi / 2)), _arc_sine(one)),
     ca.OP_ATAN: lambda one: _rising(one, ca.atan, lambda inner: (ONE + inner.square).inverse),
     ca.OP_ATAN2: _angle,
     ca.OP_SINH: lambda one: _rising(one, ca.sinh, _hyperbolic_cosine),
