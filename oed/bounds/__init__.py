@@ -8,15 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from oed.bounds.certificate import INFLATION, LOOSE, Bound, Certificate, bound_on, gap
+from oed.bounds.certificate import LOOSE, Bound, Certificate, bound_on, gap, raised
 from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_bounds
+from oed.bounds.conjugate import combined_bounds, traced
 from oed.bounds.joint import joint_bounds
 from oed.bounds.reach import largest_rates, room, unslipped
 from oed.bounds.readings import selection_certificate
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
-from oed.kernel.criteria import E
+from oed.kernel.criteria import A, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, evaluate
 from oed.kernel.problem import Problem
@@ -45,12 +46,14 @@ LATTICE = "lattice"
 """Name and kind of the drive that the lattice's search comes upon."""
 NOTHING = "no bound is known for this robot, criterion and measurement"
 """Where nothing is proved."""
+UNKNOWN = "no bound is known for this system, criterion and measurement"
+"""The same of what is no robot."""
 ROOMLESS = "no bound is known without a room: give limits.workspace"
 OF_E = "no bound is known for this criterion; for criterion E there is one"
 HALL = 1e4
 """Half a side of a room [m] that is large enough for any drive."""
 
-MEAN = "no bound is known for the mean over robots"
+MEAN = "no bound is known for the mean over {}s"
 """Where the objective is a mean, which the nominal robot's bound does not hold for."""
 
 
@@ -62,7 +65,7 @@ def bound(
     the same for limits widened by what scoring tolerates.
 
     Args:
-        problem: with criterion E.
+        problem: with criterion E, D or A.
         nodes: of the search by branch and bound at most; by default as many as take some seconds.
         time_limit: of that search [s]; none by default, for where it stops depends on the machine.
         gap: at which that search ends.
@@ -75,7 +78,9 @@ def bound(
     problem.require_designed()
     if problem.robust is not None and problem.robust.objective == "mean":
         # A bound is of the nominal robot, which limits the worst of several, but not their mean.
-        return Certificate(np.inf, MEAN, (), wall_seconds=time.perf_counter() - began)
+        return Certificate(
+            np.inf, MEAN.format(problem.model.noun), (), wall_seconds=time.perf_counter() - began
+        )
     if problem.selection is not None and problem.design.only is not None:
         found_there = selection_certificate(problem, problem.design.only)
         return replace(found_there, wall_seconds=time.perf_counter() - began)
@@ -87,18 +92,23 @@ def bound(
         if _program(looser) is not None:
             widened.append(_lattice_bound(looser, found.of_others(*_speeds(looser)), found))
     return replace(
-        _smallest(bounds, EXACTLY, found, NOTHING if bounds else _lacking(problem)),
+        _smallest(problem, bounds, EXACTLY, found, NOTHING if bounds else _lacking(problem)),
         drive=None if found is None else _lattice_drive(problem, found),
-        widened=_smallest(widened, TOLERATED, found),
+        widened=_smallest(problem, widened, TOLERATED, found),
         wall_seconds=time.perf_counter() - began,
     )
 
 
 def _smallest(
-    bounds: Sequence[Bound], assumptions: tuple[str, ...], found: LatticeBound | None, nothing: str = NOTHING
+    problem: Problem,
+    bounds: Sequence[Bound],
+    assumptions: tuple[str, ...],
+    found: LatticeBound | None,
+    nothing: str = NOTHING,
 ) -> Certificate:
+    criterion = problem.criterion
     inflated = [
-        replace(one, value=one.value * (1 + INFLATION), assumptions=(*one.assumptions, *assumptions))
+        replace(one, value=raised(one.value, criterion), assumptions=(*one.assumptions, *assumptions))
         for one in bounds
     ]
     inflated.sort(key=lambda one: one.value)
@@ -111,13 +121,15 @@ def _smallest(
         tuple(inflated),
         complete=found is None or found.complete,
         nodes=0 if found is None else found.nodes,
+        criterion=criterion,
+        judged=sum(len(one.judged) for one in problem.any_estimations),
     )
 
 
 def _lacking(problem: Problem) -> str:
     # Why nothing is proved: what there would be a bound with.
     if not isinstance(problem.model, Model):
-        return NOTHING
+        return UNKNOWN
     hall = Rectangle(x=(-HALL, HALL), y=(-HALL, HALL))
     if room(problem) is None and _bounds_of_runs(
         replace(problem, robust=None, limits=(*problem.limits, hall))
@@ -132,10 +144,13 @@ def _lacking(problem: Problem) -> str:
 def _bounds_of_runs(problem: Problem) -> list[Bound]:
     # Each bound is of one direction or of the trace, so what runs add to it adds up: lambda_min of a sum is
     # at most the sum of the bounds.
-    space = problem.design
+    space, same = problem.design, traced(problem)
+    if same is not None:
+        return list(combined_bounds(problem.criterion, _bounds_of_runs(same)))
     if space.runs == 1:
         return list(_bounds(problem))
-    assert isinstance(space, DesignSpace)
+    if not isinstance(space, DesignSpace):
+        return []
     starts = space.start if isinstance(space.start, tuple) else (space.start,) * space.runs
     singles = [
         replace(problem, robust=None, design=space.model_copy(update={"runs": 1, "start": start}))
@@ -164,7 +179,9 @@ def _lattice(
 ) -> LatticeBound | None:
     if _program(problem) is None:
         return None
-    return lattice_bound(*_speeds(problem), gap=gap, nodes=nodes, time_limit=time_limit)
+    return lattice_bound(
+        *_speeds(problem), gap=gap, nodes=nodes, time_limit=time_limit, criterion=problem.criterion
+    )
 
 
 def _program(problem: Problem) -> LatticeProgram | None:
@@ -180,7 +197,7 @@ def _sampled(problem: Problem) -> bool:
     # Where every sample is measured for itself, and the inputs act on the ground as they are.
     measurement = problem.measurement
     if (
-        type(problem.criterion) is not E
+        type(problem.criterion) not in (E, D, A)
         or problem.design.runs > 1
         or not isinstance(measurement, Displacements)
         or measurement.noise_model != "increments"
@@ -191,6 +208,8 @@ def _sampled(problem: Problem) -> bool:
     ):
         return False
     one = problem.any_estimations[-1]
+    if type(problem.criterion) is not E and len(problem.any_estimations) > 1:
+        return False
     # The lattice's inputs are in the order of W's columns.
     return one.judged == one.block.parameters
 

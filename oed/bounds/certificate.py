@@ -1,4 +1,4 @@
-"""What is proved about the best drive: an upper bound on the objective, and under which assumptions."""
+"""What is proved about the best design: an upper bound on the objective, and under which assumptions."""
 
 from __future__ import annotations
 
@@ -9,15 +9,18 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Card, Presented, given, number
+from oed.kernel.criteria import Criterion, E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation
 
 INFLATION = 1e-9
-"""Share by which every bound is raised, far above what rounding can have taken from it."""
+"""Share of the information by which every bound is raised, far above what rounding can have taken from it."""
 LOOSE = 0.05
 """Gap above which a bound is called loose."""
 EXACT = 1e-9
 """Share of a limit's size by which a drive that satisfies it exactly may exceed it, for rounding."""
+SMALLEST = E()
+"""The smallest eigenvalue."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +28,11 @@ class Bound:
     """One proved upper bound on the objective.
 
     Attributes:
-        value: no feasible drive scores more.
+        value: no feasible design scores more.
         method: how it was found.
         assumptions: what it rests on, one sentence each.
-        multiplier: the Z >= 0 with trace 1 of lambda_min(F) <= tr(Z F), where it is one of these.
+        multiplier: the Z >= 0 of which tr(Z F) is bounded, where it is one of these: with trace 1 for
+            lambda_min(F) <= tr(Z F); of other criteria see `Criterion.trace_bound`.
     """
 
     value: float
@@ -42,14 +46,16 @@ class Certificate(Presented, Renamed):
     """The smallest of the bounds found, and what drives were found with it.
 
     Attributes:
-        upper_bound: no drive that satisfies the limits exactly has a larger objective; infinite if nothing
+        upper_bound: no design that satisfies the limits exactly has a larger objective; infinite if nothing
             is proved.
         method, assumptions, multiplier: of that bound.
         bounds: every bound found, the smallest first.
         drive: a drive that the search for the bound came upon, where it did.
         complete: whether the search for it ended by itself, not by the most nodes allowed.
         nodes: of that search, 0 without one.
-        widened: the same of limits widened by what scoring tolerates: no feasible drive exceeds it.
+        widened: the same of limits widened by what scoring tolerates: no feasible design exceeds it.
+        criterion: that is bounded.
+        judged: number of parameters that it judges.
         wall_seconds: of the computation.
     """
 
@@ -62,6 +68,8 @@ class Certificate(Presented, Renamed):
     complete: bool = True
     nodes: int = 0
     widened: Certificate | None = None
+    criterion: Criterion = SMALLEST
+    judged: int = 1
     wall_seconds: float = field(default=0.0, compare=False)
 
     def bound_on(self, evaluation: Evaluation) -> float:
@@ -69,9 +77,16 @@ class Certificate(Presented, Renamed):
         widened = None if self.widened is None else self.widened.upper_bound
         return bound_on(evaluation, self.upper_bound, widened)
 
-    def gap(self, objective: float) -> float:
-        """By what share the bound exceeds an objective: upper_bound / objective - 1."""
-        return gap(self.upper_bound, objective)
+    def gap(self, objective: float, bound: float | None = None) -> float:
+        """By what share a bound, by default the exact one, exceeds an objective, in efficiency: for E
+        bound / objective - 1, for D exp((bound - objective) / p) - 1, for A objective / bound - 1.
+
+        Args:
+            objective: of a design.
+            bound: of designs like that one, see `bound_on`.
+        """
+        most = self.upper_bound if bound is None else bound
+        return gap(most, objective, self.criterion, self.judged)
 
     def loose(self, objective: float) -> bool:
         """Whether the bound says little about a design of that objective."""
@@ -85,12 +100,25 @@ class Certificate(Presented, Renamed):
             ("search", "" if self.complete else "not complete: more nodes may lower the bound"),
         )
         rows = tuple((number(one.value), one.method) for one in self.bounds)
-        return Card("Certificate: no drive has a larger objective", facts, ("bound", "method"), rows)
+        return Card("Certificate: no design has a larger objective", facts, ("bound", "method"), rows)
 
 
-def gap(bound: float, objective: float) -> float:
-    """By what share a bound exceeds an objective."""
-    return bound / objective - 1 if objective > 0 else np.inf
+def gap(bound: float, objective: float, criterion: Criterion = SMALLEST, judged: int = 1) -> float:
+    """By what share a bound exceeds an objective, in efficiency; infinite for what is not identifiable.
+
+    Args:
+        bound: on the objective.
+        objective: of a design.
+        criterion: whose values both are.
+        judged: number of parameters that it judges.
+    """
+    useless = not np.isfinite(objective) or (criterion.proportional and objective <= 0)
+    return np.inf if useless or bound == np.inf else criterion.change(bound, objective, judged)
+
+
+def raised(bound: float, criterion: Criterion) -> float:
+    """A bound for a little more information: more than rounding can have taken from it, whatever its sign."""
+    return criterion.concede(bound, 1 + INFLATION) if np.isfinite(bound) else bound
 
 
 def bound_on(evaluation: Evaluation, exact: float, widened: float | None) -> float:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from oed.bounds import LOOSE, Certificate, gap
+from oed.bounds import LOOSE, Certificate
 from oed.foundation.arrays import Array
 from oed.foundation.extras import package_version
 from oed.kernel.dynamics.system import label_of
@@ -128,7 +128,8 @@ def certificate_of(
     if not math.isfinite(certificate.upper_bound):
         return None
     against = None if best is None else certificate.bound_on(best)
-    share = None if best is None or against is None or best.objective <= 0 else gap(against, best.objective)
+    share = None if best is None else certificate.gap(best.objective, against)
+    share = share if share is not None and math.isfinite(share) else None
     return StoredCertificate.of(
         certificate,
         gap=share,

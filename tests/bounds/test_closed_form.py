@@ -169,15 +169,31 @@ def test_a_prior_adds_what_it_knows() -> None:
     assert with_prior == pytest.approx(without + 1e4, rel=1e-6)
 
 
-@pytest.mark.parametrize("criterion", [D(), A(), ModifiedE()])
-@pytest.mark.parametrize("measurement", [Displacements(segments=4), Displacements(segments="samples")])
-def test_other_criteria_have_no_bound(criterion: Any, measurement: Displacements) -> None:
+POSES = Poses(noise={"position": "1 cm", "heading": "1 deg"})
+
+
+@pytest.mark.parametrize(
+    ("criterion", "measurement"),
+    [
+        (ModifiedE(), Displacements(segments=4)),
+        (ModifiedE(), Displacements(segments="samples")),
+        (D(), POSES),
+    ],
+)
+def test_other_criteria_have_no_bound(criterion: Any, measurement: Any) -> None:
     criterion = criterion.model_copy(update={"scaling": "none"})
-    certificate = bound(problem_of(criterion=criterion, measurement=measurement))
+    certificate = bound(problem_of(criterion=criterion, measurement=measurement, limits=(SPEED, BOX)))
     assert certificate.upper_bound == np.inf
     assert certificate.method == OF_E
     assert certificate.bounds == ()
     assert certificate.loose(1.0)
+
+
+def test_variances_add_up_to_more_than_that_of_one_direction() -> None:
+    given = {"measurement": POSES, "limits": (SPEED, BOX)}
+    smallest = bound(problem_of(criterion=E(), **given))
+    certificate = bound(problem_of(criterion=A(), **given))
+    assert certificate.upper_bound == pytest.approx(-1 / smallest.upper_bound, rel=1e-6)
 
 
 @pytest.mark.parametrize("runs", [1, 2])

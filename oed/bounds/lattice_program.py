@@ -1,0 +1,131 @@
+"""Dynamic programming over the speeds of two inputs that lie on a lattice."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from oed.foundation.arrays import Array, Places
+
+
+@dataclass(frozen=True)
+class SpeedLimits:
+    """Limits of two inputs held in N periods.
+
+    Attributes:
+        samples: N.
+        bounds: (2, 2): smallest and largest value of each input.
+        step: largest change from a period to the next; infinite for none.
+        ends: largest magnitude in the first and the last period; infinite for none.
+    """
+
+    samples: int
+    bounds: Array
+    step: float
+    ends: float
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether driving everything the other way round is allowed as well."""
+        return bool(np.allclose(self.bounds.sum(axis=1), 0.0))
+
+    @property
+    def both_ways(self) -> SpeedLimits:
+        """Limits that also allow everything the other way round."""
+        largest = np.abs(self.bounds).max(axis=1)
+        return replace(self, bounds=np.stack([-largest, largest], axis=1))
+
+
+def lattice(low: float, high: float, step: float, ends: float) -> Array:
+    """Values that optimal speeds take, ascending: every bound, plus or minus multiples of the step.
+
+    Args:
+        low: bound of the speed.
+        high: bound of the speed.
+        step: largest change in one period.
+        ends: largest magnitude at begin and end; infinite where that is free.
+    """
+    seeds = [low, high, (low + high) / 2] + ([-ends, ends] if np.isfinite(ends) else [])
+    seeds = [seed for seed in seeds if low <= seed <= high]
+    if not np.isfinite(step):
+        return np.unique(seeds)
+    count = int(np.ceil((high - low) / step)) + 1
+    values = np.concatenate([seed + step * np.arange(-count, count + 1) for seed in seeds])
+    inside = np.sort(values[(values >= low) & (values <= high)])
+    # Values that rounding alone keeps apart are one.
+    return np.asarray(inside[np.concatenate([[True], np.diff(inside) > 1e-9 * max(1.0, high - low)])])
+
+
+class LatticeProgram:
+    """Dynamic programming over both inputs: the speeds of largest tr(Z F) under sign conditions."""
+
+    def __init__(self, limits: SpeedLimits, weights: Array) -> None:
+        """Lay out the lattice within limits of the speeds, for weights S (2,) of F = S (sum w w') S."""
+        self.limits, self.weights = limits, weights
+        self.grids = [lattice(low, high, limits.step, limits.ends) for low, high in limits.bounds]
+        first, second = np.meshgrid(*self.grids, indexing="ij")
+        self.scaled = np.stack([weights[0] * first, weights[1] * second])
+        self.neighbours = [_neighbours(grid, limits.step) for grid in self.grids]
+        self.ends = np.maximum(np.abs(first), np.abs(second)) <= limits.ends * (1 + 1e-12)
+        middle = limits.bounds.mean(axis=1)
+        self.signs = {
+            (one, other): (one * (first - middle[0]) >= -1e-9) & (other * (second - middle[1]) >= -1e-9)
+            for one, other in itertools.product((1, -1), repeat=2)
+        }
+
+    @property
+    def steps(self) -> int:
+        """Comparisons of one pass, a measure of its time."""
+        first, second = self.neighbours
+        return int(self.limits.samples * len(first) * len(second) * (first.shape[1] + second.shape[1]))
+
+    def maximise(self, matrix: Array, conditions: Mapping[int, tuple[int, int]]) -> tuple[float, Array]:
+        """The largest tr(Z F), and the speeds (N, 2) that reach it (scaled by S); -inf if there are none."""
+        cost = np.einsum("aij,ab,bij->ij", self.scaled, matrix, self.scaled)
+        count = self.limits.samples
+        values = self._kept(cost, count - 1, conditions)
+        table = [values]
+        for index in range(count - 2, -1, -1):
+            values = self._kept(self._best_next(values) + cost, index, conditions)
+            table.append(values)
+        table.reverse()
+        best = float(values.max())
+        return best, self._trace(table) if np.isfinite(best) else np.zeros((count, 2))
+
+    def _kept(self, values: Array, index: int, conditions: Mapping[int, tuple[int, int]]) -> Array:
+        # Values of the speeds that are allowed in a period; -inf for the others.
+        if index in (0, self.limits.samples - 1):
+            values = np.where(self.ends, values, -np.inf)
+        if index in conditions:
+            values = np.where(self.signs[conditions[index]], values, -np.inf)
+        return values
+
+    def _best_next(self, values: Array) -> Array:
+        first, second = self.neighbours
+        values = values[first].max(axis=1)
+        return np.asarray(values[:, second].max(axis=2))
+
+    def _trace(self, table: Sequence[Array]) -> Array:
+        first, second = self.neighbours
+        place = np.unravel_index(int(np.argmax(table[0])), table[0].shape)
+        places = [place]
+        for values in table[1:]:
+            rows, columns = first[place[0]], second[place[1]]
+            part = values[np.ix_(rows, columns)]
+            row, column = np.unravel_index(int(np.argmax(part)), part.shape)
+            place = (rows[row], columns[column])
+            places.append(place)
+        rows, columns = np.array(places).T
+        return np.asarray(self.scaled[:, rows, columns].T)
+
+
+def _neighbours(grid: Array, step: float) -> Places:
+    # (n, m): which values may follow each, the last one repeated where there are fewer.
+    reach = step * (1 + 1e-9)
+    low = np.searchsorted(grid, grid - reach, side="left")
+    high = np.searchsorted(grid, grid + reach, side="right")
+    width = int((high - low).max())
+    return np.asarray(np.minimum(low[:, None] + np.arange(width), high[:, None] - 1))
