@@ -12,6 +12,7 @@ from oed.bounds.certificate import LOOSE, Bound, Certificate, bound_on, gap, rai
 from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_bounds
 from oed.bounds.conjugate import combined_bounds, traced
 from oed.bounds.joint import joint_bounds
+from oed.bounds.points import point_bounds
 from oed.bounds.reach import largest_rates, room, unslipped
 from oed.bounds.readings import selection_certificate
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
@@ -28,6 +29,8 @@ from oed.robots.space import DesignSpace
 
 BOUNDS: tuple[Callable[[Problem], Iterator[Bound]], ...] = (regression_bounds, joint_bounds)
 """Each yields the upper bounds that it knows on the objective of one run; of other problems nothing."""
+WHOLE: tuple[Callable[[Problem], Iterator[Bound]], ...] = (point_bounds,)
+"""Each yields the upper bounds that it knows on the objective of all runs together."""
 GAP = 2e-4
 """Gap between the bound and its own best speeds at which that search ends."""
 EXACTLY = (
@@ -145,6 +148,9 @@ def _bounds_of_runs(problem: Problem) -> list[Bound]:
     # Each bound is of one direction or of the trace, so what runs add to it adds up: lambda_min of a sum is
     # at most the sum of the bounds.
     space, same = problem.design, traced(problem)
+    whole = [one for bounds in WHOLE for one in bounds(problem)]
+    if whole:
+        return whole
     if same is not None:
         return list(combined_bounds(problem.criterion, _bounds_of_runs(same)))
     if space.runs == 1:

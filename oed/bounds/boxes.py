@@ -1,0 +1,281 @@
+"""The largest value of a function over a box, with proof: interval branch and bound.
+
+Of every box the lowest of four bounds counts: that of interval arithmetic; the mean-value form; Taylor's with
+second derivatives; and, where the function is concave all over the box, any tangent plane. Where it rises all
+along an input, its largest value is at that end [Neumaier, Complete search in continuous global optimization,
+2004]. Rounding is not directed: see `enclosures`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from oed.foundation.arrays import Array, Bools, Places
+from oed.kernel.dynamics.enclosures import Enclosure, enclosed
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.intervals import ONE, ZERO, Interval, number
+
+TIGHT = 1e-10
+"""Share by which the bound may exceed the largest value found."""
+MOST_BOXES = 60_000
+"""Boxes that are looked at, at most."""
+CHUNK = 2000
+"""Boxes that are looked at together."""
+NEWTON = 6
+"""Newton steps towards the largest value of a box on which the function is concave."""
+STEPS = 60
+"""Steps towards local maxima, at most."""
+SHORTEST = 1e-6
+"""Share of Newton's step that is not worth trying."""
+FLAT = 1e-10
+"""Share of the largest curvature that stands for curvatures that are smaller."""
+
+
+@dataclass(frozen=True)
+class Largest:
+    """What is known of a function's largest value over a box.
+
+    Attributes:
+        upper: no value is larger.
+        value: the largest found.
+        point: where that is, (n,).
+    """
+
+    upper: float
+    value: float
+    point: Array
+
+
+class Landscape:
+    """f(x) = tr(Z J(x)' J(x)) of inputs x, for any Z = U'U: at points, and over boxes."""
+
+    def __init__(self, inputs: Expression, rows: Expression) -> None:
+        """Write down what interval arithmetic says of it.
+
+        Args:
+            inputs: symbols x, (n,).
+            rows: J, (rows, q).
+
+        Raises:
+            NotEnclosed: an operation that no bounds are known for.
+        """
+        count, size = inputs.numel(), rows.shape[1]
+        factor = ca.SX.sym("factor", size, size)
+        value = ca.sumsqr(factor @ rows.T)
+        second, gradient = ca.hessian(value, inputs)
+        own = [inputs, factor]
+        self.rows = ca.Function("rows", [inputs], [ca.densify(rows)])
+        self.size, self.count = size, count
+        self._points = ca.Function("points", own, [value, ca.densify(gradient), ca.vec(ca.densify(second))])
+        self._boxes = _over_boxes(count, own, ca.densify(ca.vertcat(value, gradient)))
+
+    def matrix(self, point: Array) -> Array:
+        """J'J at a point (n,), (q, q)."""
+        rows = np.array(self.rows(point))
+        return np.asarray(rows.T @ rows)
+
+    def at(self, points: Array, factor: Array) -> tuple[Array, Array, Array]:
+        """Values (k,), gradients (k, n) and second derivatives (k, n, n) at points (k, n)."""
+        value, gradient, second = self._mapped(self._points, [points], factor)
+        return value[:, 0], gradient, second.reshape(-1, self.count, self.count)
+
+    def over(self, low: Array, high: Array, factor: Array) -> tuple[Array, Array, Array]:
+        """Bounds of values (k, 2), gradients (k, n, 2) and second derivatives (k, n, n, 2) over boxes (k, n).
+
+        Args:
+            low: smallest x of each box.
+            high: largest x of each box.
+            factor: U.
+        """
+        found = self._mapped(self._boxes, [low, high], factor)
+        ends = [
+            np.stack([np.where(np.isnan(one), -np.inf, one), np.where(np.isnan(two), np.inf, two)], axis=-1)
+            for one, two in zip(found[:2], found[2:], strict=True)
+        ]
+        first, second = ends
+        return first[:, 0], first[:, 1:], second.reshape(-1, self.count, self.count, 2)
+
+    def _mapped(self, function: ca.Function, given: list[Array], factor: Array) -> list[Array]:
+        parts = []
+        for first in range(0, len(given[0]), CHUNK):
+            own = [one[first : first + CHUNK].T for one in given]
+            repeated = np.tile(factor, (1, own[0].shape[1]))
+            parts.append([np.array(one).T for one in function.call([*map(ca.DM, own), ca.DM(repeated)])])
+        return [np.concatenate(each) for each in zip(*parts, strict=True)]
+
+
+def _over_boxes(count: int, own: list[Expression], results: Expression) -> ca.Function:
+    # Bounds of the value, the gradient, and the gradient's slopes by each input.
+    function = ca.Function("value", own, [results])
+    low, high = ca.SX.sym("low", count), ca.SX.sym("high", count)
+    stretches = [Interval(low[place], high[place]) for place in range(count)]
+    numbers = [Enclosure(number(one)) for one in ca.vertsplit(ca.vec(own[1]))]
+    each = [
+        enclosed(
+            function,
+            [[Enclosure(one, ONE if at == by else ZERO) for at, one in enumerate(stretches)], numbers],
+        )
+        for by in range(count)
+    ]
+    first = [one.value for one in each[0]]
+    second = [one.slope for column in each for one in column[1:]]
+    outputs = [ca.vertcat(*(one.low for one in part)) for part in (first, second)]
+    outputs += [ca.vertcat(*(one.high for one in part)) for part in (first, second)]
+    return ca.Function("boxes", [low, high, own[1]], outputs)
+
+
+def peaks(landscape: Landscape, factor: Array, low: Array, high: Array, starts: Array) -> Array:
+    """Local maxima over a box that are near points, by Newton's method with shorter steps where these are too
+    long, (k, n).
+
+    Args:
+        landscape: of the function.
+        factor: U, (q, q).
+        low: smallest inputs, (n,).
+        high: largest inputs, (n,).
+        starts: the points, (k, n).
+    """
+    point, lengths = starts, np.ones(len(starts))
+    value, slope, second = landscape.at(point, factor)
+    for _ in range(STEPS):
+        outwards = ((point <= low) & (slope < 0)) | ((point >= high) & (slope > 0))
+        step = _ascent(slope, second, np.asarray(np.logical_and(~outwards, high > low)))
+        trial = np.clip(point + lengths[:, None] * step, low, high)
+        found = landscape.at(trial, factor)
+        higher = found[0] > value
+        if not higher.any() and (lengths < SHORTEST).all():
+            break
+        lengths = np.where(higher, np.minimum(2 * lengths, 1.0), lengths / 4)
+        point = np.where(higher[:, None], trial, point)
+        value, slope = np.where(higher, found[0], value), np.where(higher[:, None], found[1], slope)
+        second = np.where(higher[:, None, None], found[2], second)
+    return point
+
+
+def largest(landscape: Landscape, factor: Array, low: Array, high: Array, peaks: Array) -> Largest:
+    """The largest value over a box.
+
+    Args:
+        landscape: of the function.
+        factor: U, (q, q).
+        low: smallest inputs, (n,).
+        high: largest inputs, (n,).
+        peaks: points (k, n) at which it may be large, at least one.
+    """
+    return _Search(landscape, factor, low, high, peaks).run()
+
+
+class _Search:
+    def __init__(self, landscape: Landscape, factor: Array, low: Array, high: Array, peaks: Array) -> None:
+        self.landscape, self.factor, self.peaks = landscape, factor, peaks
+        self.width = np.where(high > low, high - low, 1.0)
+        self.low, self.high = low[None], high[None]
+        self.value, self.point = -np.inf, peaks[0]
+        self._note(peaks)
+
+    def run(self) -> Largest:
+        closed, seen, uppers = -np.inf, 0, np.full(1, np.inf)
+        while len(self.low) and seen < MOST_BOXES:
+            seen += len(self.low)
+            uppers, gradients = self._bounds()
+            kept = uppers > self.value + TIGHT * abs(self.value)
+            closed = max(closed, float(uppers[~kept].max(initial=-np.inf)))
+            self.low, self.high, uppers = self.low[kept], self.high[kept], uppers[kept]
+            uppers = self._split(gradients[kept], uppers)
+        upper = max(closed, self.value, float(uppers.max(initial=-np.inf)))
+        return Largest(upper, self.value, self.point)
+
+    def _note(self, points: Array) -> None:
+        values, *_ = self.landscape.at(points, self.factor)
+        values = np.where(np.isnan(values), -np.inf, values)
+        if values.max(initial=-np.inf) > self.value:
+            best = int(np.argmax(values))
+            self.value, self.point = float(values[best]), points[best]
+
+    def _bounds(self) -> tuple[Array, Array]:
+        # Of every box, and its gradients.
+        low, high, radius = self.low, self.high, (self.high - self.low) / 2
+        middle = (low + high) / 2
+        natural, gradients, second = self.landscape.over(low, high, self.factor)
+        value, slope, _ = self.landscape.at(middle, self.factor)
+        self._note(middle)
+        moving = np.asarray(radius > 0)
+        both = _pairs(moving)
+        second = np.where(both[..., None], second, 0.0)
+        steepest = np.where(moving, np.abs(gradients).max(axis=-1), 0.0)
+        mean_value = value + (steepest * radius).sum(axis=1)
+        own = np.abs(second).max(axis=-1)
+        diagonal = np.arange(low.shape[1])
+        own[:, diagonal, diagonal] = np.maximum(second[:, diagonal, diagonal, 1], 0.0)
+        taylor = value + (np.abs(slope) * radius).sum(axis=1)
+        taylor = taylor + np.einsum("kab,ka,kb->k", own, radius, radius) / 2
+        found = np.stack([natural[:, 1], mean_value, taylor])
+        uppers = np.where(np.isnan(found), np.inf, found).min(axis=0)
+        chosen = np.flatnonzero(_concave(second) & (uppers > self.value + TIGHT * abs(self.value)))
+        if len(chosen):
+            uppers[chosen] = np.minimum(uppers[chosen], self._tangent(chosen))
+        return uppers, gradients
+
+    def _tangent(self, chosen: Places) -> Array:
+        # The function is below each of its tangent planes: that at about its largest value is the lowest.
+        low, high = self.low[chosen], self.high[chosen]
+        point, lowest = (low + high) / 2, np.full(len(chosen), np.inf)
+        for place in self.peaks:
+            inside = ((place >= low) & (place <= high)).all(axis=1)
+            point[inside] = place
+        for _ in range(NEWTON):
+            value, slope, second = self.landscape.at(point, self.factor)
+            self._note(point)
+            most = value + np.maximum(slope * (high - point), slope * (low - point)).sum(axis=1)
+            lowest = np.fmin(lowest, most)
+            point = np.clip(point + _ascent(slope, second, np.asarray(high > low)), low, high)
+        return lowest
+
+    def _split(self, gradients: Array, uppers: Array) -> Array:
+        # A box where the function only rises or only falls along an input has its largest value at that end.
+        moving = self.high > self.low
+        rising, falling = moving & (gradients[..., 0] > 0), moving & (gradients[..., 1] < 0)
+        low, high = np.where(rising, self.high, self.low), np.where(falling, self.low, self.high)
+        flat = (rising | falling).any(axis=1)
+        steepest = np.abs(gradients).max(axis=-1)
+        known = np.isfinite(steepest).all(axis=1, keepdims=True)
+        width = (high - low) * np.where(known, steepest, 1 / self.width)
+        width = np.where(width.max(axis=1, keepdims=True) > 0, width, high - low)
+        along, rows = np.argmax(width, axis=1), np.flatnonzero(~flat)
+        middle = (low[rows, along[rows]] + high[rows, along[rows]]) / 2
+        upper_low, lower_high = low[rows].copy(), high[rows].copy()
+        lower_high[np.arange(len(rows)), along[rows]] = middle
+        upper_low[np.arange(len(rows)), along[rows]] = middle
+        self.low = np.concatenate([low[flat], low[rows], upper_low])
+        self.high = np.concatenate([high[flat], lower_high, high[rows]])
+        return np.concatenate([uppers[flat], uppers[rows], uppers[rows]])
+
+
+def _concave(second: Array) -> Bools:
+    # Whether no matrix between the ends has a positive eigenvalue: by that of their middle.
+    finite: Bools = np.asarray(np.isfinite(second).all(axis=(1, 2, 3)))
+    ends = np.where(finite[:, None, None, None], second, 0.0)
+    ends = (ends + ends.transpose(0, 2, 1, 3)) / 2
+    middle, radius = ends.mean(axis=-1), (ends[..., 1] - ends[..., 0]) / 2
+    spread = np.sqrt((radius**2).sum(axis=(1, 2)))
+    return np.asarray(finite & (np.linalg.eigvalsh(middle)[:, -1] + spread <= 0))
+
+
+def _pairs(moving: Bools) -> Bools:
+    # Which second derivatives count, (k, n, n).
+    return np.asarray(np.einsum("ka,kb->kab", moving, moving))
+
+
+def _ascent(slope: Array, second: Array, moving: Bools) -> Array:
+    # Newton's step upwards along the inputs that move, as if the function were concave there.
+    both = _pairs(moving)
+    finite: Bools = np.asarray(np.isfinite(second).all(axis=(1, 2)) & np.isfinite(slope).all(axis=1))
+    curved = np.where(both & finite[:, None, None], second, 0.0)
+    values, vectors = np.linalg.eigh(curved)
+    least = FLAT * np.abs(values).max(axis=1, keepdims=True) + np.finfo(float).tiny
+    uphill = np.where(moving & finite[:, None], slope, 0.0)
+    along = np.einsum("kab,ka->kb", vectors, uphill) / np.maximum(np.abs(values), least)
+    return np.asarray(np.einsum("kab,kb->ka", vectors, along))
