@@ -30,8 +30,14 @@ FOUND: dict[str, Any] = {
 }
 
 
-def section_of(**changes: Any) -> Any:
-    return sureness(record_from({"results": [], "certificate": {**FOUND, **changes}}))
+def record_of(certificate: dict[str, Any], criterion: str = "E") -> Any:
+    data = sample_records.scored()
+    data["study"]["criterion"]["kind"] = criterion
+    return record_from({**data, "results": [], "certificate": certificate})
+
+
+def section_of(criterion: str = "E", **changes: Any) -> Any:
+    return sureness(record_of({**FOUND, **changes}, criterion))
 
 
 def test_without_a_certificate_there_is_no_section():
@@ -44,6 +50,16 @@ def test_bound_gap_and_assumptions_are_said():
     for words in ("86.7018", "a way", "one thing; another", "within 0.0021 %", "3.9 % less", "Z of"):
         assert words in text
     assert section_of().notices == ()
+
+
+def test_of_other_criteria_shares_are_in_efficiency():
+    numbers = {"upper_bound": 2.002, "best": 2.0, "spline_objective": 1.9}
+    text = " ".join(section_of("D", **numbers).paragraphs)
+    assert "in efficiency" in text
+    assert "λ_min" not in text
+    assert f"{100 * (1 - np.exp(-0.1 / 2)):.2g} % less" in text
+    numbers = {"upper_bound": -1.99, "best": -2.0, "spline_objective": -2.1}
+    assert f"{100 * (1 - 2.0 / 2.1):.2g} % less" in " ".join(section_of("A", **numbers).paragraphs)
 
 
 def test_a_loose_bound_says_so():
@@ -64,11 +80,11 @@ def test_all_bounds_are_listed():
 
 def test_a_certificate_with_the_agreed_keys_alone_is_enough():
     plain = {key: FOUND[key] for key in ("upper_bound", "gap", "method", "assumptions")}
-    section = sureness(record_from({"results": [], "certificate": plain}))
+    section = sureness(record_of(plain))
     assert section is not None
     assert "86.7018" in section.paragraphs[1]
     assert section.brief == (1, 0)
-    assert sureness(record_from({"results": [], "certificate": {**plain, "gap": None}})) is not None
+    assert sureness(record_of({**plain, "gap": None})) is not None
 
 
 def test_percent():

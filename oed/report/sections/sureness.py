@@ -28,7 +28,8 @@ def sureness(record: Record) -> Section | None:
     found, strip = record.certificate, _strip(record)
     if found is None:
         return None if strip is None else Section.of(TITLE, SAY("unproved", record.study.bound), strip)
-    said = SAY.paragraphs("certificate", found, _holder(record, found.best))
+    criterion = study_aim(record).criterion
+    said = SAY.paragraphs("certificate", found, _holder(record, found.best), criterion, _lost(record, found))
     loose = SAY("loose") if found.loose else ""
     bounds = _bounds(found) if len(found.bounds) > 1 else None
     return replace(Section.of(TITLE, *said, strip, bounds, notices=[loose]), brief=(1, 0))
@@ -39,6 +40,13 @@ def _holder(record: Record, best: float | None) -> str:
     holders = (one for one in record.results if one.feasible and one.objective == best)
     holder, winner = next(holders, None), record.best
     return "" if holder is None or winner is None or holder.name == winner.name else called(record, holder)
+
+
+def _lost(record: Record, found: StoredCertificate) -> float | None:
+    # By what share of the best objective known that of the best splines is less, in efficiency; None if not.
+    if found.spline_objective is None or found.best is None or found.best <= found.spline_objective:
+        return None
+    return -study_aim(record).change(found.spline_objective, found.best) / 100
 
 
 def _bounds(found: StoredCertificate) -> Table:
