@@ -47,7 +47,7 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
     Uncertain robots
         Uncertainty, Robust, violation_probability
     Bounds
-        bound, Certificate
+        bound, Certificate, sensitivity_function
     Logs and estimation
         read_logs, Log, CsvForm, BagForm, TupleForm, LogForm, make_estimator, Nonlinear, Regression,
         Estimator, Estimate, CalibrationOptions, Calibration

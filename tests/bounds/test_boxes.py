@@ -1,0 +1,68 @@
+"""The largest value over a box, against dense grids."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from oed.bounds.boxes import Landscape, largest, peaks
+
+Row = Callable[[Any], Any]
+
+SHAPES: dict[str, tuple[Row, list[tuple[float, float]]]] = {
+    "ridge": (lambda x: ca.horzcat(x[0] - 0.3, x[0] * x[0] - 1.2), [(-2, 1.5)]),
+    "waves": (lambda x: ca.horzcat(ca.sin(5 * x[0]) + 0.1 * x[0], ca.cos(3 * x[0])), [(-2, 3)]),
+    "flat": (lambda x: ca.horzcat(2 + 0 * x[0], ca.SX(1)), [(-1, 1)]),
+    "corner": (lambda x: ca.horzcat(ca.fabs(x[0] - 0.3), ca.fmin(x[0], 0.5)), [(-1, 1.1)]),
+    "root": (lambda x: ca.horzcat(ca.sqrt(x[0]) - x[0], 0.3 * x[0] ** 1.7), [(0, 1)]),
+    "plane": (lambda x: ca.horzcat(x[0] * ca.exp(-x[1]), ca.cos(x[0] + 2 * x[1])), [(-1, 2), (0, 3)]),
+    "valley": (lambda x: ca.horzcat(x[0] ** 2 - x[1], 0.1 * (1 - x[0])), [(-1, 1), (-1, 1)]),
+    "closed": (lambda x: ca.horzcat(x[0] * x[1], x[1]), [(0.5, 0.5), (-1, 2)]),
+    "space": (
+        lambda x: ca.horzcat(ca.sin(x[0] + x[1]), x[2] * ca.exp(-x[2]), x[0] * x[1] - x[2]),
+        [(0, 2), (-1, 1), (0, 4)],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_no_value_of_a_dense_grid_is_larger(name: str) -> None:
+    row, ranges = SHAPES[name]
+    low, high = np.array(ranges, dtype=float).T
+    inputs = ca.SX.sym("x", len(ranges))
+    landscape = Landscape(inputs, row(inputs))
+    rng = np.random.default_rng(1)
+    dense = {1: 20001, 2: 301, 3: 61}[len(ranges)]
+    grid = np.array(list(itertools.product(*(np.linspace(*ends, dense) for ends in ranges))))
+    rows = ca.Function("rows", [inputs], [ca.densify(row(inputs))])
+    each = np.array(rows.map(len(grid))(grid.T)).reshape(len(grid), -1)
+    for _ in range(3):
+        factor = rng.normal(size=(each.shape[1],) * 2)
+        expected = ((each @ factor.T) ** 2).sum(axis=1).max()
+        starts = rng.uniform(low, high, (2, len(low)))
+        found = largest(landscape, factor, low, high, starts)
+        assert expected <= found.upper * (1 + 1e-12)
+        # The value is of a point of the box, and all but proved.
+        assert np.all((low <= found.point) & (found.point <= high))
+        own = np.array(rows(found.point)).ravel()
+        assert ((factor @ own) ** 2).sum() == pytest.approx(found.value, rel=1e-12)
+        assert found.value <= found.upper <= found.value * (1 + 1e-9)
+
+
+def test_peaks_are_local_maxima() -> None:
+    row, ranges = SHAPES["plane"]
+    low, high = np.array(ranges, dtype=float).T
+    inputs = ca.SX.sym("x", 2)
+    landscape, factor, rng = Landscape(inputs, row(inputs)), np.eye(2), np.random.default_rng(0)
+    starts = rng.uniform(low, high, (20, 2))
+    found = peaks(landscape, factor, low, high, starts)
+    values = landscape.at(found, factor)[0]
+    assert np.all(values >= landscape.at(starts, factor)[0])
+    for _ in range(50):
+        near = np.clip(found + rng.normal(size=found.shape) * 1e-4, low, high)
+        assert np.all(landscape.at(near, factor)[0] <= values * (1 + 1e-12))

@@ -1,0 +1,144 @@
+"""Bounds on D and A of robots: against drives of every sort, all drives of a grid, and designs of a study."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from places import PROBLEMS
+from test_soundness import check, random_joint, random_regression
+from test_speed_lattice import NOTHING, assert_keeps, corners_of_all, limits, random_speeds
+
+import oed
+from oed.bounds import bound
+from oed.bounds.speed_lattice import lattice_bound
+from oed.kernel.criteria import A, Criterion, D
+from oed.kernel.measurement.prior import Prior
+from oed.workflow.studies import parse_study
+
+Array = npt.NDArray[np.float64]
+
+BOTH = (D(scaling="none"), A(scaling="none"))
+PRIOR = np.array([[3.0, -1.0], [-1.0, 2.0]])
+
+
+def named(one: Any) -> str | None:
+    return one.kind if isinstance(one, Criterion) else None
+
+
+def values(kind: str, speeds: Array, weights: Array, constant: Array) -> Array:
+    """The criterion of S (sum w w') S + constant for speeds (..., N, 2), by NumPy alone."""
+    scaled = speeds * weights
+    matrices = np.swapaxes(scaled, -1, -2) @ scaled + constant
+    traces, volumes = np.trace(matrices, axis1=-2, axis2=-1), np.linalg.det(matrices)
+    certain = volumes > 1e-9 * traces**2
+    safe = np.where(certain, volumes, 1.0)
+    # Of two parameters tr F^-1 = tr F / det F.
+    return np.where(certain, np.log(safe) if kind == "D" else -traces / safe, -np.inf)
+
+
+@pytest.mark.parametrize("criterion", BOTH, ids=named)
+@pytest.mark.parametrize("constant", [NOTHING, PRIOR], ids=["alone", "prior"])
+@pytest.mark.parametrize(
+    ("ends", "step", "rest"), [((-10, 10), 2, np.inf), ((-3, 8), 2.5, 1.5), ((0, 10), 20.0, np.inf)]
+)
+def test_no_speeds_beat_the_lattice(
+    criterion: Criterion, constant: Array, ends: Any, step: float, rest: float
+) -> None:
+    allowed, weights, rng = limits(16, ends, step, rest), np.array([0.1, 0.25]), np.random.default_rng(5)
+    found = lattice_bound(allowed, weights, constant, nodes=40, criterion=criterion)
+    assert_keeps(found.speeds, allowed)
+    assert values(criterion.kind, found.speeds, weights, constant) == pytest.approx(found.lower, rel=1e-9)
+    drawn = random_speeds(allowed, rng, 4000)
+    assert values(criterion.kind, drawn, weights, constant).max() <= found.upper + 1e-9 * abs(found.upper)
+    assert found.lower <= found.upper <= found.root + 1e-9 * abs(found.root)
+    assert criterion.change(found.upper, found.lower, 2) < (2e-4 if found.complete else 0.15)
+    # The parts hold all speeds, also of limits that are a little wider.
+    wider = limits(16, tuple(1.001 * np.array(ends)), 1.001 * step, rest * 1.001)
+    more = found.of_others(wider, weights, constant)
+    assert values(criterion.kind, random_speeds(wider, rng, 1000), weights, constant).max() <= more
+    assert more >= found.lower
+
+
+@pytest.mark.parametrize("criterion", BOTH, ids=named)
+@pytest.mark.parametrize("rest", [np.inf, 2.0])
+def test_all_drives_of_a_finer_grid(criterion: Criterion, rest: float) -> None:
+    allowed, weights = limits(4, (-3, 5), 3, rest), np.array([0.3, 0.2])
+    found = lattice_bound(allowed, weights, NOTHING, criterion=criterion)
+    best = values(criterion.kind, corners_of_all(allowed), weights, NOTHING).max()
+    assert best <= found.upper + 1e-9 * abs(found.upper)
+    assert found.lower <= best + 1e-9 * abs(best)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("criterion", BOTH, ids=named)
+@pytest.mark.parametrize("seed", range(10))
+def test_no_drive_beats_the_bound_of_a_regression(criterion: Criterion, seed: int) -> None:
+    rng = np.random.default_rng(300 + seed)
+    problem = random_regression(rng)
+    own = criterion.model_copy(update={"scaling": problem.criterion.scaling})
+    assert check(replace(problem, criterion=own), rng, 30, 20) > 20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+def test_no_drive_beats_the_bound_of_sensors(seed: int) -> None:
+    """On A: that on D needs a bound in every direction."""
+    rng = np.random.default_rng(400 + seed)
+    problem = random_joint(rng)
+    own = A(scaling=problem.criterion.scaling, subset=problem.criterion.subset)
+    assert check(replace(problem, criterion=own), rng, 30, 20) > 20
+
+
+@pytest.mark.parametrize("kind", [D, A])
+@pytest.mark.parametrize("scaling", ["none", "relative"])
+@pytest.mark.parametrize("prior", [False, True])
+def test_one_measurement_per_sample(kind: type[Criterion], scaling: str, prior: bool) -> None:
+    known = Prior(standard_deviations={"c21": "5 %"}) if prior and scaling == "relative" else None
+    study = oed.load_study(PROBLEMS / "per_sample.yaml").problem
+    problem = replace(study, criterion=kind(scaling=scaling), prior=known)
+    certificate = bound(problem)
+    assert certificate.drive is not None
+    found = oed.evaluate(problem, certificate.drive)
+    assert found.feasible
+    assert 0 <= certificate.gap(found.objective, certificate.bound_on(found)) < 1e-3
+    assert certificate.complete
+    assert certificate.widened is not None
+    assert certificate.widened.upper_bound > certificate.upper_bound
+    # A bound that is easier to prove, and no better.
+    assert len(certificate.bounds) == 2
+    assert certificate.bounds[1].value > certificate.upper_bound
+
+
+@pytest.mark.parametrize("kind", [D, A])
+def test_regressions_of_segments(kind: type[Criterion]) -> None:
+    study = oed.load_study(PROBLEMS / "choi_skid_steer.yaml").problem
+    smallest = bound(study)
+    certificate = bound(replace(study, criterion=kind(scaling="none")))
+    # Two directions, each with what bounds it: no more than their product allows, nor less than either.
+    first, *_ = smallest.bounds
+    assert first.multiplier is not None
+    assert np.isfinite(certificate.upper_bound)
+    if kind is A:
+        assert certificate.upper_bound <= -1 / first.value
+    rng = np.random.default_rng(2)
+    assert check(replace(study, criterion=kind(scaling="none")), rng, 30, 60) > 20
+
+
+@pytest.mark.parametrize("kind", ["D", "A"])
+def test_studies_have_gaps_in_efficiency(kind: str, tmp_path: Any) -> None:
+    text = (PROBLEMS / "per_sample.yaml").read_text(encoding="utf-8")
+    short = text.replace("kind: E, scaling: none", f"kind: {kind}").replace("samples: 100", "samples: 20")
+    short = short.replace("coefficients: 30", "coefficients: 8").replace("starts: 12", "starts: 1")
+    record = oed.run(parse_study(short), out=tmp_path)
+    certificate, best = record.certificate, record.best
+    assert certificate is not None
+    assert best is not None
+    assert best.objective is not None
+    limit = certificate.gap_to or certificate.upper_bound
+    expected = np.exp((limit - best.objective) / 2) if kind == "D" else best.objective / limit
+    assert certificate.gap == pytest.approx(expected - 1, abs=1e-12)
+    assert 0 <= certificate.gap < 0.01
