@@ -151,12 +151,11 @@ def _bounds_of_runs(problem: Problem) -> list[Bound]:
     whole = [one for bounds in WHOLE for one in bounds(problem)]
     if whole:
         return whole
-    if same is not None:
-        return list(combined_bounds(problem.criterion, _bounds_of_runs(same)))
+    together = [] if same is None else list(combined_bounds(problem, _bounds_of_runs(same)))
     if space.runs == 1:
-        return list(_bounds(problem))
-    if not isinstance(space, DesignSpace):
-        return []
+        return [*together, *_bounds(problem)]
+    if not isinstance(space, DesignSpace) or not problem.criterion.proportional:
+        return together
     starts = space.start if isinstance(space.start, tuple) else (space.start,) * space.runs
     singles = [
         replace(problem, robust=None, design=space.model_copy(update={"runs": 1, "start": start}))
@@ -170,6 +169,7 @@ def _bounds_of_runs(problem: Problem) -> list[Bound]:
             each[0].method,
             (*each[0].assumptions, "every run for itself"),
             each[0].multiplier,
+            each[0].block,
         )
         for each in zip(*found, strict=True)
     ]

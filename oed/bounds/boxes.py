@@ -22,6 +22,8 @@ TIGHT = 1e-10
 """Share by which the bound may exceed the largest value found."""
 MOST_BOXES = 60_000
 """Boxes that are looked at, at most."""
+NARROW = 1e-12
+"""Share of the whole box that is not split any more."""
 CHUNK = 2000
 """Boxes that are looked at together."""
 NEWTON = 6
@@ -181,7 +183,8 @@ class _Search:
         while len(self.low) and seen < MOST_BOXES:
             seen += len(self.low)
             uppers, gradients = self._bounds()
-            kept = uppers > self.value + TIGHT * abs(self.value)
+            wide = ((self.high - self.low) > NARROW * self.width).any(axis=1)
+            kept = wide & (uppers > self.value + TIGHT * abs(self.value))
             closed = max(closed, float(uppers[~kept].max(initial=-np.inf)))
             self.low, self.high, uppers = self.low[kept], self.high[kept], uppers[kept]
             uppers = self._split(gradients[kept], uppers)

@@ -33,12 +33,14 @@ class Bound:
         assumptions: what it rests on, one sentence each.
         multiplier: the Z >= 0 of which tr(Z F) is bounded, where it is one of these: with trace 1 for
             lambda_min(F) <= tr(Z F); of other criteria see `Criterion.trace_bound`.
+        block: of the readings that F is of; "" of all.
     """
 
     value: float
     method: str
     assumptions: tuple[str, ...]
     multiplier: Array | None = None
+    block: str = ""
 
 
 @dataclass(frozen=True, repr=False)

@@ -77,6 +77,7 @@ def _trace_bounds(problem: Problem, measurement: Displacements, one: Estimation)
         "largest wheel speeds in every period, the same information in all directions",
         (SPEEDS, NO_ROOM),
         np.eye(len(columns)) / len(columns),
+        one.block.name,
     )
 
 
@@ -138,4 +139,4 @@ def along(
     scaled = change / one.scales
     unit = scaled / np.linalg.norm(scaled)
     bound = value / float(scaled @ scaled) + float(unit @ prior_matrix(problem, one) @ unit)
-    return Bound(bound, method, assumptions, np.outer(unit, unit))
+    return Bound(bound, method, assumptions, np.outer(unit, unit), one.block.name)

@@ -6,7 +6,7 @@ concave conjugate of a criterion bounds that criterion.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,22 +28,40 @@ def traced(problem: Problem) -> Problem | None:
     """A problem with criterion E in the place of its own, D or A, which the bounds on E say something about;
     None of others.
     """
-    if type(problem.criterion) not in (D, A) or len(problem.any_estimations) != 1:
+    if type(problem.criterion) not in (D, A):
         return None
     same = E(scaling=problem.criterion.scaling, subset=problem.criterion.subset)
     return replace(problem, criterion=same)
 
 
-def combined_bounds(criterion: Criterion, bounds: Sequence[Bound]) -> Iterator[Bound]:
+def combined_bounds(problem: Problem, bounds: Sequence[Bound]) -> Iterator[Bound]:
     """The lowest bound that bounds of some tr(Z F) give together; none where they leave a combination free.
 
     Args:
-        criterion: D or A.
+        problem: with criterion D or A.
         bounds: on E, each with its Z.
     """
-    known = [one for one in bounds if one.multiplier is not None]
+    names = [one.block.name for one in problem.any_estimations]
+    each = [
+        _combined(
+            problem.criterion, [one for one in bounds if one.block == name and one.multiplier is not None]
+        )
+        for name in names
+    ]
+    found = [one for one in each if one is not None]
+    if len(found) == len(names):
+        # Both criteria add up over the blocks.
+        yield Bound(
+            sum(one.value for one in found),
+            _joined(one.method for one in found),
+            tuple(dict.fromkeys(text for one in found for text in one.assumptions)),
+            found[0].multiplier if len(found) == 1 else None,
+        )
+
+
+def _combined(criterion: Criterion, known: Sequence[Bound]) -> Bound | None:
     if not known:
-        return
+        return None
     matrices = np.stack([one.multiplier for one in known if one.multiplier is not None])
     most = np.array([one.value for one in known])
 
@@ -54,16 +72,17 @@ def combined_bounds(criterion: Criterion, bounds: Sequence[Bound]) -> Iterator[B
 
     shares = _lowest(value, len(known))
     if not np.isfinite(value(shares)):
-        return
+        return None
     used = [one for one, share in zip(known, shares, strict=True) if share]
-    counted = shares / most
-    multiplier = np.tensordot(counted, matrices, axes=1)
-    yield Bound(
-        value(shares),
-        "; and ".join(dict.fromkeys(one.method for one in used)),
-        tuple(dict.fromkeys(text for one in used for text in one.assumptions)),
-        multiplier / np.trace(multiplier),
+    multiplier = np.tensordot(shares / most, matrices, axes=1)
+    assumptions = tuple(dict.fromkeys(text for one in used for text in one.assumptions))
+    return Bound(
+        value(shares), _joined(one.method for one in used), assumptions, multiplier / np.trace(multiplier)
     )
+
+
+def _joined(methods: Iterable[str]) -> str:
+    return "; and ".join(dict.fromkeys(methods))
 
 
 def _lowest(value: Callable[[Array], float], count: int) -> Array:

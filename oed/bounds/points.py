@@ -121,7 +121,7 @@ def _rows(problem: Problem, sensor: Sensor, inputs: Expression, period: Expressi
     return moment_reading(sensor, system)(*given)[4].T
 
 
-def _kinds(problem: Problem, sensors: tuple[Sensor, ...]) -> Counter[tuple[int, ...]]:
+def _kinds(problem: Problem, sensors: tuple[Sensor, ...]) -> dict[tuple[int, ...], int]:
     # How many settings there are of which each sensor reads so often.
     samples, runs = problem.design.samples, problem.design.runs
     read = np.zeros((samples, len(sensors)), dtype=int)
@@ -129,7 +129,8 @@ def _kinds(problem: Problem, sensors: tuple[Sensor, ...]) -> Counter[tuple[int, 
         # At the last sample's instant the inputs are those held until then.
         np.add.at(read[:, place], np.minimum(sensor.columns(samples), samples - 1), 1)
     kinds = Counter(tuple(row) for row in read.tolist() if any(row))
-    return Counter({kind: runs * count for kind, count in kinds.items()})
+    # First those at which most is read.
+    return {kind: runs * kinds[kind] for kind in sorted(kinds, key=sum, reverse=True)}
 
 
 def point_bounds(problem: Problem) -> Iterator[Bound]:
@@ -163,7 +164,7 @@ class _Search:
             self._add(group, design.first[chosen])
 
     def run(self) -> tuple[float, Array] | None:
-        """The bound, and its Z; None where no points identify everything."""
+        """The bound, and its Z; None where no points identify everything, or one may say anything."""
         best: tuple[float, Array] | None = None
         for _ in range(PROOFS):
             mixture = self._exchanged()
@@ -178,6 +179,8 @@ class _Search:
                 if proved.value > before * (1 + CONVERGED):
                     found = True
                     self._add(group, proved.point[None])
+            if not np.isfinite(most):
+                return None
             bound = self._bound(mixture, most)
             if best is None or bound < best[0]:
                 best = bound, mixture.multiplier
@@ -258,7 +261,7 @@ def sensitivity_function(problem: Problem, multiplier: Array, count: int = 401) 
         count: of values of the input.
 
     Returns:
-        values x of the input (count,), SI, and tr(Z M(x)) at each (count,), of a point at which all is read.
+        values x of the input (count,), SI, and tr(Z M(x)) at each (count,), where most is read.
 
     Raises:
         ProblemError: a problem without points.

@@ -17,6 +17,7 @@ from oed.bounds import bound
 from oed.bounds.speed_lattice import lattice_bound
 from oed.kernel.criteria import A, Criterion, D
 from oed.kernel.measurement.prior import Prior
+from oed.robots.sensors.displacements import PoseNoise
 from oed.workflow.studies import parse_study
 
 Array = npt.NDArray[np.float64]
@@ -142,3 +143,35 @@ def test_studies_have_gaps_in_efficiency(kind: str, tmp_path: Any) -> None:
     expected = np.exp((limit - best.objective) / 2) if kind == "D" else best.objective / limit
     assert certificate.gap == pytest.approx(expected - 1, abs=1e-12)
     assert 0 <= certificate.gap < 0.01
+
+
+@pytest.mark.parametrize("criterion", BOTH, ids=named)
+def test_blocks_add_up(criterion: Criterion) -> None:
+    study = oed.load_study(PROBLEMS / "per_sample.yaml").problem
+    measurement = study.measurement.model_copy(
+        update={"segments": 5, "noise": PoseNoise(position=0.01, heading=0.02)}
+    )
+    each = [
+        bound(
+            replace(
+                study, criterion=criterion, measurement=measurement.model_copy(update={"regressor": name})
+            )
+        )
+        for name in ("heading", "position", "both")
+    ]
+    heading, position, both = (one.upper_bound for one in each)
+    assert np.isfinite([heading, position]).all()
+    assert both == pytest.approx(heading + position, rel=1e-7)
+
+
+@pytest.mark.parametrize("criterion", BOTH, ids=named)
+def test_runs_inform_as_often_as_they_are_driven(criterion: Criterion) -> None:
+    study = oed.load_study(PROBLEMS / "choi_skid_steer.yaml").problem
+    one, three = (
+        bound(
+            replace(study, criterion=criterion, design=study.design.model_copy(update={"runs": runs}))
+        ).upper_bound
+        for runs in (1, 3)
+    )
+    expected = one + 2 * np.log(3) if criterion.kind == "D" else one / 3
+    assert three == pytest.approx(expected, rel=1e-7)

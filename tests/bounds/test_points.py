@@ -270,6 +270,15 @@ def test_what_cannot_be_drawn_is_refused_in_words() -> None:
         sensitivity_function(polynomial(PARABOLA, 3), np.eye(2))
 
 
+def test_where_one_point_may_say_anything_there_is_no_bound() -> None:
+    """The power's derivative by its exponent has a logarithm of 0 at the end of the range."""
+    parameters, output = {"top": "2", "half": "0.8", "h": "1.3"}, "top * x^h / (half^h + x^h)"
+    assert bound(problem_of(parameters, output, {"x": (0, 5)}, 3)).upper_bound == np.inf
+    problem = problem_of(parameters, output, {"x": (0.001, 5)}, 3)
+    best = climbed(problem, np.random.default_rng(0), 1500)
+    assert 0 <= bound(problem).gap(best) < 0.02
+
+
 def test_points_that_identify_nothing_have_no_bound() -> None:
     problem = polynomial("a + b * x + c * x", 4)
     assert bound(problem).upper_bound == np.inf
