@@ -60,6 +60,11 @@ MEAN = "no bound is known for the mean over {}s"
 """Where the objective is a mean, which the nominal robot's bound does not hold for."""
 
 
+EVERY = "every reading taken"
+"""Assumption of bounds where only some of them are."""
+REPEATED = "no bound is known for designs whose readings may be repeated"
+
+
 @typed
 def bound(
     problem: Problem, *, nodes: int | None = None, time_limit: float | None = None, gap: float = GAP
@@ -79,14 +84,23 @@ def bound(
     """
     began = time.perf_counter()
     problem.require_designed()
+    found = _told(problem) or _searched(problem, nodes, time_limit, gap)
+    return replace(found, wall_seconds=time.perf_counter() - began)
+
+
+def _told(problem: Problem) -> Certificate | None:
+    # What is known without a search over designs; None where it takes one.
     if problem.robust is not None and problem.robust.objective == "mean":
         # A bound is of the nominal robot, which limits the worst of several, but not their mean.
-        return Certificate(
-            np.inf, MEAN.format(problem.model.noun), (), wall_seconds=time.perf_counter() - began
-        )
-    if problem.selection is not None and problem.design.only is not None:
-        found_there = selection_certificate(problem, problem.design.only)
-        return replace(found_there, wall_seconds=time.perf_counter() - began)
+        return Certificate(np.inf, MEAN.format(problem.model.noun), ())
+    if problem.selection is None:
+        return None
+    if problem.design.only is not None:
+        return selection_certificate(problem, problem.design.only)
+    return Certificate(np.inf, REPEATED, ()) if problem.selection.most > 1 else None
+
+
+def _searched(problem: Problem, nodes: int | None, time_limit: float | None, gap: float) -> Certificate:
     looser = problem.widened(TOLERANCE)
     bounds, widened = _bounds_of_runs(problem), _bounds_of_runs(looser)
     found = _lattice(problem, nodes, time_limit, gap)
@@ -94,11 +108,12 @@ def bound(
         bounds.append(_lattice_bound(problem, found.upper, found))
         if _program(looser) is not None:
             widened.append(_lattice_bound(looser, found.of_others(*_speeds(looser)), found))
+    # Some of the readings say no more than all of them.
+    every = () if problem.selection is None else (EVERY,)
     return replace(
-        _smallest(problem, bounds, EXACTLY, found, NOTHING if bounds else _lacking(problem)),
+        _smallest(problem, bounds, (*every, *EXACTLY), found, NOTHING if bounds else _lacking(problem)),
         drive=None if found is None else _lattice_drive(problem, found),
-        widened=_smallest(problem, widened, TOLERATED, found),
-        wall_seconds=time.perf_counter() - began,
+        widened=_smallest(problem, widened, (*every, *TOLERATED), found),
     )
 
 

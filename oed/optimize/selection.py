@@ -11,7 +11,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.parts import Budget, Parts
 from oed.kernel.problem import Problem
-from oed.kernel.solution import Solution
+from oed.kernel.solution import Solution, scored
 from oed.kernel.taken_apart import parts_of
 from oed.optimize.weights import Weights, best_weights, whole_weights
 
@@ -60,6 +60,19 @@ def select(problem: Problem, trajectory: Trajectory) -> Selected:
     return Selected(parts, budgets, relaxed, whole)
 
 
+def rated(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
+    """A trajectory that nobody searched for, scored with the readings that are best for it.
+
+    Args:
+        problem: that scores it.
+        trajectory: of which all readings, or those with weights, may be taken.
+        name: of the solution.
+    """
+    if problem.selection is None or trajectory.weights is not None:
+        return scored(problem, trajectory, name)
+    return with_readings(problem, scored(replace(problem, selection=None), trajectory, name))
+
+
 def with_readings(problem: Problem, solution: Solution) -> Solution:
     """A solution with the readings that are best for its trajectory, scored anew.
 
@@ -67,9 +80,10 @@ def with_readings(problem: Problem, solution: Solution) -> Solution:
         problem: with a selection.
         solution: of the same without one.
     """
-    if solution.trajectory is None:
+    if solution.trajectory is None or problem.selection is None:
         return solution
     found = select(problem, solution.trajectory)
     weights = found.parts.of_every_reading(found.chosen.values)
     trajectory = replace(solution.trajectory, weights=weights)
-    return replace(solution, trajectory=trajectory, evaluation=evaluate(problem, trajectory))
+    evaluation = evaluate(problem, trajectory)
+    return replace(solution, trajectory=trajectory, evaluation=evaluation, problem=problem)

@@ -17,8 +17,10 @@ from oed.foundation.errors import FileFlaw, PathFileError
 from oed.foundation.files import text_of, write_text
 from oed.foundation.quantities import LARGEST, plain_number, too_large
 from oed.foundation.shown import written
+from oed.kernel.dynamics.spline import clamped_knots, repeated_knots
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
+from oed.records.settings_file import read_settings, settings_csv
 
 EVEN = 1e-3
 """Share of the period by which a step in time may be off the even grid."""
@@ -37,6 +39,11 @@ def trajectory_csv(problem: Problem, trajectory: Trajectory, poses: Array) -> st
     return drive_csv(trajectory, poses, problem.model.input_names, problem.model.states)
 
 
+def clock_of(names: Sequence[str]) -> str:
+    """What the column of times is called beside columns of these names: "t", unless one of them is."""
+    return "time" if "t" in names else "t"
+
+
 def drive_csv(trajectory: Trajectory, poses: Array, inputs: Sequence[str], states: Sequence[str]) -> str:
     """The CSV text of a trajectory, as `trajectory_csv` writes it.
 
@@ -46,10 +53,12 @@ def drive_csv(trajectory: Trajectory, poses: Array, inputs: Sequence[str], state
         inputs: their names.
         states: their names.
     """
+    if not states:
+        return settings_csv(trajectory.inputs, inputs)
     buffer, runs = io.StringIO(), trajectory.runs
     writer = csv.writer(buffer, lineterminator="\n")
     first = ["run"] if runs > 1 else []
-    writer.writerow([*first, "t", *inputs, *states])
+    writer.writerow([*first, clock_of([*inputs, *states]), *inputs, *states])
     times = np.linspace(0.0, trajectory.duration / runs, trajectory.samples // runs + 1)
     nothing = [[""] * len(inputs)]
     each = zip(np.split(trajectory.inputs, runs), np.split(poses, runs), strict=True)
@@ -88,9 +97,13 @@ def read_trajectory(file: str | Path, problem: Problem) -> Trajectory:
     Raises:
         PathFileError: every mistake in the file, each with its line.
     """
-    table = _read(file, ("t", *problem.model.input_names), problem.model.states)
+    model, space = problem.model, problem.design
+    if not model.states:
+        return read_settings(str(file), model.input_names)
+    clock = clock_of([*model.input_names, *model.states])
+    table = _read(file, (clock, *model.input_names), model.states)
     parts = _by_run(table, problem.design.runs)
-    read = [_read_run(part, problem) for part in parts]
+    read = [_read_run(part, problem, clock) for part in parts]
     flaws = [flaw for one in read if isinstance(one, list) for flaw in one]
     if flaws:
         raise PathFileError(sorted(flaws, key=lambda flaw: (flaw.line, flaw.key)))
@@ -99,13 +112,16 @@ def read_trajectory(file: str | Path, problem: Problem) -> Trajectory:
         _require_alike(part, run, runs[0])
     given = [run.start for run in runs if run.start is not None]
     starts = np.array(given) if len(given) == len(runs) else problem.fixed_starts
-    return Trajectory.from_samples(
-        np.vstack([run.inputs for run in runs]),
-        sum(run.duration for run in runs),
-        problem.start_states(np.zeros((len(runs), 3))) if starts is None else starts,
-        rest_to_rest=problem.design.rest_to_rest,
-        runs=len(runs),
-    )
+    inputs, duration = np.vstack([run.inputs for run in runs]), sum(run.duration for run in runs)
+    if starts is None:
+        starts = problem.start_states(np.zeros((len(runs), model.chosen_states)))
+    if space.own_signals or space.only is not None:
+        # Such experiments are steps, which a file has all of.
+        own = clamped_knots(duration / len(runs), len(inputs) // len(runs), 0)
+        return Trajectory(
+            repeated_knots(own, 0, len(runs)), 0, inputs, np.asarray(starts), len(inputs), len(runs)
+        )
+    return Trajectory.from_samples(inputs, duration, starts, rest_to_rest=space.rest_to_rest, runs=len(runs))
 
 
 @dataclass(frozen=True)
@@ -144,14 +160,14 @@ def _by_run(table: _Table, expected: int) -> list[_Table]:
     return [table.some(rows) for rows in chosen]
 
 
-def _read_run(table: _Table, problem: Problem) -> _Run | list[FileFlaw]:
+def _read_run(table: _Table, problem: Problem, clock: str) -> _Run | list[FileFlaw]:
     model = problem.model
     if len(table.rows) < 2:
         return [FileFlaw(table.name, table.lines[0], 0, "run", "expected at least two rows of a run")]
     states = [state for state in model.states if state in table.header]
     given = states if len(states) == len(model.states) else []
     last = len(table.rows) - 1
-    times, flaws = _columns(table, ("t",))
+    times, flaws = _columns(table, (clock,))
     inputs, more = _columns(table, model.input_names, may_be_empty=range(last, last + 1))
     # Only the start counts; but what is no number shows that the file is damaged.
     starts, still_more = _columns(table, given, may_be_empty=range(1, last + 1), blanks=("", "nan"))

@@ -16,9 +16,10 @@ from oed.foundation.moved import Renamed
 from oed.foundation.work.folders import in_order
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.solution import Solution, scored
+from oed.kernel.solution import Solution
 from oed.logs import Finding, Log, read_logs
 from oed.logs.form import is_bag
+from oed.optimize.selection import rated
 from oed.records.outcomes import parameter_table, result_of
 from oed.records.path_file import read_trajectory
 from oed.records.record import FILE, Record, load_record
@@ -134,7 +135,7 @@ def score_path(study: Study, file: str | Path, designs: str | Path | None = None
     alike = trajectory.samples == study.problem.design.all_samples
     record = _record_of(study, designs) if alike else None
     best, proved = _known(record)
-    (solution,) = tried(Work(study, study.seed), [scored(study.problem, trajectory, Path(file).stem)])
+    (solution,) = tried(Work(study, study.seed), [rated(study.problem, trajectory, Path(file).stem)])
     worth = _worth(study, solution, trajectory.duration, best, proved, str(file))
     robots = robustness(study, [solution], study.seed)
     return DrivenPaths((worth,), best, _exact(proved), robots, **_beside(study, record))
@@ -182,7 +183,7 @@ def score_logs(study: Study, files: Sequence[str | Path], designs: str | Path | 
         (own, *part) for log in logs for own in [_as_long(study, log)] for part in driven_parts(own, log)
     ]
     worth = tuple(
-        _worth(own, scored(own.problem, trajectory, name), seconds, known, proved)
+        _worth(own, rated(own.problem, trajectory, name), seconds, known, proved)
         for own, name, trajectory, seconds in parts
     )
     findings = tuple((log.name, one) for log in logs for one in log.findings)

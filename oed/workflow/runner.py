@@ -9,7 +9,6 @@ from pathlib import Path
 
 from oed.bounds import LATTICE, Certificate, bound
 from oed.foundation.arguments import typed
-from oed.foundation.errors import NotFinite
 from oed.foundation.extras import package_version
 from oed.foundation.files import file_stem
 from oed.foundation.work.folders import Draft
@@ -18,9 +17,9 @@ from oed.foundation.work.signals import interrupts_named
 from oed.kernel.criteria import A, Criterion, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
-from oed.kernel.problem import Problem
-from oed.kernel.solution import Solution, Status, scored, unscored
+from oed.kernel.solution import Solution, Status
 from oed.optimize import SOLVERS, Progress, Silent, Workers, solve
+from oed.optimize.selection import rated
 from oed.records.outcomes import (
     certificate_of,
     nuisance_table,
@@ -35,9 +34,9 @@ from oed.records.stored.door import FORMAT
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredTrial, StoredValidation
 from oed.records.stored.study_record import StoredCertificate
-from oed.robots.baselines import baselines
 from oed.simulation.trial import require_ready
-from oed.study.study import PathFile, RobotStudyFile, Study
+from oed.study.study import Study
+from oed.workflow.compared import compared
 from oed.workflow.experiments import driven_in_physics, simulated
 from oed.workflow.readings import readings_csv, selection_of
 from oed.workflow.robustness import nominal_search, robustness, safe, tried
@@ -46,8 +45,6 @@ from oed.workflow.studies import Work, own_paths
 
 PRACTICALLY_EQUAL = 2e-3
 """Share of the objective by which two designs may differ and still count as equally good."""
-IN_PLACE = 0.01
-"""Path length [m] of a design below which paths of the same length mean nothing."""
 CUT_SHORT = "The run was interrupted; this is what had been done by then."
 """Note in the record of such a run."""
 
@@ -127,7 +124,7 @@ class _Run:
         self.certificate = _certificate(work)
         self.solutions += _lattice_drive(study, self.certificate)
         best = best_of(safe(study, self.solutions), study.problem.criterion)
-        self.solutions += _baselines(work, self.paths, best)
+        self.solutions += compared(work, self.paths, best)
         self.solutions = tried(work, self.solutions)
         self._keep(self.solutions)
 
@@ -362,44 +359,7 @@ def _lattice_drive(study: Study, certificate: Certificate | None) -> list[Soluti
     # The speeds that the bound's own search ended with are a candidate like any other.
     if certificate is None or certificate.drive is None:
         return []
-    return [replace(scored(study.problem, certificate.drive, LATTICE), kind=LATTICE)]
-
-
-def _baselines(work: Work, paths: dict[str, Trajectory], best: Solution | None) -> list[Solution]:
-    # Every baseline as large as it can be, and again with the best design's length, as in the paper: where
-    # that can be driven, or the study asks for it.
-    problem, asked = work.study.problem, work.study.file.baselines
-    if not asked:
-        return []
-    work.progress.begin("score baselines", len(asked))
-    length = best.evaluation.path_length if best is not None and best.evaluation is not None else None
-    if length is not None and length < IN_PLACE:
-        length = None
-    found: list[Solution] = []
-    for path in asked:
-        if isinstance(path, PathFile):
-            found.append(_scored_path(problem, paths[path.label], path.label))
-        else:
-            own, *same = baselines(problem, path, length=length, seed=work.seed)
-            found += [own, *(one for one in same if _same_length(work.study) or _driven(one))]
-        work.progress.advance()
-    return found
-
-
-def _same_length(study: Study) -> bool:
-    return isinstance(study.file, RobotStudyFile) and study.file.same_length
-
-
-def _driven(one: Solution) -> bool:
-    return one.evaluation is not None and one.evaluation.feasible
-
-
-def _scored_path(problem: Problem, path: Trajectory, name: str) -> Solution:
-    # What cannot be scored must not take with it what has been found.
-    try:
-        return scored(problem, path, name)
-    except NotFinite as error:
-        return unscored(name, "path", f"{error}.")
+    return [replace(rated(study.problem, certificate.drive, LATTICE), kind=LATTICE)]
 
 
 def _notes(certificate: Certificate | None, interrupted: bool) -> list[str]:
