@@ -68,8 +68,9 @@ class Parts(Brief):
         return self._merged(groups)
 
     def by_run(self) -> Parts:
-        """All readings of a run together: how often is it to be repeated?"""
-        return self._merged(self._each(lambda one: one.run))
+        """All readings of a run together, each run of size 1: how often is it to be repeated?"""
+        merged = self._merged(self._each(lambda one: one.run))
+        return replace(merged, sizes=np.ones(len(merged.readings)))
 
     def _each(self, key: Callable[[Reading], object]) -> list[list[int]]:
         found = dict[object, list[int]]()

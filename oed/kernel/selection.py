@@ -47,7 +47,7 @@ class Selection(Component):
 
     Attributes:
         total: of all weights, or by sensor; of what is read all the time how long it may be read [s].
-        readings: instead, how many whole readings are taken, in all or by sensor.
+        readings: instead, how many whole readings, or trials, are taken, in all or by sensor.
         most: weight of one; more than 1 where a reading, or a trial, may be repeated.
         of: what has a weight of its own: every reading, or every trial as a whole.
         pieces: into how many parts each trial's readings of a sensor are divided, each with one weight.

@@ -17,6 +17,7 @@ from oed.estimation.setup.unknowns import Unknowns
 from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.sensor import Sensor, whole_whitening
+from oed.kernel.parts import rows_of
 
 
 @dataclass(frozen=True)
@@ -152,11 +153,25 @@ class DriveReadings:
         return scipy.sparse.csr_array(scipy.sparse.block_diag(blocks))
 
     @cached_property
+    def _roots(self) -> Array:
+        # Of every number read, sensor by sensor, the root of how much its reading counts.
+        if self.trajectory.weights is None:
+            return np.ones(self._whitener.shape[0])
+        sensors, runs = [one.sensor for one in self.each], self.trajectory.runs
+        places = rows_of(sensors, self.unknowns.robot, self.trajectory.samples // runs, runs)
+        return np.asarray(np.sqrt(self.trajectory.weights)[places])
+
+    @cached_property
     def whitener(self) -> Any:
-        """A with A R A' = 1 for the specified covariance R of the readings, run by run."""
-        return self._whitener[self.order][:, self.order]
+        """A with A R A' = 1 for the specified covariance R of the readings, run by run; of readings that are
+        not taken 0.
+        """
+        weighed = scipy.sparse.diags_array(self._roots, format="csr") @ self._whitener
+        return weighed[self.order][:, self.order]
 
     @cached_property
     def colour(self) -> Any:
-        """From standard normal numbers to noise, sensor by sensor."""
-        return scipy.sparse.csr_array(scipy.sparse.linalg.inv(scipy.sparse.csc_array(self._whitener)))
+        """From standard normal numbers to noise, sensor by sensor; of readings that are not taken any."""
+        spread = 1 / np.where(self._roots > 0, self._roots, 1.0)
+        own = scipy.sparse.linalg.inv(scipy.sparse.csc_array(self._whitener))
+        return scipy.sparse.csr_array(own @ scipy.sparse.diags_array(spread, format="csc"))

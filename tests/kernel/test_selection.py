@@ -1,0 +1,119 @@
+"""Chosen readings: how weights count in the score, budgets that hold, and keys that mean nothing together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from places import PROBLEMS
+
+import oed
+from oed.foundation.errors import ProblemError
+from oed.kernel.selection import Selection
+from oed.kernel.taken_apart import parts_of
+from oed.optimize.selection import rated, select
+
+STOPS = oed.load_study(PROBLEMS / "laser_tracker_stops.yaml")
+
+
+def driven(problem: oed.Problem, seed: int = 0) -> oed.Trajectory:
+    """A random drive that keeps to the limits on speeds."""
+    space, rng = problem.design, np.random.default_rng(seed)
+    table = np.zeros((space.all_coefficients, len(problem.model.inputs)))
+    table[space.free_rows] = rng.uniform(-3, 3, (len(space.free_rows), table.shape[1]))
+    free = np.zeros((space.runs, problem.system.chosen_states))
+    return space.trajectory(
+        table, problem.start_states(free) if space.start_is_free else problem.fixed_starts
+    )
+
+
+class TestWeights:
+    def test_information_is_the_weighted_sum_of_parts(self):
+        problem = STOPS.problem
+        drive = driven(problem)
+        parts = parts_of(problem, drive)
+        weights = np.random.default_rng(1).uniform(0, 1, len(parts.readings))
+        scored = oed.evaluate(problem, replace(drive, weights=weights)).objective
+        assert scored == pytest.approx(float(problem.criterion.value([parts.information(weights)])), rel=1e-7)
+
+    def test_all_of_them_are_no_weights(self):
+        problem = replace(STOPS.problem, selection=None)
+        drive = driven(problem)
+        ones = np.ones(len(parts_of(problem, drive).readings))
+        assert oed.evaluate(problem, replace(drive, weights=ones)).objective == pytest.approx(
+            oed.evaluate(problem, drive).objective, rel=1e-12
+        )
+
+    def test_more_than_the_budget_is_a_violation(self):
+        problem = STOPS.problem
+        drive = driven(problem)
+        every = oed.evaluate(problem, drive)
+        assert every.violations["weights"] == pytest.approx(181)
+        chosen = rated(problem, drive, "mine")
+        assert "weights" not in chosen.evaluation.violations
+        assert chosen.trajectory.weights.sum() == 20
+
+    @pytest.mark.parametrize("weights", [np.ones(3), np.ones((201, 1)), -np.ones(201)])
+    def test_others_are_refused(self, weights: np.ndarray):
+        drive = driven(STOPS.problem)
+        with pytest.raises(ValueError, match="expected weights of"):
+            oed.evaluate(STOPS.problem, replace(drive, weights=weights))
+
+
+class TestKeys:
+    @pytest.mark.parametrize(
+        ("keys", "said"),
+        [
+            ({}, "expected either total"),
+            ({"total": 1, "readings": 1}, "expected either total"),
+            ({"readings": 300}, "at most 201"),
+            ({"total": {"pose": 3}}, "expected one of each of poses, got pose"),
+            ({"readings": 5, "pieces": 7}, "a divisor of the 201 readings"),
+            ({"readings": 5, "most": 1.5}, "whole times"),
+            ({"readings": 5, "of": "trials", "pieces": 3}, "pieces are parts of trials"),
+        ],
+    )
+    def test_mistakes_name_what_is_wrong(self, keys: dict[str, object], said: str):
+        with pytest.raises((ProblemError, ValueError), match=said):
+            replace(STOPS.problem, selection=Selection(**keys))
+
+    def test_seconds_are_of_what_is_read_all_the_time(self):
+        assert Selection(total="2 min").total == 120.0
+        assert Selection(total={"rates": "1 h"}).total == {"rates": 3600.0}
+
+    def test_regressions_have_no_readings_to_choose(self):
+        problem = oed.load_study(PROBLEMS / "choi_skid_steer.yaml").problem
+        with pytest.raises(ProblemError, match="weights: weights need sensors"):
+            replace(problem, selection=Selection(readings=5))
+
+
+def test_of_three_drives_each_is_repeated_as_often_as_is_best():
+    """Ten drives of three kinds: the split by exchange is that of all splits."""
+    study = oed.load_study(PROBLEMS / "three_runs.yaml")
+    problem = replace(study.problem, selection=Selection(readings=10, most=10, of="trials"))
+    drive = driven(study.problem)
+    found = select(problem, drive)
+    counts = found.chosen.values.astype(int)
+    assert counts.sum() == 10
+    values = {
+        (one, other): float(
+            problem.criterion.value([found.parts.information(np.array([one, other, 10.0 - one - other]))])
+        )
+        for one in range(11)
+        for other in range(11 - one)
+    }
+    assert max(values, key=values.__getitem__) == tuple(counts[:2])
+
+
+def test_what_is_not_read_is_not_simulated_either():
+    """The predicted covariance is that of the twenty readings, and their estimates scatter so."""
+    problem = STOPS.problem
+    chosen = rated(problem, driven(problem), "mine")
+    validation = oed.validate(problem, chosen.trajectory, replicates=100, seed=0)
+    np.testing.assert_allclose(
+        np.sqrt(np.diag(validation.predicted)),
+        list(chosen.evaluation.standard_deviations.values()),
+        rtol=1e-9,
+    )
+    assert validation.passed
