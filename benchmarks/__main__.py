@@ -23,6 +23,7 @@ BENCHMARKS: tuple[str, ...] = (
     "start_up",
     "whole_run",
     "starters",
+    "weights",
 )
 """Modules of this folder, in the order of the table."""
 

@@ -1,7 +1,6 @@
 from .bounds import Certificate as Certificate
 from .bounds import bound as bound
 from .bounds.points import sensitivity_function as sensitivity_function
-from .bounds.weights import weight_bound as weight_bound
 from .equations.limits import InputRange as InputRange
 from .equations.outputs import Outputs as Outputs
 from .equations.outputs import Rates as Rates
@@ -46,6 +45,7 @@ from .kernel.dynamics.system import Input as Input
 from .kernel.dynamics.system import Parameter as Parameter
 from .kernel.dynamics.system import System as System
 from .kernel.dynamics.trajectory import Trajectory as Trajectory
+from .kernel.equivalence import weight_bound as weight_bound
 from .kernel.evaluation import Evaluation as Evaluation
 from .kernel.evaluation import Margin as Margin
 from .kernel.evaluation import evaluate as evaluate

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from oed.bounds.certificate import Certificate
-from oed.bounds.weights import directional_derivatives, weight_bound
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.presenting import Brief
 from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.equivalence import directional_derivatives
 from oed.kernel.problem import Problem
 from oed.optimize.selection import Selected, select
 
@@ -43,10 +43,9 @@ def certified_selection(problem: Problem, trajectory: Trajectory) -> Certified:
         UserMistake: a criterion that is not concave, or a problem without a selection.
         ProblemError: readings that do not add up.
     """
-    found, criterion = select(problem, trajectory), problem.objective
-    given = found.parts, found.relaxed.values, found.relaxed.gradient
-    bound = weight_bound(criterion, *given, found.budgets)
-    return Certified(found, bound, directional_derivatives(*given))
+    found = select(problem, trajectory)
+    slopes = directional_derivatives(found.parts, found.relaxed.values, found.relaxed.gradient)
+    return Certified(found, found.bound, slopes)
 
 
 def selection_certificate(problem: Problem, trajectory: Trajectory) -> Certificate:

@@ -87,6 +87,8 @@ PLAIN = Dimension()
 """Of plain numbers."""
 ANGLE = Dimension(tuple(Fraction(unit == "rad") for unit in BASE))
 """Of angles."""
+TIME = Dimension(tuple(Fraction(unit == "s") for unit in BASE))
+"""Of times."""
 
 
 @lru_cache(maxsize=256)

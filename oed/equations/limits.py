@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import model_validator
 
-from oed.equations.dimensions import Dimension, parse_unit, quantity
+from oed.equations.dimensions import TIME, Dimension, parse_unit, quantity
 from oed.foundation.errors import Flaw
 from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.expression import Expression
@@ -19,7 +19,6 @@ from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit, Rows, rest_flaws
 
 Quantity = str | float
-SECOND = parse_unit("s")[1]
 
 
 class OneInput(Limit, ABC):
@@ -168,7 +167,7 @@ class InputRate(OneInput):
 
     def of(self, dimension: Dimension) -> Dimension:
         """The input's own a second."""
-        return dimension / SECOND
+        return dimension / TIME
 
     def table(self, drive: Drive) -> Expression:
         """Their rates."""

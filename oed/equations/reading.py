@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
-from oed.equations.dimensions import PLAIN, Dimension, parse_unit, quantity
+from oed.equations.dimensions import PLAIN, TIME, Dimension, parse_unit, quantity
 from oed.equations.grammar import Expression, ExpressionError, name_flaw, parse
 from oed.foundation.errors import Flaw, ProblemError
 
-SECOND = parse_unit("s")[1]
 TEXTS = ("define", "derivatives", "outputs")
 """Keys with expressions."""
 
@@ -65,7 +64,7 @@ class Reader:
             for name in self.order:
                 self.dimensions[name] = self._dimension("define", name)
             for name in self.expressions["derivatives"]:
-                self._dimension("derivatives", name, self.dimensions[name] / SECOND)
+                self._dimension("derivatives", name, self.dimensions[name] / TIME)
             for name in self.expressions["outputs"]:
                 self._dimension("outputs", name)
         if self.flaws:

@@ -125,17 +125,24 @@ class Budget:
         sizes: how much of the total each is at a weight of 1.
         total: above 0, and at most as much as they can be.
         most: weight of each.
+        tops: largest weight of each by itself; () for `most`.
     """
 
     places: tuple[int, ...]
     sizes: tuple[float, ...]
     total: float
     most: float = 1.0
+    tops: tuple[float, ...] = ()
+
+    @property
+    def upper(self) -> Array:
+        """The largest weight of each."""
+        return np.array(self.tops or (self.most,) * len(self.places))
 
     @property
     def even(self) -> float:
-        """What each counts where all count alike."""
-        return self.total / sum(self.sizes)
+        """The share of the largest weights that is the total."""
+        return self.total / float(np.array(self.sizes) @ self.upper)
 
     @property
     def whole(self) -> int | None:
@@ -151,10 +158,11 @@ class Budget:
 
     def largest(self, values: Array) -> float:
         """The largest sum of values of all readings, (n,), weighted so: a linear program, by sorting."""
-        own, sizes = values[list(self.places)], np.array(self.sizes)
+        own, sizes, upper = values[list(self.places)], np.array(self.sizes), self.upper
         order = np.argsort(-own / sizes, kind="stable")
-        taken = np.clip((self.total - np.cumsum(sizes[order] * self.most)) / sizes[order], -self.most, 0.0)
-        return float((taken + self.most) @ own[order])
+        sizes, upper = sizes[order], upper[order]
+        left_out = np.clip((self.total - np.cumsum(sizes * upper)) / sizes, -upper, 0.0)
+        return float((left_out + upper) @ own[order])
 
 
 ROUNDING = 1e-9

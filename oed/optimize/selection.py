@@ -7,12 +7,15 @@ from dataclasses import dataclass, replace
 from oed.foundation.arguments import typed
 from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
+from oed.kernel.criteria import Criterion
 from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.equivalence import weight_bound
 from oed.kernel.evaluation import evaluate
 from oed.kernel.parts import Budget, Parts
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, scored
 from oed.kernel.taken_apart import parts_of
+from oed.optimize.exact import Exact, exact_weights
 from oed.optimize.weights import Weights, best_weights, whole_weights
 
 
@@ -21,21 +24,32 @@ class Selected(Brief):
     """Readings chosen within a problem's budget.
 
     Attributes:
+        criterion: by which.
         parts: what has weights.
         budgets: of these.
         relaxed: the best weights, not whole.
-        whole: whole readings near them; None where the problem asks for none.
+        exact: whole readings, and what no others exceed; None where the problem asks for none.
     """
 
+    criterion: Criterion
     parts: Parts
     budgets: tuple[Budget, ...]
     relaxed: Weights
-    whole: Weights | None
+    exact: Exact | None
 
     @property
     def chosen(self) -> Weights:
         """What is to be done."""
-        return self.relaxed if self.whole is None else self.whole
+        return self.relaxed if self.exact is None else self.exact.weights
+
+    @property
+    def bound(self) -> float:
+        """What the criterion of no choice exceeds, whole where whole ones are asked for."""
+        if self.exact is not None:
+            return self.exact.bound
+        return weight_bound(
+            self.criterion, self.parts, self.relaxed.values, self.relaxed.gradient, self.budgets
+        )
 
 
 @typed
@@ -56,8 +70,10 @@ def select(problem: Problem, trajectory: Trajectory) -> Selected:
     parts = selection.parts(parts_of(problem, trajectory))
     budgets, criterion = selection.budgets(parts), problem.objective
     relaxed = best_weights(criterion, parts, budgets)
-    whole = whole_weights(criterion, parts, relaxed.values, budgets) if selection.whole else None
-    return Selected(parts, budgets, relaxed, whole)
+    if not selection.whole:
+        return Selected(criterion, parts, budgets, relaxed, None)
+    near = whole_weights(criterion, parts, relaxed.values, budgets)
+    return Selected(criterion, parts, budgets, relaxed, exact_weights(criterion, parts, near, budgets))
 
 
 def rated(problem: Problem, trajectory: Trajectory, name: str) -> Solution:

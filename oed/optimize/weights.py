@@ -53,7 +53,8 @@ def best_weights(criterion: Criterion, parts: Parts, budgets: Sequence[Budget]) 
     """
     even, most = np.empty((2, len(parts.readings)))
     for one in budgets:
-        even[list(one.places)], most[list(one.places)] = one.even, one.most
+        most[list(one.places)] = one.upper
+        even[list(one.places)] = one.even * one.upper
     if criterion.supergradient(parts.information(even)) is None:
         text = f"{criterion.kind} is not concave: nothing says how good weights can be"
         raise UserMistake(f"{text}; use E, D or A")
@@ -115,6 +116,21 @@ def whole_weights(criterion: Criterion, parts: Parts, weights: Array, budgets: S
     chosen = np.zeros(len(weights))
     for one in budgets:
         chosen[list(one.places)] = _nearest(weights[list(one.places)], one)
+    return exchanged_weights(criterion, parts, chosen, budgets)
+
+
+def exchanged_weights(
+    criterion: Criterion, parts: Parts, weights: Array, budgets: Sequence[Budget]
+) -> Weights:
+    """Whole readings exchanged one by one while that is better.
+
+    Args:
+        criterion: to be large, concave.
+        parts: of the information.
+        weights: whole ones within the budgets, (n,).
+        budgets: of all readings.
+    """
+    chosen = weights
     value, better = _value(criterion, parts, chosen), True
     while better:
         better = False

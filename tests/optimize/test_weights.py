@@ -9,12 +9,12 @@ import pytest
 from places import PROBLEMS
 
 import oed
-from oed.bounds.weights import directional_derivatives, weight_bound
 from oed.equations.limits import InputRange
 from oed.equations.outputs import Rates, Responses
 from oed.equations.system import Equations
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import A, Criterion, D, E, ModifiedE
+from oed.kernel.equivalence import directional_derivatives, weight_bound
 from oed.kernel.parts import Parts, budgets_of
 from oed.kernel.taken_apart import parts_of
 from oed.optimize.weights import best_weights, whole_weights

@@ -1,0 +1,66 @@
+"""Whole readings by branch and bound: the best of all that there are, against trying them all."""
+
+from __future__ import annotations
+
+from itertools import combinations, combinations_with_replacement
+
+import numpy as np
+import pytest
+
+from oed.kernel.criteria import A, Criterion, D, E
+from oed.kernel.parts import Parts, Reading, budgets_of
+from oed.optimize.exact import exact_weights
+from oed.optimize.weights import best_weights, whole_weights
+
+CRITERIA: tuple[Criterion, ...] = (E(scaling="none"), D(scaling="none"), A(scaling="none"))
+
+
+def regression(rows: np.ndarray) -> Parts:
+    """Readings of a linear model."""
+    count, size = rows.shape
+    return Parts(
+        tuple(Reading("y", 0, float(place)) for place in range(count)),
+        np.einsum("na,nb->nab", rows, rows),
+        np.zeros((size, size)),
+        size,
+        np.ones(count),
+        tuple((place,) for place in range(count)),
+    )
+
+
+def best(criterion: Criterion, parts: Parts, count: int, *, repeated: bool) -> float:
+    """The largest value, of all choices of so many readings."""
+    ways = combinations_with_replacement if repeated else combinations
+    values = []
+    for chosen in ways(range(len(parts.readings)), count):
+        weights = np.bincount(chosen, minlength=len(parts.readings)).astype(float)
+        matrix = parts.information(weights)
+        if np.linalg.matrix_rank(matrix) == len(matrix):
+            values.append(float(criterion.value([matrix])))
+    return max(values)
+
+
+@pytest.mark.parametrize("criterion", CRITERIA, ids="EDA")
+@pytest.mark.parametrize("repeated", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_it_is_the_best_of_all(criterion: Criterion, seed: int, *, repeated: bool):
+    rng = np.random.default_rng(seed)
+    parts, count = regression(rng.normal(size=(9, 3))), 5
+    budgets = budgets_of(parts, float(count), most=float(count) if repeated else 1.0)
+    near = whole_weights(criterion, parts, best_weights(criterion, parts, budgets).values, budgets)
+    found = exact_weights(criterion, parts, near, budgets, nodes=2000)
+    known = best(criterion, parts, count, repeated=repeated)
+    assert found.weights.value == pytest.approx(known, rel=1e-9)
+    assert found.bound == pytest.approx(known, rel=1e-6)
+    assert found.weights.values.sum() == count
+
+
+def test_the_bound_holds_wherever_it_ends():
+    """With fewer relaxations it is looser, and true."""
+    parts, criterion = regression(np.random.default_rng(7).normal(size=(12, 4))), CRITERIA[1]
+    budgets = budgets_of(parts, 6.0)
+    near = whole_weights(criterion, parts, best_weights(criterion, parts, budgets).values, budgets)
+    bounds = [exact_weights(criterion, parts, near, budgets, nodes=count).bound for count in (1, 5, 20, 500)]
+    known = best(criterion, parts, 6, repeated=False)
+    assert sorted(bounds, reverse=True) == pytest.approx(bounds)
+    assert min(bounds) >= known - 1e-9
