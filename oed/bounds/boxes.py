@@ -20,7 +20,7 @@ from oed.kernel.dynamics.intervals import ONE, ZERO, Interval, number
 
 TIGHT = 1e-10
 """Share by which the bound may exceed the largest value found."""
-MOST_BOXES = 60_000
+MOST_BOXES = 8_000
 """Boxes that are looked at, at most."""
 NARROW = 1e-12
 """Share of the whole box that is not split any more."""
@@ -93,12 +93,19 @@ class Landscape:
             factor: U.
         """
         found = self._mapped(self._boxes, [low, high], factor)
-        ends = [
+        first, slopes, second = (
             np.stack([np.where(np.isnan(one), -np.inf, one), np.where(np.isnan(two), np.inf, two)], axis=-1)
-            for one, two in zip(found[:2], found[2:], strict=True)
-        ]
-        first, second = ends
-        return first[:, 0], first[:, 1:], second.reshape(-1, self.count, self.count, 2)
+            for one, two in zip(found[:3], found[3:], strict=True)
+        )
+        # Derivatives as functions do not know of jumps, slopes do: then they are not finite.
+        smooth = np.isfinite(slopes).all(axis=(1, 2))[:, None, None]
+        own = first[:, 1:]
+        both = np.stack(
+            [np.maximum(own[..., 0], slopes[..., 0]), np.minimum(own[..., 1], slopes[..., 1])], axis=-1
+        )
+        second = np.where(smooth, second.reshape(len(low), -1, 2), [-np.inf, np.inf])
+        gradients = np.where(smooth, both, slopes)
+        return first[:, 0], gradients, second.reshape(-1, self.count, self.count, 2)
 
     def _mapped(self, function: ca.Function, given: list[Array], factor: Array) -> list[Array]:
         parts = []
@@ -110,7 +117,7 @@ class Landscape:
 
 
 def _over_boxes(count: int, own: list[Expression], results: Expression) -> ca.Function:
-    # Bounds of the value, the gradient, and the gradient's slopes by each input.
+    # Bounds of the value and the gradient, of the value's slopes, and of the gradient's, by each input.
     function = ca.Function("value", own, [results])
     low, high = ca.SX.sym("low", count), ca.SX.sym("high", count)
     stretches = [Interval(low[place], high[place]) for place in range(count)]
@@ -123,9 +130,10 @@ def _over_boxes(count: int, own: list[Expression], results: Expression) -> ca.Fu
         for by in range(count)
     ]
     first = [one.value for one in each[0]]
+    slopes = [column[0].slope for column in each]
     second = [one.slope for column in each for one in column[1:]]
-    outputs = [ca.vertcat(*(one.low for one in part)) for part in (first, second)]
-    outputs += [ca.vertcat(*(one.high for one in part)) for part in (first, second)]
+    outputs = [ca.vertcat(*(one.low for one in part)) for part in (first, slopes, second)]
+    outputs += [ca.vertcat(*(one.high for one in part)) for part in (first, slopes, second)]
     return ca.Function("boxes", [low, high, own[1]], outputs)
 
 
@@ -240,7 +248,9 @@ class _Search:
     def _split(self, gradients: Array, uppers: Array) -> Array:
         # A box where the function only rises or only falls along an input has its largest value at that end.
         moving = self.high > self.low
-        rising, falling = moving & (gradients[..., 0] > 0), moving & (gradients[..., 1] < 0)
+        # Also where it does not move along one.
+        rising = moving & (gradients[..., 0] >= 0)
+        falling = moving & ~rising & (gradients[..., 1] <= 0)
         low, high = np.where(rising, self.high, self.low), np.where(falling, self.low, self.high)
         flat = (rising | falling).any(axis=1)
         steepest = np.abs(gradients).max(axis=-1)

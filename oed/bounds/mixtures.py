@@ -26,6 +26,10 @@ MOST_STEPS = 60
 """Newton steps for one barrier at most."""
 CENTRED = 1e-10
 """Half the squared Newton decrement, over the barrier, below which the next barrier may come."""
+LOST = 1e-15
+"""Share of the value below which what a step should gain is lost to rounding."""
+SHORTER = 14
+"""Times that a step may be too long."""
 INSIDE = 0.99
 """Share of the way to the nearest bound that one step may go."""
 
@@ -282,15 +286,15 @@ class _Program:
         right = np.concatenate([-gradient * units, np.zeros(len(rows))])
         step = units * _solution(system, right)[: len(point)]
         rise = float(gradient @ step)
-        if not np.isfinite(rise) or rise <= 0:
+        if not np.isfinite(rise) or rise <= LOST * abs(value):
             return None
         ratios = step[: self.count] / point[: self.count]
         length = min(1.0, INSIDE / max(-ratios.min(), 1e-300))
-        for _ in range(40):
+        for _ in range(SHORTER):
             trial = point + length * step
             if self._all(trial, barrier)[0] >= value + 1e-4 * length * rise - 1e-15 * abs(value):
                 return trial, rise / 2 <= CENTRED * barrier
-            length /= 2
+            length /= 4
         return None
 
 

@@ -21,7 +21,7 @@ from oed.bounds.boxes import Landscape, largest, peaks
 from oed.bounds.certificate import Bound
 from oed.bounds.mixtures import Mixture, best_mixture, mixes
 from oed.foundation.arguments import typed
-from oed.foundation.arrays import Array, Places
+from oed.foundation.arrays import Array, Bools, Places
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import Criterion
 from oed.kernel.dynamics.enclosures import NotEnclosed
@@ -36,9 +36,11 @@ DRAWN = 256
 """First points of systems with more inputs."""
 FIRST = 60
 """Of those, with which shares are sought at first."""
+MOST = 60
+"""Of all points, those that are kept with the largest shares."""
 ROUNDS = 25
 """How often points at which more can be learnt are added, at most."""
-PROOFS = 5
+PROOFS = 3
 """How often the proof may find a point that the search had not, at most."""
 CONVERGED = 1e-10
 """Share by which the bound of the best points known may exceed what they reach."""
@@ -220,20 +222,33 @@ class _Search:
                 found.append(peaks(landscape, factor, design.low, design.high, starts))
                 most += design.totals[group] * float(landscape.at(found[-1], factor)[0].max())
                 before += design.totals[group] * float(landscape.at(self.points[own], factor)[0].max())
-            self._keep(np.flatnonzero(present))
-            for group in kinds:
-                self._merge(group, found[group])
             gain = self._bound(mixture, most), self._bound(mixture, before)
-            if self.criterion.change(*gain, design.judged) <= CONVERGED:
+            self._keep(self._distinct(mixture.weights, present))
+            merged = [self._merge(group, found[group]) for group in kinds]
+            if self.criterion.change(*gain, design.judged) <= CONVERGED or not any(merged):
                 break
         return best
 
-    def _merge(self, group: int, found: Array) -> None:
+    def _distinct(self, weights: Array, present: Bools) -> Places:
+        # Those that are present, one of each that say the same, the largest shares of them.
+        chosen: list[int] = []
+        sizes = np.sqrt(np.abs(self.matrices).max(axis=0)) + np.finfo(float).tiny
+        scaled = self.matrices / (sizes.diagonal()[:, None] * sizes.diagonal())
+        for place in np.argsort(-weights)[: int(present.sum())].tolist():
+            same = np.abs(scaled[chosen] - scaled[place]).max(axis=(1, 2), initial=0.0) <= SAME
+            if len(chosen) < MOST and not np.any(same & (self.groups[chosen] == self.groups[place])):
+                chosen.append(place)
+        return np.array(sorted(chosen))
+
+    def _merge(self, group: int, found: Array) -> bool:
+        # Whether there are new ones.
+        before = len(self.points)
         width = np.where(self.design.high > self.design.low, self.design.high - self.design.low, 1.0)
         for one in found:
             own = self.points[self.groups == group]
             if np.abs((own - one) / width).max(axis=1).min(initial=np.inf) > SAME:
                 self._add(group, one[None])
+        return len(self.points) > before
 
     def _bound(self, mixture: Mixture, most: float) -> float:
         judged, known = self.design.judged, float(np.sum(mixture.multiplier * self.design.known))
@@ -241,7 +256,7 @@ class _Search:
 
 
 SAME = 1e-6
-"""Share of their range by which points differ that are the same."""
+"""Share of their range, or of what they say, by which points differ that are the same."""
 
 
 def _factor(multiplier: Array) -> Array:

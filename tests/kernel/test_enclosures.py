@@ -113,6 +113,17 @@ def test_what_a_condition_keeps_from_0_is_bounded(name: str):
         assert -np.inf < low <= values.min() <= values.max() <= high < np.inf
 
 
+def test_slopes_of_the_larger_of_two_are_bounded():
+    x, end, a = ca.SX.sym("x"), ca.SX.sym("end"), ca.SX.sym("a")
+    function = ca.Function("f", [x, a], [ca.jacobian(ca.fmax(x, a) * a + ca.fmin(a, x) ** 2, a)])
+    (found,) = enclosed(function, [[Enclosure(Interval(x, end), ONE)], [Enclosure(number(a))]])
+    bounds = ca.Function("bounds", [x, end, a], [found.value.low, found.value.high])
+    for begin in np.linspace(0, 2, 21):
+        low, high = (float(one) for one in bounds(begin, begin + 0.3, 1.0))
+        values = np.array(function(np.linspace(begin, begin + 0.3, 61)[None, :], 1.0))
+        assert -5 < low <= values.min() <= values.max() <= high < 8
+
+
 def test_an_operation_without_bounds_is_refused():
     x = ca.SX.sym("x")
     with pytest.raises(NotEnclosed):

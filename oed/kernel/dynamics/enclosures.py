@@ -47,7 +47,7 @@ def enclosed(function: ca.Function, arguments: Sequence[Sequence[Enclosure]]) ->
     Raises:
         NotEnclosed: an operation that no bounds are known for.
     """
-    choices, made = _choices(function), _sources(function)
+    choices, made, either = _choices(function), _sources(function), _either_way(function)
     found: list[Enclosure] = []
     results = [Enclosure(ZERO)] * function.nnz_out(0)
     for place in range(function.n_instructions()):
@@ -65,6 +65,8 @@ def enclosed(function: ca.Function, arguments: Sequence[Sequence[Enclosure]]) ->
                 condition, way = made[place]
                 operands[1:] = _guarded(condition, [way], found, made, function)
             found.append(operands[0] if operation == ca.OP_OUTPUT else _applied(operation, operands))
+            if place in either:
+                found[-1] = Enclosure(_at_least_one(found[-1].value), found[-1].slope)
             if operation == ca.OP_OUTPUT:
                 results[function.instruction_output(place)[1]] = operands[0]
     return results
@@ -98,6 +100,23 @@ def _choices(function: ca.Function) -> dict[int, tuple[int, int, int]]:
         elif kinds[first] == ca.OP_NOT and made[first] == [second]:
             found[place] = (second, no, yes)
     return found
+
+
+def _either_way(function: ca.Function) -> set[int]:
+    # Sums of a <= b and b <= a, of which one holds: derivatives of the larger of two divide by them.
+    made = _sources(function)
+    kinds = [function.instruction_id(place) for place in range(len(made))]
+    return {
+        place
+        for place, operands in enumerate(made)
+        if kinds[place] == ca.OP_ADD
+        and all(kinds[one] == ca.OP_LE for one in operands)
+        and made[operands[0]] == made[operands[1]][::-1]
+    }
+
+
+def _at_least_one(one: Interval) -> Interval:
+    return one if one.single else Interval(ca.fmax(one.low, 1), one.high)
 
 
 def _applied(operation: int, operands: Sequence[Enclosure]) -> Enclosure:
