@@ -40,6 +40,8 @@ MOST = 60
 """Of all points, those that are kept with the largest shares."""
 ROUNDS = 25
 """How often points at which more can be learnt are added, at most."""
+LOST = 1e-14
+"""Share of the sum of their magnitudes that sums which cancel may have lost to rounding."""
 PROOFS = 3
 """How often the proof may find a point that the search had not, at most."""
 CONVERGED = 1e-10
@@ -177,7 +179,9 @@ class _Search:
                 own = self.points[self.groups == group]
                 before = float(landscape.at(own, factor)[0].max())
                 proved = largest(landscape, factor, self.design.low, self.design.high, own)
-                most += self.design.totals[group] * proved.upper
+                said = np.abs(self.matrices[self.groups == group])
+                terms = np.einsum("ab,kab->k", np.abs(mixture.multiplier), said).max()
+                most += self.design.totals[group] * (proved.upper + LOST * float(terms))
                 if proved.value > before * (1 + CONVERGED):
                     found = True
                     self._add(group, proved.point[None])
