@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+import casadi as ca
+import numpy as np
+
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.roots import RootFinder, held_still
+
+NODES = (0.4 - np.sqrt(6) / 10, 0.4 + np.sqrt(6) / 10, 1.0)
+"""Where in a step the stages of Radau's method lie."""
+ITERATIONS = 7
+"""Of Newton's method in a step: up to 6 of them lead to 1e-12 where steps are fine enough to be accurate."""
+PREDICTIONS, GROWTH = 10, 3.0
+"""Steps of linearised Euler that go before a step's first stage, and how each is longer than the one before:
+fast parts are over before long steps are taken.
+"""
 
 
 def runge_kutta(
@@ -27,3 +41,83 @@ def runge_kutta(
         fourth = derivative(state + length * third)
         state = state + length / 6 * (first + 2 * second + 2 * third + fourth)
     return state
+
+
+class Radau:
+    """The three-stage Radau IIA method of order 5 for x' = f(x, y, u), 0 = g(x, y, u): stiffly accurate, so
+    that the last stage is the state after a step [Hairer, Wanner: Solving Ordinary Differential Equations II,
+    1996, sec. IV.5 and VI.1].
+    """
+
+    def __init__(self, rates: ca.Function, constraints: ca.Function) -> None:
+        """Of a differential-algebraic system of index 1.
+
+        Args:
+            rates: function (x (n,), y (m,), given) -> f (n,).
+            constraints: function of the same -> g (m,).
+        """
+        self._states, self._algebraic = rates.size1_in(0), rates.size1_in(1)
+        self._step = RootFinder(self._stages(rates, constraints), iterations=ITERATIONS)
+        self._predict = RootFinder(self._euler(rates, constraints), iterations=1)
+
+    def step(
+        self, state: Expression, algebraic: Expression, given: Expression, length: Expression
+    ) -> tuple[Expression, Expression]:
+        """The states and the algebraic ones after a step, (n,) and (m,).
+
+        Args:
+            state: at its begin, (n,).
+            algebraic: about there, (m,).
+            given: further arguments, held.
+            length: of the step [s].
+        """
+        start = self._predicted(*map(held_still, (ca.vertcat(state, algebraic), given, length)))
+        found = self._step.root(start, ca.vertcat(state, given, length))
+        last = found[-(self._states + self._algebraic) :]
+        return last[: self._states], last[self._states :]
+
+    def _predicted(self, now: Expression, given: Expression, length: Expression) -> Expression:
+        # The stages, about.
+        geometric = [NODES[0] * GROWTH**-power for power in range(PREDICTIONS, 0, -1)]
+        stages, reached = [], 0.0
+        for fraction in (*geometric, *NODES):
+            arguments = ca.vertcat(now[: self._states], given, (fraction - reached) * length)
+            now, reached = self._predict.iterated(now, arguments), fraction
+            stages.append(now)
+        return ca.vertcat(*stages[-len(NODES) :])
+
+    def _euler(self, rates: ca.Function, constraints: ca.Function) -> ca.Function:
+        # The equations of a step by the implicit Euler method.
+        unknowns = ca.SX.sym("end", self._states + self._algebraic)
+        state, given = ca.SX.sym("state", self._states), ca.SX.sym("given", rates.size1_in(2))
+        length = ca.SX.sym("length")
+        at = (unknowns[: self._states], unknowns[self._states :], given)
+        residual = ca.vertcat(at[0] - state - length * rates(*at), constraints(*at))
+        return ca.Function("euler", [unknowns, ca.vertcat(state, given, length)], [residual])
+
+    def _stages(self, rates: ca.Function, constraints: ca.Function) -> ca.Function:
+        # Their equations, multiplied by the inverse of the method's matrix, so that stages meet in the state
+        # alone.
+        count, size = len(NODES), self._states + self._algebraic
+        unknowns = ca.SX.sym("stages", count * size)
+        state, given = ca.SX.sym("state", self._states), ca.SX.sym("given", rates.size1_in(2))
+        length, inverse = ca.SX.sym("length"), np.linalg.inv(collocation(NODES))
+        each = [unknowns[place * size : (place + 1) * size] for place in range(count)]
+        moved = [one[: self._states] - state for one in each]
+        residuals = []
+        for place, one in enumerate(each):
+            at = (one[: self._states], one[self._states :], given)
+            reached = sum(float(inverse[place, other]) * moved[other] for other in range(count))
+            residuals += [reached - length * rates(*at), constraints(*at)]
+        arguments = ca.vertcat(state, given, length)
+        return ca.Function("stages", [unknowns, arguments], [ca.vertcat(*residuals)])
+
+
+def collocation(nodes: Sequence[float]) -> Array:
+    """The matrix A of the collocation method with these nodes c (s,): the integrals of Lagrange's polynomials
+    up to each, (s, s), from A c^(k - 1) = c^k / k for k = 1 .. s.
+    """
+    powers = np.vander(nodes, increasing=True)
+    return np.asarray(
+        powers * np.array(nodes)[:, None] / np.arange(1, len(nodes) + 1) @ np.linalg.inv(powers)
+    )

@@ -1,0 +1,120 @@
+"""Roots of equations, as expressions with the root's own derivatives.
+
+Newton's method is written out, so that expressions of any kind can take it. It runs on arguments that are
+held still: derivatives do not go through it. A few steps with its last Jacobian follow, on the arguments
+themselves. Each gains one order in what the arguments differ by from those held still, and so makes one more
+derivative that of the root.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import log
+
+import casadi as ca
+
+from oed.kernel.dynamics.expression import Expression
+
+ORDERS = 3
+"""Derivatives that are exact: of a search by Newton's method those of sensitivities' gradients."""
+KEPT_BITS = 45
+"""Of an argument that is held still: the steps that follow square the rest away."""
+SMALLEST = 1e-250
+"""Magnitude below which arguments that are held still count as 0."""
+SOLVED = 1e-10
+"""Residual of a root, as a share of what its terms may be."""
+DAMPING = (1.0, 0.5, 0.125, 0.015625)
+"""Shares of a Newton step that are tried where its start may be far from the root."""
+
+
+def held_still(expression: Expression) -> Expression:
+    """An expression's value to `KEPT_BITS` bits, with derivatives of 0."""
+    exponent = ca.floor(ca.log(ca.fabs(expression) + SMALLEST) / log(2.0))
+    # CasADi's SX knows no other operation that stops derivatives: those of `floor` are 0.
+    last = 2 ** (exponent - KEPT_BITS)
+    return ca.floor(expression / last) * last
+
+
+class RootFinder:
+    """Newton's method for a residual.
+
+    Its linear systems are solved by Householder's reflections, with rows in units of what their terms may be:
+    the units of equations and unknowns make no difference.
+    """
+
+    def __init__(self, residual: ca.Function, *, iterations: int, damping: Sequence[float] = (1.0,)) -> None:
+        """Of a function (unknowns (n,), arguments) -> residual (n,).
+
+        Args:
+            residual: whose root is wanted.
+            iterations: so many.
+            damping: shares of a step, descending; of several that which leaves the smallest further step
+                [Deuflhard: Newton Methods for Nonlinear Problems, 2004, sec. 3.3] is taken.
+        """
+        self._residual, self._iterations = residual, iterations
+        self._unknowns = ca.SX.sym("unknowns", residual.size1_in(0))
+        self._given = ca.SX.sym("given", residual.size1_in(1))
+        self._factors, self._solve = self._linear()
+        self._newton = self._step(damping)
+
+    def root(self, start: Expression, given: Expression) -> Expression:
+        """The unknowns (n,) for which the residual is 0; not a number where no iteration leads to any.
+
+        Args:
+            start: of the iterations, (n,), of which derivatives make no difference.
+            given: the arguments.
+        """
+        still = held_still(given)
+        unknowns = self.iterated(held_still(start), still)
+        *factors, sizes = self._factors(unknowns, still)
+        solved = ca.fabs(self._residual(unknowns, still)) <= SOLVED * sizes
+        found = unknowns
+        for _ in range(ORDERS):
+            found = found - self._solve(self._residual(found, given), *factors, sizes)
+        return ca.if_else(ca.sum1(solved) == solved.shape[0], found, ca.SX.nan(*found.shape))
+
+    def iterated(self, start: Expression, given: Expression) -> Expression:
+        """What the iterations lead to, root or not, (n,); see `root`."""
+        for _ in range(self._iterations):
+            start = self._newton(start, given)
+        return start
+
+    def _linear(self) -> tuple[ca.Function, ca.Function]:
+        # Factors of the Jacobian with the sizes of its rows, and what solves with them.
+        unknowns, given = self._unknowns, self._given
+        residual = self._residual(unknowns, given)
+        jacobian, direct = ca.jacobian(residual, unknowns), ca.jacobian(residual, given)
+        sizes = ca.fabs(jacobian) @ ca.fabs(unknowns) + ca.fabs(direct) @ ca.fabs(given)
+        scaled = ca.diag(_inverse(sizes)) @ jacobian
+        reflections, upper, factors, rows, columns = ca.qr_sparse(scaled)
+        function = ca.Function("factors", [unknowns, given], [reflections, upper, factors, sizes])
+        symbols = [
+            ca.SX.sym(name, one.sparsity())
+            for name, one in (("V", reflections), ("R", upper), ("beta", factors), ("sizes", sizes))
+        ]
+        right = ca.SX.sym("right", unknowns.shape[0])
+        solution = ca.qr_solve(_inverse(symbols[3]) * right, *symbols[:3], rows, columns)
+        return function, ca.Function("solve", [right, *symbols], [solution])
+
+    def _step(self, damping: Sequence[float]) -> ca.Function:
+        unknowns, given = self._unknowns, self._given
+        factors = self._factors(unknowns, given)
+        step = self._solve(self._residual(unknowns, given), *factors)
+        sizes = _inverse(ca.fabs(unknowns) + ca.fabs(step))
+
+        def left(there: ca.SX) -> ca.SX:
+            return ca.sumsqr(self._solve(self._residual(there, given), *factors) * sizes)
+
+        best = unknowns - damping[-1] * step
+        least = left(best) if damping[1:] else None
+        for share in reversed(damping[:-1]):
+            there = unknowns - share * step
+            now = left(there)
+            better = now < least
+            best, least = ca.if_else(better, there, best), ca.if_else(better, now, least)
+        return ca.Function("newton", [unknowns, given], [best])
+
+
+def _inverse(sizes: ca.SX) -> ca.SX:
+    # 1 where there is none.
+    return 1 / ca.if_else(sizes > 0, sizes, 1)
