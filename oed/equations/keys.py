@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from oed.equations.dimensions import Dimension, quantity
-from oed.equations.system import FINER, Equations
+from oed.equations.system import Equations
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw, ProblemError
 
@@ -97,8 +97,12 @@ class EquationKeys(Component):
         parameters: nominal values with their units.
         define: names for parts of expressions.
         derivatives: of every state by time.
+        algebraic_states: guesses with their units of what follows from `algebraic`.
+        algebraic: for every algebraic state an equation, by what is 0.
         outputs: what can be read.
-        substeps: steps of the integration in a period.
+        integrator: by which states are followed: runge_kutta, or radau for stiff systems and those with
+            algebraic states.
+        substeps: steps of the integration in a period; 10 of runge_kutta and 4 of radau by default.
     """
 
     kind: Literal["equations"] = "equations"
@@ -107,8 +111,11 @@ class EquationKeys(Component):
     parameters: dict[str, Quantity]
     define: dict[str, str] = Field(default_factory=dict)
     derivatives: dict[str, str] = Field(default_factory=dict)
+    algebraic_states: dict[str, Quantity] = Field(default_factory=dict)
+    algebraic: dict[str, str] = Field(default_factory=dict)
     outputs: dict[str, str]
-    substeps: Annotated[int, Field(ge=1, le=10_000)] = FINER
+    integrator: Literal["runge_kutta", "radau"] = "runge_kutta"
+    substeps: Annotated[int, Field(ge=1, le=10_000)] | None = None
 
     @cached_property
     def begins(self) -> dict[str, Begin]:

@@ -9,9 +9,13 @@ from graphlib import CycleError, TopologicalSorter
 from oed.equations.dimensions import PLAIN, TIME, Dimension, parse_unit, quantity
 from oed.equations.grammar import Expression, ExpressionError, name_flaw, parse
 from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.shown import written
+from oed.foundation.text import did_you_mean
 
-TEXTS = ("define", "derivatives", "outputs")
+TEXTS = ("define", "derivatives", "algebraic", "outputs")
 """Keys with expressions."""
+INTEGRATORS = {"runge_kutta": 10, "radau": 4}
+"""How states may be followed, with the steps in a period where nobody says."""
 
 
 @dataclass(frozen=True)
@@ -23,8 +27,11 @@ class Given:
     parameters: Mapping[str, str | float]
     define: Mapping[str, str]
     derivatives: Mapping[str, str]
+    algebraic_states: Mapping[str, str | float]
+    algebraic: Mapping[str, str]
     outputs: Mapping[str, str]
-    substeps: int
+    integrator: str
+    substeps: int | None
 
 
 class Reader:
@@ -35,6 +42,7 @@ class Reader:
         flaws: what is wrong with it, as far as it is read.
         dimensions: of all names.
         values: of the parameters, SI.
+        guesses: of the algebraic states, SI.
         expressions: by key and name.
         order: of the definitions, each after those that it needs.
 
@@ -45,13 +53,16 @@ class Reader:
     def __init__(self, given: Given) -> None:
         """Read all that can be read by itself."""
         self.given, self.flaws = given, list[Flaw]()
-        self.dimensions, self.values = dict[str, Dimension](), dict[str, float]()
+        self.dimensions = dict[str, Dimension]()
         self._names()
         self._units("states", given.states)
         self._units("inputs", given.inputs)
-        self._parameters()
+        self.values = self._quantities("parameters", given.parameters)
+        self.guesses = self._quantities("algebraic_states", given.algebraic_states)
         self.expressions = {key: self._parsed(key, getattr(given, key)) for key in TEXTS}
-        self._complete()
+        self._complete("states", "derivatives", "the derivative of {}")
+        self._complete("algebraic_states", "algebraic", "the equation of {}, what is 0,")
+        self._possible()
         self.order = self._ordered()
 
     def check(self) -> None:
@@ -65,8 +76,9 @@ class Reader:
                 self.dimensions[name] = self._dimension("define", name)
             for name in self.expressions["derivatives"]:
                 self._dimension("derivatives", name, self.dimensions[name] / TIME)
-            for name in self.expressions["outputs"]:
-                self._dimension("outputs", name)
+            for key in ("algebraic", "outputs"):
+                for name in self.expressions[key]:
+                    self._dimension(key, name)
         if self.flaws:
             raise ProblemError(self.flaws)
 
@@ -76,9 +88,11 @@ class Reader:
     def _names(self) -> None:
         # Names that no expression can have, and names of two things.
         owner = dict[str, str]()
-        for key in ("states", "inputs", "parameters", "define"):
+        for key in ("states", "algebraic_states", "inputs", "parameters", "define"):
             for name in getattr(self.given, key):
-                taken = f"{name} is among the {owner[name]} already" if name in owner else ""
+                taken = (
+                    f"{name} is among the {owner[name].replace('_', ' ')} already" if name in owner else ""
+                )
                 reason = taken or name_flaw(name)
                 owner.setdefault(name, key)
                 if reason:
@@ -95,12 +109,14 @@ class Reader:
                 wanted = self.dimensions[name].text or "1"
                 self._wrong(f"expected an SI unit such as {wanted}, got {text!r}", key, name)
 
-    def _parameters(self) -> None:
-        for name, value in self.given.parameters.items():
+    def _quantities(self, key: str, given: Mapping[str, str | float]) -> dict[str, float]:
+        found = dict[str, float]()
+        for name, value in given.items():
             try:
-                self.values[name], self.dimensions[name] = quantity(value)
+                found[name], self.dimensions[name] = quantity(value)
             except ValueError as error:
-                self._wrong(str(error), "parameters", name)
+                self._wrong(str(error), key, name)
+        return found
 
     def _parsed(self, key: str, texts: Mapping[str, str]) -> dict[str, Expression]:
         found = {}
@@ -111,20 +127,30 @@ class Reader:
                 self._at(key, name, error)
         return found
 
-    def _complete(self) -> None:
-        # A derivative of each state and of nothing else, something to read, and steps to take.
-        states, derivatives = self.given.states, self.given.derivatives
-        for name in states:
-            if name not in derivatives:
-                self._wrong(f"the derivative of {name} is missing", "derivatives")
-        for name in derivatives:
-            if name not in states:
-                known = ", ".join(states) or "none"
-                self._wrong(f"{name} is no state; the states are {known}", "derivatives", name)
+    def _complete(self, owners: str, key: str, what: str) -> None:
+        # An expression of each, and of nothing else.
+        names, given = getattr(self.given, owners), getattr(self.given, key)
+        for name in names:
+            if name not in given:
+                self._wrong(f"{what.format(name)} is missing", key)
+        kind = owners.replace("_", " ")
+        for name in given:
+            if name not in names:
+                known = ", ".join(names) or "none"
+                self._wrong(f"{name} is no {kind[:-1]}; the {kind} are {known}", key, name)
+
+    def _possible(self) -> None:
+        # Something to read, and steps to take that the equations allow.
+        integrator, substeps = self.given.integrator, self.given.substeps
         if not self.given.outputs:
             self._wrong("there is nothing to read: name at least one output", "outputs")
-        if self.given.substeps < 1:
-            self._wrong(f"expected at least 1, got {self.given.substeps}", "substeps")
+        if substeps is not None and substeps < 1:
+            self._wrong(f"expected at least 1, got {substeps}", "substeps")
+        if integrator not in INTEGRATORS:
+            there_are = f"expected {' or '.join(INTEGRATORS)}, got {written(integrator)}"
+            self._wrong(f"{there_are}{did_you_mean(integrator, INTEGRATORS)}", "integrator")
+        elif self.given.states and self.given.algebraic_states and integrator != "radau":
+            self._wrong("states beside algebraic states are followed by radau alone", "integrator")
 
     def _ordered(self) -> tuple[str, ...]:
         defined = self.expressions["define"]

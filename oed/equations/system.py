@@ -1,4 +1,4 @@
-"""A system given by its equations: ordinary differential ones of its states, or a response alone."""
+"""A system given by its equations: differential ones of its states, algebraic ones, or a response alone."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ import casadi as ca
 
 from oed.equations.dimensions import Dimension
 from oed.equations.grammar import Expression
-from oed.equations.reading import Given, Reader
+from oed.equations.implicit import algebraic_solver, index_flaws, radau_stepper
+from oed.equations.reading import INTEGRATORS, Given, Reader
+from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics import expression as kernel
 from oed.kernel.dynamics.integration import runge_kutta
 from oed.kernel.dynamics.system import Input, Parameter, System
-
-FINER = 10
-"""Steps of Runge and Kutta in a period, where nobody says."""
 
 
 @dataclass(frozen=True, init=False)
@@ -29,9 +28,12 @@ class Equations(System):
         input_units: of the inputs held in each period, by name.
         values: nominal values of the parameters with their SI units, by name.
         rates: derivatives of the states by time, of states, inputs, parameters and `definitions`.
+        guesses: of the algebraic states, with their SI units, by name: what solving for them begins at.
+        constraints: of each the equation: what is 0, alike.
         definitions: names for parts of these, in an order in which each needs only those before it.
         responses: outputs, alike, by name.
-        substeps: steps of the fourth-order Runge-Kutta method in a period.
+        integrator: "runge_kutta", of fourth order and explicit, or "radau", of fifth order and implicit.
+        substeps: its steps in a period.
     """
 
     noun: ClassVar[str] = "system"
@@ -40,9 +42,12 @@ class Equations(System):
     input_units: tuple[tuple[str, Dimension], ...]
     values: tuple[tuple[str, float, Dimension], ...]
     rates: tuple[Expression, ...]
+    guesses: tuple[tuple[str, float, Dimension], ...]
+    constraints: tuple[Expression, ...]
     definitions: tuple[tuple[str, Expression], ...]
     responses: tuple[tuple[str, Expression], ...]
-    substeps: int = FINER
+    integrator: str
+    substeps: int
     kind: str = field(default="equations", init=False)
 
     def __init__(
@@ -54,7 +59,10 @@ class Equations(System):
         derivatives: Mapping[str, str] | None = None,
         inputs: Mapping[str, str] | None = None,
         define: Mapping[str, str] | None = None,
-        substeps: int = FINER,
+        algebraic_states: Mapping[str, str | float] | None = None,
+        algebraic: Mapping[str, str] | None = None,
+        integrator: str = "runge_kutta",
+        substeps: int | None = None,
     ) -> None:
         """Read the expressions, and check the units of all their terms.
 
@@ -65,13 +73,26 @@ class Equations(System):
             derivatives: of every state by time: {"x": "-k * x + u"}.
             inputs: their units: {"u": "mol/s"}.
             define: names for parts of the expressions, in any order.
-            substeps: steps of the integration in a period.
+            algebraic_states: guesses with their units of what follows from `algebraic`: {"z": "1 mol"}.
+            algebraic: for every algebraic state an equation, by what is 0: {"z": "z^2 - x * y"}. They have to
+                be solvable for the algebraic states (a differential-algebraic system of index 1).
+            integrator: "runge_kutta", or "radau" for stiff and differential-algebraic systems.
+            substeps: steps of the integration in a period; 10 of runge_kutta and 4 of radau by default.
 
         Raises:
             ProblemError: every name, expression or unit that does not fit, by its key and column.
         """
         given = Given(
-            states or {}, inputs or {}, parameters, define or {}, derivatives or {}, outputs, substeps
+            states=states or {},
+            inputs=inputs or {},
+            parameters=parameters,
+            define=define or {},
+            derivatives=derivatives or {},
+            algebraic_states=algebraic_states or {},
+            algebraic=algebraic or {},
+            outputs=outputs,
+            integrator=integrator,
+            substeps=substeps,
         )
         read = Reader(given)
         read.check()
@@ -82,13 +103,18 @@ class Equations(System):
             "input_units": tuple((name, dimensions[name]) for name in given.inputs),
             "values": tuple((name, value, dimensions[name]) for name, value in read.values.items()),
             "rates": tuple(found["derivatives"][name] for name in given.states),
+            "guesses": tuple((name, value, dimensions[name]) for name, value in read.guesses.items()),
+            "constraints": tuple(found["algebraic"][name] for name in given.algebraic_states),
             "definitions": tuple((name, found["define"][name]) for name in read.order),
             "responses": tuple(found["outputs"].items()),
-            "substeps": substeps,
+            "integrator": integrator,
+            "substeps": INTEGRATORS[integrator] if substeps is None else substeps,
             "kind": "equations",
         }
         for name, value in own.items():
             object.__setattr__(self, name, value)
+        if flaws := index_flaws(self):
+            raise ProblemError(flaws)
 
     @cached_property
     def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]
@@ -105,11 +131,18 @@ class Equations(System):
         """As given, SI."""
         return tuple(Parameter(name, value, unit.text) for name, value, unit in self.values)
 
+    @property
+    def when_not_finite(self) -> str:
+        """Equations that are not solved have no value."""
+        stiff = self.states and self.integrator == "radau"
+        ways = ["take more substeps"] * bool(stiff) + ["guess algebraic_states better"] * bool(self.guesses)
+        return f"if equations of it are not solved there, {' or '.join(ways)}" if ways else ""
+
     @cached_property
     def output_dimensions(self) -> dict[str, Dimension]:
         """Of the outputs, by name."""
         known = dict(zip(self.states, self.state_dimensions, strict=True))
-        known |= dict(self.input_units) | {name: unit for name, _, unit in self.values}
+        known |= dict(self.input_units) | {name: unit for name, _, unit in (*self.values, *self.guesses)}
         for name, one in self.definitions:
             known[name] = one.dimension(known) or Dimension()
         return {name: one.dimension(known) or Dimension() for name, one in self.responses}
@@ -121,13 +154,17 @@ class Equations(System):
         parameters: kernel.Expression,
         period: kernel.Expression,
     ) -> kernel.Expression:
-        """By the classical Runge-Kutta method, in `substeps` steps."""
+        """By the integrator, in `substeps` steps."""
+        if not self.states:
+            return state
+        if self.integrator == "radau":
+            return radau_stepper(self)(state, inputs, parameters, period)
 
         def derivative(now: kernel.Expression) -> kernel.Expression:
-            values = self._named(now, inputs, parameters)
+            values = self.named(now, inputs, parameters)
             return ca.vertcat(*(one.casadi(values) for one in self.rates))
 
-        return runge_kutta(derivative, state, period, self.substeps) if self.states else state
+        return runge_kutta(derivative, state, period, self.substeps)
 
     def signals(
         self,
@@ -139,15 +176,24 @@ class Equations(System):
         """The outputs in a state; as means of a period those in its middle, right to the second order."""
         instant = not self.states or (not isinstance(period, ca.MX) and ca.SX(period).is_zero())
         at = state if instant else self.step(state, inputs, parameters, period / 2)
-        values = self._named(at, inputs, parameters)
+        algebraic = algebraic_solver(self)(at, inputs, parameters) if self.guesses else ()
+        values = self.named(at, inputs, parameters, algebraic)
         return {name: one.casadi(values) for name, one in self.responses}
 
-    def _named(self, state: Any, inputs: Any, parameters: Any) -> dict[str, Any]:
-        # The values of all names.
-        names = (self.states, self.input_names, [name for name, *_ in self.values])
+    def named(self, state: Any, inputs: Any, parameters: Any, algebraic: Any = ()) -> dict[str, Any]:
+        """The values of all names; expressions.
+
+        Args:
+            state: of the states, (states,), SI.
+            inputs: of the inputs, (inputs,), SI.
+            parameters: of the parameters, (p,), SI.
+            algebraic: of the algebraic states, (a,), SI.
+        """
+        parameter_names, algebraic_names = ([name for name, *_ in one] for one in (self.values, self.guesses))
+        names = (self.states, self.input_names, parameter_names, algebraic_names)
         found = {
             name: column[place]
-            for own, column in zip(names, (state, inputs, parameters), strict=True)
+            for own, column in zip(names, (state, inputs, parameters, algebraic), strict=True)
             for place, name in enumerate(own)
         }
         for name, one in self.definitions:

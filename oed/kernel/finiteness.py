@@ -52,7 +52,13 @@ def _departure(problem: Problem, trajectory: Trajectory, inside: Bools, what: st
     states = np.atleast_1d(~rows[:, moments[0]].all(axis=0))
     names = ", ".join(name for name, wrong in zip(problem.system.states, states, strict=True) if wrong)
     each = trajectory.duration / trajectory.runs
-    return f"{names}: {what} from {moments[0] / (rows.shape[1] - 1) * each:.6g} s on"
+    when = f"{names}: {what} from {moments[0] / (rows.shape[1] - 1) * each:.6g} s on"
+    return when + _advice(problem)
+
+
+def _advice(problem: Problem) -> str:
+    advice = problem.model.when_not_finite
+    return f"; {advice}" if advice else ""
 
 
 def _reading(problem: Problem, trajectory: Trajectory, row: int, count: int) -> str:
@@ -67,7 +73,7 @@ def _reading(problem: Problem, trajectory: Trajectory, row: int, count: int) -> 
 
 def _sentence(problem: Problem, what: str, where: str, columns: Sequence[int]) -> str:
     if what == "reading":
-        return f"the reading of {where} is not finite"
+        return f"the reading of {where} is not finite{_advice(problem)}"
     block = problem.any_estimations[0].block
     names = [*block.parameters, *(nuisance.name for nuisance in block.nuisances)]
     known = [names[column] for column in columns if column < len(names)]

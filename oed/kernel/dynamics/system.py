@@ -184,6 +184,11 @@ class System(ABC):
         return self
 
     @property
+    def when_not_finite(self) -> str:
+        """What to do where states or readings are not finite; "" where nothing is known."""
+        return ""
+
+    @property
     def chosen_states(self) -> int:
         """How many of the states, from the first on, a start may choose; the others begin at 0."""
         return len(self.states)
