@@ -73,8 +73,9 @@ class Radau:
         """
         start = self._predicted(*map(held_still, (ca.vertcat(state, algebraic), given, length)))
         found = self._step.root(start, ca.vertcat(state, given, length))
-        last = found[-(self._states + self._algebraic) :]
-        return last[: self._states], last[self._states :]
+        size = self._states + self._algebraic
+        _, state, algebraic = ca.vertsplit(found, [0, 2 * size, 2 * size + self._states, 3 * size])
+        return state, algebraic
 
     def _predicted(self, now: Expression, given: Expression, length: Expression) -> Expression:
         # The stages, about.
