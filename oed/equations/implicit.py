@@ -44,8 +44,10 @@ def algebraic_solver(system: Equations) -> ca.Function:
     split = len(system.states)
     residual = constraints_of(system)(given[:split], unknowns, given[split:])
     function = ca.Function("constraints", [unknowns, given], [residual])
-    finder = RootFinder(function, iterations=ITERATIONS, damping=DAMPING)
-    return ca.Function("algebraic", [state, inputs, parameters], [finder.root(_guess(system), every)])
+    guess = ca.DM([value for _, value, _ in system.guesses])
+    start = ca.Function("guess", [given, ca.SX(0, 1)], [ca.SX(guess)])
+    finder = RootFinder(function, start, iterations=ITERATIONS, damping=DAMPING)
+    return ca.Function("algebraic", [state, inputs, parameters], [finder.root(every, ca.SX(0, 1))])
 
 
 @lru_cache(maxsize=32)
@@ -77,10 +79,6 @@ def index_flaws(system: Equations) -> list[Flaw]:
         f"{listing(unknown)} is in none of them" if unknown else f"they cannot be solved for {listing(names)}"
     )
     return flaws or [Flaw(key, f"{what}: the index would not be 1")]
-
-
-def _guess(system: Equations) -> ca.SX:
-    return ca.SX(ca.DM([value for _, value, _ in system.guesses]))
 
 
 def _function(system: Equations, expressions: Sequence[Expression]) -> ca.Function:

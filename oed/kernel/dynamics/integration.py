@@ -9,7 +9,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.roots import RootFinder, held_still
+from oed.kernel.dynamics.roots import RootFinder, newton_step
 
 NODES = (0.4 - np.sqrt(6) / 10, 0.4 + np.sqrt(6) / 10, 1.0)
 """Where in a step the stages of Radau's method lie."""
@@ -57,8 +57,8 @@ class Radau:
             constraints: function of the same -> g (m,).
         """
         self._states, self._algebraic = rates.size1_in(0), rates.size1_in(1)
-        self._step = RootFinder(self._stages(rates, constraints), iterations=ITERATIONS)
-        self._predict = RootFinder(self._euler(rates, constraints), iterations=1)
+        stages, euler = self._stages(rates, constraints), newton_step(self._euler(rates, constraints))
+        self._solver = RootFinder(stages, self._predicted(euler), iterations=ITERATIONS)
 
     def step(
         self, state: Expression, algebraic: Expression, given: Expression, length: Expression
@@ -71,21 +71,24 @@ class Radau:
             given: further arguments, held.
             length: of the step [s].
         """
-        start = self._predicted(*map(held_still, (ca.vertcat(state, algebraic), given, length)))
-        found = self._step.root(start, ca.vertcat(state, given, length))
+        found = self._solver.root(ca.vertcat(state, given, length), algebraic)
         size = self._states + self._algebraic
         _, state, algebraic = ca.vertsplit(found, [0, 2 * size, 2 * size + self._states, 3 * size])
         return state, algebraic
 
-    def _predicted(self, now: Expression, given: Expression, length: Expression) -> Expression:
-        # The stages, about.
+    def _predicted(self, euler: ca.Function) -> ca.Function:
+        # The stages, about, of (their equations' arguments, algebraic states about the begin).
+        arguments = ca.MX.sym("arguments", euler.size1_in(1))
+        algebraic = ca.MX.sym("algebraic", self._algebraic)
+        now, length = ca.vertcat(arguments[: self._states], algebraic), arguments[-1]
+        given = arguments[self._states : -1]
         geometric = [NODES[0] * GROWTH**-power for power in range(PREDICTIONS, 0, -1)]
         stages, reached = [], 0.0
         for fraction in (*geometric, *NODES):
-            arguments = ca.vertcat(now[: self._states], given, (fraction - reached) * length)
-            now, reached = self._predict.iterated(now, arguments), fraction
+            at = ca.vertcat(now[: self._states], given, (fraction - reached) * length)
+            now, reached = euler(now, at), fraction
             stages.append(now)
-        return ca.vertcat(*stages[-len(NODES) :])
+        return ca.Function("predicted", [arguments, algebraic], [ca.vertcat(*stages[-len(NODES) :])])
 
     def _euler(self, rates: ca.Function, constraints: ca.Function) -> ca.Function:
         # The equations of a step by the implicit Euler method.

@@ -23,6 +23,8 @@ SMALLEST = 1e-250
 """Magnitude below which arguments that are held still count as 0."""
 SOLVED = 1e-10
 """Residual of a root, as a share of what its terms may be."""
+NEAR = 1e-6
+"""Share of every unknown by which the last iteration changes it: the next would by about the square."""
 DAMPING = (1.0, 0.5, 0.125, 0.015625)
 """Shares of a Newton step that are tried where its start may be far from the root."""
 
@@ -40,13 +42,24 @@ class RootFinder:
 
     Its linear systems are solved by Householder's reflections, with rows in units of what their terms may be:
     the units of equations and unknowns make no difference.
+
+    Attributes:
+        step: one of its steps, as a function (unknowns, arguments) -> unknowns.
     """
 
-    def __init__(self, residual: ca.Function, *, iterations: int, damping: Sequence[float] = (1.0,)) -> None:
+    def __init__(
+        self,
+        residual: ca.Function,
+        start: ca.Function,
+        *,
+        iterations: int,
+        damping: Sequence[float] = (1.0,),
+    ) -> None:
         """Of a function (unknowns (n,), arguments) -> residual (n,).
 
         Args:
             residual: whose root is wanted.
+            start: function (arguments, hint) -> (n,), at which the iterations start.
             iterations: so many.
             damping: shares of a step, descending; of several that which leaves the smallest further step
                 [Deuflhard: Newton Methods for Nonlinear Problems, 2004, sec. 3.3] is taken.
@@ -55,29 +68,43 @@ class RootFinder:
         self._unknowns = ca.SX.sym("unknowns", residual.size1_in(0))
         self._given = ca.SX.sym("given", residual.size1_in(1))
         self._factors, self._solve = self._linear()
-        self._newton = self._step(damping)
+        self.step = self._step(damping)
+        self._search = self._written(start)
 
-    def root(self, start: Expression, given: Expression) -> Expression:
+    def root(self, given: Expression, hint: Expression) -> Expression:
         """The unknowns (n,) for which the residual is 0; not a number where no iteration leads to any.
 
         Args:
-            start: of the iterations, (n,), of which derivatives make no difference.
             given: the arguments.
+            hint: what else the start is made of, of which derivatives make no difference.
         """
         still = held_still(given)
-        unknowns = self.iterated(held_still(start), still)
-        *factors, sizes = self._factors(unknowns, still)
-        solved = ca.fabs(self._residual(unknowns, still)) <= SOLVED * sizes
-        found = unknowns
+        # What a call that is not written out has as derivatives is held still as well: none.
+        found = held_still(self._search(still, held_still(hint)))
+        *factors, sizes = self._factors(found, still)
+        solved = ca.fabs(self._residual(found, still)) <= SOLVED * sizes
         for _ in range(ORDERS):
             found = found - self._solve(self._residual(found, given), *factors, sizes)
         return ca.if_else(ca.sum1(solved) == solved.shape[0], found, ca.SX.nan(*found.shape))
 
-    def iterated(self, start: Expression, given: Expression) -> Expression:
-        """What the iterations lead to, root or not, (n,); see `root`."""
-        for _ in range(self._iterations):
-            start = self._newton(start, given)
-        return start
+    def _written(self, start: ca.Function) -> ca.Function:
+        # The iterations, as a call that is not written out: so expressions stay small, and no more iterations
+        # are made than are needed.
+        given, hint = (ca.MX.sym("any", start.size1_in(place)) for place in range(2))
+        found = self._continued(self._iterations)(start(given, hint), given)
+        options = {"never_inline": True, "is_diff_in": [False, False], "is_diff_out": [False]}
+        return ca.Function("search", [given, hint], [found], options)
+
+    def _continued(self, iterations: int) -> ca.Function:
+        # At most so many.
+        unknowns = ca.MX.sym("unknowns", self._unknowns.shape[0])
+        given = ca.MX.sym("given", self._given.shape[0])
+        found = self.step(unknowns, given)
+        if iterations > 1:
+            near = ca.fabs(found - unknowns) <= NEAR * ca.fabs(found)
+            further = self._continued(iterations - 1)(found, given)
+            found = ca.if_else(ca.sum1(near) == near.shape[0], found, further, True)
+        return ca.Function("continued", [unknowns, given], [found])
 
     def _linear(self) -> tuple[ca.Function, ca.Function]:
         # Factors of the Jacobian with the sizes of its rows, and what solves with them.
@@ -103,7 +130,9 @@ class RootFinder:
         sizes = _inverse(ca.fabs(unknowns) + ca.fabs(step))
 
         def left(there: ca.SX) -> ca.SX:
-            return ca.sumsqr(self._solve(self._residual(there, given), *factors) * sizes)
+            size = ca.sumsqr(self._solve(self._residual(there, given), *factors) * sizes)
+            # What is no number is farther than all that is one.
+            return ca.if_else(size < ca.inf, size, ca.inf)
 
         best = unknowns - damping[-1] * step
         least = left(best) if damping[1:] else None
@@ -112,7 +141,14 @@ class RootFinder:
             now = left(there)
             better = now < least
             best, least = ca.if_else(better, there, best), ca.if_else(better, now, least)
-        return ca.Function("newton", [unknowns, given], [best])
+        return ca.Function("newton", [unknowns, given], [ca.densify(best)])
+
+
+def newton_step(residual: ca.Function) -> ca.Function:
+    """One step of Newton's method, as a function (unknowns, arguments) -> unknowns; see `RootFinder`."""
+    unknowns, given = (ca.SX.sym("any", residual.size1_in(place)) for place in range(2))
+    start = ca.Function("start", [given, unknowns], [unknowns])
+    return RootFinder(residual, start, iterations=1).step
 
 
 def _inverse(sizes: ca.SX) -> ca.SX:
