@@ -86,6 +86,15 @@ class TestSteps:
         found = stepper(own)(state, 300.0 * np.ones(len(own.inputs)), own.nominal, 0.0)
         np.testing.assert_allclose(np.array(found).ravel(), state, rtol=1e-14)
 
+    @pytest.mark.parametrize("length", np.geomspace(1e-6, 1e3, 10))
+    def test_of_any_length_are_solved(self, length: float):
+        """From where Robertson's fast reaction is far from its balance; nothing is lost on the way."""
+        own = system(ROBERTSON, substeps=1)
+        (a, b, c), _ = followed(own, [1.0, 0.0, 0.0], [], np.array([0.0, length]))
+        assert a + b + c == pytest.approx(1.0, abs=1e-12)
+        assert a < 1.0
+        assert b > 0.0
+
     def test_damp_what_is_infinitely_stiff(self):
         """Stability at infinity: one step of a rate of 1e12 leads to where it wants to be."""
         own = Equations(

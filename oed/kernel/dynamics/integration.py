@@ -13,8 +13,10 @@ from oed.kernel.dynamics.roots import RootFinder, newton_step
 
 NODES = (0.4 - np.sqrt(6) / 10, 0.4 + np.sqrt(6) / 10, 1.0)
 """Where in a step the stages of Radau's method lie."""
-ITERATIONS = 7
-"""Of Newton's method in a step: up to 6 of them lead to 1e-12 where steps are fine enough to be accurate."""
+ITERATIONS = 12
+"""Of Newton's method in a step, at most: 1 to 6 of them lead to 1e-12 where steps are fine enough to be
+accurate, and no more are made than are needed.
+"""
 PREDICTIONS, GROWTH = 10, 3.0
 """Steps of linearised Euler that go before a step's first stage, and how each is longer than the one before:
 fast parts are over before long steps are taken.
