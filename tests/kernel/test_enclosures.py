@@ -128,3 +128,11 @@ def test_an_operation_without_bounds_is_refused():
     x = ca.SX.sym("x")
     with pytest.raises(NotEnclosed):
         enclosed(ca.Function("f", [x], [ca.erf(x)]), [[Enclosure(Interval(x, x + 1), ONE)]])
+
+
+def test_a_call_that_is_not_written_out_is_refused():
+    x = ca.SX.sym("x", 2)
+    inner = ca.Function("inner", [x], [x**2], {"never_inline": True})
+    stretches = [Enclosure(Interval(x[0], x[0] + 1), ONE), Enclosure(number(2.0))]
+    with pytest.raises(NotEnclosed):
+        enclosed(ca.Function("f", [x], [inner(x)]), [stretches])

@@ -47,6 +47,8 @@ def enclosed(function: ca.Function, arguments: Sequence[Sequence[Enclosure]]) ->
     Raises:
         NotEnclosed: an operation that no bounds are known for.
     """
+    if any(function.instruction_id(place) == ca.OP_CALL for place in range(function.n_instructions())):
+        raise NotEnclosed
     choices, made, either = _choices(function), _sources(function), _either_way(function)
     found: list[Enclosure] = []
     results = [Enclosure(ZERO)] * function.nnz_out(0)

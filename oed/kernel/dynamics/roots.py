@@ -69,7 +69,7 @@ class RootFinder:
         self._given = ca.SX.sym("given", residual.size1_in(1))
         self._factors, self._solve = self._linear()
         self.step = self._step(damping)
-        self._search = self._written(start)
+        self._search = self._searching(start)
 
     def root(self, given: Expression, hint: Expression) -> Expression:
         """The unknowns (n,) for which the residual is 0; not a number where no iteration leads to any.
@@ -87,7 +87,7 @@ class RootFinder:
             found = found - self._solve(self._residual(found, given), *factors, sizes)
         return ca.if_else(ca.sum1(solved) == solved.shape[0], found, ca.SX.nan(*found.shape))
 
-    def _written(self, start: ca.Function) -> ca.Function:
+    def _searching(self, start: ca.Function) -> ca.Function:
         # The iterations, as a call that is not written out: so expressions stay small, and no more iterations
         # are made than are needed.
         given, hint = (ca.MX.sym("any", start.size1_in(place)) for place in range(2))
