@@ -25,7 +25,8 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
         DifferentialDrive, SkidSteer, SkidSteerIcr, SkidSteerSlip, Tricycle, Ackermann, Mecanum, OmniThree,
         OffsetDrive, TractorTrailer, Unicycle, Model, DesignSpace, StartPose
     Systems given by equations, what is read of them, and ranges of their inputs
-        Equations, Outputs, Rates, Responses, InputRange, validate_integration, IntegrationError
+        Equations, ContinuousSystem, Outputs, Rates, Responses, InputRange, validate_integration,
+        IntegrationError
     What their inputs may do
         Constant, PiecewiseConstant, PiecewiseLinear, SplineSignal, Fourier, Signal
     Sensors

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from oed.equations.dimensions import Dimension, quantity
-from oed.equations.keys import Quantity
+from oed.equations.given import Quantity
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import FileFlaw, Flaw, PathFileError, ProblemError

@@ -9,16 +9,16 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from oed.equations.candidates import Candidates
-from oed.equations.dimensions import quantity
-from oed.equations.keys import Begin, Quantity
+from oed.equations.dimensions import Dimension, parse_unit, quantity
+from oed.equations.given import Begin, Quantity
 from oed.equations.limits import InputRange, InputRate, both_ways, require_rising
-from oed.equations.system import Equations
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Duration
 from oed.kernel.dynamics.held import HeldSpace
 from oed.kernel.dynamics.signals import SIGNALS, PiecewiseConstant, Signal
 from oed.kernel.dynamics.space import SignalSpace, Space
+from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit
 
 
@@ -80,7 +80,7 @@ class Experiment(Component):
     trials: Annotated[int, Field(ge=1, le=100)] | None = None
     inputs: dict[str, InputKeys] = Field(default_factory=dict)
 
-    def flaws(self, system: Equations) -> list[Flaw]:
+    def flaws(self, system: System) -> list[Flaw]:
         """What is missing, or means nothing, for a system; [] if nothing."""
         given = "candidates" if self.candidates is not None else "inputs"
         flaws = self._input_flaws(system.input_names) if given == "inputs" else []
@@ -112,7 +112,7 @@ class Experiment(Component):
             if name not in self.inputs
         ]
 
-    def space(self, system: Equations, begins: Mapping[str, Begin]) -> Space:
+    def space(self, system: System, begins: Mapping[str, Begin]) -> Space:
         """All that may be chosen, of a system whose states begin so.
 
         Raises:
@@ -121,7 +121,7 @@ class Experiment(Component):
         start, trials = [one.low for one in begins.values()], self.trials or 1
         samples = self.points or self.samples or USUAL_SAMPLES
         if self.candidates is not None:
-            settings = self.candidates.table(dict(system.input_units))
+            settings = self.candidates.table(input_dimensions(system))
             if not system.states:
                 return HeldSpace.of(settings, np.zeros((1, 0)), duration=float(len(settings)))
             held, trials = np.repeat(settings, samples, axis=0), len(settings)
@@ -142,9 +142,22 @@ class Experiment(Component):
         )
 
     @property
+    def times(self) -> Space:
+        """How long trials take, whatever they are of."""
+        samples = self.points or self.samples or USUAL_SAMPLES
+        return SignalSpace(
+            duration=self.duration or float(samples), samples=samples, runs=self.trials or 1, start="free"
+        )
+
+    @property
     def limits(self) -> tuple[Limit, ...]:
         """Of all inputs."""
         return tuple(limit for name, one in self.inputs.items() for limit in one.limits(name))
+
+
+def input_dimensions(system: System) -> dict[str, Dimension]:
+    """Dimensions of a system's inputs, by name."""
+    return {one.name: parse_unit(one.unit)[1] for one in system.inputs}
 
 
 USUAL_SAMPLES, USUAL_PIECES = 100, 20

@@ -10,7 +10,7 @@ import casadi as ca
 from pydantic import BeforeValidator, Field
 
 from oed.equations.dimensions import quantity
-from oed.equations.system import Equations
+from oed.equations.given import Readable
 from oed.foundation.errors import Flaw
 from oed.foundation.text import did_you_mean, listing
 from oed.kernel.dynamics.expression import Expression
@@ -54,8 +54,8 @@ class OutputSensor(Sensor, ABC):
 
     def flaws(self, system: System, samples: int) -> list[Flaw]:
         """Outputs that the system has not, and noise that is in another unit, or none."""
-        if not isinstance(system, Equations):
-            return [Flaw(("measurement", "kind"), f"{self.kind} are those of a system given by equations")]
+        if not isinstance(system, Readable):
+            return [Flaw(("measurement", "kind"), f"{self.kind} are those of a system with outputs")]
         return [
             Flaw(("measurement", "noise", name), reason)
             for name, value in self.noise
@@ -72,7 +72,7 @@ class OutputSensor(Sensor, ABC):
 
     def units_of(self, system: System) -> tuple[str, ...]:
         """Those of the outputs."""
-        known = system.output_dimensions if isinstance(system, Equations) else {}
+        known = system.output_dimensions if isinstance(system, Readable) else {}
         return tuple(known[name].text for name in self.names if name in known)
 
     @property
@@ -129,7 +129,7 @@ class Responses(OutputSensor):
     when: ClassVar[When] = "in periods"
 
 
-def _noise_flaw(system: Equations, name: str, value: str | float) -> str:
+def _noise_flaw(system: Readable, name: str, value: str | float) -> str:
     known = system.output_dimensions
     if name not in known:
         return f"there is no such output; there is {listing(list(known))}{did_you_mean(name, known)}"

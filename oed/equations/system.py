@@ -11,17 +11,18 @@ from typing import Any, ClassVar
 import casadi as ca
 
 from oed.equations.dimensions import Dimension
+from oed.equations.given import Readable
 from oed.equations.grammar import Expression
 from oed.equations.implicit import algebraic_solver, index_flaws, radau_stepper
 from oed.equations.reading import INTEGRATORS, Given, Reader
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics import expression as kernel
 from oed.kernel.dynamics.integration import runge_kutta
-from oed.kernel.dynamics.system import Input, Parameter, System
+from oed.kernel.dynamics.system import Input, Parameter
 
 
 @dataclass(frozen=True, init=False)
-class Equations(System):
+class Equations(Readable):
     """States that follow their derivatives, and outputs that can be read; expressions are texts.
 
     Attributes:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from oed.foundation.text import fixed, significant, words
-from oed.kernel.dynamics.system import label_of
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.contenders import Contender, best_paths, dots, error_columns, finding, parameters_of
@@ -56,7 +55,7 @@ def _summary(some: Sequence[Contender]) -> Section:
     columns = (
         RUN,
         _where_different("study", lambda one: one.record.study.name, some),
-        _where_different("robot", lambda one: words(label_of(one.record.study.model)), some),
+        _where_different("robot", lambda one: words(one.record.study.called), some),
         duration,
         *error_columns(parameters_of(some), lambda one: one),
     )

@@ -12,7 +12,6 @@ from oed.foundation.files import inside
 from oed.foundation.shown import page_text
 from oed.foundation.text import MISSING, deviation_text, significant, words
 from oed.foundation.work.folders import updated
-from oed.kernel.dynamics.system import label_of
 from oed.records.record import (
     ESTIMATE,
     ESTIMATE_FILE,
@@ -202,7 +201,7 @@ def _design(place: Path, name: str) -> Run:
         name,
         _kind("design" if record.study.robust is None else "robust design", cut=record.interrupted),
         record.study.name,
-        label_of(record.study.model),
+        record.study.called,
         relative_deviations(record),
         _predicted(record),
         None if record.certificate is None else percent(record.certificate.gap),

@@ -89,6 +89,11 @@ class RobotStudyFile(StudyFile):
         return self.robot
 
     @property
+    def called(self) -> str:
+        """By the robot's kind."""
+        return self.robot.kind
+
+    @property
     def space(self) -> DesignSpace:
         """The drives to choose from, or any where none is designed."""
         return USUAL if self.trajectory is None else self.trajectory

@@ -15,7 +15,7 @@ from oed.foundation.own.part import OwnPart
 from oed.foundation.vocabulary import Vocabulary
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion, E
 from oed.kernel.dynamics.space import Space
-from oed.kernel.dynamics.system import System, label_of
+from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.prior import Prior
@@ -53,10 +53,7 @@ class StudyFile(Component, ABC):
 
     def __repr__(self) -> str:
         """Its name, its system and the keys that were given."""
-        return (
-            f"StudyFile({self.name!r}, {label_of(self.model)}; "
-            f"keys: {', '.join(sorted(self.model_fields_set))})"
-        )
+        return f"StudyFile({self.name!r}, {self.called}; keys: {', '.join(sorted(self.model_fields_set))})"
 
     __str__ = __repr__
 
@@ -83,6 +80,11 @@ class StudyFile(Component, ABC):
     @abstractmethod
     def model(self) -> System:
         """What responds."""
+
+    @property
+    @abstractmethod
+    def called(self) -> str:
+        """What its system is called."""
 
     @property
     @abstractmethod

@@ -11,11 +11,12 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from oed.equations.candidates import Candidates
+from oed.equations.continuous import PythonSystem
 from oed.equations.dimensions import unit_of
-from oed.equations.experiment import Experiment
+from oed.equations.experiment import Experiment, input_dimensions
+from oed.equations.given import Readable, SystemKeys
 from oed.equations.keys import EquationKeys
 from oed.equations.several import SENSORS, SeveralOutputs, replaced_starts
-from oed.equations.system import Equations
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Flaw, ProblemError
 from oed.foundation.text import words
@@ -27,11 +28,14 @@ from oed.kernel.limit import Limit
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
+from oed.robots.own_parts import PythonSensor
 from oed.study.cross_checks import file_flaws
 from oed.study.parts import AnySystemPrior, PathFile, PriorReadings
 from oed.study.robot_study import sensor_list
 from oed.study.study_file import StudyFile
 
+MEASUREMENTS: tuple[type[Measurement], ...] = (*SENSORS, SeveralOutputs, PythonSensor)  # type: ignore[type-abstract]
+"""What a study's `measurement` may be."""
 WORDS = {
     "a drive": "an experiment",
     "drive": "experiment",
@@ -52,14 +56,14 @@ class SystemStudyFile(StudyFile):
     """The keys of a study file of any system."""
 
     domain: ClassVar[str] = "systems"
-    system: EquationKeys
+    system: Annotated[SystemKeys, OneOf((EquationKeys, PythonSystem))]
     experiment: Experiment
-    measurement: Annotated[Measurement, OneOf((*SENSORS, SeveralOutputs)), BeforeValidator(sensor_list)]
+    measurement: Annotated[Measurement, OneOf(MEASUREMENTS), BeforeValidator(sensor_list)]
     prior: AnySystemPrior | None = None
     baselines: tuple[PathFile, ...] = ()
 
     @property
-    def model(self) -> Equations:
+    def model(self) -> Readable:
         """The system.
 
         Raises:
@@ -68,8 +72,15 @@ class SystemStudyFile(StudyFile):
         return self.system.system
 
     @property
+    def called(self) -> str:
+        """By its kind."""
+        return self.system.kind
+
+    @property
     def space(self) -> Space:
-        """What may be chosen."""
+        """What may be chosen; of a system of code that was not run its times alone."""
+        if isinstance(self.system, PythonSystem):
+            return self.experiment.times
         return self.experiment.space(self.model, self.system.begins)
 
     def in_numbers(self, folder: Path) -> Self:
@@ -90,7 +101,7 @@ class SystemStudyFile(StudyFile):
             text = "are settings of a system without states: give a record, or a covariance"
             raise ProblemError.about(("prior", "readings"), text)
         try:
-            settings = Candidates(rows=given.readings).table(dict(model.input_units))
+            settings = Candidates(rows=given.readings).table(input_dimensions(model))
         except ProblemError as error:
             flaws = [Flaw(("prior", "readings", *flaw.key[3:]), flaw.message) for flaw in error.flaws]
             raise ProblemError(flaws) from None
@@ -109,14 +120,18 @@ class SystemStudyFile(StudyFile):
     @property
     def vocabulary(self) -> Vocabulary:
         """Of experiments with systems; names that the study gives stay as they are."""
-        keys = self.system
-        names = [*keys.states, *keys.inputs, *keys.parameters, *keys.outputs]
+        if isinstance(self.system, PythonSystem):
+            # Of code that was not run nothing is known.
+            return Vocabulary(WORDS, (self.name,))
+        model = self.model
+        parameters = [one.name for one in model.parameters]
+        names = [*model.states, *model.input_names, *parameters, *model.output_dimensions]
         return Vocabulary(WORDS, (self.name, *names, *map(words, names)))
 
     @property
     def shown_units(self) -> Mapping[str, tuple[str, float]]:
         """Of parameters, initial values and inputs, as they are written."""
-        given: dict[str, object] = {**self.system.parameters, **self.system.states}
+        given: dict[str, object] = dict(self.system.quantities)
         given |= {name: one.range[1] for name, one in self.experiment.inputs.items()}
         return {name: unit_of(text) for name, text in given.items() if isinstance(text, str)}
 

@@ -222,7 +222,7 @@ class Record(Presented, SavedFile):
     @property
     def states_are_none(self) -> bool:
         """Whether it is of a system without states, whose experiments are settings and take no time."""
-        return self.study.domain != "robots" and not self.study.model.states
+        return self.study.domain != "robots" and not self.states
 
     @property
     def folder(self) -> Path | None:

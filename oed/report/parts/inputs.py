@@ -14,7 +14,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.limit import InputLimit
 from oed.records.record import Record
 from oed.records.stored.result import Result
-from oed.report.parts.reading import heading
+from oed.report.parts.reading import heading, problem_of
 from oed.robots.models.model import rate_of
 from oed.robots.models.wheels import TWO_WHEEL_SPEEDS
 
@@ -67,8 +67,10 @@ class Group:
             own = [name for name in self.names if not limit.each or name in limit.each]
             bounds = {name: limit.bounds_of(name) for name in own}
         else:
-            model = record.study.model
-            bounds = limit.rate_bounds(model) if self.rates else limit.input_bounds(model)
+            problem = problem_of(record)
+            if problem is None:
+                return {}
+            bounds = (limit.rate_bounds if self.rates else limit.input_bounds)(problem.model)
         return {name: (self.factor * low, self.factor * high) for name, (low, high) in bounds.items()}
 
     def bounds(self, record: Record) -> Bounds | None:

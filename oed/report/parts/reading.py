@@ -6,9 +6,11 @@ import math
 import re
 
 from oed.foundation.component import Component
+from oed.foundation.own.part import OwnPart
 from oed.foundation.text import count, deviation_text, given_text, listing, words
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.sensor import FRAME
+from oed.kernel.problem import Problem
 from oed.kernel.solution import NOMINAL
 from oed.records.record import Record
 from oed.records.stored.result import Result
@@ -126,6 +128,13 @@ def duration_text(record: Record) -> str:
         return count(space.samples, "setting")
     duration, runs = f"{space.duration:g} s", runs_of(record)
     return duration if runs == 1 else f"{runs} runs of {duration}"
+
+
+def problem_of(record: Record) -> Problem | None:
+    """The problem of a record's study; None where code would have to be run for it."""
+    if isinstance(getattr(record.study, "system", None), OwnPart):
+        return None
+    return record.study.problem()
 
 
 TIMES = (("d", 86400.0, 5.0), ("h", 3600.0, 3.0), ("min", 60.0, 5.0), ("s", 1.0, 0.0))

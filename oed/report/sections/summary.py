@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from oed.foundation.text import words
-from oed.kernel.dynamics.system import label_of
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.answer import answer_of
@@ -51,7 +50,7 @@ def question(record: Record) -> Section:
     winner = record.best
     asked = SAY(
         "question",
-        label_of(record.study.model),
+        record.study.called,
         f"{'in' if runs_of(record) > 1 else 'of'} {duration_text(record)}",
         [one.name for one in judged(record)],
         measured_as(record),

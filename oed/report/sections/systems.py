@@ -24,6 +24,7 @@ from oed.report.parts.reading import (
     measured_as,
     nuisance_text,
     prior_text,
+    problem_of,
     readings_text,
     runs_of,
     time_scale,
@@ -100,8 +101,9 @@ def _response(record: Record) -> Picture | None:
     if not record.states_are_none or len(record.inputs) != 1 or best is None or best.drive is None:
         return None
     name, scale = record.inputs[0].name, _scale(record, record.inputs[0].name, record.inputs[0].unit)
-    problem = record.study.problem()
-    chosen = _chosen(record)
+    problem, chosen = problem_of(record), _chosen(record)
+    if problem is None:
+        return None
     low, high = _ends(problem, chosen)
     over = np.unique(np.concatenate([np.linspace(low, high, DRAWN), chosen]))
     shown = [
@@ -144,7 +146,9 @@ def courses(record: Record) -> Section | None:
     best = record.best
     if record.states_are_none or best is None or best.drive is None:
         return None
-    problem, drive = record.study.problem(), best.drive.trajectory
+    problem, drive = problem_of(record), best.drive.trajectory
+    if problem is None:
+        return None
     covariance, several = _covariance(record), runs_of(record) > 1
     unit, factor = time_scale(problem.design.duration)
     across = spec.Axis("time", unit)
@@ -193,7 +197,9 @@ def sensitivity(record: Record) -> Section | None:
     best = record.best
     if best is None or best.drive is None:
         return None
-    problem = record.study.problem()
+    problem = problem_of(record)
+    if problem is None:
+        return None
     (estimation,) = problem.any_estimations
     sizes = np.array([abs(value) or 1.0 for value in estimation.nominal])
     names = [name for name in estimation.parameters if name not in problem.constants]
