@@ -110,6 +110,25 @@ class ContinuousSystem(SystemKeys, Readable):
         """Of the outputs, by name."""
         return {name: parse_unit(unit)[1] for name, unit in self.output_units.items()}
 
+    @cached_property
+    def dimensions(self) -> Mapping[str, Dimension]:
+        """Of states, inputs, parameters and outputs."""
+        units = dict(zip(self.states, self.state_units, strict=True))
+        units |= {one.name: one.unit for one in self.inputs}
+        units |= {one.name: one.unit for one in self.parameters}
+        return {**{name: parse_unit(unit)[1] for name, unit in units.items()}, **self.output_dimensions}
+
+    def values_at(self, state: Expression, inputs: Expression, parameters: Expression) -> Mapping[str, Any]:
+        """Expressions of these, SI."""
+        columns = (state, inputs, parameters)
+        names = (self.states, self.input_names, [one.name for one in self.parameters])
+        found: dict[str, Any] = {
+            name: column[place]
+            for own, column in zip(names, columns, strict=True)
+            for place, name in enumerate(own)
+        }
+        return {**found, **self.outputs(state, inputs, parameters)}
+
     def step(
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
     ) -> Expression:

@@ -21,6 +21,8 @@ from oed.kernel.dynamics.space import SignalSpace, Space
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit
 
+Seconds = Annotated[Duration, Field(gt=0)]
+
 
 class InputKeys(Component):
     """What an input may do.
@@ -67,7 +69,7 @@ class Experiment(Component):
         points: settings of the inputs, each for itself, of a system without states.
         candidates: instead of what inputs may do, the trials to choose among; of a system without states the
             settings of the inputs.
-        duration: of one trial, of a system with states.
+        duration: of one trial, of a system with states; or the shortest and the longest, to choose between.
         samples: periods of a trial, in each of which the inputs are held.
         trials: designed together, each with inputs and initial values of its own.
         inputs: what each may do.
@@ -75,10 +77,15 @@ class Experiment(Component):
 
     points: Annotated[int, Field(ge=1, le=100_000)] | None = None
     candidates: Candidates | None = None
-    duration: Annotated[Duration, Field(gt=0)] | None = None
+    duration: Annotated[Duration, Field(gt=0)] | tuple[Seconds, Seconds] | None = None
     samples: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     trials: Annotated[int, Field(ge=1, le=100)] | None = None
     inputs: dict[str, InputKeys] = Field(default_factory=dict)
+
+    @property
+    def longest(self) -> float | None:
+        """Duration of a trial [s], the longest where it is chosen."""
+        return self.duration[1] if isinstance(self.duration, tuple) else self.duration
 
     def flaws(self, system: System) -> list[Flaw]:
         """What is missing, or means nothing, for a system; [] if nothing."""
@@ -97,8 +104,28 @@ class Experiment(Component):
             for key in beside
             if getattr(self, key) is not None and key not in wrong
         ]
+        if isinstance(self.duration, tuple):
+            flaws += self._duration_flaws(self.duration)
         missing = getattr(self, needed) is None and (given == "inputs" or needed == "duration")
         return flaws + ([Flaw(("experiment", needed), f"missing: {text}")] if missing else [])
+
+    def _duration_flaws(self, duration: tuple[float, float]) -> list[Flaw]:
+        flaws = [
+            Flaw(
+                ("experiment", "inputs", name, "rate"),
+                "is not known where the duration is chosen: leave one out",
+            )
+            for name, one in self.inputs.items()
+            if one.rate is not None
+        ]
+        if not duration[0] < duration[1]:
+            flaws.append(
+                Flaw(("experiment", "duration"), f"expected [shortest, longest], got {list(duration)}")
+            )
+        if self.candidates is not None or not self.inputs:
+            text = "can be chosen with inputs only: give one, or a fixed duration"
+            flaws.append(Flaw(("experiment", "duration"), text))
+        return flaws
 
     def _input_flaws(self, inputs: Sequence[str]) -> list[Flaw]:
         flaws = [
@@ -125,19 +152,20 @@ class Experiment(Component):
             if not system.states:
                 return HeldSpace.of(settings, np.zeros((1, 0)), duration=float(len(settings)))
             held, trials = np.repeat(settings, samples, axis=0), len(settings)
-            return HeldSpace.of(held, np.tile(start, (trials, 1)), duration=self.duration or 1.0)
+            return HeldSpace.of(held, np.tile(start, (trials, 1)), duration=self.longest or 1.0)
         if not system.input_names:
             held = np.zeros((trials * samples, 0))
-            return HeldSpace.of(held, np.tile(start, (trials, 1)), duration=self.duration or 1.0)
+            return HeldSpace.of(held, np.tile(start, (trials, 1)), duration=self.longest or 1.0)
         usual = PiecewiseConstant(pieces=samples if self.points else min(samples, USUAL_PIECES))
         given: dict[str, Any] = {"start": tuple(start)}
         if any(one.low < one.high for one in begins.values()):
             given = {"start_bounds": tuple((one.low, one.high) for one in begins.values())}
         return SignalSpace(
-            duration=self.duration or float(samples),
+            duration=self.longest or float(samples),
             samples=samples,
             runs=trials,
             signals=tuple(self.inputs[name].signal or usual for name in system.input_names),
+            shortest=self.duration[0] if isinstance(self.duration, tuple) else None,
             **given,
         )
 
@@ -146,7 +174,7 @@ class Experiment(Component):
         """How long trials take, whatever they are of."""
         samples = self.points or self.samples or USUAL_SAMPLES
         return SignalSpace(
-            duration=self.duration or float(samples), samples=samples, runs=self.trials or 1, start="free"
+            duration=self.longest or float(samples), samples=samples, runs=self.trials or 1, start="free"
         )
 
     @property

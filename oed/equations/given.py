@@ -13,6 +13,7 @@ from pydantic import Discriminator, Tag
 from oed.equations.dimensions import Dimension, quantity
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw, ProblemError
+from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 
 EXACTLY = 1e-8
@@ -94,6 +95,21 @@ class Readable(System, ABC):
     @abstractmethod
     def output_dimensions(self) -> Mapping[str, Dimension]:
         """Of the outputs, by name."""
+
+    @property
+    @abstractmethod
+    def dimensions(self) -> Mapping[str, Dimension]:
+        """Of states, inputs, parameters, outputs and whatever else has a name."""
+
+    @abstractmethod
+    def values_at(self, state: Expression, inputs: Expression, parameters: Expression) -> Mapping[str, Any]:
+        """Expressions of all that `dimensions` names, SI.
+
+        Args:
+            state: (states,), SI.
+            inputs: held, (inputs,), SI.
+            parameters: values, (p,), SI.
+        """
 
 
 class SystemKeys(Component, ABC):

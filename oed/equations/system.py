@@ -143,11 +143,24 @@ class Equations(Readable):
     @cached_property
     def output_dimensions(self) -> dict[str, Dimension]:
         """Of the outputs, by name."""
+        return {name: self.dimensions[name] for name, _ in self.responses}
+
+    @cached_property
+    def dimensions(self) -> dict[str, Dimension]:
+        """Of all names; of an output that is called like something else the output's."""
         known = dict(zip(self.states, self.state_dimensions, strict=True))
         known |= dict(self.input_units) | {name: unit for name, _, unit in (*self.values, *self.guesses)}
         for name, one in self.definitions:
             known[name] = one.dimension(known) or Dimension()
-        return {name: one.dimension(known) or Dimension() for name, one in self.responses}
+        return {**known, **{name: one.dimension(known) or Dimension() for name, one in self.responses}}
+
+    def values_at(
+        self, state: kernel.Expression, inputs: kernel.Expression, parameters: kernel.Expression
+    ) -> Mapping[str, Any]:
+        """Expressions of all names, SI."""
+        algebraic = algebraic_solver(self)(state, inputs, parameters) if self.guesses else ()
+        values = self.named(state, inputs, parameters, algebraic)
+        return {**values, **{name: one.casadi(values) for name, one in self.responses}}
 
     def by_radau(self, times: int) -> Equations:
         """The system by the Radau IIA method, in so many times more steps."""
@@ -185,9 +198,8 @@ class Equations(Readable):
         """The outputs in a state; as means of a period those in its middle, right to the second order."""
         instant = not self.states or (not isinstance(period, ca.MX) and ca.SX(period).is_zero())
         at = state if instant else self.step(state, inputs, parameters, period / 2)
-        algebraic = algebraic_solver(self)(at, inputs, parameters) if self.guesses else ()
-        values = self.named(at, inputs, parameters, algebraic)
-        return {name: one.casadi(values) for name, one in self.responses}
+        values = self.values_at(at, inputs, parameters)
+        return {name: values[name] for name, _ in self.responses}
 
     def named(self, state: Any, inputs: Any, parameters: Any, algebraic: Any = ()) -> dict[str, Any]:
         """The values of all names; expressions.

@@ -1,6 +1,7 @@
-"""Inputs and readings chosen together: roots of the readings' weights as further inputs.
+"""Readings and durations chosen together with inputs: as further inputs, in the search alone.
 
-With v = sqrt(w) the readings' whitening is smooth, sum v^2 J' R^-1 J, and budgets are sums of v^2.
+Roots v = sqrt(w) of the readings' weights, for with these sum v^2 J' R^-1 J is smooth and budgets are sums of
+v^2; and the share of the longest duration that an experiment takes.
 """
 
 from __future__ import annotations
@@ -15,13 +16,15 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.dynamics.signals import PiecewiseConstant
+from oed.kernel.dynamics.signals import Constant, PiecewiseConstant, Signal
 from oed.kernel.dynamics.space import SignalSpace
 from oed.kernel.dynamics.system import Input, Parameter, System
 from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import evaluate
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import Moment, Sensor, Start, When, joined
+from oed.kernel.pace import PACE
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 
@@ -30,21 +33,24 @@ EFFORT = "effort_"
 
 
 @dataclass(frozen=True)
-class WithEfforts(System):
-    """A system with inputs that it does not feel.
+class Lifted(System):
+    """A system with further inputs: some that it does not feel, and the pace at which it goes through time.
 
     Attributes:
         inner: the system.
-        count: how many inputs follow its own.
+        efforts: how many inputs follow its own.
+        paced: whether the last input, after these, is the share of the longest duration that it takes.
     """
 
     inner: System
-    count: int
+    efforts: int
+    paced: bool
 
     inputs = property(
         lambda self: (
             *self.inner.inputs,
-            *(Input(f"{EFFORT}{place}", f"{EFFORT}{place}", "") for place in range(self.count)),
+            *(Input(f"{EFFORT}{place}", f"{EFFORT}{place}", "") for place in range(self.efforts)),
+            *([Input(PACE, PACE, "")] if self.paced else []),
         )
     )
     states = property(lambda self: self.inner.states)
@@ -60,13 +66,19 @@ class WithEfforts(System):
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
     ) -> Expression:
         """As the system steps."""
-        return self.inner.step(state, inputs[: len(self.inner.inputs)], parameters, period)
+        own = inputs[: len(self.inner.inputs)]
+        return self.inner.step(state, own, parameters, self._taken(inputs, period))
 
     def signals(
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
     ) -> Mapping[str, Expression]:
         """Those of the system."""
-        return self.inner.signals(state, inputs[: len(self.inner.inputs)], parameters, period)
+        own = inputs[: len(self.inner.inputs)]
+        return self.inner.signals(state, own, parameters, self._taken(inputs, period))
+
+    def _taken(self, inputs: Expression, period: Expression) -> Expression:
+        # How long the period is at this pace.
+        return period * inputs[len(self.inputs) - 1] if self.paced else period
 
     def estimating(self, names: Collection[str]) -> System:
         """The system that has the parameters, with the same inputs."""
@@ -83,19 +95,21 @@ class WithEfforts(System):
         return self.inner.chosen_states
 
 
-class WeighedSensor(Sensor):
-    """A sensor whose readings count as much as the square of an input says.
+class LiftedSensor(Sensor):
+    """A sensor whose readings count as much as the square of an input says, and as long as another says.
 
     Attributes:
         inner: the sensor.
-        place: of the input among all.
         own: how many inputs the sensor knows.
+        effort: place of the root of its weight among the inputs; None where all readings count alike.
+        pace: place of the share of the longest duration; None where the duration is given.
     """
 
-    kind: str = "weighed"
+    kind: str = "lifted"
     inner: Sensor
-    place: int
     own: int
+    effort: int | None = None
+    pace: int | None = None
 
     continuous = property(lambda self: self.inner.continuous)
 
@@ -119,22 +133,25 @@ class WeighedSensor(Sensor):
         return self.inner.reading(replace(moment, inputs=moment.inputs[: self.own]))
 
     def whitening(self, moment: Moment) -> Expression:
-        """That of the sensor, times the root of the weight."""
-        inner = self.inner.whitening(replace(moment, inputs=moment.inputs[: self.own]))
-        return moment.inputs[self.place] * inner
+        """That of the sensor, times the root of the weight, and of how long a period is."""
+        found = self.inner.whitening(replace(moment, inputs=moment.inputs[: self.own]))
+        if self.pace is not None and self.inner.continuous:
+            found = ca.sqrt(moment.inputs[self.pace]) * found
+        return found if self.effort is None else moment.inputs[self.effort] * found
 
 
-class EffortRange(Limit):
-    """A root of weights between 0 and that of the most.
+class FurtherRange(Limit):
+    """A further input between two values.
 
     Attributes:
         input: its name.
-        most: largest weight.
+        low, high: the values.
     """
 
     looks_at: ClassVar[Any] = "inputs"
     input: str
-    most: float
+    low: float
+    high: float
 
     @property
     def name(self) -> str:  # type: ignore[override]
@@ -144,12 +161,12 @@ class EffortRange(Limit):
     def rows(self, drive: Drive) -> Rows:
         """The input in every period."""
         column = drive.input_values[:, drive.system.input_names.index(self.input)]
-        count, most = column.shape[0], float(np.sqrt(self.most))
-        return Rows(column, np.zeros(count), np.full(count, most), most, "")
+        count = column.shape[0]
+        return Rows(column, np.full(count, self.low), np.full(count, self.high), self.high, "")
 
     def input_bounds(self, system: System) -> dict[str, tuple[float, float]]:
         """Of this input alone."""
-        return {self.input: (0.0, float(np.sqrt(self.most)))}
+        return {self.input: (self.low, self.high)}
 
 
 class EffortTotal(Limit):
@@ -181,39 +198,60 @@ class EffortTotal(Limit):
 
 
 def lifted(problem: Problem) -> Problem | None:
-    """The problem whose inputs are the inputs and the roots of the weights; None where weights are chosen for
-    trajectories that are found without them.
+    """The problem whose inputs are the inputs, roots of the weights, and the pace; None where nothing is
+    chosen together with inputs.
 
-    That is so for trials that are chosen as a whole, for spaces without signals, and where limits are widened
-    or tightened.
+    Weights are chosen for trajectories that are found without them where trials are weighed as a whole, and
+    in spaces without signals.
     """
-    selection, space = problem.selection, problem.design
-    sensors = problem.measurement.joint_sensors
-    if selection is None or selection.of != "readings" or not isinstance(space, SignalSpace):
+    space, sensors = problem.design, problem.measurement.joint_sensors
+    if not isinstance(space, SignalSpace) or not space.signals or problem.robust is not None:
         return None
-    if (
-        not space.signals
-        or problem.robust is not None
-        or any(one.when == "between samples" for one in sensors)
-    ):
+    weighed, paced = _weighed(problem), space.shortest is not None
+    if not weighed and not paced:
         return None
-    count, own = len(sensors), len(problem.model.inputs)
-    pieces = selection.pieces or space.samples
-    names = [f"{EFFORT}{place}" for place in range(count)]
-    ranges = [EffortRange(input=name, most=selection.most) for name in names]
-    signals = (*space.signals, *(PiecewiseConstant(pieces=pieces) for _ in sensors))
-    weighed = [
-        WeighedSensor(inner=one, place=own + place, own=own, every=one.every)
+    own, efforts = len(problem.model.inputs), len(sensors) if weighed else 0
+    inner = [
+        LiftedSensor(
+            inner=one,
+            own=own,
+            effort=own + place if weighed else None,
+            pace=own + efforts if paced else None,
+            every=one.every,
+        )
         for place, one in enumerate(sensors)
     ]
+    limits, signals = _further(problem, efforts)
     return replace(
         problem,
-        model=WithEfforts(problem.model, count),
-        design=space.model_copy(update={"signals": signals}),
-        measurement=weighed[0] if count == 1 else joined(weighed),
-        limits=(*problem.limits, *ranges, *_totals(problem)),
+        model=Lifted(problem.model, efforts, paced),
+        design=space.model_copy(update={"signals": (*space.signals, *signals), "shortest": None}),
+        measurement=inner[0] if len(inner) == 1 else joined(inner),
+        limits=(*problem.limits, *limits),
         selection=None,
     )
+
+
+def _weighed(problem: Problem) -> bool:
+    selection = problem.selection
+    between = any(one.when == "between samples" for one in problem.measurement.joint_sensors)
+    return selection is not None and selection.of == "readings" and not between
+
+
+def _further(problem: Problem, efforts: int) -> tuple[list[Limit], list[Signal]]:
+    # Limits on the further inputs, and what they may be over a run.
+    limits, signals = list[Limit](), list[Signal]()
+    selection, space = problem.selection, problem.design
+    if efforts and selection is not None:
+        most = float(np.sqrt(selection.most))
+        names = [f"{EFFORT}{place}" for place in range(efforts)]
+        limits += [FurtherRange(input=name, low=0.0, high=most) for name in names]
+        limits += _totals(problem)
+        signals += [PiecewiseConstant(pieces=selection.pieces or space.samples) for _ in names]
+    if isinstance(space, SignalSpace) and space.shortest is not None:
+        limits.append(FurtherRange(input=PACE, low=space.shortest / space.duration, high=1.0))
+        signals.append(Constant(shared=True))
+    return limits, signals
 
 
 def _totals(problem: Problem) -> list[EffortTotal]:
@@ -245,9 +283,13 @@ def lowered(problem: Problem, solution: Solution) -> Solution:
     """A solution of the lifted problem as one of the problem itself, its weights left to be chosen."""
     if solution.trajectory is None:
         return replace(solution, problem=problem)
-    return replace(solution, trajectory=_own(problem, solution.trajectory))
+    trajectory = _own(problem, solution.trajectory)
+    return replace(solution, trajectory=trajectory, evaluation=evaluate(problem, trajectory), problem=problem)
 
 
 def _own(problem: Problem, trajectory: Trajectory) -> Trajectory:
-    table: Array = trajectory.coefficients[:, : len(problem.model.inputs)]
-    return replace(trajectory, coefficients=table)
+    own, space = len(problem.model.inputs), problem.design
+    table: Array = trajectory.coefficients[:, :own]
+    paced = isinstance(space, SignalSpace) and space.shortest is not None
+    share = float(trajectory.coefficients[0, -1]) if paced else 1.0
+    return replace(trajectory, knots=share * trajectory.knots, coefficients=table)

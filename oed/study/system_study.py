@@ -14,6 +14,8 @@ from oed.equations.candidates import Candidates
 from oed.equations.continuous import PythonSystem
 from oed.equations.dimensions import unit_of
 from oed.equations.experiment import Experiment, input_dimensions
+from oed.equations.expression_limits import LIMITS as EXPRESSION_LIMITS
+from oed.equations.expression_limits import ExpressionLimit
 from oed.equations.given import Readable, SystemKeys
 from oed.equations.keys import EquationKeys
 from oed.equations.several import SENSORS, SeveralOutputs, replaced_starts
@@ -59,6 +61,7 @@ class SystemStudyFile(StudyFile):
     system: Annotated[SystemKeys, OneOf((EquationKeys, PythonSystem))]
     experiment: Experiment
     measurement: Annotated[Measurement, OneOf(MEASUREMENTS), BeforeValidator(sensor_list)]
+    limits: tuple[Annotated[ExpressionLimit, OneOf(EXPRESSION_LIMITS)], ...] = ()
     prior: AnySystemPrior | None = None
     baselines: tuple[PathFile, ...] = ()
 
@@ -137,8 +140,8 @@ class SystemStudyFile(StudyFile):
 
     @property
     def every_limit(self) -> tuple[Limit, ...]:
-        """What inputs may do."""
-        return self.experiment.limits
+        """What inputs may do, then what expressions may be."""
+        return (*self.experiment.limits, *self.limits)
 
     def flaws(self) -> list[Flaw]:
         """Why its keys do not go together; [] where they do."""
@@ -190,11 +193,15 @@ class SystemStudyFile(StudyFile):
         if key[:1] == ("trajectory",):
             return ("experiment", *key[1:])
         if key[:1] == ("limits",):
-            name = str(key[1]) if len(key) > 1 else ""
-            of_rate = name.removeprefix("rate_of_")
-            found = [(name, "range"), (of_rate, "rate")]
-            return next(
-                (("experiment", "inputs", own, what) for own, what in found if own in self.experiment.inputs),
-                ("experiment", "inputs"),
-            )
+            return self._limit_key(str(key[1]) if len(key) > 1 else "", key[2:])
         return key
+
+    def _limit_key(self, name: str, rest: tuple[str | int, ...]) -> tuple[str | int, ...]:
+        for place, one in enumerate(self.limits):
+            if one.name == name:
+                return ("limits", place, *rest)
+        found = [(name, "range"), (name.removeprefix("rate_of_"), "rate")]
+        return next(
+            (("experiment", "inputs", own, what) for own, what in found if own in self.experiment.inputs),
+            ("experiment", "inputs"),
+        )

@@ -182,11 +182,14 @@ class SignalSpace(Space):
             own; fixed where both are equal.
         signals: what each input may do in a run, in the system's order; () for one spline of all inputs.
             Drives are then known by the values held in their periods.
+        shortest: least duration of a run [s], where the design chooses it, up to `duration`; runs have it in
+            common, and all that happens in them is shorter alike.
     """
 
     start: tuple[float, ...] | tuple[tuple[float, ...], ...] | Literal["free"] = ()
     start_bounds: tuple[tuple[float, float], ...] = ()
     signals: tuple[Annotated[Signal, OneOf(SIGNALS)], ...] = ()
+    shortest: Annotated[Duration, Field(gt=0)] | None = None
 
     @model_validator(mode="before")
     @classmethod

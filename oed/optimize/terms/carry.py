@@ -64,7 +64,8 @@ class Carry:
     def table(self, carried: Expression) -> Expression:
         """S of its entries that change."""
         table = ca.SX(self._start)
-        table[self.moving] = carried
+        if self.moving:
+            table[self.moving] = carried
         return ca.reshape(table, *self._shape)
 
     def turned(self, information: Expression, table: Expression) -> Expression:

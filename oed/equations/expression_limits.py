@@ -1,0 +1,208 @@
+"""Limits on expressions of states, parameters and outputs: at all times, at the end, or of whole trials."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Annotated, Any, ClassVar, Literal
+
+import casadi as ca
+import numpy as np
+from pydantic import Field, model_validator
+
+from oed.equations.dimensions import PLAIN, TIME, Dimension, quantity
+from oed.equations.given import Quantity, Readable
+from oed.equations.grammar import ExpressionError, parse
+from oed.equations.limits import require_rising
+from oed.foundation.errors import Flaw
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.system import System
+from oed.kernel.limit import Limit, Rows
+from oed.kernel.pace import pace_of
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")]
+
+
+class ExpressionLimit(Limit):
+    """An expression between two values.
+
+    Attributes:
+        name: of the limit.
+        of: the expression, of the system's states, inputs, parameters and outputs.
+    """
+
+    name: Name  # type: ignore[misc]  # Of each limit its own.
+    of: str
+
+    @property
+    def dimension(self) -> Dimension | None:
+        """What the expression's is multiplied by before it is compared; nothing by default."""
+        return None
+
+    @property
+    def sides(self) -> tuple[Quantity | None, Quantity | None]:
+        """Least and largest value, with their units."""
+        raise NotImplementedError
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """SI; infinite where a side is open."""
+        low, high = self.sides
+        least = -np.inf if low is None else quantity(low)[0]
+        return least, np.inf if high is None else quantity(high)[0]
+
+    @property
+    def size(self) -> float:
+        """The larger of the bounds, SI."""
+        return max(abs(one) for one in self.bounds if np.isfinite(one)) or 1.0
+
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
+        """An expression that is none, of unknown names or units that do not fit."""
+        readable = _readable(system)
+        if readable is None:
+            return [Flaw(("limits", self.name), "expressions are of systems with outputs")]
+        try:
+            own = parse(self.of).dimension(readable.dimensions) or PLAIN
+        except ExpressionError as error:
+            return [Flaw(("limits", self.name, "of"), f"column {error.offset + 1}: {error.message}")]
+        own = own if self.dimension is None else own * self.dimension
+        wrong = [one for one in self.sides if one is not None and not quantity(one)[1].fits(own)]
+        text = f"expected values {own.words}, got some {{}}"
+        return [Flaw(("limits", self.name), text.format(quantity(one)[1].words)) for one in wrong[:1]]
+
+    def unit(self, system: System) -> str:
+        """Of the bounds, SI."""
+        side = next(one for one in self.sides if one is not None)
+        return quantity(side)[1].text
+
+    def values(self, drive: Drive, states: Expression, inputs: Expression) -> Expression:
+        """The expression's values (n, 1) in states (n, states) with inputs (n, inputs)."""
+        function = _function(drive.system, self.of)
+        found = function.map(states.shape[0])(states.T, inputs.T, drive.parameters)
+        return ca.vec(found)
+
+    def between(self, values: Expression, system: System) -> Rows:
+        """Values between the bounds."""
+        low, high = self.bounds
+        count = values.shape[0]
+        return Rows(values, np.full(count, low), np.full(count, high), self.size, self.unit(system))
+
+
+class Always(ExpressionLimit):
+    """An expression of states between two values at all times.
+
+    Attributes:
+        range: least and largest value, with their units.
+    """
+
+    kind: Literal["always"] = "always"
+    looks_at: ClassVar[Literal["state"]] = "state"
+    range: tuple[Quantity, Quantity]
+
+    @property
+    def sides(self) -> tuple[Quantity | None, Quantity | None]:
+        """The range."""
+        return self.range
+
+    @model_validator(mode="after")
+    def _rises(self) -> Always:
+        require_rising(self.range, self.bounds)
+        return self
+
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
+        """Also an expression that depends on what is held, which jumps."""
+        flaws = super().flaws(system, space)
+        if flaws or not system.states:
+            text = "means nothing for a system without states: give its inputs their ranges"
+            return flaws or [Flaw(("limits", self.name), text)]
+        function = _function(system, self.of)
+        if function.jac_sparsity(0, 1).nnz():
+            return [Flaw(("limits", self.name, "of"), "depends on inputs: give these their ranges instead")]
+        return []
+
+    def rows(self, drive: Drive) -> Rows:
+        """At every point of the course."""
+        count = drive.path.shape[0]
+        nothing = ca.DM.zeros(count, len(drive.system.inputs))
+        return self.between(self.values(drive, drive.path, nothing), drive.system)
+
+
+class AtEnd(Always):
+    """An expression of states between two values at the end of every trial."""
+
+    kind: Literal["end"] = "end"  # type: ignore[assignment]  # Another moment.
+    looks_at: ClassVar[Any] = "run"
+
+    def rows(self, drive: Drive) -> Rows:
+        """One row of every trial."""
+        _, last = drive.ends_of(drive.states)
+        nothing = ca.DM.zeros(last.shape[0], len(drive.system.inputs))
+        return self.between(self.values(drive, last, nothing), drive.system)
+
+
+class Budget(ExpressionLimit):
+    """What is spent: an expression's integral over time, of all trials together, at most so much.
+
+    Of a system without states the sum over its settings. A budget of costs has them as rates.
+
+    Attributes:
+        most: that may be spent, with its unit.
+    """
+
+    kind: Literal["budget"] = "budget"
+    looks_at: ClassVar[Any] = "run"
+    most: Quantity
+
+    @property
+    def sides(self) -> tuple[Quantity | None, Quantity | None]:
+        """No more than the most."""
+        return None, self.most
+
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
+        """An expression that is none, or a most in another unit than its integral."""
+        timed = self if not system.states else _Timed(name=self.name, of=self.of, most=self.most)
+        return super(Budget, timed).flaws(system, space)
+
+    def rows(self, drive: Drive) -> Rows:
+        """One row: by the trapezoidal rule over every period, its input held."""
+        if not drive.system.states:
+            nothing = drive.states[drive.begins, :]
+            total = ca.sum1(self.values(drive, nothing, drive.inputs))
+            return self.between(total, drive.system)
+        begins = drive.begins
+        after = [row + 1 for row in begins]
+        first, last = (self.values(drive, drive.states[rows, :], drive.inputs) for rows in (begins, after))
+        lengths = drive.period * pace_of(drive)
+        return self.between(ca.sum1((first + last) / 2 * lengths), drive.system)
+
+
+class _Timed(Budget):
+    """A budget of a system with states: its expression counts per second."""
+
+    @property
+    def dimension(self) -> Dimension | None:
+        """Time."""
+        return TIME
+
+
+@lru_cache(maxsize=64)
+def _function(system: System, text: str) -> ca.Function:
+    # (state, inputs, parameters) -> value of the expression.
+    own = _readable(system)
+    assert own is not None
+    state, parameters = ca.SX.sym("state", len(own.states)), ca.SX.sym("p", len(own.parameters))
+    inputs = ca.SX.sym("inputs", len(system.inputs))
+    values = own.values_at(state, inputs[: len(own.inputs)], parameters)
+    found = ca.densify(ca.SX(parse(text).casadi(values)))
+    return ca.Function("expression", [state, inputs, parameters], [found])
+
+
+def _readable(system: System) -> Readable | None:
+    # The system, or that inside of one with further inputs.
+    own = getattr(system, "inner", system)
+    return own if isinstance(own, Readable) else None
+
+
+LIMITS: tuple[type[ExpressionLimit], ...] = (Always, AtEnd, Budget)
+"""Every limit on expressions."""
