@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -163,6 +164,25 @@ def test_the_keys_for_robots_and_limits_are_accepted():
         "commanded_yaw_rate",
         "commanded_yaw_acceleration",
     }
+
+
+EXPERIMENTS = [yaml.safe_load(code) for code in blocks("howto/experiments", "yaml")]
+TANK = EXPERIMENTS[0]
+
+
+@pytest.mark.parametrize("keys", EXPERIMENTS, ids=lambda keys: ", ".join(keys))
+def test_the_keys_for_experiments_are_accepted(keys: dict[str, Any]):
+    if keys.get("system", {}).get("kind") == "python":
+        assert set(keys["system"]) == {"kind", "object", "volume", "start"}
+        return
+    base = {key: TANK[key] for key in ("format", "name")} if "system" in keys else TANK
+    if "candidates" in keys.get("experiment", {}):
+        line = {"kind": "equations", "inputs": {"x": ""}, "parameters": {"a": 1}, "outputs": {"y": "a * x"}}
+        base = {**TANK, "system": line, "measurement": {"kind": "responses", "noise": {"y": 1}}}
+        base["estimate"] = ["a"]
+    study = parse_study(yaml.safe_dump({**base, **keys}))
+    study.require_identifiable()
+    assert set(keys) <= set(study.echo())
 
 
 @pytest.mark.parametrize("number", range(len(blocks("howto/criteria", "yaml"))))
