@@ -16,9 +16,9 @@ from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import Budget, Parts
 from oed.optimize.weights import Weights, best_weights, exchanged_weights
 
-NODES = 100
+NODES = 200
 """Relaxations that are solved by default: some seconds."""
-SMALL = 400
+SMALL = 60
 """Readings from which on the first bound is all that branching would tell in reasonable time."""
 WHOLE = 1e-6
 """By how much a weight may miss a whole number and still be one."""
