@@ -86,6 +86,18 @@ def limits_exceeded(problem: Problem, trajectory: Trajectory, share: float) -> f
 
 def _scorer_of(problem: Problem, trajectory: Trajectory) -> tuple[_Scorer, list[Array]]:
     # The scorer of a trajectory, and its splines' extremes, which are further arguments.
+    require_shape(problem, trajectory)
+    extremes = [trajectory.extremes(order) for order in range(3)]
+    extremes.append(_asked(trajectory) if _checked_at_points(problem) else trajectory.inputs)
+    return _scorer(problem, trajectory.samples, trajectory.runs, *map(len, extremes)), extremes
+
+
+def require_shape(problem: Problem, trajectory: Trajectory) -> None:
+    """Refuse a trajectory of another system.
+
+    Raises:
+        ValueError: inputs or states that do not match the system's, another number of runs.
+    """
     expected = len(problem.model.inputs)
     if trajectory.coefficients.shape[1] != expected:
         names = ", ".join(problem.model.input_names)
@@ -95,9 +107,6 @@ def _scorer_of(problem: Problem, trajectory: Trajectory) -> tuple[_Scorer, list[
         raise ValueError(
             f"expected start of {runs} run(s), {states} states each, got {trajectory.start.shape}"
         )
-    extremes = [trajectory.extremes(order) for order in range(3)]
-    extremes.append(_asked(trajectory) if _checked_at_points(problem) else trajectory.inputs)
-    return _scorer(problem, trajectory.samples, trajectory.runs, *map(len, extremes)), extremes
 
 
 class _Scorer:
@@ -305,7 +314,7 @@ def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
     elif problem.chosen_starts is not None and problem.chosen_starts.bounded:
         outside = problem.chosen_starts.excess(trajectory.starts)
         margins.append(Margin("start", problem.start_spare - outside, 1.0, ""))
-    if space.rest_to_rest:
+    if space.rest_to_rest and model.inputs:
         size = float(np.abs(problem.input_bounds).max())
         spare = problem.rest_spare - float(np.abs(trajectory.ends).max())
         margins.append(Margin("rest_to_rest", spare, size, model.inputs[0].unit))

@@ -1,4 +1,4 @@
-"""Joint nonlinear least squares of a designed drive: parameters, initial pose, nuisances from all sensors."""
+"""Joint nonlinear least squares of a designed drive: parameters, starts, nuisances from all sensors."""
 
 from __future__ import annotations
 
@@ -19,26 +19,28 @@ from oed.estimation.setup.unknowns import Knowledge, Unknowns
 from oed.foundation.arrays import Array, Places
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import evaluate, require_shape
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.sensor import labelled_nuisances, start_nuisances
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
-from oed.robots.models.model import robot_of
+from oed.robots.models.model import Model
 
 
 class Nonlinear(Estimator):
     """Least squares on all readings of one drive, weighted by their noise.
 
-    The unknowns are the parameters that the problem estimates, the initial pose where it is not known,
+    The unknowns are the parameters that the problem estimates, the start states where they are not known,
     and the sensors' nuisances. Knowledge from before enters as further readings.
 
     Args:
-        problem: with sensors (`Poses`, `Ranges`, `YawRate` or several).
+        problem: with sensors: a robot's (`Poses`, `Ranges`, ...), or outputs (`Outputs`, `Responses`, ...).
         trajectory: the drive.
         loss: of a residual; other than "linear" it bounds the influence of outliers.
 
     Raises:
         ProblemError: a measurement without sensors, or parameters that are not identifiable from the drive.
+        ValueError, NotFinite: a trajectory that `evaluate` does not score.
     """
 
     name: EstimatorName = "nonlinear"
@@ -49,10 +51,11 @@ class Nonlinear(Estimator):
         if not sensors:
             text = f"joint least squares need sensors; {problem.measurement.kind} is a regression"
             raise ProblemError.about(("validation", "estimators"), text)
+        require_shape(problem, trajectory)
         self.problem, self.loss = problem, loss
         (estimation,) = problem.any_estimations
         self.parameters, self.true = estimation.parameters, estimation.nominal
-        starts = start_nuisances(sensors, robot_of(problem.system), trajectory.runs)
+        starts = start_nuisances(sensors, problem.system, trajectory.runs)
         own = labelled_nuisances(sensors)
         self._unknowns = _unknowns(problem, trajectory, starts, own)
         self._readings = DriveReadings.of(sensors, trajectory, self._unknowns)
@@ -60,9 +63,19 @@ class Nonlinear(Estimator):
         layout = SegmentLayout.of_drive(trajectory, self._readings.by_run(self.predicted()))
         known, drive = self._known, self._readings
         self._search = JointSearch(layout, self._unknowns, np.zeros(0), known, loss, drive=drive)
-        if not SquareRoot.of_rows(self._with_known(self._white_slopes(self._initial))).complete:
+        slopes = self._white_slopes(self._initial)
+        if not np.all(np.isfinite(slopes)):
+            # It says which number is not finite, and when.
+            evaluate(problem, trajectory)
+        found = SquareRoot.of_rows(self._with_known(slopes))
+        if not found.complete:
             text = f"the drive does not identify {', '.join(self.parameters)}; nothing to estimate"
             raise ProblemError.about(("validation",), text)
+        if not isinstance(problem.system, Model):
+            # Unlike a robot's, states are of any size, and may begin at 0.
+            sizes = np.maximum(np.abs(self._initial), np.linalg.norm(found.factor, axis=1))
+            sized = replace(self._unknowns, sizes=tuple(sizes.tolist()))
+            self._search = replace(self._search, unknowns=sized)
 
     @property
     def nuisances(self) -> tuple[str, ...]:
@@ -72,7 +85,7 @@ class Nonlinear(Estimator):
 
     @cached_property
     def _places(self) -> list[int]:
-        # Of the parameters among the unknowns: those of the robot, then the sensors' constants.
+        # Of the parameters among the unknowns: those of the system, then the sensors' constants.
         asked = {name: one.name for name, one in self.problem.constants.items()}
         return [self._unknowns.names.index(asked.get(name, name)) for name in self.parameters]
 
@@ -180,7 +193,7 @@ def _unknowns(
     # The parameters to estimate, the starts that are not known, the sensors' own constants.
     (estimation,) = problem.any_estimations
     return Unknowns(
-        robot_of(problem.system),
+        problem.system,
         tuple(name for name in estimation.parameters if name not in problem.constants),
         tuple(one.name for one in own),
         clocks=0,

@@ -38,7 +38,7 @@ class DriveReadings:
     def of(cls, sensors: Sequence[Sensor], trajectory: Trajectory, unknowns: Unknowns) -> DriveReadings:
         """What `sensors` read of a drive."""
         runs, periods = trajectory.runs, trajectory.samples // trajectory.runs
-        each = tuple(SegmentReadings(unknowns.robot, one, runs, periods) for one in sensors)
+        each = tuple(SegmentReadings(unknowns.system, one, runs, periods) for one in sensors)
         return cls(each, trajectory, unknowns)
 
     def first_starts(self, values: Array) -> Array:

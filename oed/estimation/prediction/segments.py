@@ -1,7 +1,7 @@
 """Pieces of drives: the readings that a sensor makes of them, and their derivatives.
 
-Each segment is driven from a start of its own. All segments are computed in one call; shorter ones are padded
-with periods of no time, which change nothing.
+Each segment is driven from a start of its own; of a system without states nothing is followed. All segments
+are computed in one call; shorter ones are padded with periods of no time, which change nothing.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from oed.foundation.arrays import Array, block_columns
 from oed.kernel.dynamics.direct_call import DirectCall
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import carrier, stepper
+from oed.kernel.dynamics.system import System, carrier, stepper
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.moment import moment_reading, reading_by_signal
 from oed.kernel.measurement.sensor import Moment, Sensor
@@ -44,7 +44,7 @@ class Driven(NamedTuple):
         starts: states at the segments' beginnings, (S, states).
         inputs: held in each period, (S, n, inputs).
         times: lengths of the periods [s], 0 beyond a segment's end, (S, n).
-        parameters: of the robot, (p,).
+        parameters: of the system, (p,).
         nuisances: the sensor's own, (k,).
     """
 
@@ -115,13 +115,13 @@ class SegmentReadings:
     """What a sensor reads of segments with given inputs.
 
     Attributes:
-        model: the robot.
+        model: the system.
         sensor: reads K times of a segment, q numbers each.
         count: S, segments.
         periods: n, of the longest of them.
     """
 
-    model: Model
+    model: System
     sensor: Sensor
     count: int
     periods: int
@@ -156,7 +156,7 @@ class SegmentReadings:
         return self._by_segment(found), self._by_segment(slopes, self._width)
 
     def by_twist(self, driven: Driven) -> Array:
-        """Derivatives of the readings by the robot's twist at their times, (S, K, q, 3)."""
+        """Derivatives of the readings by a robot's twist at their times, (S, K, q, 3)."""
         (found,) = self._called("by twist", driven)
         return self._by_segment(found, 3)
 
@@ -188,7 +188,7 @@ class SegmentReadings:
 
 
 @lru_cache(maxsize=16)
-def _segments(model: Model, sensor: Sensor, count: int, periods: int, what: What) -> DirectCall:
+def _segments(model: System, sensor: Sensor, count: int, periods: int, what: What) -> DirectCall:
     # Parameters and nuisances are common to all segments. Few are remembered: each holds the indices of all
     # its numbers, and of a long log these take as much room as the numbers themselves.
     function = _segment(model, sensor, periods, what)
@@ -197,7 +197,7 @@ def _segments(model: Model, sensor: Sensor, count: int, periods: int, what: What
 
 
 @lru_cache(maxsize=32)
-def _segment(model: Model, sensor: Sensor, periods: int, what: What) -> ca.Function:
+def _segment(model: System, sensor: Sensor, periods: int, what: What) -> ca.Function:
     states, size = len(model.states), len(model.parameters)
     start, parameters = ca.MX.sym("start", states), ca.MX.sym("p", size)
     inputs, times = ca.MX.sym("inputs", len(model.inputs), periods), ca.MX.sym("times", 1, periods)
@@ -215,15 +215,16 @@ def _segment(model: Model, sensor: Sensor, periods: int, what: What) -> ca.Funct
     moments += [ca.repmat(parameters, 1, count), ca.repmat(nuisances, 1, count)]
     moments.append(_lengths(sensor, times, instants))
     if slopes:
-        carried = ca.reshape(whole[states:, :], states, -1)
-        places = (block_columns(np.array(columns), size + states) for columns in instants)
+        width = size + states
+        carried = ca.reshape(whole[states:, :], states, width * (periods + 1))
+        places = (block_columns(np.array(columns), width) for columns in instants)
         moments.append(ca.vertcat(*(carried[:, own] for own in places)))
     found = _moment(sensor, model, what).map(count).call(moments)
     return ca.Function(what.replace(" ", "_"), [start, inputs, times, parameters, nuisances], found)
 
 
 def _followed(
-    model: Model,
+    model: System,
     begin: Expression,
     inputs: Expression,
     parameters: Expression,
@@ -232,6 +233,8 @@ def _followed(
     slopes: bool,
 ) -> Expression:
     # States at all times, (states, n + 1), with their slopes below them where these are wanted.
+    if not model.states:
+        return ca.MX(0, times.shape[1] + 1)
     whole, rest = divmod(times.shape[1], PERIODS)
     parts, last = [begin], whole * PERIODS
     for length, count, own in (
@@ -246,7 +249,7 @@ def _followed(
 
 
 @lru_cache(maxsize=32)
-def _several(model: Model, periods: int, *, slopes: bool) -> ca.Function:
+def _several(model: System, periods: int, *, slopes: bool) -> ca.Function:
     # (state, inputs (m, n), parameters, times (1, n)) -> the state after the last period, and after each.
     # With slopes a state has its derivatives by parameters and start, column by column, below it.
     states, size = len(model.states), len(model.parameters)
@@ -276,7 +279,7 @@ def _lengths(sensor: Sensor, times: Expression, instants: Sequence[Sequence[int]
 
 
 @lru_cache(maxsize=32)
-def _moment(sensor: Sensor, model: Model, what: What) -> ca.Function:
+def _moment(sensor: Sensor, model: System, what: What) -> ca.Function:
     # What is wanted of one moment's reading; how the pose follows from the unknowns comes last, if at all.
     whole = moment_reading(sensor, model)
     symbols = [ca.SX.sym(whole.name_in(place), *whole.size_in(place)) for place in range(whole.n_in())]

@@ -12,9 +12,10 @@ from typing import Literal
 import numpy as np
 
 from oed.foundation.arrays import Array, Places
+from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Measurement, Nuisance
 from oed.kernel.measurement.square_root import SquareRoot
-from oed.robots.models.model import Model
+from oed.robots.models.model import Model, robot_of
 from oed.robots.models.twists import coefficient_values
 from oed.robots.sensors.mounting import PLACE as UNITS
 from oed.robots.sensors.mounting import LeverArm, Mount
@@ -34,7 +35,7 @@ class Unknowns:
     other constants of sensors, clock offsets.
 
     Attributes:
-        robot: with all its parameters.
+        system: with all its parameters.
         parameters: names of those that are estimated; the others are nominal.
         place: which of `constants` are estimated; the others are as `sits` says.
         clocks: how many clock offsets are estimated; 0 where the clocks agree.
@@ -42,15 +43,26 @@ class Unknowns:
         constants: what readings depend on besides a robot's parameters and states, with their units.
         starts: coordinates of a designed drive's starts, run by run, with their nominal values; () where they
             are known, or unknowns of each segment alone.
+        sizes: of all unknowns, for scaling only; () for those of the parameters and of a robot's places.
     """
 
-    robot: Model
+    system: System
     parameters: tuple[str, ...]
     place: tuple[str, ...]
     clocks: int
     sits: tuple[float, ...] = (0.0, 0.0, 0.0)
     constants: Mapping[str, str] = field(default_factory=lambda: UNITS)
     starts: tuple[Nuisance, ...] = ()
+    sizes: tuple[float, ...] = ()
+
+    @property
+    def robot(self) -> Model:
+        """The system, which has to be a robot.
+
+        Raises:
+            UserMistake: it is none.
+        """
+        return robot_of(self.system)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -61,7 +73,7 @@ class Unknowns:
     @property
     def units(self) -> tuple[str, ...]:
         """Their SI units."""
-        table = {parameter.name: parameter.unit for parameter in self.robot.parameters} | dict(self.constants)
+        table = {one.name: one.unit for one in self.system.parameters} | dict(self.constants)
         starts = (one.unit for one in self.starts)
         known = (table[name] for name in self.parameters), (table[name] for name in self.place)
         return (*known[0], *starts, *known[1], *("s" for _ in self._each))
@@ -77,7 +89,9 @@ class Unknowns:
 
         A nominal value that is but a first guess, far smaller than the size a parameter may have, is none.
         """
-        sizes = ((one.name, max(one.scale, one.size)) for one in self.robot.parameters)
+        if self.sizes:
+            return np.array(self.sizes)
+        sizes = ((one.name, max(one.scale, one.size)) for one in self.system.parameters)
         table = {name: size or 1.0 for name, size in sizes}
         rest = [SIZE] * (self.size - len(self.parameters))
         return np.array([*(table[name] for name in self.parameters), *rest])
@@ -85,7 +99,7 @@ class Unknowns:
     @property
     def nominal(self) -> Array:
         """Nominal values of the parameters, the starts and the place, clock offsets 0."""
-        table = {parameter.name: parameter.nominal for parameter in self.robot.parameters}
+        table = {parameter.name: parameter.nominal for parameter in self.system.parameters}
         places = dict(zip(self.constants, self.sits, strict=True))
         own = [*(table[name] for name in self.parameters), *(one.nominal for one in self.starts)]
         return np.array([*own, *(places[name] for name in self.place), *[0.0] * self.clocks])
@@ -94,7 +108,7 @@ class Unknowns:
         """Derivatives (S, ..., q) of S segments by the unknowns but the clocks, from those by all parameters,
         the segment's own start and all constants, (S, ..., columns).
         """
-        count, states = len(self._nominals), len(self.robot.states)
+        count, states = len(self._nominals), len(self.system.states)
         first = count + states
         own = slopes[..., self._own]
         place = slopes[..., [first + one for one in self._places]]
@@ -107,7 +121,7 @@ class Unknowns:
         return np.concatenate([own, starts, place], axis=-1)
 
     def parts(self, values: Array) -> tuple[Array, Array, Array]:
-        """All the robot's parameters (p,), the sensor's place or other constants, the clock offsets given."""
+        """All the system's parameters (p,), the place or other constants, the clock offsets given."""
         parameters, place = self._nominals.copy(), np.array(self.sits)
         last = self.size - self.clocks
         first = last - len(self.place)
@@ -116,7 +130,7 @@ class Unknowns:
         return parameters, place, values[last:]
 
     def coefficients(self, parameters: Array) -> tuple[tuple[str, ...], Array, Array]:
-        """Names of the robot's coefficients, values and derivatives by the parameters that are estimated, at
+        """Names of a robot's coefficients, values, and derivatives by the parameters estimated, at
         all its parameters (p,).
         """
         names, values, slopes = coefficient_values(self.robot, parameters)
@@ -124,8 +138,9 @@ class Unknowns:
 
     def begins(self, values: Array) -> Array:
         """The starts of a drive's runs, (runs, states); (0, states) where they are no unknowns here."""
-        first = len(self.parameters)
-        return np.asarray(values[first : first + len(self.starts)].reshape(-1, len(self.robot.states)))
+        first, states = len(self.parameters), len(self.system.states)
+        own = values[first : first + len(self.starts)]
+        return np.asarray(own.reshape(len(own) // max(states, 1), states))
 
     @property
     def _each(self) -> range:
@@ -133,8 +148,8 @@ class Unknowns:
 
     @cached_property
     def _own(self) -> list[int]:
-        # Which of the robot's parameters are estimated.
-        names = [parameter.name for parameter in self.robot.parameters]
+        # Which of the system's parameters are estimated.
+        names = [parameter.name for parameter in self.system.parameters]
         return [names.index(name) for name in self.parameters]
 
     @cached_property
@@ -145,7 +160,7 @@ class Unknowns:
 
     @cached_property
     def _nominals(self) -> Array:
-        return np.array(self.robot.nominal, dtype=float)
+        return np.array(self.system.nominal, dtype=float)
 
 
 def specified_mount(measurement: Measurement, *, relative: bool = False) -> Mount:
