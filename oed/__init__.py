@@ -53,7 +53,7 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
         read_logs, Log, CsvForm, BagForm, TupleForm, LogForm, make_estimator, Nonlinear, Regression,
         Estimator, Estimate, CalibrationOptions, Calibration
     Simulated experiments
-        validate, Validation
+        validate, Validation, Linearisation
     Reports and exports
         write_report, write_estimate, animate, export, diff_drive_parameters
     Errors

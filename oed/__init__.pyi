@@ -158,6 +158,7 @@ from .robots.sensors import YawRate as YawRate
 from .robots.sensors import regression as regression
 from .robots.space import DesignSpace as DesignSpace
 from .robots.space import StartPose as StartPose
+from .simulation import Linearisation as Linearisation
 from .simulation import Validation as Validation
 from .simulation import validate as validate
 from .study.study import Study as Study

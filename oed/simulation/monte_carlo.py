@@ -20,13 +20,14 @@ from oed.foundation.arguments import require_count, typed
 from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.foundation.moved import Renamed
-from oed.foundation.presenting import Card, Presented, dataframe
+from oed.foundation.presenting import Card, Fact, Presented, dataframe
 from oed.foundation.text import deviation_text, significant
 from oed.foundation.work.parallel import Workers, run_tasks
 from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.simulation.checks import Check, Moments, Tally, check_tally
+from oed.simulation.linearisation import Linearisation, differences, directions_of
 
 BATCH = 1000
 """Replicates drawn from one stream: the same numbers whatever the number of workers."""
@@ -58,6 +59,7 @@ class Validation(Presented, Renamed):
         checks: the tests, judged together.
         estimates: the first estimates, (<= 200, p).
         units: SI units of the parameters, (p,); () where they are not known.
+        linearisation: whether the noise is small enough for it; None where that is not known.
     """
 
     estimator: EstimatorName
@@ -75,6 +77,7 @@ class Validation(Presented, Renamed):
     checks: tuple[Check, ...]
     estimates: Array
     units: tuple[str, ...] = ()
+    linearisation: Linearisation | None = None
 
     @property
     def passed(self) -> bool:
@@ -83,7 +86,14 @@ class Validation(Presented, Renamed):
 
     @property
     def verdict(self) -> str:
-        """The outcome in words."""
+        """The outcome in words; and whether the noise is too large for linearised least squares."""
+        known = self.linearisation
+        if known is None or self.estimator != "nonlinear" or known.small_enough is not False:
+            return self._outcome
+        return f"{self._outcome} {known.sentence}"
+
+    @property
+    def _outcome(self) -> str:
         if self.passed:
             return (
                 f"In {self.replicates} simulated experiments the estimates scatter as predicted: "
@@ -114,7 +124,7 @@ class Validation(Presented, Renamed):
         return dataframe({**self.columns, "unit": list(self.units or [""] * len(self.parameters))})
 
     def _card(self) -> Card:
-        facts = (
+        facts: tuple[Fact, ...] = (
             ("verdict", self.verdict),
             ("estimator", f"{self.estimator}, {self.replicates} experiments, seed {self.seed}"),
         )
@@ -123,6 +133,8 @@ class Validation(Presented, Renamed):
             [deviation_text(float(one), unit) for one, unit in zip(found[name], units, strict=True)]
             for name in ("predicted", "sampled")
         )
+        if self.linearisation is not None:
+            facts = (*facts, ("linearisation", self.linearisation.sentence))
         rows = zip(self.parameters, *sizes, map(significant(3), found["ratio"]), strict=True)
         heads = ("parameter", "predicted standard error", "sampled", "ratio")
         return Card(f"Validation: {'passed' if self.passed else 'failed'}", facts, heads, tuple(rows))
@@ -203,13 +215,13 @@ def validate(
     size = min(BATCH, SLOW_BATCH) if chosen.name == "nonlinear" else BATCH
     batches = [(index, min(size, replicates - index * size)) for index in range(math.ceil(replicates / size))]
     listener.begin("simulate experiments", len(batches))
-    total = _Total()
+    total, directions = _Total(), directions_of(chosen.covariance)
 
     def take(index: int, result: _Result) -> None:
         total.take(index, result)
         listener.advance()
 
-    run_tasks(partial(_simulate, chosen, seed), batches, workers, take)
+    run_tasks(partial(_simulate, chosen, directions, seed), batches, workers, take)
     found, true, predicted = total.result, chosen.true, chosen.covariance
     root, whitened = np.linalg.cholesky(predicted), found.tally.whitened
     # E[linear^2] is known exactly, so only the difference of squares is left to chance.
@@ -230,6 +242,9 @@ def validate(
         paired_error=np.sqrt(np.diag(found.paired.covariance) / found.paired.count),
         checks=check_tally(found.tally, alpha),
         estimates=found.estimates,
+        linearisation=Linearisation.of(
+            chosen.parameters, directions, chosen.linear_covariance, found.pairs, alpha
+        ),
     )
 
 
@@ -238,11 +253,13 @@ class _Result:
     # Of a batch, or of all so far.
     tally: Tally
     paired: Moments
+    pairs: Moments
     estimates: Array
 
     def add(self, other: _Result) -> None:
         self.tally.add(other.tally)
         self.paired.add(other.paired)
+        self.pairs.add(other.pairs)
         missing = SHOWN - len(self.estimates)
         if missing > 0:
             self.estimates = np.concatenate([self.estimates, other.estimates[:missing]])
@@ -267,10 +284,15 @@ class _Total:
             self._batches += 1
 
 
-def _simulate(estimator: Estimator, seed: int, batch: tuple[int, int]) -> _Result:
-    # A batch by its number, and how many replicates it has.
+def _simulate(estimator: Estimator, directions: Array, seed: int, batch: tuple[int, int]) -> _Result:
+    # A batch by its number, and how many replicates it has; what is compared is the same on all machines.
     index, size = batch
     estimates, linear = estimator.simulate(np.random.default_rng([seed, STREAM, index]), size)
     true, predicted = estimator.true, estimator.covariance
-    differences = ((estimates - true) ** 2 - (linear - true) ** 2) / np.diag(predicted)
-    return _Result(Tally.of(estimates - true, predicted), Moments.of(differences), estimates[:SHOWN].copy())
+    squares = ((estimates - true) ** 2 - (linear - true) ** 2) / np.diag(predicted)
+    return _Result(
+        Tally.of(estimates - true, predicted),
+        Moments.of(squares),
+        Moments.of(differences(estimates, linear, true, directions)),
+        estimates[:SHOWN].copy(),
+    )
