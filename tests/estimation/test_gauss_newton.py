@@ -95,8 +95,8 @@ def test_held_at_a_corner_of_a_clock_the_others_go_on():
 
 
 class Hill:
-    def __init__(self, misfit: float) -> None:
-        self.misfit = misfit
+    def __init__(self, misfit: float, *, smooth: bool = True) -> None:
+        self.misfit, self.smooth = misfit, smooth
 
 
 def test_steps_are_shortened_until_they_lead_downhill():
@@ -111,6 +111,11 @@ def test_steps_are_shortened_until_they_lead_downhill():
     assert (found.misfit, vain) == (pytest.approx(0.925), 3)
     assert tried == [1.0, 0.5, 0.25, 0.125]
     assert downhill(here, lambda share: Hill(2.0), SHARES[2:]) == (here, len(SHARES) - 2)
+
+
+def test_no_step_leads_to_where_there_are_no_derivatives():
+    found, vain = downhill(Hill(1.0), lambda share: Hill(0.5, smooth=share < 0.5), SHARES)
+    assert (found.smooth, vain) == (True, 2)
 
 
 @pytest.mark.parametrize("start", [(0.1, 8.0, 0.0), (100.0, 0.1, -100.0)])

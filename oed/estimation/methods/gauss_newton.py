@@ -156,6 +156,7 @@ class LeastSquares:
     close: float = CLOSE
     flat: float = FLAT
 
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def solved(
         self,
         rows: HasRows,
@@ -238,7 +239,7 @@ def downhill(here: _Point, after: Callable[[float], _Point], tries: Sequence[flo
     """
     for number, tried in enumerate(tries):
         there = after(tried)
-        if there.misfit <= here.misfit * (1 + WORSE):
+        if there.misfit <= here.misfit * (1 + WORSE) and there.smooth:
             return there, number
     return here, len(tries)
 
@@ -281,6 +282,11 @@ class _Point:
         if max(np.abs(one).max(initial=0.0) for one in (unknowns, residuals)) > BEYOND:
             return np.inf
         return float(self.losses[0].sum()) + self.search.known.misfit(self.values)
+
+    @property
+    def smooth(self) -> bool:
+        # Whether there are derivatives to go on with.
+        return all(np.isfinite(one).all() for one in self.rows)
 
     def moved(self, step: _Step, share: float = 1.0) -> _Point:
         values, starts = self.values + share * step.values, self.starts + share * step.starts
