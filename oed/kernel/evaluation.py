@@ -25,7 +25,7 @@ from oed.kernel.limit import Limit, Rows
 from oed.kernel.margin import TOLERANCE as TOLERANCE
 from oed.kernel.margin import Margin as Margin
 from oed.kernel.measurement.square_root import SquareRoot
-from oed.kernel.parts import rows_of
+from oed.kernel.parts import root_weights
 from oed.kernel.problem import Problem
 
 EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
@@ -159,15 +159,8 @@ class _Scorer:
 
     def _weighted(self, jacobians: list[Array], drive: Trajectory) -> list[Array]:
         # A reading that counts w times says as much as w readings.
-        if drive.weights is None:
-            return jacobians
-        sensors = self.problem.measurement.joint_sensors
-        places = rows_of(sensors, self.problem.system, drive.samples // drive.runs, drive.runs)
-        if not sensors or len(drive.weights) != places.max() + 1:
-            expected = places.max() + 1 if sensors else "no"
-            raise ValueError(f"expected weights of {expected} readings, got {len(drive.weights)}")
-        roots = np.sqrt(drive.weights)[places, None]
-        return [roots * one for one in jacobians]
+        roots = root_weights(self.problem.measurement.joint_sensors, self.problem.system, drive)
+        return jacobians if roots is None else [roots[:, None] * one for one in jacobians]
 
     def _square_roots(
         self, jacobians: Sequence[Array], summed: Sequence[Array]

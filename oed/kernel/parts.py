@@ -12,6 +12,7 @@ from oed.foundation.arrays import Array, Places
 from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
 from oed.kernel.dynamics.system import System
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.sensor import Sensor, row_times, sensor_labels
 
 
@@ -235,3 +236,25 @@ def rows_of(sensors: Sequence[Sensor], system: System, samples: int, runs: int) 
     times = row_times(sensors, system, samples, runs)
     places = {one: place for place, one in enumerate(dict.fromkeys(times))}
     return np.array([places[one] for one in times], dtype=int)
+
+
+def root_weights(sensors: Sequence[Sensor], system: System, trajectory: Trajectory) -> Array | None:
+    """The roots of a trajectory's weights for every row of all sensors' readings, (rows,); None without any.
+
+    Args:
+        sensors: that read.
+        system: that is read.
+        trajectory: with the weights.
+
+    Raises:
+        ValueError: weights of another number of readings.
+    """
+    if trajectory.weights is None:
+        return None
+    count = len(trajectory.weights)
+    if not sensors:
+        raise ValueError(f"expected weights of no readings, got {count}")
+    places = rows_of(sensors, system, trajectory.samples // trajectory.runs, trajectory.runs)
+    if count != places.max() + 1:
+        raise ValueError(f"expected weights of {places.max() + 1} readings, got {count}")
+    return np.asarray(np.sqrt(trajectory.weights)[places])

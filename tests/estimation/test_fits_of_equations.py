@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from experiments import BEGIN, Experiment, box_and_lucas, compartmental, pond, response, rooney_and_biegler
@@ -9,6 +11,7 @@ from scipy.optimize import least_squares
 
 import oed
 from oed.estimation.methods import Estimate
+from oed.foundation.errors import NotFinite, ProblemError
 
 CLOSE = 1e-6
 """Share of a standard error by which two least squares may differ."""
@@ -89,3 +92,140 @@ class TestAgainstSciPy:
         )
         found = compared(one)
         assert np.ptp(np.log10(found.values)) > 12
+
+
+class TestWhatIsFitted:
+    def test_a_reading_that_counts_three_times_is_the_mean_of_three(self):
+        one = rooney_and_biegler(0.1, prior=False)
+        weights = np.array([3.0, 0.0, 1.0, 0.5, 0.0, 2.0, 1.0])
+        taken = weights > 0
+        weighted = replace(one.trajectory, weights=weights)
+        estimator = oed.make_estimator(one.problem, weighted)
+        (covariance,) = oed.evaluate(one.problem, weighted).covariances.values()
+        np.testing.assert_allclose(estimator.covariance, covariance, rtol=1e-9)
+        nominal = np.array(one.problem.system.nominal)
+        readings = one.read(nominal) + 0.1 * np.random.default_rng(1).standard_normal(7)
+        found = estimator.fit(np.where(taken, readings, 1e3))
+        chosen = Experiment(
+            one.problem,
+            one.trajectory,
+            lambda values: one.read(values)[taken],
+            0.1 / np.sqrt(weights[taken]),
+        )
+        expected = independent(chosen, readings[taken], nominal, np.zeros((2, 2)))
+        assert np.all(np.abs(found.values - expected) < CLOSE * np.sqrt(np.diag(found.covariance)))
+        assert oed.validate(one.problem, weighted, replicates=200, seed=2).passed
+
+    def test_several_sensors_and_a_start_that_is_known_roughly(self):
+        begin = {"prey": 0.01, "predators": 0.02}
+        plain = pond(0.01)
+        sensors = [
+            oed.Rates(noise={"prey": 0.01}, start=begin),
+            oed.Outputs(noise={"predators": 0.02}, start=begin),
+        ]
+        problem = replace(plain.problem, measurement=sensors)
+        estimator = oed.make_estimator(problem, plain.trajectory)
+        (covariance,) = oed.evaluate(problem, plain.trajectory).covariances.values()
+        np.testing.assert_allclose(estimator.covariance, covariance, rtol=1e-9)
+        assert estimator.nuisances == ("start.prey", "start.predators")
+        found = estimator.fit(estimator.predicted())
+        np.testing.assert_allclose(found.values, problem.system.nominal, rtol=1e-12)
+        np.testing.assert_allclose(found.nuisance_values, BEGIN, rtol=1e-12)
+
+    def test_tiny_states_from_nothing(self):
+        system = oed.Equations(
+            inputs={"feed": "mol/s"},
+            states={"amount": "mol"},
+            parameters={"rate": "1e-5 1/s"},
+            derivatives={"amount": "feed - rate * amount"},
+            outputs={"y": "amount"},
+            substeps=200,
+        )
+        spline = oed.Spline(degree=0, coefficients=20)
+        space = oed.SignalSpace(duration=1e6, samples=20, spline=spline, rest_to_rest=False)
+        problem = oed.Problem(
+            model=system,
+            design=space.model_copy(update={"start": (0.0,)}),
+            measurement=oed.Outputs(noise={"y": "1e-12 mol"}, start="unknown"),
+            limits=[oed.InputRange(input="feed", range=("0 mol/s", "1 mol/s"))],
+            criterion="D",
+        )
+        trajectory = space.trajectory(np.full((20, 1), 1e-12), [[0.0]])
+        times = np.linspace(0, 1e6, 21)
+
+        def read(values: np.ndarray) -> np.ndarray:
+            rate, begin = values
+            settled = 1e-12 / rate
+            return settled + (begin - settled) * np.exp(-rate * times)
+
+        estimator = oed.make_estimator(problem, trajectory)
+        # The Runge-Kutta steps are finer than the noise by far.
+        np.testing.assert_allclose(estimator.predicted(), read(np.array([1e-5, 0.0])), rtol=1e-12)
+        readings = estimator.predicted() + 1e-12 * np.random.default_rng(2).standard_normal(21)
+        found = estimator.fit(readings)
+        sizes = np.array([1e-5, 1e-12])
+
+        def slopes(scaled: np.ndarray) -> np.ndarray:
+            rate, begin = scaled * sizes
+            left = np.exp(-rate * times)
+            by_rate = (1e-12 / rate - begin) * times * left - 1e-12 / rate**2 * (1 - left)
+            return np.column_stack([by_rate, left]) * sizes / 1e-12
+
+        expected = least_squares(
+            lambda scaled: (read(scaled * sizes) - readings) / 1e-12,
+            [1.0, 0.0],
+            jac=slopes,
+            method="lm",
+            xtol=1e-15,
+            ftol=1e-15,
+            gtol=1e-15,
+        )
+        errors = np.array([np.sqrt(found.covariance[0, 0]), 1e-12])
+        assert found.converged
+        assert np.all(np.abs([*found.values, *found.nuisance_values] - expected.x * sizes) < CLOSE * errors)
+
+    @pytest.mark.filterwarnings("error")
+    def test_a_search_may_come_to_where_nothing_is_finite(self):
+        one = response(
+            {"b": "5", "c": "0.8 1/s"},
+            "10 * exp(-b * exp(-c * t))",
+            lambda t, b, c: 10 * np.exp(-b * np.exp(-c * t)),
+            [0.5, 1.0, 2.0, 4.0],
+            4.0,
+        )
+        found = oed.validate(one.problem, one.trajectory, replicates=100, seed=0)
+        assert np.all(np.isfinite(found.estimates))
+        assert found.linearisation.small_enough is False
+
+
+class TestMistakes:
+    def test_what_is_not_finite_is_named(self):
+        one = response(
+            {"a": "2", "unit": "1 s"}, "sqrt(t / unit - a)", lambda t, a: t, [1.0, 5.0], 1.0, estimate=["a"]
+        )
+        with pytest.raises(NotFinite, match=r"the reading of responses at 0\.5 s is not finite"):
+            oed.make_estimator(one.problem, one.trajectory)
+
+    def test_parameters_that_nothing_tells_apart(self):
+        one = response({"a": "2 1/s", "b": "3"}, "a * b * t", lambda t, a, b: a * b * t, [1.0, 5.0], 1.0)
+        with pytest.raises(ProblemError, match="does not identify a, b"):
+            oed.validate(one.problem, one.trajectory, replicates=10)
+
+    def test_a_trajectory_of_another_system(self):
+        one = pond(0.01)
+        other = oed.Trajectory.from_samples(np.zeros((48, 1)), 12.0, BEGIN)
+        with pytest.raises(ValueError, match="expected 0 inputs"):
+            oed.make_estimator(one.problem, other)
+        weighted = replace(one.trajectory, weights=np.ones(3))
+        with pytest.raises(ValueError, match="expected weights of 49 readings, got 3"):
+            oed.make_estimator(one.problem, weighted)
+
+    def test_other_estimators(self):
+        one = box_and_lucas(0.1)
+        with pytest.raises(ProblemError, match="responses are estimated by nonlinear least squares"):
+            oed.validate(one.problem, one.trajectory, estimator="ols")
+
+    def test_readings_of_another_number(self):
+        one = box_and_lucas(0.1)
+        with pytest.raises(ValueError, match="expected 2 finite readings, got 3"):
+            oed.make_estimator(one.problem, one.trajectory).fit([1.0, 2.0, 3.0])

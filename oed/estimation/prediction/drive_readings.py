@@ -17,12 +17,14 @@ from oed.estimation.setup.unknowns import Unknowns
 from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.sensor import Sensor, whole_whitening
-from oed.kernel.parts import rows_of
+from oed.kernel.parts import root_weights
 
 
 @dataclass(frozen=True)
 class DriveReadings:
     """Readings of a drive: given sensor by sensor, run by run and time by time; computed run by run.
+
+    A reading that counts w times in the trajectory is the mean of w of them, and none where w is 0.
 
     Attributes:
         each: what every sensor reads of the runs.
@@ -150,28 +152,27 @@ class DriveReadings:
                 blocks += [*each.reshape(-1, *each.shape[2:])]
             else:
                 blocks += [scipy.sparse.csr_array(whole)] * one.count
-        return scipy.sparse.csr_array(scipy.sparse.block_diag(blocks))
+        whole = scipy.sparse.csr_array(scipy.sparse.block_diag(blocks))
+        return whole if self._roots is None else scipy.sparse.csr_array(self._roots[:, None] * whole)
 
     @cached_property
-    def _roots(self) -> Array:
-        # Of every number read, sensor by sensor, the root of how much its reading counts.
-        if self.trajectory.weights is None:
-            return np.ones(self._whitener.shape[0])
-        sensors, runs = [one.sensor for one in self.each], self.trajectory.runs
-        places = rows_of(sensors, self.unknowns.robot, self.trajectory.samples // runs, runs)
-        return np.asarray(np.sqrt(self.trajectory.weights)[places])
+    def _roots(self) -> Array | None:
+        # Of weights, sensor by sensor.
+        sensors = [one.sensor for one in self.each]
+        return root_weights(sensors, self.unknowns.system, self.trajectory)
 
     @cached_property
     def whitener(self) -> Any:
-        """A with A R A' = 1 for the specified covariance R of the readings, run by run; of readings that are
-        not taken 0.
-        """
-        weighed = scipy.sparse.diags_array(self._roots, format="csr") @ self._whitener
-        return weighed[self.order][:, self.order]
+        """A with A R A' = 1 for the specified covariance R of the readings, run by run."""
+        return self._whitener[self.order][:, self.order]
 
     @cached_property
     def colour(self) -> Any:
-        """From standard normal numbers to noise, sensor by sensor; of readings that are not taken any."""
-        spread = 1 / np.where(self._roots > 0, self._roots, 1.0)
-        own = scipy.sparse.linalg.inv(scipy.sparse.csc_array(self._whitener))
-        return scipy.sparse.csr_array(own @ scipy.sparse.diags_array(spread, format="csc"))
+        """From standard normal numbers to noise, sensor by sensor; 0 for what is not read."""
+        whitener, roots = self._whitener, self._roots
+        if roots is not None:
+            # Rows that are 0 have no inverse.
+            taken = roots > 0
+            whitener = whitener + scipy.sparse.diags_array((~taken).astype(float))
+        found = scipy.sparse.linalg.inv(scipy.sparse.csc_array(whitener))
+        return scipy.sparse.csr_array(found if roots is None else found * taken)
