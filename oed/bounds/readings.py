@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from oed.bounds.certificate import Certificate
+from oed.bounds.certificate import Certificate, raised
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.presenting import Brief
@@ -53,8 +53,10 @@ def selection_certificate(problem: Problem, trajectory: Trajectory) -> Certifica
     found = certified_selection(problem, trajectory)
     count = len(found.derivatives)
     return Certificate(
-        found.bound,
+        raised(found.bound, problem.criterion),
         METHOD.format(count=count),
         ("readings of this experiment within the budget of weights",),
         found.selected.relaxed.gradient,
+        criterion=problem.criterion,
+        judged=found.selected.parts.judged,
     )
