@@ -219,3 +219,22 @@ def test_drives_that_go_beyond_all_bounds_are_the_worst_and_no_error():
     found = oed.solve(problem, oed.Ipopt(starts=4, perturbations=0, second_stage="none"), seed=0, workers=1)
     assert found.evaluation is not None
     assert np.isfinite(found.evaluation.objective)
+
+
+def test_a_system_without_inputs_is_at_rest():
+    system = Equations(
+        states={"x": ""}, derivatives={"x": "-k * x"}, parameters={"k": "1 1/s"}, outputs={"y": "x"}
+    )
+    space = oed.SignalSpace(duration=2.0, samples=20, spline=oed.Spline(degree=0, coefficients=20))
+    own = oed.Problem(
+        model=system,
+        design=space.model_copy(update={"start": (1.0,)}),
+        measurement=Outputs(noise={"y": 0.1}),
+        limits=[],
+        criterion=D(scaling="none"),
+    )
+    assert space.rest_to_rest
+    found = oed.evaluate(own, oed.Trajectory.from_samples(np.zeros((20, 0)), 2.0, [1.0], rest_to_rest=False))
+    times = np.linspace(0, 2, 21)
+    assert found.objective == pytest.approx(np.log(np.sum((times * np.exp(-times) / 0.1) ** 2)), rel=1e-6)
+    assert found.feasible
