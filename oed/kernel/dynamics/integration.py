@@ -45,6 +45,41 @@ def runge_kutta(
     return state
 
 
+def rodas3(
+    derivative: Callable[[ca.SX], ca.SX],
+    jacobian: Callable[[ca.SX], ca.SX],
+    state: ca.SX,
+    period: ca.SX,
+    steps: int,
+) -> tuple[ca.SX, ca.SX]:
+    """The state after a period, and its mean derivative in it, by the L-stable Rosenbrock method RODAS3.
+
+    Of third order, and stable however fast the state settles [Sandu and others: Benchmarking stiff ODE
+    solvers for atmospheric chemistry problems II, 1997]. A period of no time changes nothing and has the
+    derivative at its begin.
+
+    Args:
+        derivative: of a state by time, inputs held, (states,).
+        jacobian: of that by the state, (states, states).
+        state: at the period's begin, (states,).
+        period: its duration [s].
+        steps: of equal length.
+    """
+    length, mean = period / steps, 0 * state
+    for _ in range(steps):
+        solved = _eliminated(2 * ca.SX.eye(state.shape[0]) - length * jacobian(state))
+        slope = derivative(state)
+        first = solved(slope)
+        second = solved(slope + 4 * first)
+        state += length * 2 * first
+        third = solved(derivative(state) + first - second)
+        state += length * third
+        fourth = solved(derivative(state) + first - second - 8 / 3 * third)
+        state += length * fourth
+        mean += (2 * first + third + fourth) / steps
+    return state, mean
+
+
 class Radau:
     """The three-stage Radau IIA method of order 5 for x' = f(x, y, u), 0 = g(x, y, u): stiffly accurate, so
     that the last stage is the state after a step [Hairer, Wanner: Solving Ordinary Differential Equations II,
@@ -127,3 +162,26 @@ def collocation(nodes: Sequence[float]) -> Array:
     return np.asarray(
         powers * np.array(nodes)[:, None] / np.arange(1, len(nodes) + 1) @ np.linalg.inv(powers)
     )
+
+
+def _eliminated(matrix: ca.SX) -> Callable[[ca.SX], ca.SX]:
+    # What solves matrix @ x = b for x, by elimination without pivots, which skips what is 0 by structure.
+    count = matrix.shape[0]
+    rows = [[matrix[row, column] for column in range(count)] for row in range(count)]
+    for place, pivot in enumerate(rows):
+        for row in rows[place + 1 :]:
+            if not row[place].is_zero():
+                row[place] /= pivot[place]
+                for column in range(place + 1, count):
+                    row[column] -= row[place] * pivot[column]
+
+    def solved(wanted: ca.SX) -> ca.SX:
+        found = ca.vertsplit(wanted)
+        for place, row in enumerate(rows):
+            found[place] -= sum((row[other] * found[other] for other in range(place)), ca.SX(0))
+        for place in reversed(range(count)):
+            later = (rows[place][other] * found[other] for other in range(place + 1, count))
+            found[place] = (found[place] - sum(later, ca.SX(0))) / rows[place][place]
+        return ca.vertcat(*found)
+
+    return solved
