@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from oed.kernel.problem import Problem
 
 
+FORCES = ("throttle",)
+"""Quantities of inputs that accelerate a system, where others say how fast it is."""
+
+
 @dataclass(frozen=True)
 class Input:
     """One input of a system.
@@ -41,8 +45,13 @@ class Input:
 
     @property
     def drives(self) -> bool:
-        """Whether it moves the system in proportion, as a speed does; an angle only shapes the motion."""
-        return self.unit in ("rad/s", "m/s")
+        """Whether it moves the system, as a speed or a throttle does; an angle only shapes the motion."""
+        return self.unit in ("rad/s", "m/s") or self.pushes
+
+    @property
+    def pushes(self) -> bool:
+        """Whether it drives by a force: the system has speeds of its own, which follow."""
+        return self.quantity in FORCES
 
 
 ROUNDING = 1e-15

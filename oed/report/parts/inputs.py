@@ -15,7 +15,7 @@ from oed.kernel.limit import InputLimit
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.parts.reading import heading, problem_of
-from oed.robots.models.model import rate_of
+from oed.robots.models.rates import rate_of
 from oed.robots.models.wheels import TWO_WHEEL_SPEEDS
 
 Bounds = tuple[float, float]

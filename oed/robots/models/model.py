@@ -25,22 +25,10 @@ from oed.kernel.dynamics.system import Input, Parameter, System, follows_state, 
 from oed.robots.models.arcs import Integration, chord
 from oed.robots.models.coefficients import coefficient_parameters, coefficient_twist
 from oed.robots.models.plausibility import size_flaws
+from oed.robots.models.rates import RATES
 
 if TYPE_CHECKING:
     from oed.kernel.problem import Problem
-
-RATES = {
-    "wheel_speed": "wheel_acceleration",
-    "steering_angle": "steering_rate",
-    "commanded_speed": "commanded_acceleration",
-    "commanded_yaw_rate": "commanded_yaw_acceleration",
-}
-"""Quantity of an input -> what its rate is called, where that has a name of its own."""
-
-
-def rate_of(entry: Input) -> str:
-    """What the derivative of an input is called, by which limits on that are named."""
-    return RATES.get(entry.quantity, f"rate_of_{entry.quantity}")
 
 
 class Model(Component, System):
@@ -148,11 +136,22 @@ class Model(Component, System):
         """
         return ca.SX(0, 1)
 
+    def motion(
+        self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
+    ) -> tuple[Expression, Expression]:
+        """Mean twist (3,) of a period, and next values of the states after (x, y, heading).
+
+        By default those of what the inputs ask for. A robot whose inputs are forces says here what follows
+        from them and its state; as of `mean_twist`, a `period` of 0 is the instant itself.
+        """
+        twist = self.mean_twist(state, self.twist(inputs, parameters), parameters, period)
+        return twist, self.internal_step(state, twist, parameters, period)
+
     def step(
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
     ) -> Expression:
         """The pose after an arc, or its chord, and the further states, shared by all robots."""
-        twist = self.mean_twist(state, self.twist(inputs, parameters), parameters, period)
+        twist, further = self.motion(state, inputs, parameters, period)
         forward, lateral, yaw_rate = ca.vertsplit(twist)
         gain, direction = chord(yaw_rate, state[2], period, self.integration)
         cosine, sine = ca.cos(direction), ca.sin(direction)
@@ -160,7 +159,7 @@ class Model(Component, System):
             state[0] + gain * (forward * cosine - lateral * sine),
             state[1] + gain * (forward * sine + lateral * cosine),
             state[2] + period * yaw_rate,
-            self.internal_step(state, twist, parameters, period),
+            further,
         )
 
     def signals(
@@ -173,7 +172,7 @@ class Model(Component, System):
         - gain: displacement per unit of speed [s];
         - direction: heading of that displacement [rad].
         """
-        twist = self.mean_twist(state, self.twist(inputs, parameters), parameters, period)
+        twist, _ = self.motion(state, inputs, parameters, period)
         gain, direction = chord(twist[2], state[2], period, self.integration)
         return {
             "twist": twist,

@@ -109,6 +109,11 @@ def _try_motion(robot: Model) -> None:
     _require_shape("mean_twist", robot.mean_twist(state, twist, parameters, period), 3)
     following = robot.internal_step(state, twist, parameters, period)
     _require_shape("internal_step", following, len(robot.states) - 3)
+    found = robot.motion(state, inputs, parameters, period)
+    if not isinstance(found, tuple) or len(found) != 2:
+        raise ValueError(f"motion: expected a pair, of a twist and further states, got {written(found)}")
+    _require_shape("motion", found[0], 3)
+    _require_shape("motion", found[1], len(robot.states) - 3)
     stepper(robot)(len(robot.states) * [0.0], len(robot.inputs) * [0.0], robot.nominal, 0.1)
     follows_state(robot)
 
