@@ -23,7 +23,7 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
         Baseline, Move, Drive, Space, SignalSpace, Spline, System, Input, Parameter
     Robots
         DifferentialDrive, SkidSteer, SkidSteerIcr, SkidSteerSlip, Tricycle, Ackermann, Mecanum, OmniThree,
-        OffsetDrive, TractorTrailer, Unicycle, Model, DesignSpace, StartPose
+        OffsetDrive, TractorTrailer, Unicycle, BicycleDynamic, Model, DesignSpace, StartPose
     Systems given by equations, what is read of them, and ranges of their inputs
         Equations, ContinuousSystem, Outputs, Rates, Responses, InputRange, validate_integration,
         IntegrationError
@@ -36,9 +36,9 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
     Limits
         WheelSpeed, WheelAcceleration, WheelJerk, BodySpeed, YawRateLimit, LateralAcceleration, TurningRadius,
         SteeringAngle, SteeringRate, CommandedSpeed, CommandedAcceleration, CommandedYawRate,
-        CommandedYawAcceleration, TrailerAngleLimit, InputLimit, Workspace, Rectangle, Circle, Polygon,
-        Obstacles, Obstacle, CircularObstacle, PolygonalObstacle, EndPosition, EndHeading, PathLength,
-        Limit, BareLimit, PathLimit, Rows
+        CommandedYawAcceleration, Throttle, ThrottleRate, TrailerAngleLimit, InputLimit, Workspace,
+        Rectangle, Circle, Polygon, Obstacles, Obstacle, CircularObstacle, PolygonalObstacle, EndPosition,
+        EndHeading, PathLength, Limit, BareLimit, PathLimit, Rows
     Criteria
         E, D, A, G, I, ModifiedE, Criterion, Epigraph, Subject
     Searches

@@ -115,6 +115,8 @@ from .robots.limits import Rectangle as Rectangle
 from .robots.limits import Rows as Rows
 from .robots.limits import SteeringAngle as SteeringAngle
 from .robots.limits import SteeringRate as SteeringRate
+from .robots.limits import Throttle as Throttle
+from .robots.limits import ThrottleRate as ThrottleRate
 from .robots.limits import TrailerAngleLimit as TrailerAngleLimit
 from .robots.limits import TurningRadius as TurningRadius
 from .robots.limits import WheelAcceleration as WheelAcceleration
@@ -123,6 +125,7 @@ from .robots.limits import WheelSpeed as WheelSpeed
 from .robots.limits import Workspace as Workspace
 from .robots.limits import YawRateLimit as YawRateLimit
 from .robots.models import Ackermann as Ackermann
+from .robots.models import BicycleDynamic as BicycleDynamic
 from .robots.models import DifferentialDrive as DifferentialDrive
 from .robots.models import Mecanum as Mecanum
 from .robots.models import Model as Model

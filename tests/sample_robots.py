@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
+import cars
 import casadi as ca
 import numpy as np
 import oracle
@@ -15,6 +17,7 @@ import pytest
 
 from oed.robots.models import (
     Ackermann,
+    BicycleDynamic,
     DifferentialDrive,
     Mecanum,
     Model,
@@ -37,7 +40,8 @@ class Example:
     """A robot, and its twist (and effective inputs, and further states) written independently of the package.
 
     `internal` and `mean` are further states after a period, and what the twist of the inputs comes to in it,
-    of state, twist, period and parameters. `ambiguities` counts combinations of parameters that no poses (and
+    of state, twist, period and parameters; of a robot with inertia both are `motion`, of state, inputs and
+    period. `ambiguities` counts combinations of parameters that no poses (and
     no trailer's angle) tell apart.
     """
 
@@ -47,13 +51,33 @@ class Example:
     effective: Callable[[np.ndarray], np.ndarray] = np.asarray
     internal: Callable[..., np.ndarray] | None = None
     mean: Callable[..., np.ndarray] | None = None
+    motion: Callable[..., tuple[np.ndarray, np.ndarray]] | None = None
     ambiguities: int = 0
 
     def moved(self, state: np.ndarray, inputs: np.ndarray, period: float) -> np.ndarray:
         """The twist (3,) that stands for a period from a state on."""
+        if self.motion is not None:
+            return self.motion(state, inputs, period)[0]
         twist = self.twist(inputs)
         parameters = np.array(self.model.nominal)
         return twist if self.mean is None else self.mean(state, twist, period, parameters)
+
+    @property
+    def on_arcs(self) -> bool:
+        """Whether its twist is the same all along a period."""
+        return self.mean is None and self.motion is None
+
+    @property
+    def has_further_states(self) -> bool:
+        """Whether it says how states after the pose follow."""
+        return self.internal is not None or self.motion is not None
+
+    def further(self, state: np.ndarray, inputs: np.ndarray, period: float) -> np.ndarray:
+        """The states after the pose, after a period."""
+        if self.motion is not None:
+            return self.motion(state, inputs, period)[1]
+        assert self.internal is not None
+        return self.internal(state, self.twist(inputs), period, np.array(self.model.nominal))
 
 
 def _two_sided(name: str, model: Model, radii: tuple[float, float], slips=(0.0, 0.0)) -> Example:
@@ -341,6 +365,16 @@ EXAMPLES: dict[str, tuple[Example, ...]] = {
     ),
 }
 
+EXAMPLES["bicycle_dynamic"] = tuple(
+    Example(
+        name,
+        BicycleDynamic(**car, substeps=2),
+        partial(cars.steady_twist, car=car),
+        motion=partial(cars.motion, car=car, steps=2),
+    )
+    for name, car in (("bicycle", cars.CAR), ("bicycle_all_effects", cars.EFFECTS))
+)
+
 EXAMPLES["python"] = (
     Example(
         "python",
@@ -371,17 +405,33 @@ def cases(examples: list[Example]) -> list:
     ]
 
 
-LARGEST = {"wheel_speed": 10.0, "steering_angle": 0.5, "commanded_speed": 0.5, "commanded_yaw_rate": 2.0}
+LARGEST = {
+    "wheel_speed": 10.0,
+    "steering_angle": 0.5,
+    "commanded_speed": 0.5,
+    "commanded_yaw_rate": 2.0,
+    "throttle": 1.0,
+}
 """Magnitude of the inputs drawn, by quantity."""
 
 
 def draw_inputs(rng: np.random.Generator, count: int, model: Model | None = None) -> np.ndarray:
     """Inputs (count, inputs) whose magnitudes are far apart, so that the outer side is beyond doubt."""
     inputs = 2 if model is None else len(model.inputs)
-    largest = [10.0] * inputs if model is None else [LARGEST[entry.quantity] for entry in model.inputs]
     magnitudes = np.linspace(1.0, 9.0, inputs) + rng.uniform(-0.9, 0.9, (count, inputs))
     drawn = rng.permuted(magnitudes * rng.choice([-1.0, 1.0], (count, inputs)), axis=1)
-    return drawn * np.array(largest) / 10
+    return drawn if model is None else sized(drawn, model)
+
+
+def draw_state(rng: np.random.Generator, model: Model) -> np.ndarray:
+    """A state (states,); nothing on tyres slides sideways fast."""
+    slow = np.array([0.1 if name == "lateral_speed" else 1.0 for name in model.states])
+    return slow * rng.uniform(-2, 2, len(slow))
+
+
+def sized(tenths, model: Model) -> np.ndarray:
+    """Inputs (..., inputs) from tenths of the largest that are drawn."""
+    return np.array(tenths) * [LARGEST[entry.quantity] / 10 for entry in model.inputs]
 
 
 def twist_of(model: Model, inputs, parameters=None) -> np.ndarray:

@@ -30,6 +30,13 @@ TYPICAL = {
     "y_icr_left": "25 cm",
     "y_icr_right": "-25 cm",
     "trailer_length": "60 cm",
+    "drive_gain": "6 m/s^2",
+    "viscous_drag": "1.5 1/s",
+    "stiffness_front": "25 m/s^2/rad",
+    "stiffness_rear": "28 m/s^2/rad",
+    "front_axle": "16 cm",
+    "rear_axle": "17 cm",
+    "gyration_radius": "12 cm",
 }
 """Sizes of a typical robot, for those that are not given."""
 DRAWS = 2000
@@ -48,6 +55,8 @@ UNSURE = "5 %"
 """How far the parameters of a robot may be from their nominal values before its first drive."""
 IDENTIFIABLE = {"skid_steer": ("wheel_radius_right", "wheel_radius_left", "track")}
 """What to estimate of robots whose parameters are not identifiable all together."""
+INERT = ("bicycle_dynamic",)
+"""Robots with inertia."""
 PLACED = ("offset_drive", "skid_steer_icr")
 """Robots with a place of their own among the parameters, which no sensor whose place is unknown can find."""
 SENSORS = tuple(OFFERS)
@@ -112,8 +121,10 @@ def noise_needed(robot: str, sensor: str) -> dict[str, str]:
 
 
 def usual_duration(robot: str) -> str:
-    """How long a first drive takes: of robots that skid shorter, so that it stays in the room."""
-    return PILOT if skids(robot) else DURATION
+    """How long a first drive takes: of robots that skid shorter, so that it stays in the room, and of those
+    with inertia, which need short periods.
+    """
+    return PILOT if skids(robot) or _kind(robot) in INERT else DURATION
 
 
 def skids(robot: str) -> bool:

@@ -186,13 +186,15 @@ def _random_shape(problem: Problem, seed: int) -> Shape:
     held[space.free_rows] = True
 
     start = starts(problem, [None] * space.runs)
+    pushed = any(entry.pushes for entry in problem.model.inputs)
+    drawn = "inputs, the largest" if pushed else "speeds, the fastest"
 
     def drive(size: float, laps: int) -> Trajectory:
         table = rest + size * (draws - rest)
         return space.trajectory(np.where(held[:, None], table, 0.0), start)
 
     def words(size: float, laps: int) -> str:
-        return f"Random speeds, the fastest at {quantity(100 * size / most, '%')} of its limit."
+        return f"Random {drawn} at {quantity(100 * size / most, '%')} of its limit."
 
     # Splines stay inside what they are drawn of: all may grow until one reaches its limit.
     peaks = drive(1.0, 1).extremes(0) - rest
@@ -250,6 +252,9 @@ def try_baselines(problem: Problem, asked: Sequence[object]) -> None:
 def _obstacle(problem: Problem, asked: str | Baseline) -> str:
     if isinstance(asked, str) and asked not in PATTERNS:
         return ""
+    pushing = [entry.name for entry in problem.model.inputs if entry.pushes]
+    if pushing:
+        return f"it is made of speeds, and {listing(pushing)} is none"
     moves = _ways(problem, asked)[0](largest_size(problem), 0)
     _, made = kinematics(problem.model).directions(moves, problem.input_bounds)
     for move, possible in zip(moves, made, strict=True):

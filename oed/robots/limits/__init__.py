@@ -22,6 +22,8 @@ from oed.robots.limits.inputs import CommandedYawAcceleration as CommandedYawAcc
 from oed.robots.limits.inputs import CommandedYawRate as CommandedYawRate
 from oed.robots.limits.inputs import SteeringAngle as SteeringAngle
 from oed.robots.limits.inputs import SteeringRate as SteeringRate
+from oed.robots.limits.inputs import Throttle as Throttle
+from oed.robots.limits.inputs import ThrottleRate as ThrottleRate
 from oed.robots.limits.inputs import WheelAcceleration as WheelAcceleration
 from oed.robots.limits.inputs import WheelJerk as WheelJerk
 from oed.robots.limits.inputs import WheelSpeed as WheelSpeed
@@ -51,6 +53,8 @@ LIMITS: dict[str, Any] = {
         CommandedAcceleration,
         CommandedYawRate,
         CommandedYawAcceleration,
+        Throttle,
+        ThrottleRate,
         BodySpeed,
         YawRateLimit,
         LateralAcceleration,

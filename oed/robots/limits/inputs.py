@@ -19,6 +19,10 @@ RatePair = Annotated[tuple[float, float], TwoSided("rad/s", "60 deg/s")]
 CommandPair = Annotated[tuple[float, float], TwoSided("m/s", "0.5 m/s")]
 CommandRatePair = Annotated[tuple[float, float], TwoSided("m/s^2", "1 m/s^2")]
 YawAccelerationPair = Annotated[tuple[float, float], TwoSided("rad/s^2", "3 rad/s^2")]
+ThrottlePair = Annotated[tuple[float, float], TwoSided("", "50 %")]
+ThrottleRatePair = Annotated[tuple[float, float], TwoSided("1/s", "2 1/s")]
+FULL = 1.0
+"""The full throttle."""
 Pair = TypeVar("Pair", bound=tuple[float, float])
 
 
@@ -125,3 +129,23 @@ class CommandedYawAcceleration(DerivativeLimit[YawAccelerationPair]):
 
     name, quantity, unit, order = "commanded_yaw_acceleration", "commanded_yaw_rate", "rad/s^2", 1
     in_degrees = True
+
+
+class Throttle(DerivativeLimit[ThrottlePair]):
+    """The throttle within its bounds, as shares of the full one: backwards negative."""
+
+    name, quantity, unit, order = "throttle", "throttle", "", 0
+
+    def flaws(self, system: System, space: Space) -> list[Flaw]:
+        """No throttle, bounds without rest, or more than the full one."""
+        flaws = super().flaws(system, space)
+        most = max((abs(one) for pair in self.bounds_by_name(system).values() for one in pair), default=0.0)
+        if flaws or most <= FULL:
+            return flaws
+        return [Flaw(("limits", self.name), f"{most:g} is more than the full throttle, 1; give shares of it")]
+
+
+class ThrottleRate(DerivativeLimit[ThrottleRatePair]):
+    """The rate of the throttle within its bounds [1/s]."""
+
+    name, quantity, unit, order = "throttle_rate", "throttle", "1/s", 1

@@ -6,6 +6,7 @@ from oed.kernel.dynamics.system import follows_state as follows_state
 from oed.robots.models.arcs import Integration as Integration
 from oed.robots.models.arcs import chord as chord
 from oed.robots.models.arcs import sinc as sinc
+from oed.robots.models.bicycle_dynamic import BicycleDynamic as BicycleDynamic
 from oed.robots.models.command_driven import COMMANDS as COMMANDS
 from oed.robots.models.command_driven import Unicycle as Unicycle
 from oed.robots.models.differential_drive import DifferentialDrive as DifferentialDrive

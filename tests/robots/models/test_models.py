@@ -12,7 +12,18 @@ from builders import SPEED, problem_of
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
-from sample_robots import COEFFICIENT_ROBOTS, EXAMPLES, RADIUS, ROBOTS, TRACK, Example, draw_inputs, twist_of
+from sample_robots import (
+    COEFFICIENT_ROBOTS,
+    EXAMPLES,
+    RADIUS,
+    ROBOTS,
+    TRACK,
+    Example,
+    draw_inputs,
+    draw_state,
+    sized,
+    twist_of,
+)
 
 import oed
 from oed.foundation.errors import PartError
@@ -68,7 +79,7 @@ def test_names_and_units(example: Example):
     model = example.model
     names = [*model.input_names, *(parameter.name for parameter in model.parameters)]
     assert len(set(names)) == len(names)
-    assert {entry.unit for entry in model.inputs} <= {"rad/s", "rad", "m/s"}
+    assert {entry.unit for entry in model.inputs} <= {"rad/s", "rad", "m/s", ""}
     assert {parameter.unit for parameter in model.parameters} <= {
         "m",
         "rad",
@@ -77,6 +88,10 @@ def test_names_and_units(example: Example):
         "m*s/rad",
         "rad/m",
         "m/rad",
+        "1/s",
+        "1/m",
+        "m/s^2",
+        "m/s^2/rad",
         "",
     }
     assert len(model.state_units) == len(model.states)
@@ -168,28 +183,28 @@ def test_a_steering_gain_is_a_parameter_where_it_is_given():
 def test_step_is_the_oracles(example: Example, rule: str):
     rng = np.random.default_rng(1)
     for inputs in draw_inputs(rng, 20, example.model):
-        pose = rng.uniform(-2, 2, len(example.model.states))
+        pose = draw_state(rng, example.model)
         expected = oracle.advance(pose, example.moved(pose, inputs, 0.3), 0.3, rule)
         found = next_pose(example.model, rule, pose, inputs, 0.3)
-        tolerance = 1e-13 if example.mean is None else 1e-9
+        tolerance = 1e-13 if example.on_arcs else 1e-9
         np.testing.assert_allclose(found[:3], expected, rtol=0, atol=tolerance)
 
 
 @pytest.mark.parametrize(
-    "example", [one for one in ROBOTS if one.internal is not None], ids=lambda one: one.name
+    "example", [one for one in ROBOTS if one.has_further_states], ids=lambda one: one.name
 )
 def test_further_states_are_the_oracles(example: Example):
     rng = np.random.default_rng(11)
-    straight, spin, rest = [5.0, 5.0], [4.0, -4.0], [0.0, 0.0]
+    straight, spin, rest = (sized([one, other], example.model) for one, other in ((5, 5), (4, -4), (0, 0)))
     for inputs in [*draw_inputs(rng, 20, example.model), straight, spin, rest]:
-        state = rng.uniform(-2, 2, len(example.model.states))
-        expected = example.internal(state, example.twist(inputs), 0.4, np.array(example.model.nominal))
+        state = draw_state(rng, example.model)
+        expected = example.further(state, inputs, 0.4)
         found = next_pose(example.model, "arc", state, inputs, 0.4)
         np.testing.assert_allclose(found[3:], expected, rtol=0, atol=1e-9)
 
 
 def test_every_robot_with_further_states_has_an_oracle_for_them():
-    assert all((one.internal is None) == (len(one.model.states) == 3) for one in ROBOTS)
+    assert all(one.has_further_states == (len(one.model.states) > 3) for one in ROBOTS)
 
 
 @robots
@@ -247,7 +262,7 @@ def test_second_derivatives_are_finite_without_yaw(example: Example, speed: floa
         assert all(np.isfinite(np.array(value)).all() for value in values)
 
 
-@robots
+@pytest.mark.parametrize("example", [one for one in ROBOTS if one.motion is None], ids=lambda one: one.name)
 def test_arcs_compose(example: Example):
     model, rng = example.model, np.random.default_rng(6)
     for inputs in [*draw_inputs(rng, 10, model), np.full(len(model.inputs), 0.4)]:
@@ -255,7 +270,7 @@ def test_arcs_compose(example: Example):
         half = next_pose(model, "arc", pose, inputs, whole / 2)
         twice = next_pose(model, "arc", half, inputs, whole / 2)
         # Where the yaw rate changes in between, the way there is no arc.
-        same = slice(None) if example.mean is None else slice(2, None)
+        same = slice(None) if example.on_arcs else slice(2, None)
         once = next_pose(model, "arc", pose, inputs, whole)
         np.testing.assert_allclose(twice[same], once[same], rtol=0, atol=1e-12)
 
