@@ -20,6 +20,7 @@ from oed.robots.limits import (
     CommandedYawRate,
     Rectangle,
     SteeringAngle,
+    Throttle,
     WheelAcceleration,
     WheelSpeed,
 )
@@ -38,6 +39,7 @@ LIMIT_OF = {
     "steering_angle": STEERING,
     "commanded_speed": CommandedSpeed(bounds=0.5),
     "commanded_yaw_rate": CommandedYawRate(bounds=2.0),
+    "throttle": Throttle(bounds=1.0),
 }
 """What bounds inputs, by their quantity."""
 ACCELERATION = WheelAcceleration(bounds=20)

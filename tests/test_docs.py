@@ -163,6 +163,8 @@ def test_the_keys_for_robots_and_limits_are_accepted():
         "commanded_acceleration",
         "commanded_yaw_rate",
         "commanded_yaw_acceleration",
+        "throttle",
+        "throttle_rate",
     }
 
 

@@ -108,9 +108,11 @@ def _run(options: argparse.Namespace) -> int:
     outcome.report(lambda: write_report(record, out))
 
     notes = [note for note in record.notes if note != CUT_SHORT]
-    exports = [f"oed export {out} --to {kind}" for kind in ("ros2_node", "rosbag2")]
+    exports = [f"oed export {out} --to {kind}" for kind in ("ros2_node", "rosbag2")[record.pushed :]]
+    leads = ("Drive:", "   or:")
+    found = [f"{lead} {one}" for lead, one in zip(leads, exports, strict=False)]
     drives = record.best is not None and record.study.domain == "robots"
-    further = [f"Drive: {exports[0]}", f"   or: {exports[1]}"] if drives else []
+    further = found if drives else []
     outcome.show(
         options, {**record.plain(), **outcome.place}, lambda: _found(options, record, outcome), notes, further
     )

@@ -32,7 +32,7 @@ class Commands:
         inputs: (K + 1, inputs), SI. In the last row speeds are 0; angles keep their last value.
         moving: of each input whether it is a speed (else an angle, or what else only shapes the motion).
         twists: forward speed [m/s], lateral speed to the left [m/s], yaw rate [rad/s] that the inputs ask for
-            with the robot's nominal parameters, (K + 1, 3); 0 in the last row.
+            with the robot's nominal parameters, (K + 1, 3); 0 in the last row. Of a throttle what it makes.
         poses: the states that these commands lead to from the run's start, (K + 1, states).
     """
 
@@ -88,7 +88,10 @@ def _simulated(model: Model, start: Array, held: Array, rate: float) -> tuple[Ar
     # With numbers in place of symbols a roll-out is a simulation.
     parameters, period = np.array(model.nominal), np.array(1 / rate)
     drive = roll_out(model, inputs=held, start=start, parameters=parameters, period=period)
-    return asked_twists(model, held), np.array(drive.states)
+    # What is pushed asks for no twist: it makes one.
+    pushed = any(entry.pushes for entry in model.inputs)
+    twists = np.array(drive.signals["twist"]) if pushed else asked_twists(model, held)
+    return twists, np.array(drive.states)
 
 
 def commands_along(

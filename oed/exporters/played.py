@@ -106,8 +106,12 @@ def message_kind(vehicle: Vehicle, asked: str | None) -> str:
     """The name of the message that is asked for, or that suits a robot.
 
     Raises:
-        UserMistake: there is none of that name, or it does not command such a robot.
+        UserMistake: there is none of that name, or it does not command such a robot, or nothing does.
     """
+    pushing = [entry.name for entry in vehicle.inputs if entry.pushes]
+    if pushing:
+        text = f"no message commands a {pushing[0]}, which says no speed: take csv, json or rosbag2"
+        raise UserMistake(text)
     kind = asked or ("ackermann" if _has_steering(vehicle) else "twist_stamped")
     if kind not in MESSAGES:
         raise UserMistake(f"message: expected one of {', '.join(MESSAGES)}, got {kind!r}")

@@ -19,6 +19,7 @@ from oed.foundation.presenting import (
     parameter_rows,
 )
 from oed.foundation.text import count, listing
+from oed.kernel.dynamics.system import FORCES
 from oed.records.stored.door import SavedFile, read_echo
 from oed.records.stored.parts import (
     Count,
@@ -228,6 +229,11 @@ class Record(Presented, SavedFile):
     def folder(self) -> Path | None:
         """Where it was saved, None where it was not."""
         return self._folder
+
+    @property
+    def pushed(self) -> bool:
+        """Whether a force drives the robot, as a throttle does."""
+        return any(one.quantity in FORCES for one in self.inputs)
 
     @property
     def best(self) -> Result | None:

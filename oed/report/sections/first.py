@@ -54,7 +54,9 @@ def _commands(record: Record) -> tuple[tuple[str, str], ...]:
     study = record.provenance.study if record.provenance is not None else ""
     estimating = f"oed estimate {study or 'STUDY.yaml'} LOG.csv"
     exporting = (f"oed export . --to {kind}" for kind in ("ros2_node", "rosbag2", "json"))
-    return tuple(zip(SAY.paragraphs("commands"), (*exporting, estimating), strict=True))
+    found = tuple(zip(SAY.paragraphs("commands"), (*exporting, estimating), strict=True))
+    # No node plays what is driven by a force.
+    return found[record.pushed :]
 
 
 def _downloads(record: Record) -> tuple[Download, ...]:

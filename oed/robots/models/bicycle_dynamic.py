@@ -112,7 +112,14 @@ class BicycleDynamic(WheeledRobot):
     def motion(
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
     ) -> tuple[Expression, Expression]:
-        """The twist on whose arc the pose at the period's end lies, and the speeds there."""
+        """The twist on whose arc the pose at the period's end lies, and the speeds there.
+
+        Args:
+            state: at the begin of the period, (6,), SI.
+            inputs: throttle and steering angle, (2,).
+            parameters: values, (p,), SI.
+            period: [s]; 0 for the instant itself.
+        """
         twist, speeds = _integrated(self)(state[3:], inputs, parameters, period)
         return twist, speeds
 
@@ -143,6 +150,11 @@ class BicycleDynamic(WheeledRobot):
         """Twist (3,) of steady cornering at a forward speed [m/s]: where forces across and moments balance.
 
         The yaw rate tends to V delta / (L + K V^2) for small angles [Rajamani, 2012, 3.3].
+
+        Args:
+            ahead: forward speed [m/s].
+            inputs: throttle and steering angle, (2,).
+            parameters: values, (p,), SI.
         """
         own = self._by_name(parameters)
         steered, divisor = self._steered(inputs, own), self._divisor(ahead)
@@ -155,7 +167,13 @@ class BicycleDynamic(WheeledRobot):
         return ca.vertcat(ahead, across * yaw_rate, yaw_rate)
 
     def deceleration(self, ahead: Expression, inputs: Expression, parameters: Expression) -> Expression:
-        """What drag and steady cornering take of a forward speed [m/s^2]."""
+        """What drag and steady cornering take of a forward speed [m/s^2].
+
+        Args:
+            ahead: forward speed [m/s].
+            inputs: throttle and steering angle, (2,).
+            parameters: values, (p,), SI.
+        """
         own = self._by_name(parameters)
         _, across, yaw_rate = ca.vertsplit(self.cornering(ahead, inputs, parameters))
         share = own["rear_axle"] / (own["front_axle"] + own["rear_axle"])

@@ -1,8 +1,8 @@
 """What moves: the Model seam, and the planar step that every robot shares.
 
 A robot names its inputs and parameters and says which body twist they ask for; one that needs time to follow
-also says what it does instead, from its state. Pose integration, design matrices and derivatives follow from
-that. Expressions are CasADi's, for one sample; the callers map them over time.
+also says what it does instead, from its state. Pose integration, design matrices and derivatives follow.
+Expressions are CasADi's, for one sample; the callers map them over time.
 """
 
 from __future__ import annotations
@@ -141,8 +141,13 @@ class Model(Component, System):
     ) -> tuple[Expression, Expression]:
         """Mean twist (3,) of a period, and next values of the states after (x, y, heading).
 
-        By default those of what the inputs ask for. A robot whose inputs are forces says here what follows
-        from them and its state; as of `mean_twist`, a `period` of 0 is the instant itself.
+        By default those of what the inputs ask for. A robot whose inputs are forces says here what follows.
+
+        Args:
+            state: at the begin of the period, (states,).
+            inputs: held in it, (inputs,), SI.
+            parameters: values, (p,), SI.
+            period: [s], 0 for the instant itself.
         """
         twist = self.mean_twist(state, self.twist(inputs, parameters), parameters, period)
         return twist, self.internal_step(state, twist, parameters, period)
@@ -169,8 +174,7 @@ class Model(Component, System):
 
         - twist: forward and lateral speed [m/s], yaw rate [rad/s] of its motion (3,);
         - effective_inputs: the inputs as they act on the ground (q,);
-        - gain: displacement per unit of speed [s];
-        - direction: heading of that displacement [rad].
+        - gain, direction: displacement per unit of speed [s], and its heading [rad].
         """
         twist, _ = self.motion(state, inputs, parameters, period)
         gain, direction = chord(twist[2], state[2], period, self.integration)
@@ -198,8 +202,7 @@ class Model(Component, System):
     def estimable(self) -> Mapping[str, tuple[str, ...]]:
         """Its parameters, and where it has any its coefficients."""
         coefficients = tuple(name for row in self.coefficient_names for name in row)
-        own = super().estimable
-        return {**own, "coefficients": coefficients} if coefficients else own
+        return {**super().estimable, **({"coefficients": coefficients} if coefficients else {})}
 
     def remedy(self, unbounded: Input, limits: Sequence[str]) -> str:
         """The limit on the wheel, the steering or the motion that bounds an input."""
@@ -302,7 +305,6 @@ class Model(Component, System):
 
 
 def _of_the_base(name: str) -> Any:
-    # A property that is the base robot's.
     return property(lambda robot: getattr(robot.base, name))
 
 

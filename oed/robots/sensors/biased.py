@@ -74,7 +74,8 @@ class YawRate(BiasedSensor):
 
     Attributes:
         noise: standard deviation of one reading [rad/s].
-        bias: "unknown" (eliminated), "known", or the standard deviation of its prior [rad/s].
+        bias: "unknown" (eliminated), "known", "resting" (unknown, at rest), or
+            the standard deviation of its prior [rad/s].
         scale: what the yaw rate is multiplied by: "known" (1), "unknown", or the standard deviation of its
             prior.
     """
@@ -110,7 +111,8 @@ class TrailerAngle(BiasedSensor):
         noise: standard deviation of one reading [rad].
         bias: the encoder's zero: "known", "unknown" (eliminated), or the standard deviation of its
             prior [rad].
-        initial_pose: "unknown" (eliminated), "known", or a prior's standard deviations.
+        initial_pose: "unknown" (eliminated), "known", "resting" (unknown, at rest), or
+            a prior's standard deviations.
     """
 
     kind: Literal["trailer_angle"] = "trailer_angle"

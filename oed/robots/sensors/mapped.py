@@ -71,7 +71,7 @@ class MappedSensor(PlacedSensor):
     @property
     def gauge(self) -> tuple[str, ...]:
         """The pose, where neither it nor any point is known beforehand."""
-        free = self.map == "unknown" and self.initial_pose == "unknown"
+        free = self.map == "unknown" and self.initial_pose in ("unknown", "resting")
         return tuple(axis for axis, _ in AXES) if free else ()
 
     def flaws(self, system: System, samples: int) -> list[Flaw]:

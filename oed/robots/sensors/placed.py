@@ -20,7 +20,8 @@ class PlacedSensor(Sensor):
     """A sensor that follows a point of the robot.
 
     Attributes:
-        initial_pose: "unknown" (eliminated), "known", or the standard deviations of a prior.
+        initial_pose: "unknown" (eliminated), "known", "resting" (unknown, at rest), or
+            the standard deviations of a prior.
         lever_arm: where on the robot that point is.
         latency: by how much later than it says a reading is taken of the robot: "known" (none), "unknown"
             (eliminated), or the standard deviation of its prior [s]. In logs whose poses are on a clock of

@@ -26,11 +26,15 @@ class PosePrior(Component):
         return self.heading if unit == "rad" else self.position
 
 
-InitialPose = Literal["unknown", "known"] | PosePrior
+REST = 1e-3
+"""Standard deviation [m/s, rad/s] of the speeds of a robot that is known to rest."""
+InitialPose = Literal["unknown", "known", "resting"] | PosePrior
 
 
 def start_of(initial_pose: InitialPose) -> Start:
     """What is known of the states that a drive begins in, as the kernel asks for it."""
+    if initial_pose == "resting":
+        return {"m/s": REST, "rad/s": REST}
     return (known_to(initial_pose) or {}) if isinstance(initial_pose, PosePrior) else initial_pose
 
 

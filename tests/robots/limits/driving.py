@@ -91,7 +91,7 @@ def fine_twists(example: Example, drive: Trajectory, *, dense: bool = False) -> 
     """Twists (K, 3) that limits look at, by the oracle: of the splines at all times looked at; of a robot
     that lags, those that it has at both ends of each period.
     """
-    if example.mean is not None:
+    if not example.on_arcs:
         return _lagging_twists(example, drive)
     times = dense_times(drive) if dense else fine_times(drive)
     return np.array([example.twist(row) for row in oracle.spline_values(drive, times)])
@@ -99,12 +99,9 @@ def fine_twists(example: Example, drive: Trajectory, *, dense: bool = False) -> 
 
 def _lagging_twists(example: Example, drive: Trajectory) -> np.ndarray:
     state, found = np.array(drive.starts[0]), []
-    parameters = np.array(example.model.nominal)
     for row in drive.inputs:
-        twist = example.twist(row)
-        rate = example.internal(state, twist, drive.period, parameters)
-        after = np.array([*state[:3], *rate])
-        found += [example.mean(one, twist, 0.0, parameters) for one in (state, after)]
+        after = np.array([*state[:3], *example.further(state, row, drive.period)])
+        found += [example.moved(one, row, 0.0) for one in (state, after)]
         state = after
     return np.array(found)
 

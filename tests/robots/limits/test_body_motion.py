@@ -31,6 +31,7 @@ from oed.robots.models import DifferentialDrive
 from oed.robots.space import DesignSpace, StartPose
 
 SIDEWAYS = {"mecanum", "mecanum_unequal", "omni", "omni_unequal", "icr", "slip", "slip_with_lag"}
+SIDEWAYS |= {"bicycle", "bicycle_all_effects"}
 SMOOTH = [example for example in ROBOTS if example.name != "skid_slip"]
 """All but the one whose slip jumps where its sides change roles."""
 every_robot = pytest.mark.parametrize("example", SMOOTH, ids=lambda example: example.name)
