@@ -195,8 +195,8 @@ class Model(Component, System):
             return [Flaw(("robot",), f"its twist cannot be made: {in_words(error, 200)}")]
         if twist.shape == (3, 1):
             return []
-        text = "expected a twist (3, 1): forward speed, lateral speed, yaw rate; got one of shape"
-        return [Flaw(("robot",), f"{text} {twist.shape}")]
+        text = f"expected a twist (3, 1): forward, lateral speed, yaw rate; got one of shape {twist.shape}"
+        return [Flaw(("robot",), text)]
 
     @property
     def estimable(self) -> Mapping[str, tuple[str, ...]]:
@@ -234,8 +234,8 @@ class Model(Component, System):
     def long_names(self, name: str) -> tuple[str, ...]:
         """Of a key that stands for both sides, the parameters of both."""
         sides = (f"{name}_right", f"{name}_left")
-        both = name in self.short_forms and set(sides) <= set(super().estimable["parameters"])
-        return sides if both else (name,)
+        own = set(super().estimable["parameters"])
+        return sides if name in self.short_forms and set(sides) <= own else (name,)
 
     @property
     def predictions(self) -> Mapping[str, tuple[str, ...]]:
