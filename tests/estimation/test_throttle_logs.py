@@ -1,4 +1,4 @@
-"""Logs of a car with inertia, driven by SciPy: its throttle and steering as they were held, and noisy poses."""
+"""Logs of a car with inertia, driven by SciPy: throttle and steering as they were held, and noisy poses."""
 
 from __future__ import annotations
 

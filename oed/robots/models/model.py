@@ -193,10 +193,8 @@ class Model(Component, System):
         except Exception as error:
             # A class of the user's own may fail in any way.
             return [Flaw(("robot",), f"its twist cannot be made: {in_words(error, 200)}")]
-        if twist.shape == (3, 1):
-            return []
-        text = f"expected a twist (3, 1): forward, lateral speed, yaw rate; got one of shape {twist.shape}"
-        return [Flaw(("robot",), text)]
+        text = "expected a twist (3, 1): forward speed, lateral speed, yaw rate; got one of shape"
+        return [] if twist.shape == (3, 1) else [Flaw(("robot",), f"{text} {twist.shape}")]
 
     @property
     def estimable(self) -> Mapping[str, tuple[str, ...]]:
