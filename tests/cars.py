@@ -15,12 +15,15 @@ CAR = {
     "gyration_radius": 0.12,
 }
 EFFECTS = {
-    **CAR,
+    "drive_gain": 6.0,
+    "viscous_drag": 1.5,
     "rolling_resistance": 0.3,
     "air_drag": 0.05,
+    **{name: value for name, value in CAR.items() if name not in ("drive_gain", "viscous_drag")},
     "steering_gain": 0.95,
     "steering_offset": 0.02,
 }
+"""Every effect there is, in the parameters' order."""
 LOW_SPEED = 0.3
 STAGES = np.array([[0, 0, 0, 0], [0, 0, 0, 0], [2, 0, 0, 0], [2, 0, 1, 0]])
 LINEAR = np.array([[0, 0, 0, 0], [4, 0, 0, 0], [1, -1, 0, 0], [1, -1, -8 / 3, 0]])
@@ -74,8 +77,11 @@ def rosenbrock(state, inputs, period: float, car: dict[str, float], steps: int) 
     return state
 
 
-def motion(state, inputs, period: float, car: dict[str, float], steps: int):
-    """The twist on whose arc the pose at the period's end lies, and the speeds there."""
+def motion(state, inputs, period: float, values, *, names: list[str], steps: int):
+    """The twist on whose arc the pose at the period's end lies, and the speeds there, of a car with these
+    values of its parameters.
+    """
+    car = dict(zip(names, values, strict=True))
     if not period:
         return state[3:], state[3:]
     ended = rosenbrock(np.array([0.0, 0.0, 0.0, *state[3:]]), inputs, period, car, steps)

@@ -134,12 +134,14 @@ def segment_information(
 
 
 def central_difference(function: Callable[[np.ndarray], np.ndarray], point: np.ndarray, step: float = 1e-6):
-    """Jacobian (outputs, inputs) of `function` at `point` by central differences."""
+    """Jacobian (outputs, inputs) of `function` at `point` by central differences; of numbers beyond 1 the step
+    is that share of them.
+    """
     columns = []
     for index in range(len(point)):
-        shift = np.zeros(len(point))
-        shift[index] = step
-        columns.append((np.ravel(function(point + shift)) - np.ravel(function(point - shift))) / (2 * step))
+        shift, own = np.zeros(len(point)), step * max(1.0, abs(float(point[index])))
+        shift[index] = own
+        columns.append((np.ravel(function(point + shift)) - np.ravel(function(point - shift))) / (2 * own))
     return np.array(columns).T
 
 

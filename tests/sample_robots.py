@@ -40,8 +40,8 @@ class Example:
     """A robot, and its twist (and effective inputs, and further states) written independently of the package.
 
     `internal` and `mean` are further states after a period, and what the twist of the inputs comes to in it,
-    of state, twist, period and parameters; of a robot with inertia both are `motion`, of state, inputs and
-    period. `ambiguities` counts combinations of parameters that no poses (and
+    of state, twist, period and parameters; of a robot with inertia both are `motion`, of state, inputs,
+    period and parameters. `ambiguities` counts combinations of parameters that no poses (and
     no trailer's angle) tell apart.
     """
 
@@ -57,7 +57,7 @@ class Example:
     def moved(self, state: np.ndarray, inputs: np.ndarray, period: float) -> np.ndarray:
         """The twist (3,) that stands for a period from a state on."""
         if self.motion is not None:
-            return self.motion(state, inputs, period)[0]
+            return self.motion(state, inputs, period, self.model.nominal)[0]
         twist = self.twist(inputs)
         parameters = np.array(self.model.nominal)
         return twist if self.mean is None else self.mean(state, twist, period, parameters)
@@ -75,7 +75,7 @@ class Example:
     def further(self, state: np.ndarray, inputs: np.ndarray, period: float) -> np.ndarray:
         """The states after the pose, after a period."""
         if self.motion is not None:
-            return self.motion(state, inputs, period)[1]
+            return self.motion(state, inputs, period, self.model.nominal)[1]
         assert self.internal is not None
         return self.internal(state, self.twist(inputs), period, np.array(self.model.nominal))
 
@@ -370,7 +370,7 @@ EXAMPLES["bicycle_dynamic"] = tuple(
         name,
         BicycleDynamic(**car, substeps=2),
         partial(cars.steady_twist, car=car),
-        motion=partial(cars.motion, car=car, steps=2),
+        motion=partial(cars.motion, names=list(car), steps=2),
     )
     for name, car in (("bicycle", cars.CAR), ("bicycle_all_effects", cars.EFFECTS))
 )

@@ -49,6 +49,8 @@ DURATION = "20 s"
 """Duration of a first drive."""
 PILOT = "8 s"
 """Duration of a drive before anything is known of a robot that skids: short, to stay in the room."""
+SHORT = "7 s"
+"""Duration of a drive of a robot with inertia, whose periods are to be short."""
 EFFECTIVE, LEAST, MOST = 1.8, 1.4, 2.4
 """How many times wider than its wheels' own the track of a robot that skids acts: usual, least and most."""
 UNSURE = "5 %"
@@ -124,7 +126,9 @@ def usual_duration(robot: str) -> str:
     """How long a first drive takes: of robots that skid shorter, so that it stays in the room, and of those
     with inertia, which need short periods.
     """
-    return PILOT if skids(robot) or _kind(robot) in INERT else DURATION
+    if _kind(robot) in INERT:
+        return SHORT
+    return PILOT if skids(robot) else DURATION
 
 
 def skids(robot: str) -> bool:

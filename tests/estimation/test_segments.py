@@ -45,10 +45,13 @@ def plain(robot: Example, rule: str, starts, inputs, times, parameters, nuisance
     for start, held, steps in zip(starts, inputs, times, strict=True):
         states = [start]
         for values, step in zip(held, steps, strict=True):
-            asked = motion(values, parameters)
-            twist = robot.mean(states[-1], asked, step, parameters) if robot.mean else asked
+            if robot.motion:
+                twist, inner = robot.motion(states[-1], values, step, parameters)
+            else:
+                asked = motion(values, parameters)
+                twist = robot.mean(states[-1], asked, step, parameters) if robot.mean else asked
+                inner = robot.internal(states[-1], asked, step, parameters) if robot.internal else []
             pose = oracle.advance(states[-1], twist, step, rule)
-            inner = robot.internal(states[-1], asked, step, parameters) if robot.internal else []
             states.append(np.concatenate([pose, inner]))
         x, y, heading, *rest = np.array(states).T
         ahead, left, turned = nuisances

@@ -41,6 +41,7 @@ REFUSED = {
     "ackermann": SPINNING + SIDEWAYS,
     "mecanum": (),
     "omni_three": (),
+    "bicycle_dynamic": tuple(name for name in NAMES if name != "random"),
 }
 """What robots cannot drive, by kind; two-sided ones cannot move sideways."""
 
@@ -200,9 +201,11 @@ class TestSuited:
         refusals = {name: reason for name in NAMES if (reason := refusal(problem, name))}
         assert tuple(refusals) == tuple(name for name in NAMES if name in refused(example.model))
         for name, found in refusals.items():
-            reason = "move sideways" if name in SIDEWAYS else "turn in place"
+            reason = f"it cannot {'move sideways' if name in SIDEWAYS else 'turn in place'}"
+            if example.motion is not None:
+                reason = "it is made of speeds, and throttle is none"
             able = ", ".join(driven(example.model))
-            expected = f"{example.model.kind} cannot drive a {name} (it cannot {reason}); it can drive {able}"
+            expected = f"{example.model.kind} cannot drive a {name} ({reason}); it can drive {able}"
             assert found == expected
             (solution,) = baselines(problem, name, length=1.0)
             assert (solution.name, solution.kind, solution.status) == (name, "baseline", Status.IMPOSSIBLE)

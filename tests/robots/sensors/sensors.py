@@ -539,6 +539,7 @@ class Experiment:
         start: initial state.
         internal: of a robot with further states, their values after one step.
         mean: of a robot that follows its inputs with a lag, what their twist comes to in one step.
+        pushed: of a robot with inertia, mean twist and what follows, of state, inputs, period, parameters.
         rule: "arc" or "midpoint".
         period: [s].
     """
@@ -552,6 +553,7 @@ class Experiment:
     period: float = PERIOD
     internal: Callable[..., np.ndarray] | None = None
     mean: Callable[..., np.ndarray] | None = None
+    pushed: Callable[..., tuple[np.ndarray, np.ndarray]] | None = None
 
     def readings(self, values: np.ndarray) -> np.ndarray:
         """All readings (rows,) for parameters, initial pose and the sensors' nuisances, stacked."""
@@ -569,6 +571,8 @@ class Experiment:
     def driven(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """States (N + 1, states), mean twists of the periods (N, 3) and twists at the samples (N + 1, 3)."""
         parameters, start = np.split(values, [len(self.parameters)])
+        if self.pushed is not None:
+            return self._pushed(parameters, start)
         asked = [self.motion(row, parameters) for row in self.inputs]
         states, held = [np.array(start, dtype=float)], []
         for twist in asked:
@@ -582,6 +586,20 @@ class Experiment:
         # At the last sample's instant the inputs are those held until then.
         pairs = zip(states, [*asked, asked[-1]], strict=True)
         instants = [self._mean(state, twist, 0.0, parameters) for state, twist in pairs]
+        return np.array(states), np.array(held), np.array(instants)
+
+    def _pushed(self, parameters: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        assert self.pushed is not None
+        states, held = [np.array(start, dtype=float)], []
+        for row in self.inputs:
+            twist, further = self.pushed(states[-1], row, self.period, parameters)
+            held.append(twist)
+            pose = oracle.advance(states[-1], twist, self.period, self.rule)
+            states.append(np.concatenate([pose, further]))
+        rows = [*self.inputs, self.inputs[-1]]
+        instants = [
+            self.pushed(state, row, 0.0, parameters)[0] for state, row in zip(states, rows, strict=True)
+        ]
         return np.array(states), np.array(held), np.array(instants)
 
     def _mean(

@@ -167,6 +167,7 @@ def experiment(
         rule=rule,
         internal=robot.internal,
         mean=robot.mean,
+        pushed=robot.motion,
     )
 
 
