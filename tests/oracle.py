@@ -134,8 +134,8 @@ def segment_information(
 
 
 def central_difference(function: Callable[[np.ndarray], np.ndarray], point: np.ndarray, step: float = 1e-6):
-    """Jacobian (outputs, inputs) of `function` at `point` by central differences; of numbers beyond 1 the step
-    is that share of them.
+    """Jacobian (outputs, inputs) of `function` at `point` by central differences, of a step times each number
+    beyond 1.
     """
     columns = []
     for index in range(len(point)):
