@@ -298,10 +298,22 @@ def _margin(
 def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
     # What the design space itself asks; a solver's design keeps it by construction, a user's path may not.
     space, model = problem.design, problem.model
+    if not model.states:
+        # Settings take no time: there are only so many.
+        left = space.all_samples - trajectory.samples
+        return [Margin("settings", float(left), float(space.all_samples), "")]
     spare = space.whole_duration - trajectory.duration
     margins = [Margin("duration", spare, space.whole_duration, "s")]
+    shortest = space.runs * (space.shortest_duration or 0.0)
+    if shortest:
+        margins.append(Margin("shortest_duration", trajectory.duration - shortest, shortest, "s"))
     if problem.fixed_starts is not None:
-        offset = np.abs(trajectory.starts - problem.fixed_starts).max(initial=0.0)
+        apart = np.abs(trajectory.starts - problem.fixed_starts)
+        if not model.velocity_signal:
+            # States of any size; those of robots are metres and radians.
+            sizes = np.where(problem.fixed_starts != 0, np.abs(problem.fixed_starts), 1.0)
+            apart = apart / sizes
+        offset = apart.max(initial=0.0)
         units = dict.fromkeys(model.state_units[: model.chosen_states])
         margins.append(Margin("start", problem.start_spare - float(offset), 1.0, " or ".join(units)))
     elif problem.chosen_starts is not None and problem.chosen_starts.bounded:

@@ -59,6 +59,11 @@ class Space(Component, ABC):
         return None
 
     @property
+    def shortest_duration(self) -> float | None:
+        """Least duration of a run [s], where the design chooses it; None where it is given."""
+        return None
+
+    @property
     def start_ranges(self) -> Array | None:
         """Least and largest value (k, 2) of the first k states where the design chooses them; None where it
         is free to choose any.
@@ -223,6 +228,11 @@ class SignalSpace(Space):
     def start_ranges(self) -> Array | None:
         """Those that are given."""
         return np.array(self.start_bounds, dtype=float) if self.start_bounds else None
+
+    @property
+    def shortest_duration(self) -> float | None:
+        """`shortest`."""
+        return self.shortest
 
     @property
     def fixed_starts(self) -> Array | None:

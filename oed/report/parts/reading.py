@@ -7,7 +7,7 @@ import re
 
 from oed.foundation.component import Component
 from oed.foundation.own.part import OwnPart
-from oed.foundation.text import count, deviation_text, given_text, listing, words
+from oed.foundation.text import count, deviation_text, given_text, listing, quantity, words
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.sensor import FRAME
 from oed.kernel.problem import Problem
@@ -126,8 +126,20 @@ def duration_text(record: Record) -> str:
     space = record.study.space
     if record.states_are_none:
         return count(space.samples, "setting")
-    duration, runs = f"{space.duration:g} s", runs_of(record)
+    duration, runs = _lasting(record), runs_of(record)
     return duration if runs == 1 else f"{runs} runs of {duration}"
+
+
+def _lasting(record: Record) -> str:
+    # Of one run; of what is no robot in a unit that suits it, and as long as the design has it.
+    planned, best = record.study.space.duration, record.best
+    if record.study.domain == "robots":
+        return f"{planned:g} s"
+    chosen = (
+        planned if best is None or best.drive is None else best.drive.trajectory.duration / best.drive.runs
+    )
+    unit, factor = time_scale(chosen)
+    return quantity(factor * chosen, unit)
 
 
 def problem_of(record: Record) -> Problem | None:

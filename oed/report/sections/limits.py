@@ -25,7 +25,7 @@ from oed.report.parts.section import Cell, Column, Section, Table, percent
 from oed.robots.limits import LIMITS, Limit
 
 SAY = Prose("limits")
-CONDITIONS = ("duration", "start", "rest_to_rest")
+CONDITIONS = ("duration", "settings", "start", "rest_to_rest")
 """What holds exactly or not at all: there is no room to speak of."""
 MOST_COLUMNS = 7
 """Limits beyond which a table of all drives names only those that a drive touches."""
