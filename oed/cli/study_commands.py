@@ -158,7 +158,8 @@ def _evaluate(options: argparse.Namespace) -> int:
     if options.json:
         print_json(found.data)
     else:
-        print_driven(found, limited=bool(study.problem.limits))
+        units = None if study.file.domain == "robots" else study.file.shown_units
+        print_driven(found, limited=bool(study.problem.limits), units=units)
         if options.verbose:
             print_results([one.result for one in found.paths], found.robustness)
         print_worth(found)

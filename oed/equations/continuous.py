@@ -11,7 +11,7 @@ import casadi as ca
 from pydantic import BeforeValidator, Field
 
 from oed.equations.dimensions import Dimension, parse_unit
-from oed.equations.given import Begin, Readable, Start, SystemKeys, begins_of
+from oed.equations.given import AS_DATA, Begin, Readable, Start, SystemKeys, begins_of, pairs
 from oed.equations.reading import INTEGRATORS
 from oed.foundation.errors import Flaw, ProblemError
 from oed.foundation.own.part import OwnDescription, OwnPart
@@ -19,11 +19,6 @@ from oed.foundation.shown import written
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.integration import Radau, runge_kutta
 from oed.kernel.dynamics.system import Input, Parameter, signaller, stepper
-
-
-def _pairs(given: Any) -> Any:
-    # By name, as a study has them; pairs can be hashed.
-    return tuple(given.items()) if isinstance(given, Mapping) else given
 
 
 class ContinuousSystem(SystemKeys, Readable):
@@ -40,7 +35,7 @@ class ContinuousSystem(SystemKeys, Readable):
 
     noun: ClassVar[str] = "system"
     output_units: ClassVar[Mapping[str, str]]
-    start: Annotated[tuple[tuple[str, Start], ...], BeforeValidator(_pairs)] = ()
+    start: Annotated[tuple[tuple[str, Start], ...], BeforeValidator(pairs), AS_DATA] = ()
     integrator: Literal["runge_kutta", "radau"] = "runge_kutta"
     substeps: Annotated[int, Field(ge=1, le=10_000)] | None = None
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Annotated, Any
 
-from pydantic import Discriminator, Tag
+from pydantic import Discriminator, PlainSerializer, Tag
 
 from oed.equations.dimensions import Dimension, quantity
 from oed.foundation.component import Component
@@ -20,6 +20,19 @@ EXACTLY = 1e-8
 """Share of a known initial value that is its deviation beside unknown ones: its square is rounding."""
 Quantity = float | str
 """A number, or text with a unit."""
+
+
+def pairs(given: Any) -> Any:
+    """What is given by name as pairs, which can be hashed; anything else as it is."""
+    return tuple(given.items()) if isinstance(given, Mapping) else given
+
+
+def _by_name(given: Any) -> Any:
+    return dict(given) if isinstance(given, tuple) else given
+
+
+AS_DATA = PlainSerializer(_by_name, when_used="json")
+"""Has pairs saved by name, as a study has them."""
 
 
 class DesignedStart(Component):

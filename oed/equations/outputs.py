@@ -3,31 +3,28 @@
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import casadi as ca
 from pydantic import BeforeValidator, Field
 
 from oed.equations.dimensions import quantity
-from oed.equations.given import Readable
+from oed.equations.given import AS_DATA, Readable, pairs
 from oed.foundation.errors import Flaw
 from oed.foundation.text import did_you_mean, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.sensor import Moment, Sensor, Start, When
 
-
-def _pairs(given: Any) -> Any:
-    # By name, as a study has them; pairs can be hashed.
-    return tuple(given.items()) if isinstance(given, Mapping) else given
-
-
-Deviations = Annotated[tuple[tuple[str, str | float], ...], BeforeValidator(_pairs), Field(min_length=1)]
+Deviations = Annotated[
+    tuple[tuple[str, str | float], ...], BeforeValidator(pairs), Field(min_length=1), AS_DATA
+]
 """Standard deviations with their units, by the outputs' names."""
 
 
-Begun = Literal["known", "unknown"] | Annotated[tuple[tuple[str, float], ...], BeforeValidator(_pairs)]
+Begun = Annotated[
+    Literal["known", "unknown"] | Annotated[tuple[tuple[str, float], ...], BeforeValidator(pairs)], AS_DATA
+]
 """What is known of the start states: all, nothing, or standard deviations by their names, SI; infinite where
 nothing is known.
 """

@@ -192,7 +192,7 @@ def _cut_short(table: _Table, inputs: Array, states: Sequence[str], problem: Pro
     if np.isnan(inputs[-1]).any() or (table.ended and not states):
         return []
     # Exported commands end with the one to stop.
-    drives = np.array([entry.drives for entry in problem.model.inputs])
+    drives = np.array([entry.drives for entry in problem.model.inputs], dtype=bool)
     if table.ended and not inputs[-1, drives].any():
         return []
     held = "the final pose" if states else "the time of the end"

@@ -10,11 +10,20 @@ from typing import Any
 from oed.foundation.text import fixed, significant, words
 from oed.records.record import Record
 from oed.records.stored.result import Result
-from oed.report.contenders import Contender, best_paths, dots, error_columns, finding, parameters_of
+from oed.report.contenders import (
+    Contender,
+    best_paths,
+    dots,
+    error_columns,
+    finding,
+    parameters_of,
+    vocabulary_of,
+)
 from oed.report.page import NAME, address_of, render
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import or_infinite, regression_of
 from oed.report.parts.section import Cell, Column, Section, Table
+from oed.report.parts.spoken import in_words
 
 SAY = Prose("comparison")
 RUN = Column("run", cell=lambda one: one.link)
@@ -44,7 +53,8 @@ def write_comparison(
         name: address_of(Path(source) / f"{NAME}.html", folder) for name, source in (sources or {}).items()
     }
     some = [Contender(name, record, where.get(name, "")) for name, record in records]
-    sections = (_summary(some), _differences(some), best_paths(some), _searches(some))
+    made = (_summary(some), _differences(some), best_paths(some), _searches(some))
+    sections = (in_words(one, vocabulary_of(some)) for one in made)
     title = SAY("title", sorted({one.record.study.name for one in some}), len(some))
     return render(title, sections, Path(folder), figures=figures)
 

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from oed.foundation.text import error_text, own_unit, significant, unit_text, words
+from oed.foundation.vocabulary import Vocabulary
 from oed.records.record import Record
 from oed.records.stored.study_record import StoredParameter
 from oed.report.figures import paths as path_figures
@@ -159,9 +160,19 @@ def _scale(parameter: StoredParameter, shown: Sequence[Contender]) -> Scale:
     return Scale(words(parameter.name), unit, values, texts)
 
 
+def vocabulary_of(some: Sequence[Contender]) -> Vocabulary:
+    """The words in which several designs are compared: of their domain, where they have one in common."""
+    own = [one.record.study.vocabulary for one in some]
+    kept = tuple(dict.fromkeys(name for one in own for name in one.kept))
+    return (
+        replace(own[0], kept=kept) if own and all(one.words == own[0].words for one in own) else Vocabulary()
+    )
+
+
 def best_paths(some: Sequence[Contender]) -> Section | None:
     """The paths of the designs, those in one room in one figure and on its scale; None without any."""
-    best = [one for one in some if one.record.best is not None]
+    robots = (one for one in some if one.record.study.domain == "robots")
+    best = [one for one in robots if one.record.best is not None]
     rooms: dict[str, tuple[Any, list[Any]]] = {}
     for one in best[:PATHS]:
         room, result = room_of(one.record), one.record.best

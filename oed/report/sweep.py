@@ -11,12 +11,21 @@ from oed.foundation.text import listing, own_unit, significant, unit_text, words
 from oed.records.record import load_record
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.report import contenders
-from oed.report.contenders import Contender, best_paths, dots, error_columns, finding, parameters_of
+from oed.report.contenders import (
+    Contender,
+    best_paths,
+    dots,
+    error_columns,
+    finding,
+    parameters_of,
+    vocabulary_of,
+)
 from oed.report.figures import chart as charts
 from oed.report.figures.chart import Chart
 from oed.report.page import NAME, address_of, render
 from oed.report.parts.prose import Prose
 from oed.report.parts.section import Cell, Column, Link, Picture, Section, Table, percent
+from oed.report.parts.spoken import in_words
 
 SAY = Prose("sweep")
 SERIES = 6
@@ -49,7 +58,9 @@ def write_sweep(
         for one in found.points
         if one.record is not None
     }
-    sections = (_summary(found, designs), best_paths(list(designs.values())), _searches(found))
+    some = list(designs.values())
+    made = (_summary(found, designs), best_paths(some), _searches(found))
+    sections = (in_words(one, vocabulary_of(some)) for one in made)
     keys = listing([words(axis.name) for axis in found.keys])
     return render(f"{found.name} over {keys}", sections, target, figures=figures)
 

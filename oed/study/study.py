@@ -43,7 +43,7 @@ def of_robot(file: AnyStudyFile) -> RobotStudyFile:
         UserMistake: the study is not of a robot.
     """
     if not isinstance(file, RobotStudyFile):
-        raise UserMistake(f"{file.name}: a study of a system, not of a robot: there is no such thing for it")
+        raise UserMistake(f"{file.name}: this is for studies of robots, and the study is of a system")
     return file
 
 
@@ -257,15 +257,21 @@ def _with_prior(file: AnyStudyFile, folder: Path, prior_of: PriorOf) -> AnyStudy
 
 @cache
 def json_schema() -> dict[str, Any]:
-    """The JSON schema of a study file, for editors."""
-    schema = RobotStudyFile.model_json_schema()
+    """The JSON schema of a study file, for editors: of a system where it has one, else of a robot."""
+    robots, systems = (one.model_json_schema() for one in (RobotStudyFile, SystemStudyFile))
     from_preset = {
         "type": "object",
         "properties": {"preset": {"enum": list(preset_names())}},
         "required": ["preset"],
         "description": "A robot that can be bought; every further key overrides its own.",
     }
-    schema["properties"]["robot"] = {"anyOf": [schema["properties"]["robot"], from_preset]}
-    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
-    schema["title"] = "oed study"
-    return schema
+    robots["properties"]["robot"] = {"anyOf": [robots["properties"]["robot"], from_preset]}
+    parts = {**systems.pop("$defs"), **robots.pop("$defs")}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "oed study",
+        "if": {"required": ["system"], "not": {"required": ["robot"]}},
+        "then": systems,
+        "else": robots,
+        "$defs": parts,
+    }

@@ -25,7 +25,7 @@ from oed.records.stored.door import FORMAT
 from oed.records.stored.plan import PlannedAim, PlannedAxis, PlannedPoint, StoredPlan
 from oed.records.stored.sweep import StoredSweep
 from oed.robots.limits.workspace import workspace_of
-from oed.study.study import Study
+from oed.study.study import Study, of_robot
 from oed.workflow.aims import aims_of, stretch
 from oed.workflow.repeated import drives_needed, information_of, standard_errors
 from oed.workflow.studies import load_study
@@ -88,6 +88,7 @@ def plan(
         NotSaved: `out` could not be written to in the end.
     """
     study, folder = load_study(file), Path(out)
+    of_robot(study.file)
     study.require_designed()
     aims = _aims(study, targets)
     axes, interrupted = list[PlannedAxis](), False

@@ -143,7 +143,7 @@ class TestMistakes:
 def test_the_schema_knows_them():
     from oed.study.study import json_schema
 
-    forms = json_schema()["properties"]["robot"]["anyOf"]
+    forms = json_schema()["else"]["properties"]["robot"]["anyOf"]
     assert any(
         set(form.get("properties", {}).get("preset", {}).get("enum", [])) == PUBLISHED for form in forms
     )

@@ -516,7 +516,7 @@ class TestSchema:
         assert json.loads(json.dumps(json_schema(), allow_nan=False)) == json_schema()
 
     def test_it_names_the_keys(self):
-        schema = json_schema()
+        schema = json_schema()["else"]
         assert set(schema["properties"]) == set(yaml.safe_load(VALID)) | {
             "bound",
             "calibration",
@@ -531,7 +531,12 @@ class TestSchema:
         }
         assert schema["additionalProperties"] is False
         assert {"format", "name", "robot", "measurement"} == set(schema["required"])
-        assert "json-schema.org" in schema["$schema"]
+        assert "json-schema.org" in json_schema()["$schema"]
+
+    def test_it_knows_studies_of_systems(self):
+        schema = json_schema()["then"]
+        assert {"format", "name", "system", "experiment", "measurement"} == set(schema["required"])
+        assert {"limits", "weights", "prior", "validation"} < set(schema["properties"])
 
     def test_it_names_what_is_inside(self):
         text = json.dumps(json_schema())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Literal
 
@@ -198,17 +198,22 @@ def _print_line(console: Console, line: str) -> None:
         console.print(one.replace(HELD, " "), highlight=False, markup=False, soft_wrap=True)
 
 
-def print_driven(found: DrivenPaths, *, limited: bool = True) -> None:
+def print_driven(
+    found: DrivenPaths, *, limited: bool = True, units: Mapping[str, tuple[str, float]] | None = None
+) -> None:
     """Of driven paths every standard error, beside the best design's, and limits that they exceed.
 
-    That there are any is said by `limited`.
+    Args:
+        found: the paths.
+        limited: whether there are any limits.
+        units: in which parameters are shown, of what is no robot; None of robots.
     """
     from oed.report.answer import rows_of
 
     beside = "" if found.design is None else f"best design ({found.design.name})"
     for one in found.paths:
-        rows = rows_of(found.parameters, one.result, found.design)
-        print_lines([f"{one.name}: {one.seconds:.3g} s of motion"])
+        rows = rows_of(found.parameters, one.result, found.design, units)
+        print_lines([f"{one.name}: {one.seconds:.3g} s of motion" if units is None else one.name])
         if rows:
             _print_rows(rows, beside)
         print_lines(filter(None, [_message(one.result)]))

@@ -220,6 +220,14 @@ class Record(Presented, SavedFile):
         """
         return of_robot(self.study)
 
+    def require_robot(self) -> None:
+        """Refuse a record of another system than a robot.
+
+        Raises:
+            UserMistake: it is one.
+        """
+        of_robot(self.study)
+
     @property
     def states_are_none(self) -> bool:
         """Whether it is of a system without states, whose experiments are settings and take no time."""

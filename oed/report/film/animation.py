@@ -91,6 +91,7 @@ def animate(
     """
     require_speed(speed)
     record = source if isinstance(source, Record) else load_record(source)
+    record.require_robot()
     target = _target(source, file)
     require_format(target, FPS if fps is None else fps)
     chosen = _chosen(record, source, results)

@@ -1,0 +1,84 @@
+"""Every command on studies of systems: it does what it says, or says that it is for robots."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from places import PROBLEMS
+
+import oed
+from oed.cli import main
+
+ROBOTS = re.compile(r"\b(drives?|robots?|wheels?|paths?|driven|turns? in place)\b", re.IGNORECASE)
+BOX_LUCAS = str(PROBLEMS / "published" / "box_lucas.yaml")
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Records of a tank, and of points."""
+    folder = tmp_path_factory.mktemp("systems")
+    for name, file in (("tank", PROBLEMS / "heated_tank.yaml"), ("points", Path(BOX_LUCAS))):
+        study = oed.load_study(file).changed(
+            solvers=[{"kind": "ipopt", "starts": 1, "perturbations": 0}], validation={"replicates": 100}
+        )
+        (folder / f"{name}.yaml").write_text(study.text)
+        oed.run(study, folder / name)
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["tank", "points"])
+def test_pages_and_terminals_speak_of_experiments(saved: Path, capsys: pytest.CaptureFixture[str], name: str):
+    study, record = str(saved / f"{name}.yaml"), str(saved / name)
+    for command in (
+        ["check", study],
+        ["solve", study, "--quiet", "--verbose"],
+        ["report", record],
+        ["validate", record, "--replicates", "100", "--quiet"],
+        ["evaluate", study, f"{record}/ipopt.csv", "--designs", record],
+    ):
+        assert main(command) == 0, capsys.readouterr()
+        said = capsys.readouterr()
+        assert not ROBOTS.search(said.out.replace(str(saved), ""))
+        assert not ROBOTS.search(said.err.replace(str(saved), ""))
+    page = (saved / name / "report.md").read_text()
+    assert not ROBOTS.findall(re.sub(r"`[^`]*`|\(figures/[^)]*\)|```.*?```", "", page, flags=re.DOTALL))
+
+
+@pytest.mark.slow
+def test_several_are_compared(saved: Path, tmp_path: Path):
+    assert main(["report", str(saved / "tank"), str(saved / "points"), "--out", str(tmp_path / "both")]) == 0
+    assert not ROBOTS.search(re.sub(r"`[^`]*`", "", (tmp_path / "both" / "report.md").read_text()))
+    swept = ["sweep", str(saved / "points.yaml"), "--over", "measurement.noise.b=0.01,0.02", "--quiet"]
+    assert main([*swept, "--out", str(tmp_path / "sweep")]) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["export", "{record}", "--to", "csv"],
+        ["animate", "{record}"],
+        ["next", "{record}", "log.csv"],
+        ["estimate", "{study}", "log.csv"],
+        ["plan", "{study}", "--to", "loss 1 %"],
+        ["loop", "{study}", "--target", "loss 1 %", "--logs", "."],
+    ],
+    ids=lambda command: command[0],
+)
+def test_what_is_for_robots_says_so(saved: Path, capsys: pytest.CaptureFixture[str], command: list[str]):
+    given = {"record": str(saved / "tank"), "study": str(saved / "tank.yaml")}
+    assert main([one.format(**given) for one in command]) == 2
+    assert "this is for studies of robots" in capsys.readouterr().err
+
+
+def test_what_was_designed_is_scored_again(saved: Path):
+    """A design's CSV file says all that its score needs."""
+    for name in ("tank", "points"):
+        study = oed.load_study(saved / f"{name}.yaml")
+        best = oed.load_record(saved / name).best
+        again = oed.score_path(study, saved / name / "ipopt.csv").first.result
+        assert again.objective == pytest.approx(best.objective, rel=1e-9)
+        assert again.feasible
