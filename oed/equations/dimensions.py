@@ -25,6 +25,17 @@ SIZES = (0.0, 1e100)
 """What magnitudes of values in equations lie between, in their unit: nothing small is rounding's."""
 GRAM = 1e-3
 """[kg]."""
+NAMED = {
+    name: tuple(Fraction(powers.get(unit, 0)) for unit in BASE)
+    for name, powers in {
+        "N": {"kg": 1, "m": 1, "s": -2},
+        "Pa": {"kg": 1, "m": -1, "s": -2},
+        "J": {"kg": 1, "m": 2, "s": -2},
+        "W": {"kg": 1, "m": 2, "s": -3},
+        "V": {"kg": 1, "A": -1, "m": 2, "s": -3},
+    }.items()
+}
+"""Units with names of their own, by their powers."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +51,19 @@ class Dimension:
 
     @property
     def text(self) -> str:
-        """In SI base units, as a unit is written: "mol/m^3/s", "rad/s", ""."""
-        over = " ".join(self._factors(1))
-        under = "".join(f"/{factor}" for factor in self._factors(-1))
+        """In SI units, as a unit is written: "mol/m^3/s", "W/K", "rad/s", ""; by a name where that is
+        all of it but what it is per kelvin or mole.
+        """
+        name, rest = "", self.powers
+        for one, powers in NAMED.items():
+            left = tuple(own - power for own, power in zip(self.powers, powers, strict=True))
+            if all(
+                power == 0 or (unit in ("mol", "K") and power < 0)
+                for unit, power in zip(BASE, left, strict=True)
+            ):
+                name, rest = one, left
+        over = " ".join(filter(None, [name, *_factors(rest, 1)]))
+        under = "".join(f"/{factor}" for factor in _factors(rest, -1))
         return f"{over or '1'}{under}" if under else over
 
     @property
@@ -74,13 +95,14 @@ class Dimension:
     def _without_angle(self) -> tuple[Fraction, ...]:
         return self.powers[:_ANGLE] + self.powers[_ANGLE + 1 :]
 
-    def _factors(self, sign: int) -> Iterator[str]:
-        # Those above the line, or those below it.
-        for unit, power in zip(BASE, self.powers, strict=True):
-            size = sign * power
-            if size > 0:
-                whole = size.denominator == 1
-                yield unit if size == 1 else f"{unit}^{size}" if whole else f"{unit}^({size})"
+
+def _factors(powers: tuple[Fraction, ...], sign: int) -> Iterator[str]:
+    # Those above the line, or those below it.
+    for unit, power in zip(BASE, powers, strict=True):
+        size = sign * power
+        if size > 0:
+            whole = size.denominator == 1
+            yield unit if size == 1 else f"{unit}^{size}" if whole else f"{unit}^({size})"
 
 
 PLAIN = Dimension()

@@ -16,7 +16,7 @@ BAND: Look = {"color": FIRST, "alpha": 0.22, "linewidth": 0, "zorder": 1}
 """Of what estimates leave open."""
 NOISE: Look = {"colors": FAINT, "linewidth": 0.9, "zorder": 2}
 """Of a reading's standard deviation."""
-MOST_MARKS = 60
+MOST_MARKS = 101
 """Readings that are marked one by one."""
 TAKEN = 1e-3
 """Weight, as a share of the most, from which a reading counts as taken."""
@@ -67,7 +67,7 @@ def bands(shown: Sequence[Band], across: spec.Axis) -> spec.Plot:
     keys = [spec.Key("as predicted", line_look(0))]
     if any(one.spread is not None for one in shown):
         keys.append(spec.Key("± 1 standard error of what is estimated", BAND, patch=True))
-    if any(one.read is not None and len(one.read) for one in shown):
+    if any(one.read is not None and 0 < len(one.read) <= MOST_MARKS for one in shown):
         keys.append(spec.Key("read, ± its noise", mark("o", 5, "white", 1.2)))
     height = (3.0 if columns == 1 else 2.6) * -(-len(shown) // columns)
     return spec.Plot(panels, columns, height=height, labels="each", legend=spec.Legend(keys, most=3))
