@@ -28,7 +28,7 @@ HOUSE: dict[str, str] = {
     "study": "foundation kernel uncertainty optimize robots equations bounds logs estimation simulation",
     "records": "foundation kernel bounds estimation simulation study",
     "exporters": "foundation kernel robots logs records",
-    "workflow": "foundation kernel uncertainty optimize robots bounds logs estimation simulation "
+    "workflow": "foundation kernel uncertainty optimize robots equations bounds logs estimation simulation "
     "study records exporters",
     "report": "foundation kernel robots simulation records",
     "cli": "foundation kernel bounds study records workflow exporters report",

@@ -38,6 +38,7 @@ from oed.simulation.trial import require_ready
 from oed.study.study import Study
 from oed.workflow.compared import compared
 from oed.workflow.experiments import driven_in_physics, simulated
+from oed.workflow.integration import integration_notes
 from oed.workflow.readings import readings_csv, selection_of
 from oed.workflow.robustness import nominal_search, robustness, safe, tried
 from oed.workflow.saving import RunFolder, run_folder
@@ -100,6 +101,7 @@ class _Run:
     validation: StoredValidation | None = None
     physics: StoredTrial | None = None
     interrupted: bool = False
+    remarks: list[str] = field(default_factory=list)
 
     def everything(self) -> None:
         """All that the study asks for; an interrupt keeps what is done."""
@@ -129,6 +131,8 @@ class _Run:
         self._keep(self.solutions)
 
     def _simulate(self) -> None:
+        study = self.work.study
+        self.remarks = integration_notes(study, best_of(safe(study, self.solutions), study.problem.criterion))
         self.validation = simulated(self.work, self.solutions)
         self.physics = driven_in_physics(self.work, self.solutions)
         self.interrupted = self.physics is not None and self.physics.interrupted
@@ -147,6 +151,7 @@ class _Run:
             validation=self.validation,
             physics=self.physics,
             interrupted=interrupted,
+            remarks=self.remarks,
         )
         return made, record_files(self.work.study, solutions, made)
 
@@ -212,6 +217,7 @@ def record(
     validation: StoredValidation | None = None,
     physics: StoredTrial | None = None,
     interrupted: bool = False,
+    remarks: Sequence[str] = (),
 ) -> Record:
     """The record of solutions.
 
@@ -224,6 +230,7 @@ def record(
         validation: simulated experiments.
         physics: a trial on a simulated robot.
         interrupted: whether the run was.
+        remarks: what else is to be known.
     """
     problem, best = study.problem, best_of(safe(study, solutions), study.problem.criterion)
     return Record.of(
@@ -243,7 +250,7 @@ def record(
         validation=validation,
         trial=physics,
         interrupted=interrupted,
-        notes=_notes(certificate, interrupted),
+        notes=[*_notes(certificate, interrupted), *remarks],
         provenance=provenance(study.source),
     ).of_study(study.file)
 

@@ -213,3 +213,16 @@ def test_rates_are_integrals_of_what_is_read():
     expected = quad(lambda time: (time * np.exp(-2 * time)) ** 2, 0, 1)[0]
     noise = every.measurement.sizes[0]
     assert oed.evaluate(every, drive).lambda_min * noise**2 == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_coarse_integration_is_named():
+    """One Runge-Kutta step a period of nearly its time constant."""
+    keys = {
+        "validation": {"replicates": 100},
+        "solvers": [{"kind": "ipopt", "starts": 1, "perturbations": 0}],
+    }
+    text = TANK.replace("  outputs:", "  substeps: 1\n  outputs:").replace("samples: 60", "samples: 3")
+    coarse = oed.parse_study(text.replace("[1 h, 4 h]", "9 h").replace("pieces: 6", "pieces: 3"))
+    (note,) = oed.run(coarse.changed(limits=[], **keys)).notes
+    assert note.startswith("The integration is coarse: ")
+    assert oed.run(oed.parse_study(TANK).changed(**keys)).notes == []
