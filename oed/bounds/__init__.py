@@ -84,11 +84,11 @@ def bound(
     """
     began = time.perf_counter()
     problem.require_designed()
-    found = _told(problem) or _searched(problem, nodes, time_limit, gap)
+    found = _at_once(problem) or _searched(problem, nodes, time_limit, gap)
     return replace(found, wall_seconds=time.perf_counter() - began)
 
 
-def _told(problem: Problem) -> Certificate | None:
+def _at_once(problem: Problem) -> Certificate | None:
     # What is known without a search over designs; None where it takes one.
     if problem.robust is not None and problem.robust.objective == "mean":
         # A bound is of the nominal robot, which limits the worst of several, but not their mean.

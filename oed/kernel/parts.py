@@ -162,8 +162,8 @@ class Budget:
         own, sizes, upper = values[list(self.places)], np.array(self.sizes), self.upper
         order = np.argsort(-own / sizes, kind="stable")
         sizes, upper = sizes[order], upper[order]
-        left_out = np.clip((self.total - np.cumsum(sizes * upper)) / sizes, -upper, 0.0)
-        return float((left_out + upper) @ own[order])
+        spared = np.clip((self.total - np.cumsum(sizes * upper)) / sizes, -upper, 0.0)
+        return float((spared + upper) @ own[order])
 
 
 ROUNDING = 1e-9

@@ -88,8 +88,8 @@ class _Search:
             _, _, node, weights = heapq.heappop(waiting)
             for child in _branches(node, weights):
                 self._push(waiting, child)
-        promised = -waiting[0][0] if waiting else -np.inf
-        return Exact(self.best, max(promised, self.best.value), self.solved)
+        open_bound = -waiting[0][0] if waiting else -np.inf
+        return Exact(self.best, max(open_bound, self.best.value), self.solved)
 
     def _worth(self, bound: float) -> bool:
         return bound > self.best.value + CLOSE * abs(self.best.value)
@@ -142,14 +142,14 @@ class _Search:
             members=tuple(self.parts.members[place] for place in rest),
             known=known,
         )
-        if not self._tells(some, budgets):
+        if not self._identifies(some, budgets):
             return None
         found = best_weights(self.criterion, some, budgets)
         weights = node.low.copy()
         weights[rest] += found.values
         return weights, weight_bound(self.criterion, some, found.values, found.gradient, budgets)
 
-    def _tells(self, parts: Parts, budgets: Sequence[Budget]) -> bool:
+    def _identifies(self, parts: Parts, budgets: Sequence[Budget]) -> bool:
         # Whether anything is identifiable with all that is left: else no choice of it is any good.
         every = np.zeros(len(parts.readings))
         for one in budgets:

@@ -165,7 +165,7 @@ class SystemStudyFile(StudyFile):
         return []
 
     def problem_of(self, space: Space) -> Problem:
-        """The problem with another space than the study's, its sensors told how well starts are known.
+        """The problem with another space than the study's, its sensors with what is known of starts.
 
         Raises:
             ProblemError: the parts do not fit together; every reason is listed.
@@ -174,8 +174,8 @@ class SystemStudyFile(StudyFile):
         if not any(one.unknown for one in begins.values()):
             return super().problem_of(space)
         known = tuple((name, one.spread) for name, one in begins.items())
-        told = replaced_starts(self.measurement, known)
-        return super(SystemStudyFile, self.model_copy(update={"measurement": told})).problem_of(space)
+        informed = replaced_starts(self.measurement, known)
+        return super(SystemStudyFile, self.model_copy(update={"measurement": informed})).problem_of(space)
 
     @contextmanager
     def _own_keys(self) -> Iterator[None]:
