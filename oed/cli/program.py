@@ -75,11 +75,12 @@ def _run(arguments: Sequence[str] | None) -> int:
     # Nor does this program use plugins of its libraries, which are looked for among all that is installed.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     from oed.foundation.errors import FileError, OedError, UserMistake
+    from oed.foundation.vocabulary import Vocabulary, speaking
     from oed.foundation.work.signals import ending_alike, interrupts_named
 
     command: Callable[[argparse.Namespace], int] = options.run
     try:
-        with ending_alike(), interrupts_named():
+        with ending_alike(), interrupts_named(), speaking(Vocabulary()):
             _require_names(options)
             return command(options)
     except OedError as raised:

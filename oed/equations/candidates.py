@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping
 from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Annotated
 
@@ -115,6 +116,10 @@ class Candidates(Component):
         if flaws:
             raise ProblemError(flaws)
         each = [found[name] for name in units]
+        count = prod(map(len, each)) if self.grid is not None else max(map(len, each), default=0)
+        if count > MOST:
+            text = f"expected at most {MOST} candidates, got {count}: take fewer values"
+            raise ProblemError.about(("experiment", "candidates", key), text)
         return np.array(list(product(*each)) if self.grid is not None else list(zip(*each, strict=True)))
 
 
@@ -127,6 +132,8 @@ def _missing(name: str, given: Mapping[str, object], units: Mapping[str, Dimensi
 def _values(given: Grid | tuple[Quantity, ...]) -> tuple[Array, tuple[Dimension, ...]]:
     if isinstance(given, Grid):
         return given.values
+    if not given:
+        raise ValueError("expected at least one value")
     values, dimensions = zip(*map(quantity, given), strict=True)
     return np.array(values), dimensions
 

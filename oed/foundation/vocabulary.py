@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -24,11 +24,9 @@ class Vocabulary:
 
     @cached_property
     def _pattern(self) -> re.Pattern[str]:
-        # Of several that fit the longest.
-        names, own = (
-            "|".join(re.escape(one) for one in sorted(filter(None, some), key=len, reverse=True))
-            for some in (self.kept, self.words)
-        )
+        # Of several that fit the longest; of names those that have a word of these.
+        own = _either(self.words)
+        names = _either(name for name in self.kept if re.search(rf"\b(?:{own})\b", name, re.IGNORECASE))
         kept = rf"(?P<kept>\b(?:{names})\b)|" if names else ""
         return re.compile(rf"{kept}\b(?P<word>{own})\b", re.IGNORECASE)
 
@@ -42,6 +40,10 @@ class Vocabulary:
             return found[0]
         own = self.words[word.lower()]
         return own[:1].upper() + own[1:] if word[:1].isupper() else own
+
+
+def _either(some: Iterable[str]) -> str:
+    return "|".join(re.escape(one) for one in sorted(filter(None, some), key=len, reverse=True))
 
 
 _spoken: ContextVar[Vocabulary | None] = ContextVar("vocabulary", default=None)

@@ -60,8 +60,8 @@ class Status(Enum):
     )
     SINGULAR = (
         "singular",
-        "No drive found makes all parameters identifiable that the criterion asks about; allow more "
-        "motion, more segments or another regressor.",
+        "No drive found makes all parameters identifiable that the criterion asks about; "
+        "measure more, more often or something else, or allow more.",
     )
     FAILED = "failed", "The solver gave up without a usable design; try more starts or another seed."
 

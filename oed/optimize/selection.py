@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from oed.foundation.arguments import typed
 from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
@@ -11,6 +13,7 @@ from oed.kernel.criteria import Criterion
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.equivalence import weight_bound
 from oed.kernel.evaluation import evaluate
+from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import Budget, Parts
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, scored
@@ -98,8 +101,17 @@ def with_readings(problem: Problem, solution: Solution) -> Solution:
     """
     if solution.trajectory is None or problem.selection is None:
         return solution
-    found = select(problem, solution.trajectory)
-    weights = found.parts.of_every_reading(found.chosen.values)
+    parts = problem.selection.parts(parts_of(problem, solution.trajectory))
+    every = SquareRoot.of_matrix(parts.information(np.ones(len(parts.readings))))
+    if problem.objective.identifiable([every]):
+        found = select(problem, solution.trajectory)
+        weights = found.parts.of_every_reading(found.chosen.values)
+    else:
+        # No choice of readings is better than another that say nothing together.
+        even = np.zeros(len(parts.readings))
+        for one in problem.selection.budgets(parts):
+            even[list(one.places)] = one.even * one.upper
+        weights = parts.of_every_reading(even)
     trajectory = replace(solution.trajectory, weights=weights)
     evaluation = evaluate(problem, trajectory)
     return replace(solution, trajectory=trajectory, evaluation=evaluation, problem=problem)

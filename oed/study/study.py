@@ -206,6 +206,9 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
     if not isinstance(source.data, dict):
         got = "nothing; `oed init` makes a first one" if source.data is None else "something else"
         raise StudyError([source.flaw((), f"expected a study (keys and values), got {got}")])
+    if {"robot", "system"} <= source.data.keys():
+        text = "a study is of a robot (robot, trajectory) or of a system (system, experiment), not of both"
+        raise StudyError([source.flaw(("system",), text, of_key=True)])
     kind = kind_of(source.data)
     try:
         file = kind.model_validate(_with_folder(kind.completed(source.data), Path(source.file).parent))

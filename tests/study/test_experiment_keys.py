@@ -184,6 +184,37 @@ class TestCandidates:
             oed.load_study(tmp_path / "study.yaml")
         assert said in str(error.value)
 
+    def test_one_that_says_too_little_is_scored_so(self, tmp_path: Path):
+        """Of a single setting no parabola is identifiable, however it is weighed."""
+        (tmp_path / "trials.csv").write_text("x\n-1 m\n0 m\n1 m\n")
+        (tmp_path / "study.yaml").write_text(PARABOLA)
+        (tmp_path / "one.csv").write_text("x\n0.5\n")
+        study = oed.load_study(tmp_path / "study.yaml")
+        found = oed.score_path(study, tmp_path / "one.csv").first.result
+        assert not found.identifiable
+
+    @pytest.mark.parametrize(
+        ("candidates", "said"),
+        [
+            (
+                "{grid: {x: {least: -1, largest: 1, count: 100000}, z: [0, 1]}}",
+                "the system has no such input",
+            ),
+            ("{rows: {x: []}}", "expected at least one value"),
+            ("{grid: {x: []}}", "expected at least one value"),
+        ],
+    )
+    def test_lists_that_are_none_are_refused(self, candidates: str, said: str):
+        with pytest.raises(StudyError, match=said):
+            oed.parse_study(PARABOLA.replace("{file: trials.csv}", candidates))
+
+    def test_there_is_a_largest_number_of_them(self):
+        text = PARABOLA.replace("{x: m}", "{x: m, z: m}")
+        values = "{least: 0 m, largest: 1 m, count: 1000}"
+        text = text.replace("{file: trials.csv}", f"{{grid: {{x: {values}, z: {values}}}}}")
+        with pytest.raises(StudyError, match="expected at most 100000 candidates, got 1000000"):
+            oed.parse_study(text)
+
     def test_settings_may_share_a_budget(self):
         """Two points whose sum is limited: of a line through 0 both at their most."""
         study = oed.parse_study(
@@ -226,3 +257,8 @@ def test_a_coarse_integration_is_named():
     (note,) = oed.run(coarse.changed(limits=[], **keys)).notes
     assert note.startswith("The integration is coarse: ")
     assert oed.run(oed.parse_study(TANK).changed(**keys)).notes == []
+
+
+def test_a_study_is_of_a_robot_or_of_a_system():
+    with pytest.raises(StudyError, match="not of both"):
+        oed.parse_study(TANK + "robot: {kind: unicycle}\n")

@@ -86,7 +86,7 @@ def assert_echo_is_equal(text: str) -> None:
 
 def assert_echo_of(study: Study) -> None:
     echo = json.loads(json.dumps(study.echo(), allow_nan=False))
-    again = parse_study(yaml.safe_dump(echo))
+    again = parse_study(yaml.safe_dump(echo, sort_keys=False))
     assert again.file == study.file
     assert again.echo() == study.echo()
     parts = ("model", "design", "measurement", "limits", "criterion", "name")

@@ -115,9 +115,11 @@ class TestRecord:
         bounded = run(study, workers=1).data
         assert bounded["notes"] == []
         assert bounded["certificate"]["gap"] >= 0
-        text = small(bound="true").replace("criterion: {kind: E, scaling: none}", "criterion: {kind: D}")
+        text = small(bound="true").replace(
+            "criterion: {kind: E, scaling: none}", "criterion: {kind: modified_E}"
+        )
         other = make_study(tmp_path, text)
-        assert other.problem.criterion.kind == "D"
+        assert other.problem.criterion.kind == "modified_E"
         unbounded = run(other, workers=1).data
         assert unbounded["certificate"] is None
         assert "no bound is known" in unbounded["notes"][0]

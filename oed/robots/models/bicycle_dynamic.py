@@ -33,8 +33,8 @@ class BicycleDynamic(WheeledRobot):
     Vehicle Dynamics and Control, 2012, 2.2 and 2.3]. All is per mass, as poses cannot tell a mass. A car may
     roll backwards.
 
-    Slip angles are speeds across over speeds ahead, which rest has none of: the divisor is sqrt(v^2 +
-    `low_speed`^2) [Pacejka, Tire and Vehicle Dynamics, 2012, 4.3.2, adds a small speed to it, too], so that
+    Slip angles are speeds across over speeds ahead, which rest has none of: the divisor is the root of v^2 +
+    low_speed^2 [Pacejka, Tire and Vehicle Dynamics, 2012, 4.3.2, adds a small speed to it, too], so that
     slow tyres act as viscous friction and a slow car rolls as its steering says.
 
     Attributes:
