@@ -57,13 +57,14 @@ def _found(options: argparse.Namespace, record: Record, outcome: CommandResult) 
     else:
         console.print_lines(refusal_of(record))
     if options.verbose or outcome.trouble is not None or outcome.interrupted:
-        console.print_results(record.results, record.robustness)
+        console.print_results(record.results, record.robustness, record.study.limit_units)
         if record.certificate is not None:
             console.print_certificate(record.certificate)
     elif answer is not None:
         # What was searched for comparison only, without back-off, is to be infeasible.
         asked = {one.label for one in record.study.solvers}
-        console.print_messages(one for one in record.results if one.name in asked and not one.feasible)
+        failed = [one for one in record.results if one.name in asked and not one.feasible]
+        console.print_messages(failed, units=record.study.limit_units)
 
 
 def _add_search(parser: argparse.ArgumentParser, where: str) -> None:

@@ -159,9 +159,10 @@ def _evaluate(options: argparse.Namespace) -> int:
         print_json(found.data)
     else:
         units = None if study.file.domain == "robots" else study.file.shown_units
-        print_driven(found, limited=bool(study.problem.limits), units=units)
+        limits = study.file.limit_units
+        print_driven(found, limited=bool(study.problem.limits), units=units, limits=limits)
         if options.verbose:
-            print_results([one.result for one in found.paths], found.robustness)
+            print_results([one.result for one in found.paths], found.robustness, limits)
         print_worth(found)
     for name, one in found.findings:
         say(f"{name}: {one.message}")

@@ -11,7 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from oed.equations.candidates import Candidates
 from oed.equations.dimensions import Dimension, parse_unit, quantity
 from oed.equations.given import Begin, Quantity
-from oed.equations.limits import InputRange, InputRate, both_ways, require_rising
+from oed.equations.limits import InputRange, InputRate, OneInput, both_ways, require_rising
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Duration
@@ -19,7 +19,6 @@ from oed.kernel.dynamics.held import HeldSpace
 from oed.kernel.dynamics.signals import SIGNALS, PiecewiseConstant, Signal
 from oed.kernel.dynamics.space import SignalSpace, Space
 from oed.kernel.dynamics.system import System
-from oed.kernel.limit import Limit
 
 Seconds = Annotated[Duration, Field(gt=0)]
 
@@ -56,9 +55,9 @@ class InputKeys(Component):
             both_ways(given)
         return given
 
-    def limits(self, name: str) -> list[Limit]:
+    def limits(self, name: str) -> list[OneInput]:
         """Of the input of that name."""
-        found: list[Limit] = [InputRange(input=name, range=self.range)]
+        found: list[OneInput] = [InputRange(input=name, range=self.range)]
         return found if self.rate is None else [*found, InputRate(input=name, rate=self.rate)]
 
 
@@ -178,7 +177,7 @@ class Experiment(Component):
         )
 
     @property
-    def limits(self) -> tuple[Limit, ...]:
+    def limits(self) -> tuple[OneInput, ...]:
         """Of all inputs."""
         return tuple(limit for name, one in self.inputs.items() for limit in one.limits(name))
 

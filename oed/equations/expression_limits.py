@@ -97,6 +97,7 @@ class Always(ExpressionLimit):
     """
 
     kind: Literal["always"] = "always"
+    loosened: ClassVar[str] = "{name} {amount} looser"
     looks_at: ClassVar[Literal["state"]] = "state"
     range: tuple[Quantity, Quantity]
 

@@ -150,8 +150,15 @@ class SystemKeys(Component, ABC):
 
     @property
     def quantities(self) -> Mapping[str, Quantity]:
-        """Parameters and fixed initial values as they are written, where they are, by name."""
+        """Parameters and initial values as they are written, where they are, by name."""
         return {}
+
+
+def largest(start: Start) -> Quantity:
+    """A nominal initial value as it is written; the largest that may be chosen."""
+    if isinstance(start, DesignedStart):
+        return start.design[1]
+    return start.unknown if isinstance(start, UnknownStart) else start
 
 
 def begins_of(states: Iterable[tuple[str, Any]], key: str) -> dict[str, Begin]:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from oed.equations.given import Begin, Quantity, Start, SystemKeys, begins_of
+from oed.equations.given import Begin, Quantity, Start, SystemKeys, begins_of, largest
 from oed.equations.system import Equations
 
 
@@ -53,9 +53,8 @@ class EquationKeys(SystemKeys):
 
     @property
     def quantities(self) -> Mapping[str, Quantity]:
-        """Of parameters and fixed initial values."""
-        fixed = {name: one for name, one in self.states.items() if isinstance(one, float | str)}
-        return {**self.parameters, **fixed}
+        """Of parameters and initial values; the largest that may be chosen."""
+        return {**self.parameters, **{name: largest(one) for name, one in self.states.items()}}
 
     @cached_property
     def system(self) -> Equations:

@@ -10,12 +10,13 @@ from typing import Any, ClassVar
 
 import casadi as ca
 
-from oed.equations.dimensions import Dimension
+from oed.equations.dimensions import Dimension, unit_of
 from oed.equations.given import Readable
 from oed.equations.grammar import Expression
 from oed.equations.implicit import algebraic_solver, index_flaws, radau_stepper
 from oed.equations.reading import INTEGRATORS, Given, Reader
 from oed.foundation.errors import ProblemError
+from oed.foundation.text import Unit
 from oed.kernel.dynamics import expression as kernel
 from oed.kernel.dynamics.integration import runge_kutta
 from oed.kernel.dynamics.system import Input, Parameter
@@ -36,6 +37,7 @@ class Equations(Readable):
         responses: outputs, alike, by name.
         integrator: "runge_kutta", of fourth order and explicit, or "radau", of fifth order and implicit.
         substeps: its steps in a period.
+        written: quantities of the parameters as they were given, by name.
     """
 
     noun: ClassVar[str] = "system"
@@ -51,6 +53,7 @@ class Equations(Readable):
     integrator: str
     substeps: int
     kind: str = field(default="equations", init=False)
+    written: tuple[tuple[str, str], ...] = field(default=(), init=False, compare=False, repr=False)
 
     def __init__(
         self,
@@ -112,6 +115,7 @@ class Equations(Readable):
             "integrator": integrator,
             "substeps": INTEGRATORS[integrator] if substeps is None else substeps,
             "kind": "equations",
+            "written": tuple((name, one) for name, one in parameters.items() if isinstance(one, str)),
         }
         for name, value in own.items():
             object.__setattr__(self, name, value)
@@ -132,6 +136,11 @@ class Equations(Readable):
     def parameters(self) -> tuple[Parameter, ...]:
         """As given, SI."""
         return tuple(Parameter(name, value, unit.text) for name, value, unit in self.values)
+
+    @cached_property
+    def shown_units(self) -> Mapping[str, Unit]:
+        """As parameters were given."""
+        return {name: unit_of(text) for name, text in self.written}
 
     @property
     def when_not_finite(self) -> str:

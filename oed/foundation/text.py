@@ -132,9 +132,15 @@ def nominal_text(value: float) -> str:
     return text if math.isclose(float(text), value, rel_tol=1e-9) else f"{value:.4g}"
 
 
-def deviation_text(size: float, unit: str) -> str:
-    """A parameter's standard deviation [SI]: `0.30 mm`."""
-    shown, factor = own_unit(unit)
+def deviation_text(size: float, unit: str, own: Unit | None = None) -> str:
+    """A parameter's standard deviation [SI]: `0.30 mm`.
+
+    Args:
+        size: [SI].
+        unit: SI unit.
+        own: the unit in which the parameter is shown, and its factor from SI; a usual one by default.
+    """
+    shown, factor = own or own_unit(unit)
     return f"{error_text(size, factor)} {unit_text(shown)}".strip()
 
 

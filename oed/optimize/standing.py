@@ -38,5 +38,8 @@ def _worth(problem: Problem, evaluation: Evaluation) -> str:
         for one in problem.any_estimations
         for name, unit in zip(one.parameters, one.units, strict=True)
     }
-    said = [f"{words(name)} {deviation_text(size, units[name])}" for name, size in errors.items()]
+    own = problem.model.shown_units
+    said = [
+        f"{words(name)} {deviation_text(size, units[name], own.get(name))}" for name, size in errors.items()
+    ]
     return f"standard errors {listing(said)}" if said else f"objective {significant(4)(evaluation.objective)}"

@@ -16,7 +16,6 @@ from oed.report.contenders import (
     dots,
     error_columns,
     finding,
-    parameters_of,
     vocabulary_of,
 )
 from oed.report.page import NAME, address_of, render
@@ -28,7 +27,18 @@ from oed.report.parts.spoken import in_words
 SAY = Prose("comparison")
 RUN = Column("run", cell=lambda one: one.link)
 
-ASKED = {"robot", "trajectory", "measurement", "estimate", "prior", "limits", "criterion"}
+ASKED = {
+    "robot",
+    "system",
+    "trajectory",
+    "experiment",
+    "measurement",
+    "weights",
+    "estimate",
+    "prior",
+    "limits",
+    "criterion",
+}
 """Keys of a study that say what is designed for, rather than how it was searched."""
 
 
@@ -67,7 +77,7 @@ def _summary(some: Sequence[Contender]) -> Section:
         _where_different("study", lambda one: one.record.study.name, some),
         _where_different("robot", lambda one: words(one.record.study.called), some),
         duration,
-        *error_columns(parameters_of(some), lambda one: one),
+        *error_columns(some, lambda one: one),
     )
     table = Table.of(some, columns, SAY("errors"), sortable=True)
     missing = (f"{one.name}: no feasible drive." for one in some if one.record.best is None)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from oed.foundation.text import error_text, own_unit, significant, unit_text, words
+from oed.foundation.text import Unit, error_text, own_unit, significant, unit_text, words
 from oed.foundation.vocabulary import Vocabulary
 from oed.records.record import Record
 from oed.records.stored.study_record import StoredParameter
@@ -116,18 +116,26 @@ def _worst(one: Contender) -> tuple[str, str, str]:
     return one.name, words(parameter), text
 
 
-def error_columns(parameters: Sequence[StoredParameter], of: Callable[[Any], Contender]) -> Iterator[Column]:
+def error_columns(some: Sequence[Contender], of: Callable[[Any], Contender]) -> Iterator[Column]:
     """A column for each parameter's standard error, in the parameter's unit.
 
     Args:
-        parameters: that have a column.
+        some: designs that the table is about.
         of: the contender that a row's item is about.
     """
-    return (_error_column(one, of) for one in parameters)
+    return (_error_column(one, some, of) for one in parameters_of(some))
 
 
-def _error_column(parameter: StoredParameter, of: Callable[[Any], Contender]) -> Column:
-    unit, factor = own_unit(parameter.unit)
+def shared_unit(parameter: StoredParameter, some: Iterable[Contender]) -> Unit:
+    """The unit, and its factor from SI, in which a parameter of several designs is shown."""
+    units = (one.record.study.shown_units.get(parameter.name) for one in some)
+    return next(filter(None, units), own_unit(parameter.unit))
+
+
+def _error_column(
+    parameter: StoredParameter, some: Sequence[Contender], of: Callable[[Any], Contender]
+) -> Column:
+    unit, factor = shared_unit(parameter, some)
 
     def error(item: object) -> float | None:
         size = of(item).error(parameter)
@@ -153,7 +161,7 @@ def dots(some: Sequence[Contender], first: Contender | None = None) -> Picture |
 
 
 def _scale(parameter: StoredParameter, shown: Sequence[Contender]) -> Scale:
-    unit, factor = own_unit(parameter.unit)
+    unit, factor = shared_unit(parameter, shown)
     sizes = [one.error(parameter) for one in shown]
     values = tuple(None if size is None or math.isinf(size) else factor * size for size in sizes)
     texts = tuple("" if size is None else _written(size * factor) for size in sizes)

@@ -10,7 +10,7 @@ from pathlib import Path
 from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.files import inside
 from oed.foundation.shown import page_text
-from oed.foundation.text import MISSING, deviation_text, significant, words
+from oed.foundation.text import MISSING, Unit, deviation_text, significant, words
 from oed.foundation.work.folders import updated
 from oed.records.record import (
     ESTIMATE,
@@ -215,12 +215,14 @@ def _predicted(record: Record) -> tuple[str, ...]:
         return (NO_DRIVE,)
     known = record.best.standard_deviations
     return tuple(
-        _error(one.name, known[one.name], one.unit) for one in record.parameters if one.name in known
+        _error(one.name, known[one.name], one.unit, record.shown_unit(one.name, one.unit))
+        for one in record.parameters
+        if one.name in known
     )
 
 
-def _error(name: str, size: float | None, unit: str | None) -> str:
-    return f"{words(name)} {'not identifiable' if size is None else deviation_text(size, unit or '')}"
+def _error(name: str, size: float | None, unit: str | None, own: Unit | None = None) -> str:
+    return f"{words(name)} {'not identifiable' if size is None else deviation_text(size, unit or '', own)}"
 
 
 def _estimate(place: Path, name: str) -> Run:

@@ -44,4 +44,4 @@ def _closest(record: Record) -> str:
     closest = min((one for one in baselines if one.violations), key=excess, default=None)
     if closest is None or any(one.feasible for one in record.results):
         return ""
-    return SAY("closest", words(closest.name), exceeded(closest, record.robustness))
+    return SAY("closest", words(closest.name), exceeded(closest, record.robustness, record.study.limit_units))

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from oed.foundation.files import inside
-from oed.foundation.text import listing, own_unit, significant, unit_text, words
+from oed.foundation.text import listing, significant, unit_text, words
 from oed.records.record import load_record
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.report import contenders
@@ -18,6 +18,7 @@ from oed.report.contenders import (
     error_columns,
     finding,
     parameters_of,
+    shared_unit,
     vocabulary_of,
 )
 from oed.report.figures import chart as charts
@@ -71,7 +72,7 @@ def _summary(found: StoredSweep, designs: Designs) -> Section:
     title, said = finding(some, leader)
     columns = (
         *(_key_column(axis, designs if number == 0 else {}) for number, axis in enumerate(found.keys)),
-        *error_columns(parameters_of(some), lambda one: designs[one.folder]),
+        *error_columns(some, lambda one: designs[one.folder]),
     )
     shown = (one for one in found.points if one.folder in designs)
     table = Table.of(shown, columns, SAY("errors"), sortable=True)
@@ -165,7 +166,7 @@ def _lines(found: StoredSweep, designs: Designs) -> Picture | None:
     # Of each parameter over what was varied; None where that is words, or of too many lines.
     drawn = []
     for one in parameters_of(designs.values())[: contenders.MOST_SCALES]:
-        unit, factor = own_unit(one.unit)
+        unit, factor = shared_unit(one, designs.values())
         sizes = {folder: design.error(one) for folder, design in designs.items()}
         values = {folder: None if size is None else factor * size for folder, size in sizes.items()}
         chart = charted(found, f"standard error [{unit_text(unit)}]" if unit else "standard error", values)

@@ -12,6 +12,7 @@ from pydantic import Field
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Flaw, ProblemError
 from oed.foundation.own.part import OwnPart
+from oed.foundation.text import Unit
 from oed.foundation.vocabulary import Vocabulary
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion, E
 from oed.kernel.dynamics.space import Space
@@ -63,8 +64,13 @@ class StudyFile(Component, ABC):
         return Vocabulary()
 
     @property
-    def shown_units(self) -> Mapping[str, tuple[str, float]]:
+    def shown_units(self) -> Mapping[str, Unit]:
         """Units, and their factors from SI, in which the study gives its quantities, by their names."""
+        return {}
+
+    @property
+    def limit_units(self) -> Mapping[str, Unit]:
+        """Alike those in which it gives its limits, by the limits' names."""
         return {}
 
     @classmethod

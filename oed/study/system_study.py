@@ -18,10 +18,11 @@ from oed.equations.expression_limits import LIMITS as EXPRESSION_LIMITS
 from oed.equations.expression_limits import ExpressionLimit
 from oed.equations.given import Readable, SystemKeys
 from oed.equations.keys import EquationKeys
+from oed.equations.outputs import OutputSensor
 from oed.equations.several import SENSORS, SeveralOutputs, replaced_starts
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Flaw, ProblemError
-from oed.foundation.text import words
+from oed.foundation.text import Unit, words
 from oed.foundation.vocabulary import Vocabulary
 from oed.kernel.dynamics.held import HeldSpace
 from oed.kernel.dynamics.space import Space
@@ -50,6 +51,7 @@ WORDS = {
     "runs": "trials",
     "path": "course",
     "paths": "courses",
+    "satisfied with room": "satisfied with a margin",
 }
 """What systems are spoken of with, by the words of robots."""
 
@@ -132,11 +134,21 @@ class SystemStudyFile(StudyFile):
         return Vocabulary(WORDS, (self.name, *names, *map(words, names)))
 
     @property
-    def shown_units(self) -> Mapping[str, tuple[str, float]]:
-        """Of parameters, initial values and inputs, as they are written."""
-        given: dict[str, object] = dict(self.system.quantities)
+    def shown_units(self) -> Mapping[str, Unit]:
+        """Of parameters, initial values, inputs and outputs that are read, as they are written."""
+        given: dict[str, object] = {}
+        for one in self.measurement.joint_sensors:
+            given |= dict(one.noise) if isinstance(one, OutputSensor) else {}
         given |= {name: one.range[1] for name, one in self.experiment.inputs.items()}
+        given |= self.system.quantities
         return {name: unit_of(text) for name, text in given.items() if isinstance(text, str)}
+
+    @property
+    def limit_units(self) -> Mapping[str, Unit]:
+        """As their larger sides are written."""
+        of_inputs = {one.name: one.given for one in self.experiment.limits}
+        sides = {**of_inputs, **{one.name: one.sides for one in self.limits}}
+        return {name: unit_of(larger) for name, (_, larger) in sides.items() if isinstance(larger, str)}
 
     @property
     def every_limit(self) -> tuple[Limit, ...]:

@@ -133,8 +133,18 @@ def _print_rows(rows: Iterable[Estimated], beside: str) -> None:
     Console(width=WIDTH).print(table)
 
 
-def print_results(results: Sequence[Result], robustness: StoredRobustness | None = None) -> None:
-    """Results as a table and their messages, on standard output; `robustness` as a record has it."""
+def print_results(
+    results: Sequence[Result],
+    robustness: StoredRobustness | None = None,
+    units: Mapping[str, tuple[str, float]] | None = None,
+) -> None:
+    """Results as a table and their messages, on standard output.
+
+    Args:
+        results: that are shown.
+        robustness: as a record has it.
+        units: in which limits are given, by their names.
+    """
     lengths = any(one.path_length is not None for one in results)
     path = ["path [m]"] if lengths else []
     headings = ("name", "objective", "s_min(W)", "cond(W)", *path, "feasible", "time [s]")
@@ -155,14 +165,25 @@ def print_results(results: Sequence[Result], robustness: StoredRobustness | None
     print_messages(
         (one for one in results if alone or one.origin != "path" or not one.feasible),
         robustness,
+        units,
     )
 
 
-def print_messages(results: Iterable[Result], robustness: StoredRobustness | None = None) -> None:
-    """What became of results, and the limits that they exceed; tightened ones with their back-off."""
+def print_messages(
+    results: Iterable[Result],
+    robustness: StoredRobustness | None = None,
+    units: Mapping[str, tuple[str, float]] | None = None,
+) -> None:
+    """What became of results, and the limits that they exceed; tightened ones with their back-off.
+
+    Args:
+        results: that are told of.
+        robustness: as a record has it.
+        units: in which limits are given, by their names.
+    """
     console = _console()
     for one in results:
-        message, broken = _message(one), list(_broken(one, robustness))
+        message, broken = _message(one), list(_broken(one, robustness, units))
         if message or broken:
             _print_line(console, f"{one.name}: {message}".rstrip())
         for line in broken:
@@ -176,10 +197,12 @@ def _message(one: Result) -> str:
     return one.message.removeprefix(Status.SCORED.sentence).strip()
 
 
-def _broken(one: Result, robustness: StoredRobustness | None) -> Iterator[str]:
+def _broken(
+    one: Result, robustness: StoredRobustness | None, units: Mapping[str, tuple[str, float]] | None
+) -> Iterator[str]:
     from oed.report.sections.limits import exceeded
 
-    for excess in exceeded(one, robustness):
+    for excess in exceeded(one, robustness, units):
         yield f"exceeds {excess}"
     points = [words(margin.limit) for margin in one.margins if margin.certain is False]
     if points and one.feasible:
@@ -199,7 +222,11 @@ def _print_line(console: Console, line: str) -> None:
 
 
 def print_driven(
-    found: DrivenPaths, *, limited: bool = True, units: Mapping[str, tuple[str, float]] | None = None
+    found: DrivenPaths,
+    *,
+    limited: bool = True,
+    units: Mapping[str, tuple[str, float]] | None = None,
+    limits: Mapping[str, tuple[str, float]] | None = None,
 ) -> None:
     """Of driven paths every standard error, beside the best design's, and limits that they exceed.
 
@@ -207,6 +234,7 @@ def print_driven(
         found: the paths.
         limited: whether there are any limits.
         units: in which parameters are shown, of what is no robot; None of robots.
+        limits: in which limits are given, by their names.
     """
     from oed.report.answer import rows_of
 
@@ -218,7 +246,7 @@ def print_driven(
             _print_rows(rows, beside)
         print_lines(filter(None, [_message(one.result)]))
         print_lines(["Limits satisfied."] if one.result.feasible and limited else [])
-        print_lines(_broken(one.result, found.robustness))
+        print_lines(_broken(one.result, found.robustness, limits))
 
 
 def print_worth(found: DrivenPaths) -> None:

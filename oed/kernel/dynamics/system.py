@@ -17,6 +17,7 @@ import casadi as ca
 import numpy.typing as npt
 
 from oed.foundation.errors import Flaw
+from oed.foundation.text import Unit
 from oed.kernel.dynamics.expression import Expression
 
 if TYPE_CHECKING:
@@ -191,6 +192,11 @@ class System(ABC):
     def exact(self) -> System:
         """The system as it steps with no error of integration, however long the period."""
         return self
+
+    @property
+    def shown_units(self) -> Mapping[str, Unit]:
+        """Units in which parameters are given, and their factors from SI, by name; {} where none are."""
+        return {}
 
     @property
     def when_not_finite(self) -> str:

@@ -18,7 +18,7 @@ from oed.foundation.presenting import (
     number,
     parameter_rows,
 )
-from oed.foundation.text import count, listing
+from oed.foundation.text import Unit, count, listing, own_unit
 from oed.kernel.dynamics.system import FORCES
 from oed.records.stored.door import SavedFile, read_echo
 from oed.records.stored.parts import (
@@ -232,6 +232,15 @@ class Record(Presented, SavedFile):
     def states_are_none(self) -> bool:
         """Whether it is of a system without states, whose experiments are settings and take no time."""
         return self.study.domain != "robots" and not self.states
+
+    def shown_unit(self, name: str, unit: str) -> Unit:
+        """The unit, and its factor from SI, in which a quantity is shown: that in which the study gives it.
+
+        Args:
+            name: of a parameter, state, input or output.
+            unit: SI unit.
+        """
+        return self.study.shown_units.get(name) or own_unit(unit)
 
     @property
     def folder(self) -> Path | None:

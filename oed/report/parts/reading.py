@@ -236,7 +236,9 @@ def prior_of(record: Record) -> dict[str, str]:
         return {}
     given = {name: _given(size, table.get(name)) for name, size in prior.standard_deviations.items()}
     for index, name in enumerate(prior.parameters):
-        given[name] = deviation_text(math.sqrt(prior.covariance[index][index]), table[name].unit)
+        one = table[name]
+        size, own = math.sqrt(prior.covariance[index][index]), record.shown_unit(name, one.unit)
+        given[name] = deviation_text(size, one.unit, own)
     return given
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from oed.foundation.text import error_text, fixed, listing, own_unit, quantity, significant, whole, words
+from oed.foundation.text import error_text, fixed, listing, quantity, significant, whole, words
 from oed.kernel.solution import Status
 from oed.records.record import Record
 from oed.records.stored.result import Result
@@ -72,14 +72,14 @@ def _ranked(record: Record) -> list[Result]:
 def _errors(record: Record, shown: Sequence[Result]) -> list[Scale]:
     # Standard errors of what is judged.
     return [
-        _error_scale(one, [result.standard_deviations.get(one.name) for result in shown])
+        _error_scale(record, one, [result.standard_deviations.get(one.name) for result in shown])
         for one in judged(record)
         if any(result.standard_deviations.get(one.name) for result in shown)
     ][:MOST_SCALES]
 
 
-def _error_scale(parameter: StoredParameter, sizes: Sequence[float | None]) -> Scale:
-    unit, factor = own_unit(parameter.unit)
+def _error_scale(record: Record, parameter: StoredParameter, sizes: Sequence[float | None]) -> Scale:
+    unit, factor = record.shown_unit(parameter.name, parameter.unit)
     values = tuple(None if size is None else factor * size for size in sizes)
     texts = tuple("not identifiable" if size is None else error_text(size, factor) for size in sizes)
     return Scale(words(parameter.name), unit, values, texts)
@@ -148,7 +148,7 @@ def _impossible(one: Result) -> str | None:
 
 def _obstacle(one: Result, record: Record) -> str | None:
     # By how much a drive exceeds which limits, in the limits' units.
-    broken = exceeded(one, record.robustness)
+    broken = exceeded(one, record.robustness, record.study.limit_units)
     return f"exceeds {listing(broken)}" if broken else None
 
 

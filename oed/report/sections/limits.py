@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from oed.foundation.text import (
@@ -20,7 +20,7 @@ from oed.records.record import Record
 from oed.records.stored.result import Margin, Result
 from oed.records.stored.simulation import StoredRobustness
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import called, with_drive
+from oed.report.parts.reading import called, time_scale, with_drive
 from oed.report.parts.section import Cell, Column, Section, Table, percent
 from oed.robots.limits import LIMITS, Limit
 
@@ -52,7 +52,8 @@ def limits(record: Record) -> Section | None:
     every = _side_by_side(record, results) if len(results) > 1 or winner is None else None
     if winner is None:
         return Section.of("How far every drive exceeds the limits", SAY("margins", silent, points), every)
-    rooms = sorted(map(Room, winner.margins), key=lambda one: -(one.gain or 0.0))
+    found = [_room(record, margin) for margin in winner.margins]
+    rooms = sorted(found, key=lambda one: -(one.gain or 0.0))
     known = [one for one in rooms if one.gain is not None]
     table = _by_limit(rooms, called(record, winner), bool(known))
     said = (SAY("gains", known), SAY("margins", silent, points), SAY("rates", bool(known)))
@@ -61,13 +62,24 @@ def limits(record: Record) -> Section | None:
 
 @dataclass(frozen=True)
 class Room:
-    """How much room a drive leaves to a limit, and what a looser one would gain, in words."""
+    """How much room a drive leaves to a limit, and what a looser one would gain, in words.
+
+    Attributes:
+        margin: to the limit.
+        own: the unit in which the study gives the limit, and its factor from SI; None where it gives none.
+        looser: what there is where it is wider by an `{amount}`, in words; as the limit of its name says by
+            default.
+    """
 
     margin: Margin
+    own: Unit | None = None
+    looser: str = ""
 
     @property
     def unit(self) -> Unit:
         """As shown, and its factor from SI."""
+        if self.own is not None:
+            return self.own
         return in_degrees(self.margin.unit) if self._degrees else (self.margin.unit, 1.0)
 
     @property
@@ -86,9 +98,9 @@ class Room:
         """The limit that much wider."""
         shown, factor = self.unit
         # Lengths are in mm where they are small.
-        size = self.step / factor
-        amount = given_text(size, "m") if shown == "m" else f"{self.step:g} {unit_text(shown)}"
-        said = getattr(LIMITS.get(self.margin.limit), "loosened", Limit.loosened)
+        usual = shown == "m" and self.own is None
+        amount = given_text(self.step / factor, "m") if usual else f"{self.step:g} {unit_text(shown)}"
+        said = self.looser or getattr(LIMITS.get(self.margin.limit), "loosened", Limit.loosened)
         return str(said).format(amount=amount, name=words(self.margin.limit))
 
     @property
@@ -107,6 +119,8 @@ class Room:
     @property
     def text(self) -> str:
         """The distance to the limit, with its unit."""
+        if self.own is not None:
+            return quantity(abs(self.margin.margin) * self.own[1], self.own[0])
         return excess_text(abs(self.margin.margin), self.margin.unit, degrees=self._degrees)
 
     @property
@@ -124,6 +138,17 @@ class Room:
         return f"{factor * self.margin.size:.4g} {unit_text(shown)}".strip() if sized else None
 
 
+def _room(record: Record, margin: Margin) -> Room:
+    # Of experiments: limits have names of their own, and times are shown as those of courses.
+    if record.study.domain == "robots":
+        return Room(margin)
+    own = record.study.limit_units.get(margin.limit)
+    if own is None and margin.unit == "s":
+        own = time_scale(record.study.space.duration)
+    looser = (one.loosened for one in record.study.every_limit if one.name == margin.limit)
+    return Room(margin, own, next(looser, ""))
+
+
 def _by_limit(rooms: Sequence[Room], title: str, known: bool) -> Table:
     columns = (
         Column("limit", cell=lambda one: words(one.margin.limit)),
@@ -138,12 +163,18 @@ def _by_limit(rooms: Sequence[Room], title: str, known: bool) -> Table:
     return Table.of(rooms, columns, f"Limits: {title}")
 
 
-def exceeded(result: Result, robustness: StoredRobustness | None = None) -> list[str]:
+def exceeded(
+    result: Result, robustness: StoredRobustness | None = None, units: Mapping[str, Unit] | None = None
+) -> list[str]:
     """The limits that a drive exceeds, and by how much: `end position by 1.27 m`.
 
-    Of limits that are tightened, as a record's `robustness` says, the back-off is said to be included.
+    Args:
+        result: that has the drive.
+        robustness: a record's: of limits that it tightens the back-off is said to be included.
+        units: in which limits are given, by their names.
     """
-    broken = [Room(margin) for margin in result.margins if not margin.satisfied]
+    own = units or {}
+    broken = [Room(margin, own.get(margin.limit)) for margin in result.margins if not margin.satisfied]
     said = [f"{words(room.margin.limit)} by {room.text}{_back_off(room, robustness)}" for room in broken]
     return said or list(map(words, result.violations))
 
@@ -161,7 +192,7 @@ def _side_by_side(record: Record, results: list[Result]) -> Table:
 
 def _column(name: str, record: Record) -> Column:
     def brief(one: Result) -> Cell:
-        rooms = (Room(margin) for margin in one.margins if margin.limit == name)
+        rooms = (_room(record, margin) for margin in one.margins if margin.limit == name)
         return next((SAY("brief", room, _back_off(room, record.robustness)) for room in rooms), None)
 
     return Column(words(name), cell=brief)
@@ -169,7 +200,7 @@ def _column(name: str, record: Record) -> Column:
 
 def _touched(record: Record) -> Iterator[Column]:
     def broken(one: Result) -> Cell:
-        return ", ".join(exceeded(one, record.robustness)) or None
+        return ", ".join(exceeded(one, record.robustness, record.study.limit_units)) or None
 
     def met(one: Result) -> Cell:
         touched = (words(margin.limit) for margin in one.margins if margin.satisfied and margin.active)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from oed.foundation.text import error_text, fixed, given_text, nominal_text, own_unit, shown_unit, words
+from oed.foundation.text import error_text, fixed, given_text, nominal_text, unit_text, words
 from oed.records.record import Record
 from oed.records.stored.result import Covariance, Result
 from oed.records.stored.study_record import StoredParameter
@@ -61,16 +61,19 @@ def _noise(parameter: StoredParameter) -> str:
 def _by_parameter(record: Record, noisy: Sequence[StoredParameter], result: Result) -> Table:
     known = prior_of(record)
 
+    def factor(one: StoredParameter) -> float:
+        return record.shown_unit(one.name, one.unit)[1]
+
     def size(one: StoredParameter) -> float:
-        return _deviation(one, result) * own_unit(one.unit)[1]
+        return _deviation(one, result) * factor(one)
 
     def share(one: StoredParameter) -> float | None:
         return 100.0 * _deviation(one, result) / abs(one.nominal) if one.nominal else None
 
     columns = (
         Column("parameter", cell=lambda one: words(one.name)),
-        Column("unit", cell=lambda one: shown_unit(one.unit)),
-        Column("nominal", "", nominal_text, lambda one: one.nominal * own_unit(one.unit)[1]),
+        Column("unit", cell=lambda one: unit_text(record.shown_unit(one.name, one.unit)[0]) or "1"),
+        Column("nominal", "", nominal_text, lambda one: one.nominal * factor(one)),
         Column("prior: ±", cell=lambda one: known.get(one.name)) if known else None,
         Column("standard deviation", "", error_text, size),
         Column("share of nominal", "%", error_text, share),
@@ -103,7 +106,7 @@ def _matrix(one: Covariance, drive: str) -> Table:
 
 def _side_by_side(record: Record, noisy: Sequence[StoredParameter], results: Sequence[Result]) -> Table:
     def column(one: StoredParameter) -> Column:
-        unit, factor = own_unit(one.unit)
+        unit, factor = record.shown_unit(one.name, one.unit)
         return Column(words(one.name), unit, error_text, lambda result: _deviation(one, result) * factor)
 
     columns = (Column("drive", cell=lambda result: called(record, result)), *map(column, noisy))

@@ -73,7 +73,11 @@ def _answer(record: Record, winner: Result) -> tuple[str, ...]:
         0.0 if ahead is None else study_aim(record).change(ahead.worth or 0.0, winner.worth or 0.0),
         _turns(winner) if in_place(winner) else None,
         None if regression_of(record) is not None else precision(record, winner),
-        [one for one in record.parameters if one.name in winner.standard_deviations],
+        [
+            (one, record.shown_unit(one.name, one.unit))
+            for one in record.parameters
+            if one.name in winner.standard_deviations
+        ],
         _simulated(record, winner),
     )
 

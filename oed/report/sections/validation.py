@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from oed.foundation.text import fixed, own_unit, shown_unit, significant, words
+from oed.foundation.text import Unit, fixed, significant, unit_text, words
 from oed.records.record import Record
 from oed.records.stored.simulation import Simulated
 from oed.report.figures import spread
@@ -72,15 +72,15 @@ def _checks(simulated: Simulated, alpha: float, title: str) -> Table:
 
 @dataclass(frozen=True)
 class _Estimated:
-    """A parameter in simulated experiments with a drive, and its SI unit."""
+    """A parameter in simulated experiments with a drive, and the unit in which it is shown."""
 
     drive: Simulated
     at: int
-    unit: str
+    unit: Unit
 
     def deviation(self, covariance: Sequence[Sequence[float]]) -> float:
         """The standard deviation of a covariance, as shown."""
-        return own_unit(self.unit)[1] * math.sqrt(covariance[self.at][self.at])
+        return self.unit[1] * math.sqrt(covariance[self.at][self.at])
 
     @property
     def predicted(self) -> float:
@@ -91,18 +91,18 @@ class _Estimated:
         """One of all parameters' values, to as many digits as show a hundredth of a deviation."""
         hundredth = self.predicted / 100.0
         write = fixed(max(0, math.ceil(-math.log10(hundredth))) if hundredth > 0 else 4)
-        return write(own_unit(self.unit)[1] * values[self.at])
+        return write(self.unit[1] * values[self.at])
 
     @property
     def near(self) -> bool:
         """Whether estimates differ from the true value in their last digits only."""
-        true = own_unit(self.unit)[1] * self.drive.true[self.at]
+        true = self.unit[1] * self.drive.true[self.at]
         return self.predicted < NEAR * abs(true)
 
 
 def _estimated(record: Record, one: Simulated, name: str) -> _Estimated:
     unit = next(parameter.unit for parameter in record.parameters if parameter.name == name)
-    return _Estimated(one, one.parameters.index(name), unit)
+    return _Estimated(one, one.parameters.index(name), record.shown_unit(name, unit))
 
 
 def _side_by_side(record: Record, every: Sequence[Simulated], replicates: int) -> Table:
@@ -112,7 +112,7 @@ def _side_by_side(record: Record, every: Sequence[Simulated], replicates: int) -
         Column("drive", cell=lambda one: called_by(record, one.drive.name)),
         Column("estimator", cell=lambda one: words(one.drive.estimator)) if several else None,
         Column("parameter", cell=lambda one: words(one.drive.parameters[one.at])),
-        Column("unit", cell=lambda one: shown_unit(one.unit)),
+        Column("unit", cell=lambda one: unit_text(one.unit[0]) or "1"),
         Column("true", "", FOUR, lambda one: one.value(one.drive.true)),
         Column("mean estimate", "", FOUR, lambda one: one.value(one.drive.mean)),
         Column("predicted deviation", "", THREE, lambda one: one.predicted),
@@ -164,7 +164,7 @@ def _picture(record: Record, drawn: Sequence[Simulated], pair: tuple[str, str], 
     for name in pair:
         one = _estimated(record, drawn[0], name)
         title = f"error of {words(name)}" if one.near else words(name)
-        axes.append(spread.Estimated(name, title, *own_unit(one.unit), errors=one.near))
+        axes.append(spread.Estimated(name, title, *one.unit, errors=one.near))
     names = [called_by(record, one.name) for one in drawn]
     titles = [
         f"{name}\n{words(one.estimator)}" if several else name for name, one in zip(names, drawn, strict=True)

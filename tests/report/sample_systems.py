@@ -1,0 +1,92 @@
+"""Records of experiments with systems given by equations: scored as given, nothing is solved."""
+
+from __future__ import annotations
+
+import textwrap
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from oed.kernel import solution
+from oed.kernel.dynamics.held import HeldSpace
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.records.record import Record
+from oed.workflow.runner import record as record_of
+from oed.workflow.studies import parse_study
+
+PONDS = textwrap.dedent("""\
+    format: 1
+    name: Two ponds
+    system:
+      kind: equations
+      states: {prey: {design: ["0.5", "1.5"]}, predators: "0.7"}
+      inputs: {fishing: 1/s, warmth: ""}
+      parameters: {birth: 1 1/h, loss: 1 1/h, gain: 0.9 1/h, death: 1 1/h}
+      derivatives:
+        prey: (birth * warmth - loss * predators - 0.4 * fishing) * prey
+        predators: (gain * prey - death * warmth - 0.2 * fishing) * predators
+      outputs: {prey_seen: prey, catch: fishing * predators}
+      substeps: 4
+    experiment:
+      duration: 12 h
+      samples: 24
+      trials: 2
+      inputs:
+        fishing: {range: [0 1/h, 1 1/h], rate: 4 1/h/h}
+        warmth: {range: ["0.8", "1.2"], signal: constant}
+    measurement: {kind: outputs, noise: {prey_seen: 0.02, catch: 0.01 1/h}}
+    limits: [{kind: always, name: many, of: prey, range: ["0.1", "9"]}]
+    criterion: D
+    """)
+REACTIONS = textwrap.dedent("""\
+    format: 1
+    name: Two reactions
+    system:
+      kind: equations
+      inputs: {t: s}
+      parameters: {k1: 0.7 1/min, k2: 0.2 1/min}
+      outputs: {b: k1 / (k1 - k2) * (exp(-k2 * t) - exp(-k1 * t))}
+    experiment: {points: 2, inputs: {t: [0 min, 20 min]}}
+    measurement: {kind: responses, noise: {b: 0.05}}
+    criterion: {kind: D, scaling: none}
+    """)
+HOUR = 3600.0
+FISHING = np.repeat([0.0, 1.0, 0.2, 0.8], 6) / HOUR
+"""Of a trial with the ponds [1/s]."""
+WARMTHS, STARTS = (1.2, 0.8), ((1.0, 0.7), (0.5, 0.7))
+TIMES = (73.8, 411.5)
+"""Of the readings of two reactions [s]."""
+
+
+def scored(text: str, held: np.ndarray, starts: np.ndarray, duration: float, **more: Any) -> Record:
+    """A record of one experiment, as if a search had found it.
+
+    Args:
+        text: of the study.
+        held: values of the inputs in every period, SI.
+        starts: start states of the trials, SI.
+        duration: of a trial [s].
+        more: parts of the record's only result.
+    """
+    study = parse_study(text)
+    trajectory = HeldSpace.of(held, starts, duration=duration).only
+    assert isinstance(trajectory, Trajectory)
+    found = replace(solution.scored(study.problem, trajectory, "ipopt"), kind="ipopt")
+    record = record_of(study, [found], 7)
+    results = [one.model_copy(update=more) for one in record.results]
+    return record.model_copy(update={"results": results})
+
+
+@cache
+def ponds() -> Record:
+    """Two trials with prey and predators, fished in steps, one warm and one cool."""
+    held = np.vstack([np.column_stack([FISHING, np.full(24, warmth)]) for warmth in WARMTHS])
+    return scored(PONDS, held, np.array(STARTS), 12 * HOUR)
+
+
+@cache
+def reactions() -> Record:
+    """Two reactions, looked at twice."""
+    return scored(REACTIONS, np.array(TIMES)[::-1, None], np.zeros((1, 0)), 2.0)
