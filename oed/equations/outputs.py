@@ -11,9 +11,10 @@ from pydantic import BeforeValidator, Field
 from oed.equations.dimensions import quantity
 from oed.equations.given import AS_DATA, Readable, pairs
 from oed.foundation.errors import Flaw
-from oed.foundation.text import did_you_mean, listing
+from oed.foundation.text import count, did_you_mean, listing, unit_text, words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
+from oed.kernel.measurement.description import deviations_text
 from oed.kernel.measurement.sensor import Moment, Sensor, Start, When
 
 Deviations = Annotated[
@@ -67,6 +68,21 @@ class OutputSensor(Sensor, ABC):
         """1 / sigma of each."""
         return ca.diag(ca.SX(ca.DM([1 / size for size in self.sizes])))
 
+    @property
+    def subject(self) -> str:
+        """The outputs by their names."""
+        return listing([words(name) for name in self.names])
+
+    @property
+    def noise_text(self) -> str:
+        """Standard deviations as they are given."""
+        sizes = dict.fromkeys(f"{value:g}" if isinstance(value, float) else value for _, value in self.noise)
+        return deviations_text(*map(unit_text, sizes))
+
+    def brief(self, samples: int) -> str:
+        """What is read of a trial of so many samples, and how often."""
+        return f"{count(len(self.columns(samples)), 'reading')} of {self.subject}"
+
     def units_of(self, system: System) -> tuple[str, ...]:
         """Those of the outputs."""
         known = system.output_dimensions if isinstance(system, Readable) else {}
@@ -114,6 +130,14 @@ class Rates(OutputSensor):
         """What `start` says."""
         return self.start if isinstance(self.start, str) else dict(self.start)
 
+    def brief(self, samples: int) -> str:
+        """What is read."""
+        return f"readings of {self.subject} all the time"
+
+    def sentence(self, samples: int) -> str:
+        """What is read, and how noisily."""
+        return f"{self.subject} all the time, the mean of a second with {self.noise_text}"
+
     def whitening(self, moment: Moment) -> Expression:
         """sqrt(T) / sigma of each."""
         return super().whitening(moment) * ca.sqrt(moment.period)
@@ -124,6 +148,10 @@ class Responses(OutputSensor):
 
     kind: Literal["responses"] = "responses"
     when: ClassVar[When] = "in periods"
+
+    def sentence(self, samples: int) -> str:
+        """What is read of so many settings, and how noisily."""
+        return f"{self.subject} at each setting ({count(samples, 'time')}) with {self.noise_text}"
 
 
 def _noise_flaw(system: Readable, name: str, value: str | float) -> str:
