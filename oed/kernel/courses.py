@@ -47,34 +47,48 @@ class Course(Brief):
         return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
 
 
-def state_courses(problem: Problem, trajectory: Trajectory) -> list[list[Course]]:
-    """The states over time, run by run; the starts taken as known."""
+def state_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) -> list[list[Course]]:
+    """The states over time, run by run; the starts taken as known.
+
+    Args:
+        problem: whose system it is.
+        trajectory: what is done.
+        finer: places of every period.
+    """
     system, own = problem.system, _estimated(problem)
     found = []
-    for run, (states, slopes) in enumerate(_rolled_out(system, trajectory)):
+    for run, (states, slopes) in enumerate(_rolled_out(system, trajectory, finer)):
         times = np.linspace(0.0, trajectory.each[run].duration, len(states))
         each = zip(system.states, system.state_units, states.T, slopes.transpose(1, 0, 2), strict=True)
         found.append([Course(name, unit, times, value, slope[:, own]) for name, unit, value, slope in each])
     return found
 
 
-def reading_courses(problem: Problem, trajectory: Trajectory) -> list[list[Course]]:
-    """What sensors would read at all samples, run by run; those that read two moments together are left out.
+def reading_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) -> list[list[Course]]:
+    """What sensors would read at all places, run by run; those that read two moments together are left out.
 
     Of a system without states there is one of each setting of the inputs.
+
+    Args:
+        problem: whose sensors and system these are.
+        trajectory: what is done.
+        finer: places of every period of a system with states.
     """
     system = problem.system
     found = list[list[Course]]()
-    for run, (states, slopes) in enumerate(_rolled_out(system, trajectory)):
+    finer = finer if system.states else 1
+    for run, (states, slopes) in enumerate(_rolled_out(system, trajectory, finer)):
         one = trajectory.each[run]
         begun = len(states) - 1 if not system.states else len(states)
-        held = np.vstack([one.inputs, one.inputs[-1:]])[:begun]
+        held = np.vstack([np.repeat(one.inputs, finer, axis=0), one.inputs[-1:]])[:begun]
         times = np.linspace(0.0, one.duration, len(states))[:begun]
         found.append(
             [
                 course
                 for sensor, label in _at_moments(problem)
-                for course in _courses(problem, sensor, label, (states[:begun], slopes[:begun], held), times)
+                for course in _courses(
+                    problem, sensor, label, (states[:begun], slopes[:begun], held), times, finer
+                )
             ]
         )
     return found
@@ -112,25 +126,27 @@ def _at_moments(problem: Problem) -> Iterator[tuple[Sensor, str]]:
             yield sensor, label
 
 
-def _rolled_out(system: System, trajectory: Trajectory) -> Iterator[tuple[Array, Array]]:
-    # Of every run the states (N + 1, states) and their derivatives by the parameters (N + 1, states, p).
+def _rolled_out(system: System, trajectory: Trajectory, finer: int) -> Iterator[tuple[Array, Array]]:
+    # Of every run the states (N + 1, states) and their derivatives by the parameters (N + 1, states, p), at
+    # `finer` places of every period.
     size, count = len(system.parameters), len(system.states)
     step, carry, nominal = stepper(system), carrier(system), ca.DM(system.nominal)
     for one in trajectory.each:
-        inputs, samples = ca.DM(one.inputs.T), one.samples
+        inputs = ca.DM(np.repeat(one.inputs, finer, axis=0).T)
+        samples, period = one.samples * finer, one.period / finer
         begin = ca.DM(one.starts[0])
-        following = step.mapaccum(samples)(begin, inputs, nominal, one.period)
+        following = step.mapaccum(samples)(begin, inputs, nominal, period)
         states = np.hstack([np.array(begin).reshape(count, 1), np.array(following).reshape(count, samples)])
         slopes = np.zeros((samples + 1, count, size))
         if count:
             first = ca.horzcat(ca.DM.zeros(count, size), ca.DM.eye(count))
-            along = carry.mapaccum(samples)(first, ca.DM(states[:, :-1]), inputs, nominal, one.period)
+            along = carry.mapaccum(samples)(first, ca.DM(states[:, :-1]), inputs, nominal, period)
             slopes[1:] = np.array(along).reshape(count, samples, size + count).transpose(1, 0, 2)[:, :, :size]
         yield np.asarray(states).T, slopes
 
 
 def _courses(
-    problem: Problem, sensor: Sensor, label: str, moments: Sequence[Array], places: Array
+    problem: Problem, sensor: Sensor, label: str, moments: Sequence[Array], places: Array, finer: int = 1
 ) -> Iterator[Course]:
     system, own = problem.system, _estimated(problem)
     function, count = moment_reading(sensor, system), len(places)
@@ -144,8 +160,9 @@ def _courses(
     )[:2]
     values, each = np.array(readings), np.array(by_all).reshape(by_all.shape[0], count, -1)
     deviations, units = sensor.deviations, sensor.units_of(system)
-    last = len(places)
-    read = tuple(column for column in sensor.columns(problem.design.samples) if column < last)
+    read = tuple(
+        finer * column for column in sensor.columns(problem.design.samples) if finer * column < count
+    )
     for entry, value in enumerate(values):
         name = _name(sensor, entry)
         unit = units[entry] if units else ""

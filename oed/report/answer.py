@@ -21,7 +21,7 @@ from oed.records.stored.result import Result
 from oed.records.stored.study_record import StoredParameter
 from oed.report.parts.judging import identifies, judged, repeatable, repetitions_of, study_aim
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import duration_text, in_place, kind_of
+from oed.report.parts.reading import chosen_text, duration_text, in_place, kind_of
 from oed.robots.limits import Workspace
 
 SAY = Prose("answer")
@@ -116,7 +116,7 @@ def title_of(record: Record) -> str:
         x_min, x_max, y_min, y_max = room.extent
         size = given_text(x_max - x_min, "m"), given_text(y_max - y_min, "m")
     turning = record.best is not None and in_place(record.best)
-    return SAY("title", record.study.name, duration_text(record), size, turning)
+    return SAY("title", record.study.name, chosen_text(record) or duration_text(record), size, turning)
 
 
 def rows_of(

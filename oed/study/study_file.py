@@ -73,6 +73,11 @@ class StudyFile(Component, ABC):
         """Alike those in which it gives its limits, by the limits' names."""
         return {}
 
+    @property
+    def known_starts(self) -> frozenset[str]:
+        """States that begin at values which are known exactly, as far as the study says so by their names."""
+        return frozenset()
+
     @classmethod
     def completed(cls, data: Mapping[str, Any]) -> dict[str, Any]:
         """A study's keys with what stands for further ones filled in; as they are by default.

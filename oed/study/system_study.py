@@ -151,6 +151,12 @@ class SystemStudyFile(StudyFile):
         return {name: unit_of(larger) for name, (_, larger) in sides.items() if isinstance(larger, str)}
 
     @property
+    def known_starts(self) -> frozenset[str]:
+        """Those that are fixed or chosen; nothing is known of code that was not run."""
+        begins = {} if isinstance(self.system, PythonSystem) else self.system.begins
+        return frozenset(name for name, one in begins.items() if not one.unknown)
+
+    @property
     def every_limit(self) -> tuple[Limit, ...]:
         """What inputs may do, then what expressions may be."""
         return (*self.experiment.limits, *self.limits)

@@ -52,6 +52,33 @@ REACTIONS = textwrap.dedent("""\
     measurement: {kind: responses, noise: {b: 0.05}}
     criterion: {kind: D, scaling: none}
     """)
+GAS = textwrap.dedent("""\
+    format: 1
+    name: A gas that is adsorbed
+    system:
+      kind: equations
+      inputs: {pressure: Pa, temperature: K}
+      parameters: {capacity: 2 mol/kg, affinity: 0.5 1/bar, heat: 15 kJ/mol, gas: 8.314 J/mol/K, warm: 300 K}
+      define: {k: affinity * exp(heat / gas * (1 / temperature - 1 / warm))}
+      outputs: {loading: capacity * k * pressure / (1 + k * pressure)}
+    experiment: {points: 3, inputs: {pressure: [0.1 bar, 10 bar], temperature: [280 K, 340 K]}}
+    measurement: {kind: responses, noise: {loading: 0.02 mol/kg}}
+    estimate: [capacity, affinity]
+    criterion: D
+    """)
+PARABOLA = textwrap.dedent("""\
+    format: 1
+    name: A parabola
+    system:
+      kind: equations
+      inputs: {x: ""}
+      parameters: {constant: 1, slope: 1, curvature: 1}
+      outputs: {y: constant + slope * x + curvature * x^2}
+    experiment: {candidates: {grid: {x: {least: -1, largest: 1, count: 21}}}}
+    measurement: {kind: responses, noise: {y: 0.01}}
+    weights: {total: 1}
+    criterion: {kind: E, scaling: none}
+    """)
 HOUR = 3600.0
 FISHING = np.repeat([0.0, 1.0, 0.2, 0.8], 6) / HOUR
 """Of a trial with the ponds [1/s]."""
@@ -90,3 +117,22 @@ def ponds() -> Record:
 def reactions() -> Record:
     """Two reactions, looked at twice."""
     return scored(REACTIONS, np.array(TIMES)[::-1, None], np.zeros((1, 0)), 2.0)
+
+
+@cache
+def gas() -> Record:
+    """A gas that is adsorbed at settings of two inputs, one of them twice."""
+    held = np.array([[1e5, 280.0], [1e5, 280.0], [1e6, 340.0]])
+    return scored(GAS, held, np.zeros((1, 0)), 3.0)
+
+
+@cache
+def parabola() -> Record:
+    """A parabola that may be read at 21 places, and is read at three of them by weights."""
+    study = parse_study(PARABOLA)
+    only = study.problem.design.only
+    assert only is not None
+    weights = np.zeros(21)
+    weights[[0, 10, 20]] = 0.2, 0.6, 0.2
+    found = solution.scored(study.problem, replace(only, weights=weights), "ipopt")
+    return record_of(study, [replace(found, kind="ipopt")], 7)

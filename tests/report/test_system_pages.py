@@ -18,9 +18,10 @@ from oed.report.sections.limits import exceeded
 OF_ROBOTS = re.compile(
     r"\b(drives?|driven|robots?|rooms?|wheels?|paths?|poses?|turns?|turning|laps?|headings?|in place)\b", re.I
 )
+MADE = (sample_systems.ponds, sample_systems.reactions, sample_systems.gas, sample_systems.parabola)
 
 
-@pytest.mark.parametrize("made", [sample_systems.ponds, sample_systems.reactions], ids=["ponds", "reactions"])
+@pytest.mark.parametrize("made", MADE, ids=lambda made: made.__name__)
 def test_a_page_has_no_word_of_robots(made: Callable[[], Record], tmp_path: Path):
     """Neither in sentences and tables nor in its figures; what follows from the study is its own."""
     write_report(made(), tmp_path)

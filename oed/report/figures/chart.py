@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.foundation.text import unit_text
+from oed.foundation.text import Unit, unit_text
 from oed.report.figures import spec
 from oed.report.figures.spec import FAINT, INK, Ends, Look, Values, line_look, mark, stroke
 from oed.report.parts.inputs import Group, Series
@@ -34,7 +34,13 @@ Search = tuple[str, Sequence[tuple[float, float]]]
 """Name of a search, and its shortfalls [%] over its seconds."""
 
 
-def series(drives: Sequence[Series], group: Group, labels: Sequence[str], bounds: Ends | None) -> spec.Plot:
+def series(
+    drives: Sequence[Series],
+    group: Group,
+    labels: Sequence[str],
+    bounds: Ends | None,
+    times: Unit = ("s", 1.0),
+) -> spec.Plot:
     """One panel per drive: its inputs or their rates over time, between their bounds.
 
     Args:
@@ -42,7 +48,14 @@ def series(drives: Sequence[Series], group: Group, labels: Sequence[str], bounds
         group: of inputs.
         labels: of the inputs.
         bounds: of their values.
+        times: unit of the axis of time, and its factor from s.
     """
+    unit, factor = times
+    if factor != 1.0:
+        drives = [
+            replace(one, times=factor * one.times, breaks=tuple(factor * end for end in one.breaks))
+            for one in drives
+        ]
     columns = 1 if len(drives) == 1 else 2
     several = any(one.breaks for one in drives)
     ends = _ends(drives, bounds)
@@ -51,7 +64,8 @@ def series(drives: Sequence[Series], group: Group, labels: Sequence[str], bounds
         spec.Panel(
             _inputs(one, group.unit, bounds),
             spec.Axis(
-                "time [s], runs one after the other" if several else "time [s]", ends=(0.0, one.times[-1])
+                f"time [{unit}], runs one after the other" if several else f"time [{unit}]",
+                ends=(0.0, one.times[-1]),
             ),
             spec.Axis(name, group.unit, ends),
             one.title,
@@ -71,22 +85,38 @@ def _inputs(drive: Series, unit: str, bounds: Ends | None) -> list[spec.Part]:
         spec.Line(drive.times, column, {**line_look(index), **steps, "zorder": 3})
         for index, column in enumerate(drive.values.T)
     ]
+    return [
+        *lines,
+        *(spec.Call("axvline", (end,), stroke(FAINT, 0.8, 1.5)) for end in drive.breaks),
+        *limit_lines(bounds, unit),
+    ]
+
+
+def limit_lines(bounds: Ends | None, unit: str) -> list[spec.Part]:
+    """A line at each of two limits, which says what it is."""
     limits: list[spec.Part] = []
     for bound, offset, side in zip(bounds or (), (-3, 3), ("top", "bottom"), strict=False):
         text = f"limit {bound:g} {unit_text(unit)}"
         limits.append(spec.Call("axhline", (bound,), stroke(INK, 0.9, 2)))
         limits.append(spec.Note(text, (0.99, bound), (0, offset), {**LIMIT, "va": side}))
-    return [
-        *lines,
-        *(spec.Call("axvline", (end,), stroke(FAINT, 0.8, 1.5)) for end in drive.breaks),
-        *limits,
-    ]
+    return limits
 
 
 def _ends(drives: Sequence[Series], bounds: Ends | None) -> Ends:
-    # Room beyond the bounds for their labels, and a little for what exceeds them.
     low = min(float(np.nanmin(one.values)) for one in drives)
     high = max(float(np.nanmax(one.values)) for one in drives)
+    return ends_within(low, high, bounds)
+
+
+def ends_within(low: float, high: float, bounds: Ends | None) -> Ends:
+    """The ends of an axis of values between two limits: with room for their labels, and a little for what
+    exceeds them.
+
+    Args:
+        low: least value.
+        high: largest value.
+        bounds: the limits; None for none.
+    """
     if bounds is None:
         room = 0.06 * (high - low or 1.0)
         return low - room, high + room

@@ -10,16 +10,16 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.foundation.text import words
 from oed.report.figures import spec
+from oed.report.figures.chart import ends_within, limit_lines
 from oed.report.figures.spec import FAINT, FIRST, INK, SECOND, Look, line_look, mark, stroke
+from oed.report.parts.reading import TAKEN
 
 BAND: Look = {"color": FIRST, "alpha": 0.22, "linewidth": 0, "zorder": 1}
 """Of what estimates leave open."""
 NOISE: Look = {"colors": FAINT, "linewidth": 0.9, "zorder": 2}
 """Of a reading's standard deviation."""
-MOST_MARKS = 101
-"""Readings that are marked one by one."""
-TAKEN = 1e-3
-"""Weight, as a share of the most, from which a reading counts as taken."""
+MOST_MARKS = 150
+"""Readings of a panel that are marked one by one."""
 
 
 @dataclass(frozen=True)
@@ -59,33 +59,136 @@ class Band:
     readings: Array | None = None
     noise: float | None = None
 
+    @property
+    def open(self) -> bool:
+        """Whether it is known how much the estimates leave open."""
+        return self.spread is not None and bool(np.all(np.isfinite(self.spread)))
 
-def bands(shown: Sequence[Band], across: spec.Axis) -> spec.Plot:
-    """A panel for each quantity: its course, its band of one standard error, and where it is read."""
+
+def marked(shown: Sequence[Band]) -> bool:
+    """Whether the readings of a panel are few enough to be marked one by one."""
+    return 0 < sum(len(one.read) for one in shown if one.read is not None) <= MOST_MARKS
+
+
+def bands(
+    shown: Sequence[Sequence[Band]],
+    across: spec.Axis,
+    trials: Sequence[str] = (),
+    width: float = spec.WIDTH,
+) -> spec.Plot:
+    """A panel for each quantity: its courses, with bands of one standard error, and where it is read.
+
+    Args:
+        shown: of every quantity its course in each trial.
+        across: the axis of times or settings.
+        trials: their names; () of a single one.
+        width: of the figure [inch].
+    """
     columns = 1 if len(shown) == 1 else 2
-    panels = [spec.Panel(_band(one), across, spec.Axis(one.title, one.scale.unit)) for one in shown]
-    keys = [spec.Key("as predicted", line_look(0))]
-    if any(one.spread is not None for one in shown):
+    panels = [
+        spec.Panel(
+            [part for index, one in enumerate(each) for part in _band(one, line_look(index), marked(each))],
+            across,
+            spec.Axis(each[0].title, each[0].scale.unit),
+        )
+        for each in shown
+    ]
+    every = [one for each in shown for one in each]
+    keys = [spec.Key(name, line_look(index)) for index, name in enumerate(trials or ["as predicted"])]
+    if any(one.open for one in every):
         keys.append(spec.Key("± 1 standard error of what is estimated", BAND, patch=True))
-    if any(one.read is not None and 0 < len(one.read) <= MOST_MARKS for one in shown):
+    if any(map(marked, shown)):
         keys.append(spec.Key("read, ± its noise", mark("o", 5, "white", 1.2)))
     height = (3.0 if columns == 1 else 2.6) * -(-len(shown) // columns)
-    return spec.Plot(panels, columns, height=height, labels="each", legend=spec.Legend(keys, most=3))
+    return spec.Plot(panels, columns, width, height, labels="each", legend=spec.Legend(keys, most=4))
 
 
-def _band(shown: Band) -> list[spec.Part]:
+def _band(shown: Band, look: Look, marks: bool) -> list[spec.Part]:
     factor, values = shown.scale.factor, shown.scale.factor * shown.values
-    parts: list[spec.Part] = [spec.Line(shown.places, values, {**line_look(0), "zorder": 3})]
-    if shown.spread is not None and np.all(np.isfinite(shown.spread)):
-        half = factor * shown.spread
-        parts.insert(0, spec.Call("fill_between", (shown.places, values - half, values + half), BAND))
-    if shown.read is not None and shown.readings is not None and len(shown.read) <= MOST_MARKS:
+    parts: list[spec.Part] = [spec.Line(shown.places, values, {**look, "zorder": 3})]
+    if shown.open:
+        half, band = factor * np.asarray(shown.spread), {**BAND, "color": look["color"]}
+        parts.insert(0, spec.Call("fill_between", (shown.places, values - half, values + half), band))
+    if marks and shown.read is not None and shown.readings is not None:
         at = factor * shown.readings
         if shown.noise is not None:
             noise = factor * shown.noise
             parts.append(spec.Call("vlines", (shown.read, at - noise, at + noise), NOISE))
-        parts.append(spec.Line(shown.read, at, mark("o", 5, "white", 1.2, 4)))
+        parts.append(spec.Line(shown.read, at, mark("o", 4, "white", 1.1, 4, look["color"])))
     return parts
+
+
+@dataclass(frozen=True)
+class Held:
+    """An input that is held in every period of a trial, as shown.
+
+    Attributes:
+        title: of the input.
+        unit: that is shown.
+        edges: of the periods, (K + 1,).
+        values: in them, (K,).
+        bounds: its limits; None where it has none.
+    """
+
+    title: str
+    unit: str
+    edges: Array
+    values: Array
+    bounds: spec.Ends | None = None
+
+
+def held(
+    shown: Sequence[Sequence[Held]], across: spec.Axis, trials: Sequence[str] = (), width: float = spec.WIDTH
+) -> spec.Plot:
+    """A panel for each input, one below the other: its steps between its limits.
+
+    Args:
+        shown: of every input its steps in each trial.
+        across: the axis of times.
+        trials: their names; () of a single one.
+        width: of the figure [inch].
+    """
+    panels = [_held(each, across if each is shown[-1] else spec.Axis()) for each in shown]
+    keys = [spec.Key(name, line_look(index)) for index, name in enumerate(trials)]
+    height = 0.7 + (2.4 if len(shown) == 1 else 1.8) * len(shown)
+    return spec.Plot(panels, 1, width, height, labels="each", share="x", legend=spec.Legend(keys, most=4))
+
+
+def _held(shown: Sequence[Held], across: spec.Axis) -> spec.Panel:
+    first = shown[0]
+    lines: list[spec.Part] = [
+        spec.Line(
+            one.edges,
+            np.append(one.values, one.values[-1:]),
+            {**line_look(index), "drawstyle": "steps-post", "zorder": 3},
+        )
+        for index, one in enumerate(shown)
+    ]
+    every = np.concatenate([one.values for one in shown])
+    ends = ends_within(float(every.min()), float(every.max()), first.bounds)
+    y = spec.Axis(first.title, first.unit, ends, most=5)
+    return spec.Panel([*lines, *limit_lines(first.bounds, first.unit)], across, y)
+
+
+def settings(
+    places: Array, labels: Sequence[str], across: spec.Axis, upward: spec.Axis, width: float = spec.WIDTH
+) -> spec.Plot:
+    """Settings of two inputs as dots in their plane.
+
+    Args:
+        places: of the dots, as shown, (n, 2).
+        labels: beside each; "" for none.
+        across: the axis of the first input.
+        upward: the axis of the other.
+        width: of the figure [inch].
+    """
+    dots = spec.Line(places[:, 0], places[:, 1], mark("o", 8, FIRST, 0.6, 4, FIRST))
+    notes = [
+        spec.Note(text, (float(x), float(y)), (7, 7), {"fontsize": "small", "zorder": 5})
+        for (x, y), text in zip(places, labels, strict=True)
+        if text
+    ]
+    return spec.Plot([spec.Panel([dots, *notes], across, upward)], width=width, height=3.4)
 
 
 @dataclass(frozen=True)
@@ -105,7 +208,11 @@ class Sensitivity:
 
 
 def sensitivities(
-    shown: Sequence[Sensitivity], parameters: Sequence[str], across: spec.Axis, chosen: Sequence[float] = ()
+    shown: Sequence[Sensitivity],
+    parameters: Sequence[str],
+    across: spec.Axis,
+    chosen: Sequence[float] = (),
+    columns: int = 0,
 ) -> spec.Plot:
     """A panel for each quantity: its derivatives by every parameter, times the parameter's size.
 
@@ -114,8 +221,9 @@ def sensitivities(
         parameters: their names.
         across: the axis of times or settings.
         chosen: places that are read, as lines across.
+        columns: of panels; one or two by default.
     """
-    columns = 1 if len(shown) == 1 else 2
+    columns = columns or (1 if len(shown) == 1 else 2)
     panels = []
     for one in shown:
         lines = [
@@ -123,7 +231,7 @@ def sensitivities(
             for index, column in enumerate(one.values.T)
         ]
         marks = [spec.Call("axvline", (place,), stroke(FAINT, 0.9, 1, (3, 2))) for place in chosen]
-        y = spec.Axis("per parameter", one.scale.unit)
+        y = spec.Axis("scaled sensitivity", one.scale.unit, most=5)
         panels.append(spec.Panel([*marks, *lines], across, y, one.title))
     keys = [spec.Key(words(name), line_look(index)) for index, name in enumerate(parameters)]
     height = (3.0 if columns == 1 else 2.6) * -(-len(shown) // columns)

@@ -82,7 +82,16 @@ class Group:
 
 def groups_of(record: Record, count: int) -> list[tuple[Group, Group]]:
     """Inputs by quantity, in their order, each with its rates; `count` inputs where none are named."""
-    return groups_among(inputs_of(record, count), count)
+    found = groups_among(inputs_of(record, count), count)
+    return found if record.study.domain == "robots" else [_as_given(record, *pair) for pair in found]
+
+
+def _as_given(record: Record, values: Group, rates: Group) -> tuple[Group, Group]:
+    # In the units in which the study gives them, each input being a quantity of its own.
+    unit, factor = record.shown_unit(values.names[0], values.unit)
+    per_second = f"{unit or '1'}/s", factor
+    own = record.study.limit_units.get(rates.limit, per_second)
+    return replace(values, unit=unit, factor=factor), replace(rates, unit=own[0], factor=own[1])
 
 
 def groups_among(inputs: Sequence[Input], count: int) -> list[tuple[Group, Group]]:

@@ -14,6 +14,7 @@ from oed.kernel.problem import Problem
 from oed.kernel.solution import NOMINAL
 from oed.records.record import Record
 from oed.records.stored.result import Result
+from oed.records.stored.selection import StoredSelection
 from oed.records.stored.study_record import StoredNuisance, StoredParameter
 from oed.report.parts.prose import Prose
 from oed.robots.sensors import Displacements
@@ -24,6 +25,10 @@ NOWHERE = 1e-3
 VARIANT = "_same_length"
 """What names of baselines end in that go as far as the design."""
 STATES = ("x", "y", "heading")
+START = r"start(?:_(\d+))?"
+"""What start states of a system are nuisances of, of several runs with the run's number."""
+TAKEN = 1e-3
+"""Weight, as a share of the most, from which a reading counts as taken."""
 
 
 def with_drive(record: Record) -> list[Result]:
@@ -130,6 +135,22 @@ def duration_text(record: Record) -> str:
     return duration if runs == 1 else f"{runs} runs of {duration}"
 
 
+def chosen_text(record: Record) -> str:
+    """How much the best design takes of what it may choose among: `3 of 201 settings`; "" where of all."""
+    best = record.best
+    if best is None or best.selection is None or not record.states_are_none:
+        return ""
+    samples = record.study.space.samples
+    settings = {place % samples for place in taken(best.selection)}
+    return f"{len(settings)} of {count(samples, 'setting')}"
+
+
+def taken(found: StoredSelection) -> list[int]:
+    """Places of the readings that are taken."""
+    least = TAKEN * max(one.most for one in found.budgets)
+    return [place for place, one in enumerate(found.readings) if one.weight > least]
+
+
 def _lasting(record: Record) -> str:
     # Of one run; of what is no robot in a unit that suits it, and as long as the design has it.
     planned, best = record.study.space.duration, record.best
@@ -204,6 +225,8 @@ def _grouped(record: Record) -> dict[str, list[StoredNuisance]]:
     # landmarks.landmark_7.x -> landmarks.places.
     groups: dict[str, list[StoredNuisance]] = {}
     for one in record.nuisances:
+        if _begins_exactly(record, one.name):
+            continue
         full = re.sub(r"^initial_pose_\d+\.", "initial_pose_of_each_run.", one.name)
         full = re.sub(r"^[^.]+\.(beacon|landmark|tag)_[^.]+\.", r"\1s.places.", full)
         name, _, last = full.rpartition(".")
@@ -211,8 +234,16 @@ def _grouped(record: Record) -> dict[str, list[StoredNuisance]]:
     return groups
 
 
+def _begins_exactly(record: Record, name: str) -> bool:
+    # Beside unknown initial values known ones are nuisances of next to no deviation.
+    owner, _, state = name.rpartition(".")
+    return bool(re.fullmatch(START, owner)) and state in record.study.known_starts
+
+
 def _called(name: str) -> str:
     owner, _, what = name.rpartition(".")
+    if begun := re.fullmatch(START, owner):
+        return f"the initial {words(what)}" + (f" of run {begun[1]}" if begun[1] else "")
     return f"the {words(what)} of the {words(owner)}" if owner else f"the {words(name)}"
 
 

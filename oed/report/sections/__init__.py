@@ -7,6 +7,7 @@ from oed.records.record import Record
 from oed.report.parts.provenance import provenance
 from oed.report.parts.section import Section
 from oed.report.sections.candidates import candidates, comparison, criteria, paper
+from oed.report.sections.courses import courses, inputs, sensitivity
 from oed.report.sections.drives import paths, wheels
 from oed.report.sections.first import first
 from oed.report.sections.limits import limits
@@ -17,7 +18,7 @@ from oed.report.sections.robustness import robustness
 from oed.report.sections.searches import convergence, starts
 from oed.report.sections.summary import question
 from oed.report.sections.sureness import sureness
-from oed.report.sections.systems import courses, experiment, inputs, sensitivity
+from oed.report.sections.systems import experiment
 from oed.report.sections.validation import validation
 
 Make = Callable[[Record], Section | None]

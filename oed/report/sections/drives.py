@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from oed.foundation.text import count, listing, unit_text, words
+from oed.foundation.text import Unit, count, listing, unit_text, words
 from oed.records.record import Record
 from oed.records.stored.parts import plain
 from oed.records.stored.result import Result
@@ -14,7 +14,7 @@ from oed.report.figures import paths as path_figures
 from oed.report.figures.driven import Path, Room, path_of, robot_width, room_of, view_of
 from oed.report.parts.inputs import Group, Series, groups_of, sampled, series_of
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import called, drivable, heading, in_place, runs_of, segments
+from oed.report.parts.reading import called, drivable, heading, in_place, runs_of, segments, time_scale
 from oed.report.parts.section import Animation, Picture, Section
 from oed.robots.limits.shapes import Outline
 from oed.robots.models.arcs import finer
@@ -68,13 +68,9 @@ def wheels(record: Record) -> Section | None:
     first = results[0].drive
     assert first is not None
     groups = groups_of(record, len(first.coefficients[0]))
-    pictures = [
-        _picture(record, group, drives, not all(one.feasible for one in results))
-        for pair in groups
-        for group in pair
-        if (drives := [one for one in _drawn(record, results, group) if len(one.times)])
-    ]
-    return Section(_title([values.limit for values, _ in groups]), figures=tuple(pictures))
+    every = (input_picture(record, group, results) for pair in groups for group in pair)
+    pictures = tuple(one for one in every if one is not None)
+    return Section(_title([values.limit for values, _ in groups]), figures=pictures)
 
 
 def _drawn(record: Record, results: list[Result], group: Group) -> list[Series]:
@@ -91,7 +87,18 @@ def _title(quantities: list[str]) -> str:
     return f"{listing([f'{words(one)}s' for one in quantities])}, and their rates".capitalize()
 
 
-def _picture(record: Record, group: Group, drives: list[Series], broken: bool) -> Picture:
+def input_picture(record: Record, group: Group, results: list[Result]) -> Picture | None:
+    """A panel for each result: a group's inputs, or their rates, between their limits; None of no times.
+
+    Args:
+        record: that has the results.
+        group: of inputs.
+        results: that are drawn.
+    """
+    drives = [one for one in _drawn(record, results, group) if len(one.times)]
+    if not drives:
+        return None
+    broken = not all(one.feasible for one in results)
     shorts, bounds = group.short_names, group.bounds(record)
     # A line alone needs no label.
     labels = (
@@ -101,7 +108,13 @@ def _picture(record: Record, group: Group, drives: list[Series], broken: bool) -
     own = [(called[name], ends) for name, ends in group.own_bounds(record).items()]
     caption = SAY("inputs", group, labels, bounds, own, runs_of(record) > 1, broken)
     alt = f"{group.title.capitalize()} over time of {count(len(drives), 'drive')}"
-    return Picture(f"{group.limit}s", alt, caption, chart.series(drives, group, labels, bounds))
+    figure = chart.series(drives, group, labels, bounds, _times(record))
+    return Picture(f"{group.limit}s", alt, caption, figure)
+
+
+def _times(record: Record) -> Unit:
+    # Of experiments in a unit that suits how long they are.
+    return ("s", 1.0) if record.study.domain == "robots" else time_scale(record.study.space.duration)
 
 
 def player(record: Record) -> Animation | None:

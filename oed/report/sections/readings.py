@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from oed.foundation.arrays import Array
 from oed.foundation.text import significant, words
 from oed.kernel.measurement.sensor import sensor_labels
 from oed.records.record import Record
 from oed.records.stored.selection import StoredReading, StoredSelection
 from oed.report.figures import courses as figures
 from oed.report.figures import spec
-from oed.report.figures.courses import TAKEN
+from oed.report.parts.experiments import scale_of
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import time_scale
+from oed.report.parts.reading import TAKEN, time_scale
 from oed.report.parts.section import Column, Picture, Section, Table
 
 SAY = Prose("readings")
+NUMBER = spec.Axis("number of the setting")
 MOST_ROWS = 40
 """Readings that are listed."""
 
@@ -46,25 +48,40 @@ def _groups(found: StoredSelection) -> list[tuple[int, str]]:
 
 def _axis(record: Record) -> spec.Axis:
     if record.states_are_none:
-        return spec.Axis("number of the setting")
+        one = record.inputs[0]
+        single = len(record.inputs) == 1
+        return spec.Axis(words(one.name), scale_of(record, one.name, one.unit).unit) if single else NUMBER
     scale = time_scale(record.study.space.duration)
     return spec.Axis("time", scale[0])
 
 
 def _stems(record: Record, found: StoredSelection, run: int, sensor: str) -> figures.Stems:
     own = [(place, one) for place, one in enumerate(found.readings) if (one.run, one.sensor) == (run, sensor)]
-    level = _levels(found)
-    factor = 1.0 if record.states_are_none else time_scale(record.study.space.duration)[1]
-    places = [place + 1.0 if record.states_are_none else factor * one.time for place, one in own]
+    places = _places(record, own)
+    order = np.argsort(places, kind="stable")
+    own, level = [own[place] for place in order], _levels(found)
     trials = len({one.run for one in found.readings})
     title = ", ".join(filter(None, [words(_called(record, sensor)), f"run {run + 1}" if trials > 1 else ""]))
     return figures.Stems(
         title,
-        np.array(places),
+        places[order],
         np.array([one.weight for _, one in own]),
         np.array([one.derivative / one.size / level[place] for place, one in own]),
         _most(found),
     )
+
+
+def _places(record: Record, own: Sequence[tuple[int, StoredReading]]) -> Array:
+    # Times, values of the only input, or numbers of settings, as shown.
+    if not record.states_are_none:
+        factor = time_scale(record.study.space.duration)[1]
+        return np.array([factor * reading.time for _, reading in own])
+    best = record.best
+    if len(record.inputs) != 1 or best is None or best.drive is None:
+        return np.array([place + 1.0 for place, _ in own])
+    one, table = record.inputs[0], best.drive.trajectory.inputs[:, 0]
+    factor = scale_of(record, one.name, one.unit).factor
+    return np.array([factor * table[place % len(table)] for place, _ in own])
 
 
 def _levels(found: StoredSelection) -> dict[int, float]:
