@@ -74,8 +74,8 @@ def export(
         RecordError: no record there, no such result, a result without a drive, an estimate that cannot be
             read, code that is needed and not trusted.
         UserMistake: an unknown format, storage or message, a rate that is not above 0, a bag that exists, a
-            robot that the format or the message has no room for, a place that cannot be written to, or that
-            holds results.
+            robot that the format or the message has no room for, a record of another system, a place that
+            cannot be written to, or that holds results.
     """
     if to not in EXPORTERS:
         raise UserMistake(f"expected a format of {', '.join(EXPORTERS)}; got {to!r}")
@@ -84,6 +84,7 @@ def export(
         require_no_results(out)
     place = in_order(record_folder)
     record = _record_in(place, to)
+    record.require_robot()
     request = Request(
         folder=place if place.is_dir() else place.parent,
         record=record,

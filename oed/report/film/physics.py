@@ -50,10 +50,11 @@ def film_physics(
         Failure: nothing to draw with.
     """
     require_speed(speed)
+    saved = load_record(folder)
+    saved.require_robot()
     _draw_without_a_screen()
     target = Path(file)
     require_format(target, FPS if fps is None else fps)
-    saved = load_record(folder)
     found = driven_result(saved, result, Path(folder) / FILE)
     assert found.drive is not None
     driven = found.drive.trajectory
