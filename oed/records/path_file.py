@@ -18,6 +18,7 @@ from oed.foundation.files import text_of, write_text
 from oed.foundation.quantities import LARGEST, plain_number, too_large
 from oed.foundation.shown import written
 from oed.kernel.dynamics.spline import clamped_knots, repeated_knots
+from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.records.settings_file import read_settings, settings_csv
@@ -101,7 +102,7 @@ def read_trajectory(file: str | Path, problem: Problem) -> Trajectory:
     if not model.states:
         return read_settings(str(file), model.input_names)
     clock = clock_of([*model.input_names, *model.states])
-    table = _read(file, (clock, *model.input_names), model.states)
+    table = _read(file, (clock, *model.input_names), model)
     parts = _by_run(table, problem.design.runs)
     read = [_read_run(part, problem, clock) for part in parts]
     flaws = [flaw for one in read if isinstance(one, list) for flaw in one]
@@ -193,9 +194,10 @@ def _cut_short(table: _Table, inputs: Array, states: Sequence[str], problem: Pro
         return []
     # Exported commands end with the one to stop.
     drives = np.array([entry.drives for entry in problem.model.inputs], dtype=bool)
-    if table.ended and not inputs[-1, drives].any():
+    if table.ended and drives.any() and not inputs[-1, drives].any():
         return []
-    held = "the final pose" if states else "the time of the end"
+    final = "pose" if problem.model.velocity_signal else "state"
+    held = f"the final {final}" if states else "the time of the end"
     text = f"the last row, with {held} and no inputs, is missing: is the file cut short?"
     return [table.flaw(-1, "", text)]
 
@@ -220,14 +222,14 @@ class _Table:
         return FileFlaw(self.name, self.lines[row], 0, key, message)
 
 
-def _read(file: str | Path, needed: Sequence[str], states: Sequence[str]) -> _Table:
+def _read(file: str | Path, needed: Sequence[str], model: System) -> _Table:
     name, text = str(file), text_of(file, PathFileError, "utf-8-sig")
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line]
     numbered = [(number, _cells(name, number, line)) for number, line in lines]
     if len(numbered) < 3:
         raise PathFileError([FileFlaw(name, 1, 0, "", "expected a header and at least two rows")])
     header = [cell.strip() for cell in numbered[0][1]]
-    reason = _reason_against(header, needed, states)
+    reason = _reason_against(header, needed, model)
     if reason:
         raise PathFileError([FileFlaw(name, numbered[0][0], 0, "", reason)])
     places, rows = zip(*numbered[1:], strict=True)
@@ -242,18 +244,19 @@ def _cells(name: str, number: int, line: str) -> list[str]:
         raise PathFileError([FileFlaw(name, number, 0, "", f"cannot be read: {error}")]) from None
 
 
-def _reason_against(header: Sequence[str], needed: Sequence[str], states: Sequence[str]) -> str:
+def _reason_against(header: Sequence[str], needed: Sequence[str], model: System) -> str:
     missing = [column for column in needed if column not in header]
     # What the file says instead is not repeated: it may be no path at all, and nobody's business.
-    lacking = f"the header lacks {', '.join(missing)}; expected a path with the columns {', '.join(needed)}"
+    what = "a path" if model.velocity_signal else "an experiment"
+    lacking = f"the header lacks {', '.join(missing)}; expected {what} with the columns {', '.join(needed)}"
     if missing:
         return lacking
     twice = sorted({column for column in header if column and header.count(column) > 1})
     if twice:
         return f"the header has {', '.join(twice)} twice; which column counts?"
     # A start that is given in part would be taken for one that is not given.
-    given = [state for state in states if state in header]
-    others = [state for state in states if state not in header]
+    given = [state for state in model.states if state in header]
+    others = [state for state in model.states if state not in header]
     text = f"the header has {', '.join(given)} of the start, but not {', '.join(others)}: give all or none"
     return text if given and others else ""
 
@@ -300,6 +303,6 @@ def _period(table: _Table, times: Array) -> float:
     uneven = np.flatnonzero((np.abs(steps - period) > EVEN * period) | (steps <= 0))
     if uneven.size:
         step = int(uneven[0])
-        text = f"expected even steps in t of {period:.6g} s, got {steps[step]:.6g} s; resample the path"
+        text = f"expected even steps in t of {period:.6g} s, got {steps[step]:.6g} s; resample it"
         raise PathFileError([table.flaw(step + 1, "t", text)])
     return float(times[-1] - times[0]) / len(steps)
