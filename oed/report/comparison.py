@@ -16,11 +16,12 @@ from oed.report.contenders import (
     dots,
     error_columns,
     finding,
+    of_robots,
     vocabulary_of,
 )
 from oed.report.page import NAME, address_of, render
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import or_infinite, regression_of
+from oed.report.parts.reading import chosen_text, duration_text, or_infinite, regression_of
 from oed.report.parts.section import Cell, Column, Section, Table
 from oed.report.parts.spoken import in_words
 
@@ -71,7 +72,11 @@ def write_comparison(
 
 def _summary(some: Sequence[Contender]) -> Section:
     title, said = finding(some)
-    duration = Column("duration", "s", significant(3), _duration)
+    duration = (
+        Column("duration", "s", significant(3), _duration)
+        if of_robots(some)
+        else Column("experiment", cell=_experiment)
+    )
     columns = (
         RUN,
         _where_different("study", lambda one: one.record.study.name, some),
@@ -95,18 +100,26 @@ def _duration(one: Contender) -> float:
     return asked.runs * asked.duration
 
 
+def _experiment(one: Contender) -> str:
+    # Its runs are called as its own page calls them.
+    return one.record.study.vocabulary.said(chosen_text(one.record) or duration_text(one.record))
+
+
 def _searches(some: Sequence[Contender]) -> Section:
     def condition(best: Result) -> float | None:
         return or_infinite(best, best.condition_number)
 
+    robots = of_robots(some)
     columns = (
         RUN,
         Column("criterion", cell=lambda one: SAY("criterion", one.record.study.criterion)),
         Column("best result", cell=_of_best(lambda best: best.name)),
         Column("objective", "", significant(4), _of_best(lambda best: best.objective)),
-        Column("s_min(W)", "rad", significant(4), _of_best(lambda best: best.smallest_singular_value, True)),
-        Column("cond(W)", "", significant(4), _of_best(condition, True)),
-        Column("path length", "m", fixed(2), _of_best(lambda best: best.path_length)),
+        Column("s_min(W)", "rad", significant(4), _of_best(lambda best: best.smallest_singular_value, True))
+        if robots
+        else None,
+        Column("cond(W)", "", significant(4), _of_best(condition, True)) if robots else None,
+        Column("path length", "m", fixed(2), _of_best(lambda best: best.path_length)) if robots else None,
     )
     found = Section.of("What the searches found", SAY("objectives"), Table.of(some, columns))
     return replace(found, folded=True)
@@ -133,7 +146,7 @@ def _differences(some: Sequence[Contender]) -> Section:
         Column("key"),
         *(Column(one.name, cell=study.get) for one, study in zip(some, flat, strict=True)),
     )
-    table = Table.of(differing, columns, "Keys of the studies, in SI units")
+    table = Table.of(differing, columns, SAY("keys", of_robots(some)))
     return Section.of("What differs", table if differing else SAY("alike"))
 
 

@@ -23,6 +23,8 @@ EQUAL = 0.05
 """Share by which standard errors may differ and count as equal."""
 MOST_DOTS, MOST_SCALES = 16, 4
 """Designs, and parameters, that are drawn side by side."""
+RUNS = ("run", "runs")
+"""Words that mean parts of a design elsewhere."""
 PATHS = 12
 """Paths that are drawn."""
 
@@ -172,9 +174,15 @@ def vocabulary_of(some: Sequence[Contender]) -> Vocabulary:
     """The words in which several designs are compared: of their domain, where they have one in common."""
     own = [one.record.study.vocabulary for one in some]
     kept = tuple(dict.fromkeys(name for one in own for name in one.kept))
-    return (
-        replace(own[0], kept=kept) if own and all(one.words == own[0].words for one in own) else Vocabulary()
-    )
+    if not own or any(one.words != own[0].words for one in own):
+        return Vocabulary()
+    # What are compared here are runs of studies.
+    return Vocabulary({word: said for word, said in own[0].words.items() if word not in RUNS}, kept)
+
+
+def of_robots(some: Iterable[Contender]) -> bool:
+    """Whether any of the designs is of a robot."""
+    return any(one.record.study.domain == "robots" for one in some)
 
 
 def best_paths(some: Sequence[Contender]) -> Section | None:

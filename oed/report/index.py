@@ -48,6 +48,8 @@ DEEPEST = 6
 LEAST = 0.001
 """Smallest share that is written as a number [%]."""
 NO_DRIVE = "no drive found"
+SUBJECTS = {("robots",): "Robot", ("systems",): "System", ("robots", "systems"): "Robot or system"}
+"""What runs are about, by their domains."""
 NAMED = 3
 """Runs that cannot be read and are named where none can be."""
 
@@ -62,13 +64,14 @@ class Run:
         folder: of the run, relative to the folder that the index is of.
         kind: design, estimate, sweep, plan or loop; and whether it was cut short.
         study: its name.
-        robot: its kind; "" where it is not known.
+        robot: kind of the robot, or of another system; "" where it is not known.
         precision: standard errors of the parameters, shares of their values [%]; of a sweep its best's, of
             a plan those of the study's own drive.
         errors: the same in words, in the parameters' units; or that there is no drive.
         gap: of the best design to the bound [%]; None where there is none.
         date: when it was finished, ISO 8601; "" where it is not known.
         page: of the run; None where none is written.
+        domain: of its study.
     """
 
     folder: str
@@ -80,6 +83,7 @@ class Run:
     gap: float | None = None
     date: str = ""
     page: Path | None = None
+    domain: str = "robots"
 
     @property
     def worst(self) -> float | None:
@@ -118,7 +122,8 @@ def write_index(folder: str | Path, out: str | Path | None = None) -> Path:
             f"{page}: cannot be written: it is no index of runs; name another folder with --out"
         )
     runs.sort(key=lambda one: (one.date, one.folder), reverse=True)
-    rows = [list(_cells(one, target)) for one in runs]
+    subject = SUBJECTS[tuple(sorted({one.domain for one in runs}))]
+    rows = [list(_cells(one, target, subject)) for one in runs]
     content = {
         "title": f"Runs in {source.resolve().name}",
         "rows": rows,
@@ -207,12 +212,13 @@ def _design(place: Path, name: str) -> Run:
         None if record.certificate is None else percent(record.certificate.gap),
         _finished(record.provenance),
         _page(place, REPORT),
+        record.study.domain,
     )
 
 
 def _predicted(record: Record) -> tuple[str, ...]:
     if record.best is None:
-        return (NO_DRIVE,)
+        return (record.study.vocabulary.said(NO_DRIVE),)
     known = record.best.standard_deviations
     return tuple(
         _error(one.name, known[one.name], one.unit, record.shown_unit(one.name, one.unit))
@@ -291,12 +297,13 @@ def _page(place: Path, name: str) -> Path | None:
     return file if file.is_file() else None
 
 
-def _cells(run: Run, target: Path) -> Iterator[Cell]:
+def _cells(run: Run, target: Path, subject: str) -> Iterator[Cell]:
+    # Of what it is about, which is what `subject` says.
     address = "" if run.page is None else address_of(run.page, target)
     yield Cell("Study", (run.study,), run.study.casefold())
     yield Cell("Run", (run.folder,), run.folder.casefold(), address=address)
     yield Cell("What", (run.kind,), run.kind)
-    yield Cell("Robot", (words(run.robot) or MISSING,), run.robot)
+    yield Cell(subject, (words(run.robot) or MISSING,), run.robot)
     yield Cell("Standard errors", run.errors or (MISSING,), sort_key(run.worst))
     yield Cell("Gap to the bound", (_share(run.gap),), sort_key(run.gap), numeric=True)
     yield Cell("Finished", (run.date[:16].replace("T", " ") or MISSING,), run.date)
