@@ -71,7 +71,7 @@ def _add_search(parser: argparse.ArgumentParser, where: str) -> None:
     # What every search is asked for; `where` it is written.
     add_working(parser)
     parser.add_argument(
-        "--verbose", action="store_true", help="print objectives, every drive, violations and bounds too"
+        "--verbose", action="store_true", help="print objectives, every result, violations and bounds too"
     )
     parser.add_argument("study", metavar="STUDY")
     parser.add_argument("--out", metavar="DIR", help=where)
@@ -92,7 +92,7 @@ def _solve(options: argparse.Namespace) -> int:
 
 
 SOLVE = Command(
-    "solve", "search for the best drive; write nothing unless --out is given", _solve, _solve_arguments
+    "solve", "search for the best design; write nothing unless --out is given", _solve, _solve_arguments
 )
 
 

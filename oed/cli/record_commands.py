@@ -146,7 +146,7 @@ def _validate(options: argparse.Namespace) -> int:
 
 
 VALIDATE = Command(
-    "validate", "simulate a saved record's drives; update record and report", _validate, _validate_arguments
+    "validate", "simulate a saved record's designs; update record and report", _validate, _validate_arguments
 )
 
 

@@ -131,7 +131,7 @@ def _bound(options: argparse.Namespace) -> int:
     return answered(options, found.plain(), lambda: print_certificate(found))
 
 
-BOUND = Command("bound", "prove how good any drive could be at most; solve nothing", _bound, _bound_arguments)
+BOUND = Command("bound", "prove how good any design can be at most; solve nothing", _bound, _bound_arguments)
 
 
 def _evaluate_arguments(parser: argparse.ArgumentParser) -> None:
@@ -171,7 +171,7 @@ def _evaluate(options: argparse.Namespace) -> int:
 
 EVALUATE = Command(
     "evaluate",
-    "score a path (CSV) or the log of a drive with a study's problem",
+    "score a design (CSV) or the log of a drive with a study's problem",
     _evaluate,
     _evaluate_arguments,
 )

@@ -53,7 +53,7 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--trust",
         action="store_true",
-        help="run the Python code of the robot that the record names, and read other files that it names",
+        help="run the Python code that the record names, and read other files that it names",
     )
 
 
