@@ -10,6 +10,8 @@ from places import PROBLEMS
 
 import oed
 from oed.cli import main
+from oed.exporters import EXPORTERS
+from oed.foundation.vocabulary import spoken
 
 ROBOTS = re.compile(r"\b(drives?|robots?|wheels?|paths?|driven|turns? in place)\b", re.IGNORECASE)
 BOX_LUCAS = str(PROBLEMS / "published" / "box_lucas.yaml")
@@ -48,6 +50,21 @@ def test_pages_and_terminals_speak_of_experiments(saved: Path, capsys: pytest.Ca
 
 
 @pytest.mark.slow
+def test_an_index_says_that_it_is_of_systems(saved: Path, tmp_path: Path):
+    assert main(["report", str(saved), "--out", str(tmp_path)]) == 0
+    assert "| Study | Run | What | System | Standard errors |" in (tmp_path / "index.md").read_text()
+
+
+@pytest.mark.slow
+def test_what_is_found_first_is_said_in_the_units_of_the_study(
+    saved: Path, capsys: pytest.CaptureFixture[str]
+):
+    assert main(["solve", str(saved / "points.yaml")]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert re.search(r"first feasible experiment after .* standard errors k1 [\d.]+ 1/min", said)
+
+
+@pytest.mark.slow
 def test_several_are_compared(saved: Path, tmp_path: Path):
     assert main(["report", str(saved / "tank"), str(saved / "points"), "--out", str(tmp_path / "both")]) == 0
     assert not ROBOTS.search(re.sub(r"`[^`]*`", "", (tmp_path / "both" / "report.md").read_text()))
@@ -59,14 +76,15 @@ def test_several_are_compared(saved: Path, tmp_path: Path):
 @pytest.mark.parametrize(
     "command",
     [
-        ["export", "{record}", "--to", "csv"],
+        *(["export", "{record}", "--to", form] for form in EXPORTERS),
         ["animate", "{record}"],
+        ["animate", "{record}", "--physics"],
         ["next", "{record}", "log.csv"],
         ["estimate", "{study}", "log.csv"],
         ["plan", "{study}", "--to", "loss 1 %"],
         ["loop", "{study}", "--target", "loss 1 %", "--logs", "."],
     ],
-    ids=lambda command: command[0],
+    ids=" ".join,
 )
 def test_what_is_for_robots_says_so(saved: Path, capsys: pytest.CaptureFixture[str], command: list[str]):
     given = {"record": str(saved / "tank"), "study": str(saved / "tank.yaml")}
@@ -82,3 +100,25 @@ def test_what_was_designed_is_scored_again(saved: Path):
         again = oed.score_path(study, saved / name / "ipopt.csv").first.result
         assert again.objective == pytest.approx(best.objective, rel=1e-9)
         assert again.feasible
+
+
+@pytest.mark.slow
+def test_a_file_of_another_experiment_is_refused_in_its_own_words(
+    saved: Path, capsys: pytest.CaptureFixture[str]
+):
+    """Of what it lacks, and of a file that was cut short."""
+    tank = saved / "tank.yaml"
+    assert main(["evaluate", str(tank), str(saved / "points" / "ipopt.csv")]) == 2
+    said = capsys.readouterr().err
+    assert "the header lacks heat; expected an experiment with the columns t, heat" in said
+    rows = (saved / "tank" / "ipopt.csv").read_text().splitlines()
+    (saved / "cut.csv").write_text("\n".join(rows[:-1]) + "\n")
+    assert main(["evaluate", str(tank), str(saved / "cut.csv")]) == 2
+    assert "with the final state and no inputs, is missing" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_words_of_a_command_end_with_it(saved: Path):
+    """What is called next may be about a robot."""
+    assert main(["solve", str(saved / "points.yaml"), "--quiet"]) == 0
+    assert spoken("a drive") == "a drive"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from oed.kernel import solution
 from oed.kernel.dynamics.held import HeldSpace
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.record import Record
+from oed.study.study import Study
 from oed.workflow.runner import record as record_of
 from oed.workflow.studies import parse_study
 
@@ -87,23 +87,20 @@ TIMES = (73.8, 411.5)
 """Of the readings of two reactions [s]."""
 
 
-def scored(text: str, held: np.ndarray, starts: np.ndarray, duration: float, **more: Any) -> Record:
+def scored(text: str | Study, held: np.ndarray, starts: np.ndarray, duration: float) -> Record:
     """A record of one experiment, as if a search had found it.
 
     Args:
-        text: of the study.
+        text: of the study, or itself.
         held: values of the inputs in every period, SI.
         starts: start states of the trials, SI.
         duration: of a trial [s].
-        more: parts of the record's only result.
     """
-    study = parse_study(text)
+    study = parse_study(text) if isinstance(text, str) else text
     trajectory = HeldSpace.of(held, starts, duration=duration).only
     assert isinstance(trajectory, Trajectory)
     found = replace(solution.scored(study.problem, trajectory, "ipopt"), kind="ipopt")
-    record = record_of(study, [found], 7)
-    results = [one.model_copy(update=more) for one in record.results]
-    return record.model_copy(update={"results": results})
+    return record_of(study, [found], 7)
 
 
 @cache

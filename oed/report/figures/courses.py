@@ -18,6 +18,8 @@ BAND: Look = {"color": FIRST, "alpha": 0.22, "linewidth": 0, "zorder": 1}
 """Of what estimates leave open."""
 NOISE: Look = {"colors": FAINT, "linewidth": 0.9, "zorder": 2}
 """Of a reading's standard deviation."""
+SAME = 1e-6
+"""Change, as a share of the size, that is none."""
 MOST_MARKS = 150
 """Readings of a panel that are marked one by one."""
 
@@ -89,7 +91,7 @@ def bands(
         spec.Panel(
             [part for index, one in enumerate(each) for part in _band(one, line_look(index), marked(each))],
             across,
-            spec.Axis(each[0].title, each[0].scale.unit),
+            spec.Axis(each[0].title, each[0].scale.unit, _flat(each)),
         )
         for each in shown
     ]
@@ -101,6 +103,15 @@ def bands(
         keys.append(spec.Key("read, ± its noise", mark("o", 5, "white", 1.2)))
     height = (3.0 if columns == 1 else 2.6) * -(-len(shown) // columns)
     return spec.Plot(panels, columns, width, height, labels="each", legend=spec.Legend(keys, most=4))
+
+
+def _flat(shown: Sequence[Band]) -> spec.Ends | None:
+    # Of what is constant but for rounding an axis that shows it so.
+    every = shown[0].scale.factor * np.concatenate([one.values for one in shown])
+    size = float(np.abs(every).max())
+    still = float(np.ptp(every)) <= SAME * size
+    room = 0.1 * (size or 1.0)
+    return (float(every.min()) - room, float(every.max()) + room) if still else None
 
 
 def _band(shown: Band, look: Look, marks: bool) -> list[spec.Part]:

@@ -16,7 +16,7 @@ from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.report.figures import courses as figures
 from oed.report.figures import spec
-from oed.report.figures.courses import Band, Held, Sensitivity
+from oed.report.figures.courses import SAME, Band, Held, Sensitivity
 from oed.report.parts.experiments import (
     MOST_QUANTITIES,
     band_of,
@@ -42,19 +42,14 @@ NARROW = 6.6
 """Width of a figure beside the answer [inch]."""
 
 
-SAME = 1e-6
-"""Change of an input, as a share of its size, below which it is constant."""
-
-
 def inputs_picture(record: Record) -> Picture | None:
     """The inputs of the best experiment over time, those that change; None where none does."""
-    found = best_of(record)
-    if record.states_are_none or found is None:
+    best = record.best
+    if record.states_are_none or best is None or best.drive is None:
         return None
-    problem, best = found
-    unit, factor = time_scale(problem.design.duration)
+    unit, factor = time_scale(record.study.space.duration)
     shown = [
-        [_held(record, problem, run, place, factor) for run in _trials(best)]
+        [_held(record, run, place, factor) for run in _trials(best)]
         for place in changing_inputs(best)[:MOST_QUANTITIES]
     ]
     if not shown:
@@ -74,12 +69,13 @@ def changing_inputs(best: Result) -> list[int]:
     return [place for place in range(width) if changes[place] > SAME * sizes[place]]
 
 
-def _held(record: Record, problem: Problem, trial: Trajectory, place: int, factor: float) -> Held:
+def _held(record: Record, trial: Trajectory, place: int, factor: float) -> Held:
     one = record.inputs[place]
     scale = scale_of(record, one.name, one.unit)
-    low, high = scale.factor * problem.input_bounds[place]
+    limits = [limit for limit in record.study.every_limit if limit.name == one.name]
+    low, high = getattr(limits[0], "bounds", (-np.inf, np.inf)) if limits else (-np.inf, np.inf)
+    bounds = (scale.factor * low, scale.factor * high) if np.isfinite([low, high]).all() else None
     edges = factor * np.linspace(0.0, trial.duration, trial.samples + 1)
-    bounds = (float(low), float(high)) if np.isfinite([low, high]).all() else None
     return Held(words(one.name), scale.unit, edges, scale.factor * trial.inputs[:, place], bounds)
 
 
@@ -99,7 +95,7 @@ def courses(record: Record) -> Section | None:
     """Readings and states of the best experiment over time, with their bands; None of settings."""
     found = best_of(record)
     if record.states_are_none or found is None:
-        return None
+        return _recorded(record)
     problem, best = found
     assert best.drive is not None
     drive, trials = best.drive.trajectory, drawn_trials(best)
@@ -120,6 +116,31 @@ def courses(record: Record) -> Section | None:
         note = SAY("states", bool(read), widths_of(states), _left_out(best))
         pictures.append(Picture("states", "States over time", note, figure))
     return Section("What happens", figures=tuple(pictures))
+
+
+def _recorded(record: Record) -> Section | None:
+    # The states at the samples, as the record has them, of a system whose code is not run for a page.
+    best = record.best
+    if record.states_are_none or best is None or best.drive is None:
+        return None
+    unit, factor = time_scale(record.study.space.duration)
+    shown = []
+    for place, one in enumerate(record.states[:MOST_QUANTITIES]):
+        scale = scale_of(record, one.name, one.unit)
+        shown.append(
+            [
+                Band(
+                    words(one.name),
+                    scale,
+                    factor * np.linspace(0.0, trial.duration, trial.samples + 1),
+                    best.drive.by_run[run][:, place],
+                )
+                for run, trial in zip(drawn_trials(best), _trials(best), strict=True)
+            ]
+        )
+    figure = figures.bands(shown, spec.Axis("time", unit), trial_names(best))
+    note = SAY("recorded", _left_out(best))
+    return Section("What happens", figures=(Picture("states", "States over time", note, figure),))
 
 
 def _finer(drive: Trajectory) -> int:

@@ -50,7 +50,7 @@ def question(record: Record) -> Section:
     winner = record.best
     asked = SAY(
         "question",
-        record.study.called,
+        record.study.called if record.study.domain == "robots" else "",
         f"{'in' if runs_of(record) > 1 else 'of'} {duration_text(record)}",
         [one.name for one in judged(record)],
         measured_as(record),

@@ -12,7 +12,7 @@ from oed.foundation.text import unit_text, words
 from oed.records.path_file import drive_csv
 from oed.records.record import Record
 from oed.records.stored.study_record import StoredInput, StoredState
-from oed.report.parts.experiments import best_of, scale_of
+from oed.report.parts.experiments import scale_of
 from oed.report.parts.judging import judged, meaning
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import (
@@ -21,6 +21,7 @@ from oed.report.parts.reading import (
     measured_as,
     nuisance_text,
     prior_text,
+    problem_of,
     readings_text,
 )
 from oed.report.parts.section import Column, Download, Section, Table
@@ -83,12 +84,10 @@ def _settings(record: Record) -> Table | None:
 
 def _trials(record: Record) -> Table | None:
     # Where trials begin, as far as that is chosen, and inputs that each holds from its begin to its end.
-    found = best_of(record)
-    if record.states_are_none or found is None:
+    best, problem = record.best, problem_of(record)
+    if record.states_are_none or best is None or best.drive is None:
         return None
-    problem, best = found
-    assert best.drive is not None
-    each, ranges = best.drive.trajectory.each, problem.design.start_ranges
+    each, ranges = best.drive.trajectory.each, None if problem is None else problem.design.start_ranges
     starts, held = np.array([one.starts[0] for one in each]), np.array([one.inputs[0] for one in each])
     chosen: Iterable[int] = () if ranges is None else np.flatnonzero(np.ptp(ranges, axis=1) > 0)
     constant = sorted(set(range(len(record.inputs))) - set(changing_inputs(best)))
