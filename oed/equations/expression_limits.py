@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -18,7 +19,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
-from oed.kernel.limit import Limit, Rows
+from oed.kernel.limit import Limit, PathLimit, Rows
 from oed.kernel.pace import pace_of
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")]
@@ -89,16 +90,14 @@ class ExpressionLimit(Limit):
         return Rows(values, np.full(count, low), np.full(count, high), self.size, self.unit(system))
 
 
-class Always(ExpressionLimit):
-    """An expression of states between two values at all times.
+class OfStates(ExpressionLimit, ABC):
+    """An expression of states between two values.
 
     Attributes:
         range: least and largest value, with their units.
     """
 
-    kind: Literal["always"] = "always"
     loosened: ClassVar[str] = "{name} {amount} looser"
-    looks_at: ClassVar[Literal["state"]] = "state"
     range: tuple[Quantity, Quantity]
 
     @property
@@ -107,7 +106,7 @@ class Always(ExpressionLimit):
         return self.range
 
     @model_validator(mode="after")
-    def _rises(self) -> Always:
+    def _rises(self) -> OfStates:
         require_rising(self.range, self.bounds)
         return self
 
@@ -122,17 +121,36 @@ class Always(ExpressionLimit):
             return [Flaw(("limits", self.name, "of"), "depends on inputs: give these their ranges instead")]
         return []
 
+
+class Always(OfStates, PathLimit):
+    """An expression of states between two values at all times."""
+
+    kind: Literal["always"] = "always"
+    looks_at: ClassVar[Literal["state"]] = "state"
+
     def rows(self, drive: Drive) -> Rows:
         """At every point of the course."""
         count = drive.path.shape[0]
         nothing = ca.DM.zeros(count, len(drive.system.inputs))
         return self.between(self.values(drive, drive.path, nothing), drive.system)
 
+    def rows_at(self, path: Expression, system: System) -> Rows:
+        """On points of a course, the parameters nominal."""
+        function, count = _function(system, self.of), path.shape[0]
+        nothing = ca.DM.zeros(len(system.inputs), count)
+        found = function.map(count)(path.T, nothing, ca.repmat(ca.DM(system.nominal), 1, count))
+        return self.between(ca.vec(found), system)
 
-class AtEnd(Always):
+    def depends_on(self, system: System) -> frozenset[str]:
+        """Names of the parameters that the expression itself has, beside states that follow from them."""
+        places = _function(system, self.of).jac_sparsity(0, 2).get_triplet()[1]
+        return frozenset(system.parameters[place].name for place in places)
+
+
+class AtEnd(OfStates):
     """An expression of states between two values at the end of every trial."""
 
-    kind: Literal["end"] = "end"  # type: ignore[assignment]  # Another moment.
+    kind: Literal["end"] = "end"
     looks_at: ClassVar[Any] = "run"
 
     def rows(self, drive: Drive) -> Rows:

@@ -15,14 +15,14 @@ from oed.equations.continuous import PythonSystem
 from oed.equations.dimensions import unit_of
 from oed.equations.experiment import Experiment, input_dimensions
 from oed.equations.expression_limits import LIMITS as EXPRESSION_LIMITS
-from oed.equations.expression_limits import ExpressionLimit
+from oed.equations.expression_limits import Always, ExpressionLimit
 from oed.equations.given import Readable, SystemKeys
 from oed.equations.keys import EquationKeys
 from oed.equations.outputs import OutputSensor
 from oed.equations.several import SENSORS, SeveralOutputs, replaced_starts
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Flaw, ProblemError
-from oed.foundation.text import Unit, words
+from oed.foundation.text import Unit, listing, words
 from oed.foundation.vocabulary import Vocabulary
 from oed.kernel.dynamics.held import HeldSpace
 from oed.kernel.dynamics.space import Space
@@ -36,6 +36,7 @@ from oed.study.cross_checks import file_flaws
 from oed.study.parts import AnySystemPrior, PathFile, PriorReadings
 from oed.study.robot_study import sensor_list
 from oed.study.study_file import StudyFile
+from oed.uncertainty.uncertainty import spread_of
 
 MEASUREMENTS: tuple[type[Measurement], ...] = (*SENSORS, SeveralOutputs, PythonSensor)  # type: ignore[type-abstract]
 """What a study's `measurement` may be."""
@@ -179,8 +180,18 @@ class SystemStudyFile(StudyFile):
             return super().problem()
 
     def problem_flaws(self, problem: Problem) -> list[Flaw]:
-        """Nothing further."""
-        return []
+        """Limits that are to be tightened by states alone, and are of uncertain parameters as well."""
+        spread = None if self.robust is None else spread_of(problem.uncertain_system)
+        if self.robust is None or spread is None or self.robust.kind == "scenarios":
+            return []
+        flaws = []
+        for place, limit in enumerate(self.limits):
+            if not isinstance(limit, Always):
+                continue
+            names = sorted(limit.depends_on(problem.model) & set(spread.names))
+            text = f"depends on {listing(names)}, which may differ: take `robust: {{kind: scenarios}}`"
+            flaws += [Flaw(("limits", place, "of"), text)] if names else []
+        return flaws
 
     def problem_of(self, space: Space) -> Problem:
         """The problem with another space than the study's, its sensors with what is known of starts.

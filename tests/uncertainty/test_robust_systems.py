@@ -1,0 +1,83 @@
+"""Robust designs of systems given by equations: limits on expressions keep for other parameters, too."""
+
+from __future__ import annotations
+
+import textwrap
+
+import numpy as np
+import pytest
+
+import oed
+from oed.foundation.errors import StudyError
+from oed.uncertainty.departures import violation_probability
+
+TANK = textwrap.dedent("""\
+    format: 1
+    name: A tank that may be another
+    system:
+      kind: equations
+      states: {temperature: 293 K}
+      inputs: {heat: W}
+      parameters: {loss: 2 W/K, capacity: 20 kJ/K, room: 293 K}
+      derivatives: {temperature: (heat - loss * (temperature - room)) / capacity}
+      outputs: {reading: temperature}
+    experiment: {duration: 4 h, samples: 24, inputs: {heat: [0 W, 500 W]}}
+    limits: [{kind: always, name: warm, of: EXPRESSION}]
+    measurement: {kind: outputs, noise: {reading: 0.5 K}}
+    estimate: [loss, capacity]
+    uncertainty: {loss: 5 %, capacity: 5 %}
+    robust: {kind: KIND, draws: 4000, compare: false}
+    solvers: [{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}]
+    """)
+STATE = "temperature, range: [273 K, 343 K]"
+WARMEST = 343.0 * 1.001
+"""With the tolerance of scoring [K]."""
+
+
+def study(kind: str, expression: str = STATE) -> oed.Study:
+    return oed.parse_study(TANK.replace("KIND", kind).replace("EXPRESSION", expression))
+
+
+def share_too_warm(trajectory: oed.Trajectory, draws: int) -> float:
+    """Of tanks with other losses and capacities, by their exact solution in every period."""
+    generator = np.random.default_rng(3)
+    loss, capacity = (size * (1 + 0.05 * generator.uniform(-1, 1, draws)) for size in (2.0, 20e3))
+    now = np.full(draws, 293.0)
+    warmest = now.copy()
+    for heat in trajectory.inputs[:, 0]:
+        steady = 293.0 + heat / loss
+        now = steady + (now - steady) * np.exp(-loss / capacity * trajectory.period)
+        warmest = np.maximum(warmest, now)
+    return float(np.mean(warmest > WARMEST))
+
+
+@pytest.mark.parametrize(
+    "kind", ["chance", *(pytest.param(one, marks=pytest.mark.slow) for one in ("tube", "scenarios"))]
+)
+def test_a_limit_on_an_expression_holds_for_other_systems(kind: str):
+    """As simulated here, and as the package says; a nominal design keeps it for the nominal system alone."""
+    robust = study(kind)
+    found = oed.solve(robust.problem, robust.solvers[0], seed=0)
+    said = violation_probability(robust.problem, found.trajectory, draws=4000, seed=0)
+    assert list(said.by_limit) == ["warm"]
+    share = share_too_warm(found.trajectory, 20_000)
+    assert share <= 0.01
+    assert said.interval[0] <= share <= said.interval[1] + 3e-3
+    lines = [one for one in robust.text.splitlines() if not one.startswith(("robust:", "uncertainty:"))]
+    nominal = oed.parse_study("\n".join(lines))
+    other = oed.solve(nominal.problem, nominal.solvers[0], seed=0)
+    violated = violation_probability(robust.problem, other.trajectory, draws=4000, seed=0)
+    assert violated.probability == pytest.approx(share_too_warm(other.trajectory, 20_000), abs=0.03)
+    assert violated.probability > 0.3
+    assert other.evaluation.objective > found.evaluation.objective
+
+
+def test_an_expression_of_what_may_differ_takes_scenarios():
+    """A back-off follows from states alone."""
+    lost = "loss * (temperature - room), range: [0 W, 100 W]"
+    with pytest.raises(StudyError) as error:
+        study("chance", lost)
+    (flaw,) = error.value.flaws
+    assert flaw.key == "limits.0.of"
+    assert flaw.message.endswith("depends on loss, which may differ: take `robust: {kind: scenarios}`")
+    assert study("scenarios", lost).problem.limits
