@@ -12,7 +12,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import NOMINAL, Solution
 from oed.optimize import solve
-from oed.records.stored.simulation import Paths, StoredRobustness, Tried, Uncertain
+from oed.records.stored.simulation import Paths, StatesOverTime, StoredRobustness, Tried, Uncertain
 from oed.study.study import Study
 from oed.uncertainty.departures import path_limits, paths, violated, violation_probability
 from oed.uncertainty.robust import Robust
@@ -96,7 +96,7 @@ def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> Stored
         limits=[limit.name for limit in path_limits(problem)],
         uncertain=_uncertain(spread),
         results=[_tried(solution) for solution in drives],
-        bundles=_bundles(problem, drives, spread.draws(BUNDLE, seed, BUNDLE_STREAM)),
+        **_drawn(problem, drives, spread.draws(BUNDLE, seed, BUNDLE_STREAM)),
     )
 
 
@@ -119,16 +119,23 @@ def _tried(solution: Solution) -> Tried:
     )
 
 
-def _bundles(problem: Problem, drives: Sequence[Solution], values: Any) -> list[Paths]:
-    # Of the searches' own drives only: where robots of uncertain quantities `values` (K, q) go.
-    bundles = []
+def _drawn(problem: Problem, drives: Sequence[Solution], values: Any) -> dict[str, Any]:
+    # Of the searches' own drives only: what systems of uncertain quantities `values` (K, q) do; where they
+    # move through space, their paths.
+    paths_of_all, courses = list[Paths](), list[StatesOverTime]()
     for solution in drives:
         if solution.robust is None and solution.name != NOMINAL:
             continue
         assert solution.trajectory is not None
-        poses = paths(problem, solution.trajectory, values)
-        each = poses.reshape(len(poses), problem.design.runs, -1, poses.shape[2])[..., :2]
+        states = paths(problem, solution.trajectory, values)
+        each = states.reshape(len(states), problem.design.runs, -1, states.shape[2])
         chosen = np.unique(np.linspace(0, each.shape[2] - 1, DRAWN).astype(int))
-        beyond = violated(problem, solution.trajectory, values)
-        bundles.append(Paths.of(name=solution.name, violating=beyond, paths=each[:, :, chosen]))
-    return bundles
+        known = {"name": solution.name, "violating": violated(problem, solution.trajectory, values)}
+        if problem.model.velocity_signal:
+            paths_of_all.append(Paths.of(**known, paths=each[:, :, chosen, :2]))
+        else:
+            times = [
+                np.linspace(0, one.duration, one.samples + 1)[chosen] for one in solution.trajectory.each
+            ]
+            courses.append(StatesOverTime.of(**known, times=times, states=each[:, :, chosen]))
+    return {"bundles": paths_of_all, "courses": courses or None}

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import textwrap
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import oed
 from oed.foundation.errors import StudyError
+from oed.report.figures.spec import Line, Note
+from oed.report.page import sections_of
 from oed.uncertainty.departures import violation_probability
 
 TANK = textwrap.dedent("""\
@@ -70,6 +73,38 @@ def test_a_limit_on_an_expression_holds_for_other_systems(kind: str):
     assert violated.probability == pytest.approx(share_too_warm(other.trajectory, 20_000), abs=0.03)
     assert violated.probability > 0.3
     assert other.evaluation.objective > found.evaluation.objective
+
+
+@pytest.mark.slow
+def test_its_record_has_what_other_systems_do(tmp_path: Path):
+    """Saved and read again; the page draws the state, with its limit, of as many as were drawn."""
+    record = oed.run(study("chance"), tmp_path)
+    again = oed.load_record(tmp_path)
+    assert again.robustness == record.robustness
+    assert record.robustness is not None
+    assert not record.robustness.bundles
+    (courses,) = record.robustness.courses or []
+    best = record.best
+    assert best is not None
+    assert best.drive is not None
+    heat, period = best.drive.trajectory.inputs[:, 0], best.drive.trajectory.period
+    ends = []
+    for loss, capacity in ((1.9, 19e3), (1.9, 21e3), (2.1, 19e3), (2.1, 21e3)):
+        now = [293.0]
+        for one in heat:
+            steady = 293.0 + one / loss
+            now.append(steady + (now[-1] - steady) * np.exp(-loss / capacity * period))
+        ends.append(now)
+    drawn = np.array(courses.states)[:, 0, :, 0]
+    assert drawn.shape == (40, 25)
+    assert np.all(drawn <= np.max(ends, axis=0) + 1e-3)
+    assert np.all(drawn >= np.min(ends, axis=0) - 1e-3)
+    part = next(one for one in sections_of(again) if one.title == "Systems other than the nominal one")
+    (panel,) = part.figures[0].figure.panels
+    assert (panel.x.label, panel.y.label) == ("time [h]", "temperature [K]")
+    assert sum(isinstance(one, Line) for one in panel.parts) == 41
+    assert [one.text for one in panel.parts if isinstance(one, Note)] == ["limit 273 K", "limit 343 K"]
+    assert any("loss ± 0.100 W/K (5 % of nominal)" in one for one in part.paragraphs)
 
 
 def test_an_expression_of_what_may_differ_takes_scenarios():

@@ -169,8 +169,34 @@ class Paths(Stored):
         require_alike(len(self.paths), leaves=self.violating)
 
 
+class StatesOverTime(Stored):
+    """States of systems drawn from the uncertainty.
+
+    Attributes:
+        name: of the result that has the design.
+        violating: whether each of them violates the limits.
+        times: of every run, from its start [s].
+        states: by system and run at these times, SI.
+    """
+
+    name: Name
+    violating: list[bool]
+    times: list[list[Number]]
+    states: list[list[Matrix]]
+
+    def _require(self) -> None:
+        require_alike(len(self.states), violating=self.violating)
+        for one in self.states:
+            require_alike(len(self.times), states=one)
+
+
 class StoredRobustness(Stored):
-    """A record's `robustness`."""
+    """A record's `robustness`.
+
+    Attributes:
+        bundles: where robots go.
+        courses: what other systems do; None of robots.
+    """
 
     kind: Literal["chance", "tube", "scenarios"]
     confidence: Share
@@ -179,11 +205,13 @@ class StoredRobustness(Stored):
     uncertain: list[Uncertain]
     results: list[Tried]
     bundles: list[Paths]
+    courses: list[StatesOverTime] | None = None
 
     def _require(self) -> None:
         names = [one.name for one in self.results]
         require_different("results", names)
         require_known("bundles", (one.name for one in self.bundles), names)
+        require_known("courses", (one.name for one in self.courses or ()), names)
 
 
 class Scaled(Stored):

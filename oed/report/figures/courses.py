@@ -130,6 +130,54 @@ def _band(shown: Band, look: Look, marks: bool) -> list[spec.Part]:
 
 
 @dataclass(frozen=True)
+class Spread:
+    """What a state of systems other than the nominal one does, as shown.
+
+    Attributes:
+        title, unit: of the state.
+        nominal: of every run times and values, (n, 2).
+        inside: alike of systems that satisfy the limits.
+        outside: of those that violate them.
+        bounds: that the state is to keep; None for none.
+    """
+
+    title: str
+    unit: str
+    nominal: Sequence[Array]
+    inside: Sequence[Array]
+    outside: Sequence[Array]
+    bounds: spec.Ends | None = None
+
+
+INSIDE, OUTSIDE = stroke("#9db4cc", 0.7, 1), stroke(SECOND, 0.9, 2, (4, 2))
+
+
+def spreads(shown: Sequence[Spread], across: spec.Axis) -> spec.Plot:
+    """A panel for each state: its courses in systems other than the nominal one.
+
+    Args:
+        shown: states.
+        across: the axis of times.
+    """
+    columns = 1 if len(shown) == 1 else 2
+    panels = []
+    for one in shown:
+        looks = ((one.inside, INSIDE), (one.outside, OUTSIDE), (one.nominal, {**line_look(0), "zorder": 3}))
+        lines = [spec.Line.through(line, look) for some, look in looks for line in some]
+        every = np.concatenate([line[:, 1] for some, _ in looks for line in some])
+        ends = ends_within(float(every.min()), float(every.max()), one.bounds)
+        y = spec.Axis(one.title, one.unit, ends)
+        panels.append(spec.Panel([*lines, *limit_lines(one.bounds, one.unit)], across, y))
+    keys = [
+        spec.Key("nominal", line_look(0)),
+        spec.Key("others", INSIDE),
+        *([spec.Key("others that violate the limits", OUTSIDE)] if any(one.outside for one in shown) else []),
+    ]
+    height = (3.0 if columns == 1 else 2.6) * -(-len(shown) // columns)
+    return spec.Plot(panels, columns, height=height, labels="each", legend=spec.Legend(keys, most=3))
+
+
+@dataclass(frozen=True)
 class Held:
     """An input that is held in every period of a trial, as shown.
 

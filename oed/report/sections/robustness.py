@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from oed.foundation.text import chance_text, fixed, listing, significant, whole
+from oed.foundation.arrays import Array
+from oed.foundation.text import chance_text, fixed, listing, significant, whole, words
 from oed.kernel.solution import NOMINAL
 from oed.records.record import Record
-from oed.records.stored.simulation import Paths, StoredRobustness, Tried, Uncertain
-from oed.report.figures import paths
+from oed.records.stored.result import Result
+from oed.records.stored.simulation import Paths, StatesOverTime, StoredRobustness, Tried, Uncertain
+from oed.report.figures import courses, paths, spec
 from oed.report.figures.driven import room_of
+from oed.report.parts.experiments import MOST_QUANTITIES, scale_of
 from oed.report.parts.judging import study_aim
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import called, called_by
+from oed.report.parts.reading import called, called_by, time_scale
 from oed.report.parts.section import Column, Picture, Section, Table, percent
 from oed.robots.limits import EndHeading, EndPosition
 
@@ -27,7 +31,8 @@ def robustness(record: Record) -> Section | None:
     found = record.robustness
     if found is None or not found.results:
         return None
-    parts = (*_sentences(record, found), _bundles(record, found), _table(record, found))
+    pictures = (_bundles(record, found), _spreads(record, found))
+    parts = (*_sentences(record, found), *pictures, _table(record, found))
     made = Section.of("Robots other than the nominal one", *parts)
     return replace(made, brief=(len(made.paragraphs), 0))
 
@@ -38,8 +43,10 @@ def _sentences(record: Record, found: StoredRobustness) -> Iterator[str]:
     ends = [name for name in (EndPosition.name, EndHeading.name) if name in given]
     searched = [(called_by(record, one.name), one) for one in found.results if one.back_off is not None]
     yield SAY("verdict", found.kind, searched)
-    yield SAY("uncertain", found, [_range(one) for one in found.uncertain])
+    yield SAY("uncertain", found, [_range(record, one) for one in found.uncertain])
     yield SAY("ends", ends)
+    if record.study.domain != "robots":
+        yield SAY("untightened", [one.name for one in record.study.every_limit if one.looks_at == "run"])
     plain = next((one for one in found.results if one.name == NOMINAL), None)
     best = record.best
     if plain is None or plain.objective is None or best is None or best.objective is None:
@@ -49,9 +56,10 @@ def _sentences(record: Record, found: StoredRobustness) -> Iterator[str]:
         yield SAY("cost", called(record, best), share, called_by(record, plain.name), plain)
 
 
-def _range(one: Uncertain) -> str:
+def _range(record: Record, one: Uncertain) -> str:
+    own = record.study.shown_units.get(one.name)
     below, above = one.nominal - one.low, one.high - one.nominal
-    return SAY("range", one, above, abs(above - below) <= 1e-9 * (above + below))
+    return SAY("range", one, own, above, abs(above - below) <= 1e-9 * (above + below))
 
 
 def _table(record: Record, found: StoredRobustness) -> Table:
@@ -77,6 +85,45 @@ def _bundles(record: Record, found: StoredRobustness) -> Picture | None:
     alt = f"Bundles of the paths that may happen, {listing([one.title for one in cases])}"
     caption = SAY("bundles", len(found.bundles[0].violating))
     return Picture("bundles", alt, caption, paths.bundles(cases, room_of(record)))
+
+
+def _spreads(record: Record, found: StoredRobustness) -> Picture | None:
+    # What other systems do on the best design.
+    best = record.best
+    own = next((one for one in found.courses or () if best is not None and one.name == best.name), None)
+    if own is None or best is None or best.drive is None:
+        return None
+    unit, factor = time_scale(record.study.space.duration)
+    shown = [
+        _spread(record, best, own, place, factor) for place in range(min(len(record.states), MOST_QUANTITIES))
+    ]
+    figure = courses.spreads(shown, spec.Axis("time", unit))
+    return Picture("spread", SAY("spread_alt"), SAY("spread", len(own.violating)), figure)
+
+
+def _spread(record: Record, best: Result, own: StatesOverTime, place: int, factor: float) -> courses.Spread:
+    state = record.states[place]
+    scale = scale_of(record, state.name, state.unit)
+    assert best.drive is not None
+    times = [factor * np.array(one) for one in own.times]
+
+    def lines(violating: bool) -> list[Array]:
+        return [
+            np.column_stack([at, scale.factor * np.array(run)[:, place]])
+            for one, leaves in zip(own.states, own.violating, strict=True)
+            if leaves == violating
+            for at, run in zip(times, one, strict=True)
+        ]
+
+    nominal = [
+        np.column_stack([np.linspace(at[0], at[-1], len(run)), scale.factor * run[:, place]])
+        for at, run in zip(times, best.drive.by_run, strict=True)
+    ]
+    # A limit on the state itself.
+    limits: list[Any] = [one for one in record.study.every_limit if one.looks_at == "state"]
+    low, high = next((one.bounds for one in limits if one.of == state.name), (np.nan, np.nan))
+    bounds = (scale.factor * low, scale.factor * high) if np.isfinite([low, high]).all() else None
+    return courses.Spread(words(state.name), scale.unit, nominal, lines(False), lines(True), bounds)
 
 
 def _bundle(record: Record, tried: Tried, bundle: Paths) -> paths.Bundle:
