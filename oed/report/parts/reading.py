@@ -136,13 +136,18 @@ def duration_text(record: Record) -> str:
 
 
 def chosen_text(record: Record) -> str:
-    """How much the best design takes of what it may choose among: `3 of 201 settings`; "" where of all."""
+    """How much the best experiment takes of what it may choose among: `3 of 201 settings`, `2 of 18 runs of
+    2 h`; "" where all of it.
+    """
     best = record.best
-    if best is None or best.selection is None or not record.states_are_none:
+    if best is None or best.selection is None or record.study.domain == "robots":
         return ""
-    samples = record.study.space.samples
-    settings = {place % samples for place in taken(best.selection)}
-    return f"{len(settings)} of {count(samples, 'setting')}"
+    places, samples = taken(best.selection), record.study.space.samples
+    if record.states_are_none:
+        settings = {place % samples for place in places}
+        return f"{len(settings)} of {count(samples, 'setting')}" if len(settings) < samples else ""
+    read = {best.selection.readings[place].run for place in places}
+    return f"{len(read)} of {duration_text(record)}" if len(read) < runs_of(record) else ""
 
 
 def taken(found: StoredSelection) -> list[int]:
