@@ -91,6 +91,12 @@ class Candidates(Component):
             flaws = [Flaw(("experiment", "candidates", "file"), str(one)) for one in error.flaws]
             raise ProblemError(flaws) from None
 
+    @property
+    def largest(self) -> dict[str, Quantity]:
+        """A value of every input as it is written, the largest of a grid; of a file's inputs none."""
+        given = self.grid if self.grid is not None else self.rows or {}
+        return {name: one.largest if isinstance(one, Grid) else one[-1] for name, one in given.items() if one}
+
     def table(self, units: Mapping[str, Dimension]) -> Array:
         """Settings of the inputs, SI, (n, inputs).
 

@@ -140,6 +140,8 @@ class SystemStudyFile(StudyFile):
         given: dict[str, object] = {}
         for one in self.measurement.joint_sensors:
             given |= dict(one.noise) if isinstance(one, OutputSensor) else {}
+        candidates = self.experiment.candidates
+        given |= {} if candidates is None else candidates.largest
         given |= {name: one.range[1] for name, one in self.experiment.inputs.items()}
         given |= self.system.quantities
         return {name: unit_of(text) for name, text in given.items() if isinstance(text, str)}

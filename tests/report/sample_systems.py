@@ -11,6 +11,7 @@ import numpy as np
 from oed.kernel import solution
 from oed.kernel.dynamics.held import HeldSpace
 from oed.kernel.dynamics.trajectory import Trajectory
+from oed.optimize import solve
 from oed.records.record import Record
 from oed.study.study import Study
 from oed.workflow.runner import record as record_of
@@ -79,6 +80,26 @@ PARABOLA = textwrap.dedent("""\
     weights: {total: 1}
     criterion: {kind: E, scaling: none}
     """)
+TRIALS = textwrap.dedent("""\
+    format: 1
+    name: Which trials of a tank
+    system:
+      kind: equations
+      states: {temperature: 293 K}
+      inputs: {heat: W, flow: 1/s}
+      parameters: {loss: 2 W/K, capacity: 20 kJ/K, room: 293 K}
+      define: {above: temperature - room}
+      derivatives: {temperature: (heat - loss * above) / capacity - flow * above}
+      outputs: {reading: temperature}
+    experiment:
+      duration: 2 h
+      samples: 8
+      candidates: {rows: {heat: [0 W, 500 W, 200 W, 500 W], flow: [0 1/h, 0 1/h, 1 1/h, 1 1/h]}}
+    measurement: {kind: outputs, noise: {reading: 0.5 K}}
+    weights: {of: trials, readings: 4, most: 3}
+    estimate: [loss, capacity]
+    criterion: D
+    """)
 HOUR = 3600.0
 FISHING = np.repeat([0.0, 1.0, 0.2, 0.8], 6) / HOUR
 """Of a trial with the ponds [1/s]."""
@@ -133,3 +154,10 @@ def parabola() -> Record:
     weights[[0, 10, 20]] = 0.2, 0.6, 0.2
     found = solution.scored(study.problem, replace(only, weights=weights), "ipopt")
     return record_of(study, [replace(found, kind="ipopt")], 7)
+
+
+@cache
+def trials() -> Record:
+    """Four trials of a tank that may be made, each up to three times."""
+    study = parse_study(TRIALS)
+    return record_of(study, [solve(study.problem, study.solvers[0], seed=0)], 7)

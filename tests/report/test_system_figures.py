@@ -199,3 +199,30 @@ def test_weights_of_settings_stand_over_the_input():
     (dots,) = marks(weights)
     np.testing.assert_allclose(dots.x, [-1.0, 0.0, 1.0], atol=1e-12)
     np.testing.assert_allclose(dots.y, [0.2, 0.6, 0.2])
+
+
+def test_trials_that_are_chosen_stand_side_by_side():
+    """A stem for each trial, by its number; only those that are made are listed and drawn."""
+    record = sample_systems.trials()
+    best = record.best
+    assert best is not None
+    assert best.selection is not None
+    weights = {one.run + 1: one.weight for one in best.selection.readings if one.weight > 0}
+    assert sum(weights.values()) == pytest.approx(4.0)
+    made = section(record, "Summary")
+    assert made.paragraphs[0] == f"{len(weights)} of 4 trials of 120 min."
+    assert column(made.tables[1], "trial") == [str(one) for one in weights]
+    flows = dict(zip((1, 2, 3, 4), (0.0, 0.0, 1.0, 1.0), strict=True))
+    np.testing.assert_allclose(
+        np.array(column(made.tables[1], "flow"), dtype=float), [flows[one] for one in weights], atol=1e-12
+    )
+    part = section(record, "Which trials are taken")
+    assert part.paragraphs[0] == f"Of 4 possible trials {len(weights)} are taken."
+    (stems, _) = part.figures[0].figure.panels
+    assert stems.x.label == "trial"
+    (dots,) = marks(stems)
+    np.testing.assert_allclose(dots.x, list(weights))
+    np.testing.assert_allclose(dots.y, list(weights.values()))
+    drawn = picture(record, "What happens", "readings").figure
+    names = [f"trial {one}" for one in weights]
+    assert [one.label for one in drawn.legend.keys][: len(names)] == names

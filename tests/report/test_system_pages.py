@@ -50,7 +50,13 @@ BY_CODE = textwrap.dedent("""\
     experiment: {duration: 10 min, samples: 30, inputs: {feed: [0 mol/m^3/s, 0.1 mol/m^3/s]}}
     measurement: {kind: outputs, noise: {seen: 0.01 mol/m^3}}
     """)
-MADE = (sample_systems.ponds, sample_systems.reactions, sample_systems.gas, sample_systems.parabola)
+MADE = (
+    sample_systems.ponds,
+    sample_systems.reactions,
+    sample_systems.gas,
+    sample_systems.parabola,
+    sample_systems.trials,
+)
 
 
 @pytest.mark.parametrize("made", MADE, ids=lambda made: made.__name__)

@@ -27,14 +27,17 @@ def best_of(record: Record) -> tuple[Problem, Result] | None:
     return None if best is None or best.drive is None or problem is None else (problem, best)
 
 
+def read_trials(best: Result) -> list[int]:
+    """Numbers, from 0, of the trials that are read."""
+    assert best.drive is not None
+    if best.selection is None:
+        return list(range(best.drive.trajectory.runs))
+    return sorted({best.selection.readings[place].run for place in taken(best.selection)})
+
+
 def drawn_trials(best: Result) -> list[int]:
     """Numbers, from 0, of the trials that are drawn: the first of those that are read."""
-    assert best.drive is not None
-    every = range(best.drive.trajectory.runs)
-    if best.selection is None:
-        return list(every)[:MOST_TRIALS]
-    read = {best.selection.readings[place].run for place in taken(best.selection)}
-    return [run for run in every if run in read][:MOST_TRIALS]
+    return read_trials(best)[:MOST_TRIALS]
 
 
 def trial_names(best: Result) -> list[str]:

@@ -23,6 +23,7 @@ from oed.report.parts.experiments import (
     best_of,
     by_quantity,
     drawn_trials,
+    read_trials,
     scale_of,
     trial_names,
     widths_of,
@@ -86,9 +87,8 @@ def _trials(best: Result) -> list[Trajectory]:
 
 
 def _left_out(best: Result) -> int:
-    # Of trials that are not drawn.
-    assert best.drive is not None
-    return best.drive.trajectory.runs - len(drawn_trials(best))
+    # Of trials that are read and not drawn.
+    return len(read_trials(best)) - len(drawn_trials(best))
 
 
 def courses(record: Record) -> Section | None:

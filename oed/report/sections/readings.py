@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.foundation.text import significant, words
+from oed.foundation.text import significant, unit_text, words
 from oed.kernel.measurement.sensor import sensor_labels
 from oed.records.record import Record
 from oed.records.stored.selection import StoredReading, StoredSelection
@@ -31,11 +31,30 @@ def readings(record: Record) -> Section | None:
         return None
     taken = [one for one in found.readings if one.weight > TAKEN * _most(found)]
     share = 100 * (found.efficiency or 0.0)
-    groups = [_stems(record, found, run, sensor) for run, sensor in _groups(found)]
-    alt = "Weights of readings, and their directional derivatives"
-    picture = Picture("weights", alt, SAY("caption"), figures.stems(groups, _axis(record)))
-    said = SAY("chosen", found, len(found.readings), len(taken)), SAY("efficiency", found, share)
-    return Section.of("Which readings are taken", *said, _table(record, found, taken), picture)
+    noun, groups = "reading", [_stems(record, found, *group) for group in _groups(found)]
+    across = _axis(record)
+    if _of_runs(found):
+        noun, groups, across = "run", [_stems_of_runs(found)], spec.Axis("run", most=10, whole=True)
+    alt = f"Weights of {noun}s, and their directional derivatives"
+    picture = Picture("weights", alt, SAY("caption", noun), figures.stems(groups, across))
+    said = SAY("chosen", found, noun, len(found.readings), len(taken)), SAY("efficiency", found, share)
+    return Section.of(f"Which {noun}s are taken", *said, _table(record, found, taken), picture)
+
+
+def _of_runs(found: StoredSelection) -> bool:
+    # Whether runs are chosen among as a whole: there is one reading of each.
+    return len(found.readings) == len({one.run for one in found.readings}) > 1
+
+
+def _stems_of_runs(found: StoredSelection) -> figures.Stems:
+    level = _levels(found)
+    return figures.Stems(
+        "",
+        np.array([one.run + 1.0 for one in found.readings]),
+        np.array([one.weight for one in found.readings]),
+        np.array([one.derivative / one.size / level[place] for place, one in enumerate(found.readings)]),
+        _most(found),
+    )
 
 
 def _most(found: StoredSelection) -> float:
@@ -109,14 +128,15 @@ def _table(record: Record, found: StoredSelection, taken: list[StoredReading]) -
         return None
     unit, factor = time_scale(record.study.space.duration)
     trials, settings = len({one.run for one in found.readings}) > 1, record.states_are_none
+    whole = _of_runs(found)
     times = Column("time", unit, significant(4), lambda one: factor * one.time)
     columns = [
         Column("run", cell=lambda one: str(one.run + 1)) if trials else None,
-        Column("what", cell=lambda one: words(_called(record, one.sensor))),
-        *(_settings(record, found) if settings else [times]),
+        *([] if whole else [Column("what", cell=lambda one: words(_called(record, one.sensor)))]),
+        *(_settings(record, found) if settings else [] if whole else [times]),
         Column("weight", "", significant(4), lambda one: one.weight),
     ]
-    return Table.of(taken, columns, "Readings that are taken")
+    return Table.of(taken, columns, f"{'Runs' if whole else 'Readings'} that are taken")
 
 
 def _settings(record: Record, found: StoredSelection) -> Iterator[Column]:
@@ -127,7 +147,7 @@ def _settings(record: Record, found: StoredSelection) -> Iterator[Column]:
     rows = {id(one): table[place % len(table)] for place, one in enumerate(found.readings)}
 
     def column(name: str, unit: str, factor: float, place: int) -> Column:
-        return Column(name, unit, significant(4), lambda one: factor * float(rows[id(one)][place]))
+        return Column(name, unit_text(unit), significant(4), lambda one: factor * float(rows[id(one)][place]))
 
     for place, one in enumerate(record.inputs):
         yield column(words(one.name), *record.study.shown_units.get(one.name, (one.unit, 1.0)), place)

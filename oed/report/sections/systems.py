@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from oed.foundation.text import unit_text, words
 from oed.records.path_file import drive_csv
 from oed.records.record import Record
 from oed.records.stored.study_record import StoredInput, StoredState
-from oed.report.parts.experiments import scale_of
+from oed.report.parts.experiments import read_trials, scale_of
 from oed.report.parts.judging import judged, meaning
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import (
@@ -79,7 +79,7 @@ def _settings(record: Record) -> Table | None:
         return None
     table = table[np.lexsort(table.T[::-1])]
     columns = [_column(record, one, table[:, place]) for place, one in enumerate(record.inputs)]
-    return _numbered("setting", len(table), columns, SAY("settings"))
+    return _numbered("setting", range(len(table)), columns, SAY("settings"))
 
 
 def _trials(record: Record) -> Table | None:
@@ -87,7 +87,8 @@ def _trials(record: Record) -> Table | None:
     best, problem = record.best, problem_of(record)
     if record.states_are_none or best is None or best.drive is None:
         return None
-    each, ranges = best.drive.trajectory.each, None if problem is None else problem.design.start_ranges
+    ranges, numbers = None if problem is None else problem.design.start_ranges, read_trials(best)
+    each = [best.drive.trajectory.each[run] for run in numbers]
     starts, held = np.array([one.starts[0] for one in each]), np.array([one.inputs[0] for one in each])
     chosen: Iterable[int] = () if ranges is None else np.flatnonzero(np.ptp(ranges, axis=1) > 0)
     constant = sorted(set(range(len(record.inputs))) - set(changing_inputs(best)))
@@ -95,12 +96,12 @@ def _trials(record: Record) -> Table | None:
         *(_column(record, record.states[place], starts[:, place], "initial ") for place in chosen),
         *(_column(record, record.inputs[place], held[:, place]) for place in constant),
     ]
-    return _numbered("trial", len(each), columns, SAY("trials")) if columns and len(each) <= FEW else None
+    return _numbered("trial", numbers, columns, SAY("trials")) if columns and len(each) <= FEW else None
 
 
-def _numbered(title: str, count: int, columns: Iterable[Column], caption: str) -> Table:
-    number = Column(title, cell=lambda row: str(row + 1))
-    return Table.of(range(count), [number, *columns], caption)
+def _numbered(title: str, numbers: Sequence[int], columns: Iterable[Column], caption: str) -> Table:
+    number = Column(title, cell=lambda row: str(numbers[row] + 1))
+    return Table.of(range(len(numbers)), [number, *columns], caption)
 
 
 def _column(record: Record, one: StoredInput | StoredState, values: Array, what: str = "") -> Column:
