@@ -17,7 +17,16 @@ from typing import Any
 
 from oed.foundation.errors import UserMistake
 from oed.foundation.shown import shown, written
-from oed.foundation.text import MISSING, deviation_text, own_unit, significant, to_error, unit_text, words
+from oed.foundation.text import (
+    MISSING,
+    Unit,
+    deviation_text,
+    own_unit,
+    significant,
+    to_error,
+    unit_text,
+    words,
+)
 
 Fact = tuple[str, str]
 Row = tuple[str, ...]
@@ -159,6 +168,7 @@ def parameter_rows(
     values: Mapping[str, float | None],
     errors: Mapping[str, float | None],
     units: Mapping[str, str],
+    shown: Mapping[str, Unit] | None = None,
 ) -> tuple[Row, ...]:
     """Rows under `PARAMETER_COLUMNS`: every parameter rounded to its standard error, in its usual unit.
 
@@ -167,17 +177,21 @@ def parameter_rows(
         values: by name [SI].
         errors: their standard errors [SI], infinite of what is not identifiable.
         units: SI units.
+        shown: units, and their factors from SI, of those that are shown in other ones.
     """
-    return tuple(_parameter_row(one, values.get(one), errors.get(one), units.get(one, "")) for one in names)
+    return tuple(
+        _parameter_row(one, values.get(one), errors.get(one), units.get(one, ""), (shown or {}).get(one))
+        for one in names
+    )
 
 
-def _parameter_row(name: str, value: float | None, error: float | None, unit: str) -> Row:
-    own, factor = own_unit(unit)
+def _parameter_row(name: str, value: float | None, error: float | None, unit: str, shown: Unit | None) -> Row:
+    own, factor = shown or own_unit(unit)
     known = value is None or f"{to_error(value, error, factor)} {unit_text(own)}".strip()
     if error is None or not math.isfinite(error):
         text = MISSING if error is None else UNIDENTIFIED
     else:
-        text = deviation_text(error, unit)
+        text = deviation_text(error, unit, shown)
     return (words(name), MISSING if value is None else str(known), text)
 
 

@@ -21,7 +21,7 @@ from oed.foundation.presenting import (
     number,
     parameter_rows,
 )
-from oed.foundation.text import quantity, size_text, words
+from oed.foundation.text import Unit, quantity, size_text, words
 from oed.kernel.margin import Margin
 from oed.kernel.measurement.square_root import SquareRoot
 
@@ -155,8 +155,12 @@ class Evaluation(Presented, Renamed):
         """A row of every estimated parameter: name, nominal value and predicted standard error; () without
         noise.
         """
+        return self.precision_in({})
+
+    def precision_in(self, shown: Mapping[str, Unit]) -> tuple[tuple[str, ...], ...]:
+        """The same, parameters that `shown` names in its units, each with its factor from SI."""
         errors = self.standard_deviations
-        return parameter_rows(tuple(errors), self.nominal, errors, self.units)
+        return parameter_rows(tuple(errors), self.nominal, errors, self.units, shown)
 
     def _card(self) -> Card:
         title = f"Evaluation: {'feasible' if self.feasible else 'infeasible'}"

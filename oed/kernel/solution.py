@@ -211,11 +211,15 @@ class Solution(Presented, Renamed):
         found = self.evaluation
         search = count(len(self.starts), "start") if self.starts else ""
         spent = quantity(self.wall_seconds, "s", 2) if self.wall_seconds else ""
+        model = None if self.problem is None else self.problem.model
+        # What does not move through space has no path.
+        still = model is not None and not model.velocity_signal
+        known = () if found is None else found.facts
         facts = (
-            *(() if found is None else found.facts),
+            *(one for one in known if not (still and one[0] == "path length")),
             *given(("search", ", ".join(filter(None, [search, spent]))), ("message", self.message)),
         )
-        rows = () if found is None else found.precision
+        rows = () if found is None else found.precision_in({} if model is None else model.shown_units)
         title = f"Solution {self.name}: {self.status.value.replace('_', ' ')}"
         return Card(title, facts, PARAMETER_COLUMNS, rows, leads=True)
 

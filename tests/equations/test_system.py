@@ -238,3 +238,20 @@ def test_a_system_without_inputs_is_at_rest():
     times = np.linspace(0, 2, 21)
     assert found.objective == pytest.approx(np.log(np.sum((times * np.exp(-times) / 0.1) ** 2)), rel=1e-6)
     assert found.feasible
+
+
+def test_a_solution_is_shown_in_the_units_of_its_parameters():
+    """And has no path, as the system does not move through space."""
+    system = oed.Equations(inputs={"t": "s"}, parameters={"k": "0.7 1/min"}, outputs={"left": "exp(-k * t)"})
+    problem = oed.Problem(
+        model=system,
+        design=oed.SignalSpace(
+            duration=1, samples=1, spline=oed.Spline(degree=0, coefficients=1), rest_to_rest=False
+        ),
+        measurement=oed.Responses(noise={"left": 0.01}),
+        limits=[oed.InputRange(input="t", range=("0 min", "20 min"))],
+    )
+    solution = oed.solve(problem, oed.Ipopt(starts=2), seed=0)
+    # The best time is 1 / k, where the error is 0.01 e k.
+    assert f"{0.01 * np.e * 0.7:.3f} 1/min" in str(solution)
+    assert "path length" not in str(solution)
