@@ -158,7 +158,7 @@ class Evaluation(Presented, Renamed):
         return self.precision_in({})
 
     def precision_in(self, shown: Mapping[str, Unit]) -> tuple[tuple[str, ...], ...]:
-        """The same, parameters that `shown` names in its units, each with its factor from SI."""
+        """Rows of `precision`, parameters that `shown` names in its units, each with its factor from SI."""
         errors = self.standard_deviations
         return parameter_rows(tuple(errors), self.nominal, errors, self.units, shown)
 

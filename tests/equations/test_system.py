@@ -250,6 +250,7 @@ def test_a_solution_is_shown_in_the_units_of_its_parameters():
         ),
         measurement=oed.Responses(noise={"left": 0.01}),
         limits=[oed.InputRange(input="t", range=("0 min", "20 min"))],
+        criterion="D",
     )
     solution = oed.solve(problem, oed.Ipopt(starts=2), seed=0)
     # The best time is 1 / k, where the error is 0.01 e k.
