@@ -11,13 +11,15 @@ import numpy as np
 from oed.bounds.certificate import LOOSE, Bound, Certificate, bound_on, gap, raised
 from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_bounds
 from oed.bounds.conjugate import combined_bounds, traced
-from oed.bounds.joint import joint_bounds
+from oed.bounds.effort import Effort
+from oed.bounds.joint import joint_bounds, spread_bounds
 from oed.bounds.points import point_bounds
 from oed.bounds.reach import largest_rates, room, unslipped
 from oed.bounds.readings import selection_certificate
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
+from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.criteria import A, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, evaluate
@@ -29,6 +31,8 @@ from oed.robots.space import DesignSpace
 
 BOUNDS: tuple[Callable[[Problem], Iterator[Bound]], ...] = (regression_bounds, joint_bounds)
 """Each yields the upper bounds that it knows on the objective of one run; of other problems nothing."""
+SEARCHED: tuple[Callable[[Problem, Effort], Iterator[Bound]], ...] = (spread_bounds,)
+"""The same, by searches that take seconds."""
 WHOLE: tuple[Callable[[Problem], Iterator[Bound]], ...] = (point_bounds,)
 """Each yields the upper bounds that it knows on the objective of all runs together."""
 GAP = 2e-4
@@ -67,16 +71,23 @@ REPEATED = "no bound is known for designs whose readings may be repeated"
 
 @typed
 def bound(
-    problem: Problem, *, nodes: int | None = None, time_limit: float | None = None, gap: float = GAP
+    problem: Problem,
+    *,
+    nodes: int | None = None,
+    time_limit: float | None = None,
+    gap: float = GAP,
+    progress: Progress | None = None,
 ) -> Certificate:
     """The smallest upper bound on a problem's objective that is proved here, with its assumptions; beside it
     the same for limits widened by what scoring tolerates.
 
     Args:
         problem: with criterion E, D or A.
-        nodes: of the search by branch and bound at most; by default as many as take some seconds.
-        time_limit: of that search [s]; none by default, for where it stops depends on the machine.
-        gap: at which that search ends.
+        nodes: of the search by branch and bound at most, and centres of that over positions; by default as
+            many as take some seconds.
+        time_limit: of these searches [s]; none by default, for where they stop depends on the machine.
+        gap: at which the search by branch and bound ends.
+        progress: informed how far the work is.
 
     Raises:
         ProblemError: a problem without a drive to be designed.
@@ -84,7 +95,8 @@ def bound(
     """
     began = time.perf_counter()
     problem.require_designed()
-    found = _at_once(problem) or _searched(problem, nodes, time_limit, gap)
+    effort = Effort(nodes, np.inf if time_limit is None else began + time_limit, progress or Silent())
+    found = _at_once(problem) or _searched(problem, effort, time_limit, gap)
     return replace(found, wall_seconds=time.perf_counter() - began)
 
 
@@ -100,10 +112,16 @@ def _at_once(problem: Problem) -> Certificate | None:
     return Certificate(np.inf, REPEATED, ()) if problem.selection.most > 1 else None
 
 
-def _searched(problem: Problem, nodes: int | None, time_limit: float | None, gap: float) -> Certificate:
+def _searched(problem: Problem, effort: Effort, time_limit: float | None, gap: float) -> Certificate:
     looser = problem.widened(TOLERANCE)
-    bounds, widened = _bounds_of_runs(problem), _bounds_of_runs(looser)
-    found = _lattice(problem, nodes, time_limit, gap)
+    widened = _bounds_of_runs(looser, effort)
+    # What wider limits allow, these do not exceed: searches round up by more or less.
+    others = {one.method: one.value for one in widened}
+    bounds = [
+        replace(one, value=min(one.value, others.get(one.method, one.value)))
+        for one in _bounds_of_runs(problem, effort)
+    ]
+    found = _lattice(problem, effort.nodes, time_limit, gap)
     if found is not None:
         bounds.append(_lattice_bound(problem, found.upper, found))
         if _program(looser) is not None:
@@ -159,16 +177,16 @@ def _lacking(problem: Problem) -> str:
     return NOTHING
 
 
-def _bounds_of_runs(problem: Problem) -> list[Bound]:
-    # Each bound is of one direction or of the trace, so what runs add to it adds up: lambda_min of a sum is
-    # at most the sum of the bounds.
+def _bounds_of_runs(problem: Problem, effort: Effort | None = None) -> list[Bound]:
+    # Without an effort those that take no search. Each bound is of one direction or of the trace, so what
+    # runs add to it adds up: lambda_min of a sum is at most the sum of the bounds.
     space, same = problem.design, traced(problem)
     whole = [one for bounds in WHOLE for one in bounds(problem)]
     if whole:
         return whole
-    together = [] if same is None else list(combined_bounds(problem, _bounds_of_runs(same)))
+    together = [] if same is None else list(combined_bounds(problem, _bounds_of_runs(same, effort)))
     if space.runs == 1:
-        return [*together, *_bounds(problem)]
+        return [*together, *_bounds(problem, effort)]
     if not isinstance(space, DesignSpace) or not problem.criterion.proportional:
         return together
     starts = space.start if isinstance(space.start, tuple) else (space.start,) * space.runs
@@ -177,7 +195,7 @@ def _bounds_of_runs(problem: Problem) -> list[Bound]:
         for start in starts
     ]
     unequal = len(set(starts)) > 1
-    found = [list(_bounds(single)) for single in (singles if unequal else singles[:1])]
+    found = [list(_bounds(single, effort)) for single in (singles if unequal else singles[:1])]
     return [
         Bound(
             sum(one.value for one in each) * (1 if unequal else space.runs),
@@ -190,9 +208,12 @@ def _bounds_of_runs(problem: Problem) -> list[Bound]:
     ]
 
 
-def _bounds(problem: Problem) -> Iterator[Bound]:
+def _bounds(problem: Problem, effort: Effort | None) -> Iterator[Bound]:
     for bounds in BOUNDS:
         yield from bounds(problem)
+    if effort is not None:
+        for searched in SEARCHED:
+            yield from searched(problem, effort)
 
 
 def _lattice(

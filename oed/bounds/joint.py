@@ -13,9 +13,12 @@ import numpy as np
 
 from oed.bounds.certificate import Bound
 from oed.bounds.closed_form import SPEEDS, along
-from oed.bounds.reach import coefficient_rows, room, scales_lengths, top_speeds
+from oed.bounds.effort import Effort
+from oed.bounds.planar import largest_planar_spread
+from oed.bounds.reach import coefficient_rows, room, scales_lengths, top_speeds, turning_length
 from oed.bounds.spread import largest_spread, too_fine
-from oed.foundation.arrays import Array
+from oed.bounds.starts import Start
+from oed.foundation.arrays import Array, Bools
 from oed.kernel.criteria import E
 from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Estimation, Problem
@@ -23,6 +26,11 @@ from oed.robots.models.model import robot_of
 from oed.robots.sensors.biased import YawRate
 from oed.robots.sensors.mapped import Ranges
 from oed.robots.sensors.poses import Poses
+
+PLANAR = "all lengths wrong alike: dynamic programming over positions within top speed along the path"
+"""How that bound is found."""
+PATHS = ("every position within the room", "initial pose unknown")
+"""What it rests on, besides."""
 
 
 def joint_bounds(problem: Problem) -> Iterator[Bound]:
@@ -87,16 +95,10 @@ def _circle_bound(
 def _size_bounds(
     problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float], total: float
 ) -> Iterator[Bound]:
-    # In m, or in m per something else.
-    lengths = [entry.name for entry in problem.system.parameters if entry.unit.startswith("m")]
-    bounds = room(problem)
-    if bounds is None or not set(lengths) <= set(one.judged) or not scales_lengths(problem, tuple(lengths)):
+    bounds, change = room(problem), _growth(problem, one)
+    if bounds is None or change is None or not _unknown_start(sensors):
         return
-    values = dict(zip(one.parameters, one.nominal, strict=True))
-    change = np.array([values[name] if name in lengths else 0.0 for name in one.judged])
     x_min, x_max, y_min, y_max = bounds
-    if not _unknown_start(sensors):
-        return
     half_squares = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) / 4
     yield along(
         problem,
@@ -106,30 +108,79 @@ def _size_bounds(
         "all lengths wrong alike: every position in a corner of the room",
         ("every position within the room", "initial pose unknown", "speeds are left out"),
     )
-    speeds = top_speeds(problem)
-    step = problem.design.period * (np.zeros(1) if speeds is None else speeds)
-    # Sensors share one shift of the path, so their spreads are one where one sensor alone reads positions.
-    reading = [(weight, sensor) for weight, sensor in zip(weights, sensors, strict=True) if weight]
-    if speeds is None or len(reading) != 1 or too_fine(x_min, x_max, step) or too_fine(y_min, y_max, step):
+    reading, speeds = _only_reading(sensors, weights), top_speeds(problem)
+    if reading is None or speeds is None:
         return
-    ((weight, sensor),) = reading
+    step = problem.design.period * speeds
+    if too_fine(x_min, x_max, step) or too_fine(y_min, y_max, step):
+        return
+    weight, sensor = reading
     yield along(
         problem,
         one,
         change,
-        weight * _spread(problem, sensor, bounds, speeds),
+        weight * _spread(problem, sensor, bounds, step),
         "all lengths wrong alike: dynamic programming over positions within top speed, axis by axis",
         ("every position within the room", "initial pose unknown", SPEEDS),
     )
 
 
+def spread_bounds(problem: Problem, effort: Effort) -> Iterator[Bound]:
+    """The bound on E from all lengths wrong alike, with one top speed along the path: a search of seconds."""
+    sensors = problem.measurement.joint_sensors if type(problem.criterion) is E else ()
+    precisions = [_position_precision(sensor) for sensor in sensors]
+    if not sensors or not _unknown_start(sensors) or robot_of(problem.system).physical is not problem.system:
+        return
+    if any(precision is None for precision in precisions):
+        return
+    (one,) = problem.any_estimations
+    bounds, change, speeds = room(problem), _growth(problem, one), top_speeds(problem)
+    reading = _only_reading(sensors, [float(precision or 0.0) for precision in precisions])
+    if bounds is None or change is None or speeds is None or reading is None:
+        return
+    weight, sensor = reading
+    start = _start(problem)
+    spread = largest_planar_spread(
+        bounds, problem.design.period * speeds, _read(problem, sensor), start, effort
+    )
+    if np.isfinite(spread):
+        turned = ("the first heading turned into that of the path",) if start and start.turning else ()
+        yield along(problem, one, change, weight * spread, PLANAR, (*PATHS, *turned, SPEEDS))
+
+
+def _growth(problem: Problem, one: Estimation) -> Array | None:
+    # The change of all lengths alike: in m, or in m per something else; None where that is not judged.
+    lengths = [entry.name for entry in problem.system.parameters if entry.unit.startswith("m")]
+    if not set(lengths) <= set(one.judged) or not scales_lengths(problem, tuple(lengths)):
+        return None
+    values = dict(zip(one.parameters, one.nominal, strict=True))
+    return np.array([values[name] if name in lengths else 0.0 for name in one.judged])
+
+
+def _only_reading(sensors: Sequence[Sensor], weights: Sequence[float]) -> tuple[float, Sensor] | None:
+    # Sensors share one shift of the path, so their spreads are one where one sensor alone reads positions.
+    found = [(weight, sensor) for weight, sensor in zip(weights, sensors, strict=True) if weight]
+    return found[0] if len(found) == 1 else None
+
+
+def _read(problem: Problem, sensor: Sensor) -> Bools:
+    read = np.zeros(problem.design.samples + 1, dtype=bool)
+    read[sensor.columns(problem.design.samples)] = True
+    return read
+
+
+def _start(problem: Problem) -> Start | None:
+    if problem.fixed_starts is None:
+        return None
+    x, y, heading = (float(one) for one in problem.fixed_starts[0, :3])
+    spare, turning = problem.start_spare, turning_length(problem)
+    return Start((x, y), spare, heading, spare, turning) if turning else Start((x, y), spare)
+
+
 def _spread(
-    problem: Problem, sensor: Sensor, bounds: tuple[float, float, float, float], speeds: Array
+    problem: Problem, sensor: Sensor, bounds: tuple[float, float, float, float], steps: Array
 ) -> float:
-    samples = problem.design.samples
-    read = np.zeros(samples + 1, dtype=bool)
-    read[sensor.columns(samples)] = True
-    steps = problem.design.period * speeds
+    read = _read(problem, sensor)
     starts = problem.fixed_starts
     first = (None, None) if starts is None else (float(starts[0, 0]), float(starts[0, 1]))
     # Moved to where it should begin, a path that does not begin there needs so much more room.

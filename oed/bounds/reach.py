@@ -14,6 +14,9 @@ from oed.robots.limits.workspace import workspace_of
 from oed.robots.models.model import robot_of
 from oed.robots.models.skid_steer import SkidSteer
 
+STRAIGHT = 1e-12
+"""Share of the largest yaw rate that is none."""
+
 
 def input_reach(problem: Problem) -> Array:
     """Largest magnitude of each input in each period, (N, inputs): its bound, and what the largest rate
@@ -75,6 +78,23 @@ def top_speeds(problem: Problem) -> Array | None:
     if rows is None or factor is None:
         return None
     return np.asarray(factor * input_reach(problem) @ np.abs(rows[1]))
+
+
+def turning_length(problem: Problem) -> float:
+    """The length b [m] for which forward speed and b times the yaw rate are together at most the top speed in
+    any period; 0 where nothing is known of that. Of a robot with two equal wheels it is half the track.
+    """
+    rows, factor = coefficient_rows(problem), grip(problem)
+    if rows is None or factor is None:
+        return 0.0
+    turn, forward = rows
+    if not turn.any() or not forward.any():
+        return 0.0
+    length = float(np.min(np.abs(forward[turn != 0]) / np.abs(turn[turn != 0])))
+    reach = input_reach(problem)
+    # At full speed the robot must not turn, or that turn would be free.
+    free = np.abs(reach @ (np.sign(forward) * turn))
+    return length if np.all(free <= STRAIGHT * reach @ np.abs(turn)) else 0.0
 
 
 def room(problem: Problem) -> tuple[float, float, float, float] | None:

@@ -1,0 +1,214 @@
+"""Functions of a position in a rectangle by their values at the nodes of a grid, bilinear between: their
+largest values within reach, rounded up.
+
+Let u be a function on the nodes, and p a place in a cell whose corners n_i it mixes with weights w_i. What is
+at p + d is at most the mixture of what is at n_i + d, plus a quarter of how much u bends downwards across the
+lines of the grid there: a piecewise linear function exceeds its chord over one cell by at most a quarter of
+its change of slope. So u is raised by that much before the largest value around each node is taken, and
+the results, bilinear again, bound what is best within reach of every place. Beyond a wall u goes on as at the
+wall. In the cells along a wall nothing is lost to the bend at the wall itself: what is between a node of such
+a cell and the wall is within its reach, too, where the disc's flat sides reach a cell to either side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import maximum_filter1d
+
+from oed.bounds.stencils import Stencil, stencil
+from oed.foundation.arrays import Array, Bools
+
+Singles: TypeAlias = npt.NDArray[np.float32]
+"""Values at nodes (k, nx, ny) of k functions, in single precision for speed."""
+NOWHERE = np.float32(-1e8)
+"""The value where no path can be."""
+EPSILON = float(np.finfo(np.float32).eps)
+"""Share that one rounding takes at most."""
+ROUNDINGS = 24
+"""Roundings of one step, at most."""
+
+
+@dataclass(frozen=True)
+class ValueGrid:
+    """A rectangle with nodes at its walls and between.
+
+    Attributes:
+        low: its corner, (2,).
+        high: the corner opposite, (2,).
+        cells: along each axis, at least 2.
+    """
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+    cells: tuple[int, int]
+
+    @property
+    def sizes(self) -> Array:
+        """Sides of a cell, (2,)."""
+        return np.asarray((np.array(self.high) - np.array(self.low)) / self.cells)
+
+    @property
+    def axes(self) -> tuple[Array, Array]:
+        """Where the nodes are along each axis."""
+        both = zip(self.low, self.high, self.cells, strict=True)
+        x, y = (np.linspace(low, high, cells + 1) for low, high, cells in both)
+        return x, y
+
+    def stencil(self, distance: float) -> Stencil:
+        """That of a reach of so much."""
+        x, y = distance / self.sizes
+        return stencil(float(x), float(y))
+
+    def squares(self, centres: Array) -> Singles:
+        """Squared distances of the nodes from centres (k, 2)."""
+        x, y = self.axes
+        own = (x[None, :] - centres[:, :1]) ** 2
+        return np.asarray(own[:, :, None] + (y - centres[:, 1:])[:, None, :] ** 2, dtype=np.float32)
+
+    def within(self, values: Singles, distance: float, known: Bools | None = None) -> Singles:
+        """At least the largest value within a distance of every place.
+
+        Args:
+            values: at the nodes.
+            distance: to the farthest place in reach.
+            known: nodes within a cell of where a path can be, the only ones that count; all by default. Their
+                neighbours need values, too.
+        """
+        if distance <= 0:
+            return values
+        here = self.stencil(distance)
+        raised, walls = _raised(values, here, known)
+        twisted = _twists(raised, known)
+        best = _around(raised + np.float32(here.piece / 4) * twisted, here)
+        np.maximum(best, _inside(raised, here.columns), out=best)
+        _raise_near_walls(best, walls, here)
+        return best
+
+
+def rounded_up(largest: float, steps: int) -> float:
+    """At least what a value is that so many steps in single precision led to."""
+    return largest + ROUNDINGS * EPSILON * (steps + 1) * abs(largest)
+
+
+def dilated(values: Singles) -> Singles:
+    """The largest of every node and its neighbours."""
+    return _spread(values, 1, 1)
+
+
+def over_cells(values: Singles) -> Singles:
+    """The largest value of the four corners of each cell, (k, nx - 1, ny - 1)."""
+    along = np.maximum(values[:, 1:], values[:, :-1])
+    return np.asarray(np.maximum(along[:, :, 1:], along[:, :, :-1]))
+
+
+Walls: TypeAlias = tuple[Singles, Singles] | None
+
+
+def _raised(values: Singles, here: Stencil, known: Bools | None) -> tuple[Singles, Walls]:
+    # The values and a quarter of their bends downwards nearby; apart from these, where they need not count
+    # for all nodes, the bends at the walls across x, (k, 2, ny), and across y, (k, nx, 2).
+    padded = np.pad(values, ((0, 0), (1, 1), (1, 1)), mode="edge")
+    twice = values + values
+    across = np.maximum(twice - padded[:, :-2, 1:-1] - padded[:, 2:, 1:-1], 0)
+    along = np.maximum(twice - padded[:, 1:-1, :-2] - padded[:, 1:-1, 2:], 0)
+    if known is not None:
+        across, along = np.where(known, across, 0), np.where(known, along, 0)
+    walls = None
+    # A grid so narrow that one wall is near the other does without.
+    if here.flat and all(
+        size > radius + 4 for size, radius in zip(values.shape[1:], here.radii, strict=True)
+    ):
+        walls = across[:, [0, -1]].copy(), along[:, :, [0, -1]].copy()
+        across[:, [0, -1]], along[:, :, [0, -1]] = 0, 0
+    raised = values + (_spread(across, 1, 2) + _spread(along, 1, 1)) / 4
+    return np.asarray(raised, dtype=np.float32), walls
+
+
+def _raise_near_walls(best: Singles, walls: Walls, here: Stencil) -> None:
+    # Bends at the walls, for all nodes within reach of them but those at that wall.
+    if walls is None:
+        return
+    across, along = walls
+    near, far = (int(np.ceil(radius)) for radius in here.radii)
+    own = maximum_filter1d(across, 2 * far + 3, axis=2, mode="nearest") / 4
+    best[:, 1 : near + 2] += own[:, :1]
+    best[:, -near - 2 : -1] += own[:, 1:]
+    own = maximum_filter1d(along, 2 * near + 3, axis=1, mode="nearest") / 4
+    best[:, :, 1 : far + 2] += own[:, :, :1]
+    best[:, :, -far - 2 : -1] += own[:, :, 1:]
+
+
+def _twists(values: Singles, known: Bools | None) -> Singles:
+    # How far each node's cells are from linear: the largest difference of differences.
+    twist = np.abs(values[:, :-1, :-1] + values[:, 1:, 1:] - values[:, 1:, :-1] - values[:, :-1, 1:])
+    if known is not None:
+        # Cells with a node that has no value are none of a path's.
+        valued = values[0] > NOWHERE / 2
+        whole = valued[:-1, :-1] & valued[1:, 1:] & valued[1:, :-1] & valued[:-1, 1:]
+        twist = np.where(whole, twist, 0)
+    padded = np.pad(twist, ((0, 0), (1, 1), (1, 1)))
+    along = np.maximum(padded[:, 1:], padded[:, :-1])
+    return np.asarray(np.maximum(along[:, :, 1:], along[:, :, :-1]))
+
+
+def _around(values: Singles, here: Stencil) -> Singles:
+    # The largest value at the stencil's points around each node.
+    margin, (_, rows, columns) = here.reach, values.shape
+    padded = np.pad(values, ((0, 0), (margin, margin), (margin, margin)), mode="edge")
+    best = np.full_like(values, 10 * NOWHERE)
+    for x, heights in _by_column(here.points):
+        first, share = margin + int(np.floor(x)), np.float32(x - np.floor(x))
+        part = padded[:, first : first + rows]
+        if share:
+            part = part + share * (padded[:, first + 1 : first + 1 + rows] - part)
+        for y in heights:
+            start, rest = margin + int(np.floor(y)), np.float32(y - np.floor(y))
+            taken = part[:, :, start : start + columns]
+            if rest:
+                taken = taken + rest * (part[:, :, start + 1 : start + 1 + columns] - taken)
+            np.maximum(best, taken, out=best)
+    return best
+
+
+def _by_column(points: Array) -> Iterator[tuple[float, Array]]:
+    for x in np.unique(points[:, 0]):
+        yield float(x), points[points[:, 0] == x, 1]
+
+
+def _inside(values: Singles, heights: npt.NDArray[np.int64]) -> Singles:
+    # The largest value at the nodes inside.
+    best, column, height = np.full_like(values, 10 * NOWHERE), values, 0
+    for x in range(len(heights) - 1, -1, -1):
+        column = _taller(column, values, height, int(heights[x]))
+        height = int(heights[x])
+        count = values.shape[1] - x
+        if count <= 0:
+            continue
+        np.maximum(best[:, :count], column[:, x:], out=best[:, :count])
+        np.maximum(best[:, x:], column[:, :count], out=best[:, x:])
+    return best
+
+
+def _taller(column: Singles, values: Singles, height: int, wanted: int) -> Singles:
+    # The largest of the values up to `wanted` nodes away along y, from those up to `height` away.
+    if wanted == height:
+        return column
+    found = column.copy()
+    for shift in range(height + 1, min(wanted, values.shape[2] - 1) + 1):
+        np.maximum(found[:, :, shift:], values[:, :, :-shift], out=found[:, :, shift:])
+        np.maximum(found[:, :, :-shift], values[:, :, shift:], out=found[:, :, :-shift])
+    return found
+
+
+def _spread(values: Singles, rows: int, columns: int) -> Singles:
+    # The largest value up to so many nodes away along each axis.
+    found = values.copy()
+    for shift in range(1, rows + 1):
+        np.maximum(found[:, shift:], values[:, :-shift], out=found[:, shift:])
+        np.maximum(found[:, :-shift], values[:, shift:], out=found[:, :-shift])
+    return _taller(found, found, 0, columns)
