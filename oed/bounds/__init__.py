@@ -16,6 +16,7 @@ from oed.bounds.joint import joint_bounds, spread_bounds
 from oed.bounds.points import point_bounds
 from oed.bounds.reach import largest_rates, room, unslipped
 from oed.bounds.readings import selection_certificate
+from oed.bounds.sensitivity import sensitivity_bounds
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
@@ -33,6 +34,8 @@ BOUNDS: tuple[Callable[[Problem], Iterator[Bound]], ...] = (regression_bounds, j
 """Each yields the upper bounds that it knows on the objective of one run; of other problems nothing."""
 SEARCHED: tuple[Callable[[Problem, Effort], Iterator[Bound]], ...] = (spread_bounds,)
 """The same, by searches that take seconds."""
+COMBINED: tuple[Callable[[Problem], Iterator[Bound]], ...] = (sensitivity_bounds,)
+"""The same of bounds that only say something together: of problems with criterion D or A in place of E."""
 WHOLE: tuple[Callable[[Problem], Iterator[Bound]], ...] = (point_bounds,)
 """Each yields the upper bounds that it knows on the objective of all runs together."""
 GAP = 2e-4
@@ -177,25 +180,27 @@ def _lacking(problem: Problem) -> str:
     return NOTHING
 
 
-def _bounds_of_runs(problem: Problem, effort: Effort | None = None) -> list[Bound]:
+def _bounds_of_runs(problem: Problem, effort: Effort | None = None, *, together: bool = False) -> list[Bound]:
     # Without an effort those that take no search. Each bound is of one direction or of the trace, so what
     # runs add to it adds up: lambda_min of a sum is at most the sum of the bounds.
     space, same = problem.design, traced(problem)
     whole = [one for bounds in WHOLE for one in bounds(problem)]
     if whole:
         return whole
-    together = [] if same is None else list(combined_bounds(problem, _bounds_of_runs(same, effort)))
+    combined = (
+        [] if same is None else list(combined_bounds(problem, _bounds_of_runs(same, effort, together=True)))
+    )
     if space.runs == 1:
-        return [*together, *_bounds(problem, effort)]
+        return [*combined, *_bounds(problem, effort, together)]
     if not isinstance(space, DesignSpace) or not problem.criterion.proportional:
-        return together
+        return combined
     starts = space.start if isinstance(space.start, tuple) else (space.start,) * space.runs
     singles = [
         replace(problem, robust=None, design=space.model_copy(update={"runs": 1, "start": start}))
         for start in starts
     ]
     unequal = len(set(starts)) > 1
-    found = [list(_bounds(single, effort)) for single in (singles if unequal else singles[:1])]
+    found = [list(_bounds(single, effort, together)) for single in (singles if unequal else singles[:1])]
     return [
         Bound(
             sum(one.value for one in each) * (1 if unequal else space.runs),
@@ -208,8 +213,8 @@ def _bounds_of_runs(problem: Problem, effort: Effort | None = None) -> list[Boun
     ]
 
 
-def _bounds(problem: Problem, effort: Effort | None) -> Iterator[Bound]:
-    for bounds in BOUNDS:
+def _bounds(problem: Problem, effort: Effort | None, together: bool) -> Iterator[Bound]:
+    for bounds in (*BOUNDS, *COMBINED) if together else BOUNDS:
         yield from bounds(problem)
     if effort is not None:
         for searched in SEARCHED:

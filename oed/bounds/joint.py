@@ -16,6 +16,7 @@ from oed.bounds.closed_form import SPEEDS, along
 from oed.bounds.effort import Effort
 from oed.bounds.planar import largest_planar_spread
 from oed.bounds.reach import coefficient_rows, room, scales_lengths, top_speeds, turning_length
+from oed.bounds.sensitivity import precision, unknown_start
 from oed.bounds.spread import largest_spread, too_fine
 from oed.bounds.starts import Start
 from oed.foundation.arrays import Array, Bools
@@ -24,7 +25,6 @@ from oed.kernel.measurement.sensor import Sensor
 from oed.kernel.problem import Estimation, Problem
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.biased import YawRate
-from oed.robots.sensors.mapped import Ranges
 from oed.robots.sensors.poses import Poses
 
 PLANAR = "all lengths wrong alike: dynamic programming over positions within top speed along the path"
@@ -36,10 +36,9 @@ PATHS = ("every position within the room", "initial pose unknown")
 def joint_bounds(problem: Problem) -> Iterator[Bound]:
     """Bounds on E for sensors that are estimated from together; none where the noise of one is not known."""
     sensors = problem.measurement.joint_sensors if type(problem.criterion) is E else ()
-    precisions = [_position_precision(sensor) for sensor in sensors]
-    if any(precision is None for precision in precisions) or not sensors:
+    weights = _position_precisions(sensors)
+    if weights is None:
         return
-    weights = [float(precision or 0.0) for precision in precisions]
     # Of all readings together, per squared displacement.
     readings = [len(sensor.columns(problem.design.samples)) for sensor in sensors]
     total = sum(weight * count for weight, count in zip(weights, readings, strict=True))
@@ -50,24 +49,11 @@ def joint_bounds(problem: Problem) -> Iterator[Bound]:
         yield from _size_bounds(problem, one, sensors, weights, total)
 
 
-def _position_precision(sensor: Sensor) -> float | None:
-    # At most so much information per reading and squared displacement of the sensor [1/m^2]; None if unknown.
-    if isinstance(sensor, YawRate):
-        return 0.0
-    if isinstance(sensor, Ranges):
-        return len(sensor.beacons) / sensor.noise**2
-    if not isinstance(sensor, Poses) or sensor.joint_whitening is not None:
-        return None
-    if sensor.noise.covariance is not None:
-        return float(1 / np.linalg.eigvalsh(np.array(sensor.noise.covariance))[0])
-    deviations = [sensor.noise.deviation(name) for name in sensor.quantities if name != "heading"]
-    return max((float(deviation or np.inf) ** -2 for deviation in deviations), default=0.0)
-
-
-def _unknown_start(sensors: Sequence[Sensor]) -> bool:
-    # Whether shifting the whole path costs nothing: no sensor knows where the drive began.
-    known = [sensor.start_known for sensor in sensors if sensor.start_known is not None]
-    return bool(known) and all(entry == "unknown" for entry in known)
+def _position_precisions(sensors: Sequence[Sensor]) -> list[float] | None:
+    # Information per reading and squared displacement of each sensor [1/m^2], at most; None if unknown.
+    found = [precision(sensor) for sensor in sensors]
+    known = [one.position for one in found if one is not None]
+    return known if found and len(known) == len(found) else None
 
 
 def _circle_bound(
@@ -80,7 +66,7 @@ def _circle_bound(
     # One parameter change along c21, c22 like the yaw rate's row: displacement on a unit circle.
     change = np.zeros(len(one.judged))
     change[[one.judged.index(name) for name in names]] = rows[0]
-    centred = _unknown_start(sensors) and all(isinstance(sensor, Poses | YawRate) for sensor in sensors)
+    centred = unknown_start(sensors) and all(isinstance(sensor, Poses | YawRate) for sensor in sensors)
     value = total if centred else 4.0 * total
     yield along(
         problem,
@@ -96,7 +82,7 @@ def _size_bounds(
     problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float], total: float
 ) -> Iterator[Bound]:
     bounds, change = room(problem), _growth(problem, one)
-    if bounds is None or change is None or not _unknown_start(sensors):
+    if bounds is None or change is None or not unknown_start(sensors):
         return
     x_min, x_max, y_min, y_max = bounds
     half_squares = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) / 4
@@ -128,14 +114,16 @@ def _size_bounds(
 def spread_bounds(problem: Problem, effort: Effort) -> Iterator[Bound]:
     """The bound on E from all lengths wrong alike, with one top speed along the path: a search of seconds."""
     sensors = problem.measurement.joint_sensors if type(problem.criterion) is E else ()
-    precisions = [_position_precision(sensor) for sensor in sensors]
-    if not sensors or not _unknown_start(sensors) or robot_of(problem.system).physical is not problem.system:
-        return
-    if any(precision is None for precision in precisions):
+    weights = _position_precisions(sensors)
+    if (
+        weights is None
+        or not unknown_start(sensors)
+        or robot_of(problem.system).physical is not problem.system
+    ):
         return
     (one,) = problem.any_estimations
     bounds, change, speeds = room(problem), _growth(problem, one), top_speeds(problem)
-    reading = _only_reading(sensors, [float(precision or 0.0) for precision in precisions])
+    reading = _only_reading(sensors, weights)
     if bounds is None or change is None or speeds is None or reading is None:
         return
     weight, sensor = reading

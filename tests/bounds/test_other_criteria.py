@@ -85,12 +85,14 @@ def test_no_drive_beats_the_bound_of_a_regression(criterion: Criterion, seed: in
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("criterion", BOTH, ids=named)
 @pytest.mark.parametrize("seed", range(6))
-def test_no_drive_beats_the_bound_of_sensors(seed: int) -> None:
-    """On A: that on D needs a bound in every direction."""
+def test_no_drive_beats_the_bound_of_sensors(criterion: Criterion, seed: int) -> None:
     rng = np.random.default_rng(400 + seed)
     problem = random_joint(rng)
-    own = A(scaling=problem.criterion.scaling, subset=problem.criterion.subset)
+    own = criterion.model_copy(
+        update={"scaling": problem.criterion.scaling, "subset": problem.criterion.subset}
+    )
     assert check(replace(problem, criterion=own), rng, 30, 20) > 20
 
 
