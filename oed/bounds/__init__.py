@@ -200,7 +200,11 @@ def _bounds_of_runs(problem: Problem, effort: Effort | None = None, *, together:
         for start in starts
     ]
     unequal = len(set(starts)) > 1
-    found = [list(_bounds(single, effort, together)) for single in (singles if unequal else singles[:1])]
+    # What is no bound of one tr(Z F) does not add up.
+    found = [
+        [one for one in _bounds(single, effort, together) if one.multiplier is not None]
+        for single in (singles if unequal else singles[:1])
+    ]
     return [
         Bound(
             sum(one.value for one in each) * (1 if unequal else space.runs),

@@ -11,8 +11,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from oed.bounds.certificate import Bound
-from oed.bounds.reach import coefficient_rows, grip, input_reach, path_budget, room, top_speeds
-from oed.foundation.arrays import Array
+from oed.bounds.reach import (
+    coefficient_rows,
+    grip,
+    input_reach,
+    largest_rates,
+    path_budget,
+    room,
+    top_speeds,
+    unslipped,
+)
+from oed.foundation.arrays import Array, Places
 from oed.kernel.criteria import E
 from oed.kernel.problem import Estimation, Problem, prior_of
 from oed.robots.models.model import robot_of
@@ -22,6 +31,8 @@ SPEEDS = "wheel speeds and accelerations within their limits"
 """An assumption, in words."""
 NO_ROOM = "the room is left out"
 """An assumption, in words."""
+TURNED = "largest angles of both inputs in every segment, of which one has to turn round"
+"""How a bound on what headings say is found."""
 
 
 def regression_bounds(problem: Problem) -> Iterator[Bound]:
@@ -33,6 +44,7 @@ def regression_bounds(problem: Problem) -> Iterator[Bound]:
         return
     for one in problem.any_estimations:
         yield from _trace_bounds(problem, measurement, one)
+        yield from _turned_round(problem, measurement, one)
         rows = coefficient_rows(problem)
         if one.block.name == "position" and rows is not None and len(one.judged) == len(rows[0]):
             # In the order in which the parameters are estimated.
@@ -79,6 +91,58 @@ def _trace_bounds(problem: Problem, measurement: Displacements, one: Estimation)
         np.eye(len(columns)) / len(columns),
         one.block.name,
     )
+
+
+def _turned_round(problem: Problem, measurement: Displacements, one: Estimation) -> Iterator[Bound]:
+    # The heading turns by c11 and c12 times the angles a of two inputs, and the smallest eigenvalue is at
+    # most half the trace less |F12|: segments in which the product of both angles has one sign, and those in
+    # which it has the other, have to be about as many. So an input turns round between two of them.
+    columns, known = _columns(one), prior_matrix(problem, one)
+    if one.block.name != "heading" or len(columns) != 2 or not unslipped(problem):
+        return
+    if len(problem.model.inputs) != 2:
+        return
+    period, edges = problem.design.period, measurement.segment_edges(problem.design.samples)
+    weights = one.scales / noise_of(problem, one)
+    reach = period * input_reach(problem)[:, columns] * weights
+    steps = period**2 * largest_rates(problem)[columns] * weights
+    value = most_turning(reach, steps, edges) + float(np.trace(known)) / 2 + abs(float(known[0, 1]))
+    yield Bound(value, TURNED, (SPEEDS, NO_ROOM), None, one.block.name)
+
+
+def most_turning(reach: Array, steps: Array, edges: Places) -> float:
+    """At least the smallest eigenvalue of sum a a' of the angles a (2,) of both inputs, segment by segment.
+
+    Args:
+        reach: largest angle of each input in every period, (N, 2).
+        steps: largest change of each from a period to the next, (2,).
+        edges: periods at which segments begin, and N, (P + 1,).
+    """
+    angles = np.add.reduceat(reach, edges[:-1])
+    one_sign, other = angles.max(axis=1) ** 2 / 2, angles.sum(axis=1) ** 2 / 2
+    # What one segment more of the sign that fewer have is worth.
+    gains = np.cumsum(np.sort(other - one_sign)[::-1])
+    squares, found = (angles**2).sum(axis=0), []
+    for aside in range((len(angles) - 1) // 2):
+        # With more segments of either sign than those at both ends, one of the others is where it changes.
+        few = float(one_sign.sum() + (gains[2 * aside - 1] if aside else 0.0))
+        first, last = int(edges[aside]), int(edges[-1 - aside])
+        passing = [
+            _passing_zero(reach[:, place], float(steps[place]), edges, first, last) for place in (0, 1)
+        ]
+        found.append(max(few, float(np.max(squares.sum() - squares + passing)) / 2))
+    return min([float(squares.sum()) / 2, *found])
+
+
+def _passing_zero(reach: Array, step: float, edges: Places, first: int, last: int) -> float:
+    # The largest sum of squared angles per segment of an input that changes its sign from one period to the
+    # next, or is 0 there, of those from `first` until `last`.
+    periods, best = np.arange(len(reach)), 0.0
+    for before in range(first, last - 1):
+        away = np.where(periods <= before, before - periods + 1, periods - before)
+        near = np.minimum(reach, away * step) if np.isfinite(step) else reach
+        best = max(best, float((np.add.reduceat(near, edges[:-1]) ** 2).sum()))
+    return best
 
 
 def _direction_bounds(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from places import PROBLEMS
 
 from oed.bounds import NOTHING, OF_E, ROOMLESS, Certificate, bound
 from oed.bounds.certificate import INFLATION
-from oed.bounds.closed_form import largest_squares
+from oed.bounds.closed_form import TURNED, largest_squares, most_turning
 from oed.kernel.criteria import A, E, ModifiedE
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.prior import Prior
@@ -190,8 +191,8 @@ def test_other_criteria_have_no_bound(criterion: Any, measurement: Any) -> None:
 
 def test_variances_add_up_to_more_than_that_of_one_direction() -> None:
     given = {"measurement": POSES, "limits": (SPEED, BOX)}
-    smallest = bound(problem_of(criterion=E(), **given))
-    certificate = bound(problem_of(criterion=A(), **given))
+    smallest = bound(problem_of(criterion=E(), **given), nodes=20)
+    certificate = bound(problem_of(criterion=A(), **given), nodes=20)
     assert -0.9 / smallest.upper_bound > certificate.upper_bound > -1.1 / smallest.upper_bound
 
 
@@ -268,3 +269,36 @@ def test_no_drive_within_the_budget_beats_it() -> None:
             tried += 1
             assert found.objective <= upper
     assert tried > 20
+
+
+def test_no_angles_say_more_than_one_input_that_turns_round() -> None:
+    # All sequences of corners of what two inputs may be, and random ones, within their steps.
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        segments, each = int(rng.integers(2, 6)), int(rng.integers(1, 5))
+        edges = each * np.arange(segments + 1)
+        reach = rng.uniform(0.5, 1.5) * np.ones((segments * each, 2))
+        reach[0] = reach[-1] = rng.uniform(0.2, 1.0) * reach[1]
+        steps = rng.uniform(0.2, 2.5, 2)
+        most = most_turning(reach, steps, edges)
+        signs = rng.choice([-1.0, 1.0], (4000, segments, 2))
+        wanted = np.repeat(signs, each, axis=1) * np.where(rng.random((4000, 1, 1)) < 0.8, 1.0, rng.random())
+        wanted = np.roll(wanted, int(rng.integers(-1, 2)), axis=1) * reach
+        drives = wanted.copy()
+        for index in range(1, drives.shape[1]):
+            before = drives[:, index - 1]
+            drives[:, index] = np.clip(wanted[:, index], before - steps, before + steps)
+        sums = np.add.reduceat(drives, edges[:-1], axis=1)
+        found = np.linalg.eigvalsh(np.swapaxes(sums, 1, 2) @ sums)[:, 0]
+        assert found.max() <= most * (1 + 1e-12)
+        assert most <= (np.add.reduceat(reach, edges[:-1]) ** 2).sum() / 2 + 1e-12
+
+
+def test_headings_are_bounded_by_an_input_that_turns_round() -> None:
+    problem = load_study(PROBLEMS / "heading.yaml").problem
+    certificate = bound(problem)
+    assert certificate.method == TURNED
+    assert certificate.bounds[1].value > 1.015 * certificate.upper_bound
+    # Runs of which each turns one way say more together than the sum of what they say alone.
+    several = replace(problem, design=problem.design.model_copy(update={"runs": 2}))
+    assert all(one.method != TURNED for one in bound(several).bounds)
