@@ -9,7 +9,7 @@ import numpy as np
 from oed.foundation.arrays import Array, Places
 
 WAYS = 4
-"""Paths of every m-th reading that are told apart, at most; of others the longest steps of several count."""
+"""Paths of every m-th reading that are told apart, about; of others the longest steps of several count."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,23 @@ def blocks(distances: Array, size: int, first: int) -> tuple[Blocks, ...]:
         first: blocks before the middle, at least 1; the middle is at the last reading of these.
     """
     rest = (len(distances) - first * size) % size
-    # Those of which there is one more, and the others.
+    return tuple(_blocks(distances, size, first, way) for way in ways_of(size, rest))
+
+
+def ways_of(size: int, rest: int) -> list[Places]:
+    """Offsets within a block whose paths are taken together.
+
+    Args:
+        size: of a block.
+        rest: offsets, the first ones, whose paths have one reading more than the others.
+    """
     order: Places = np.arange(size)
-    parts = [order[:rest], order[rest:]]
-    ways = [way for part in parts if len(part) for way in np.array_split(part, min(WAYS, len(part)))]
-    return tuple(_blocks(distances, size, first, way) for way in ways)
+    parts = [part for part in (order[:rest], order[rest:]) if len(part)]
+    return [
+        way
+        for part in parts
+        for way in np.array_split(part, min(len(part), max(1, round(WAYS * len(part) / size))))
+    ]
 
 
 def _blocks(distances: Array, size: int, first: int, offsets: Places) -> Blocks:

@@ -30,7 +30,7 @@ MIDDLE = {False: 0.5, True: 0.55}
 """Moment that is taken for the middle, as a share of the readings, by whether the start is known."""
 CENTRES = 240
 """Centres that are tried on the coarse grid, at most."""
-PROVED = 48
+PROVED = 72
 """Centres with which the bound is proved, at most."""
 
 

@@ -7,20 +7,13 @@ import numpy.typing as npt
 import pytest
 from test_planar import LEGS, RUNS, drawn_case, followed
 
-from oed.bounds.blocks import WAYS, blocks
+from oed.bounds.blocks import blocks, ways_of
 from oed.bounds.passage import passage
 from oed.bounds.path_room import Room
 from oed.bounds.starts import Start
 from oed.bounds.value_grid import over_cells, rounded_up
 
 Array = npt.NDArray[np.float64]
-
-
-def ways_of(count: int, size: int, first: int) -> list[Array]:
-    """Which offsets within a block each course stands for."""
-    rest = (count - first * size) % size
-    parts = [part for part in (np.arange(rest), np.arange(rest, size)) if len(part)]
-    return [way for part in parts for way in np.array_split(part, min(WAYS, len(part)))]
 
 
 @pytest.mark.parametrize(
@@ -53,7 +46,7 @@ def test_no_path_gathers_more_than_its_cell(seed: int) -> None:
     centres = rng.uniform(low, high, (2, 2))
     squares = ((paths[:, :, None] - centres) ** 2).sum(axis=-1)
     courses = blocks(distances, size, first)
-    for course, offsets in zip(courses, ways_of(len(distances), size, first), strict=True):
+    for course, offsets in zip(courses, ways_of(size, (len(distances) - first * size) % size), strict=True):
         values = over_cells(passage(grid, centres, course, own).values)
         for offset in offsets:
             gathered = squares[:, offset::size].sum(axis=1)
