@@ -8,7 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from builders import problem_of
+from places import PROBLEMS
 
+import oed
 from oed.bounds import bound
 from oed.bounds.blocks import blocks
 from oed.bounds.effort import Effort
@@ -153,3 +155,11 @@ def test_certificates_of_positions_use_it_for_exact_and_widened_limits() -> None
     assert any("heading" in one for one in found.assumptions)
     # Axis by axis is looser.
     assert found.bounds[1].value > 1.02 * found.upper_bound
+
+
+@pytest.mark.slow
+def test_the_laser_tracker_is_bounded_by_less_than_three_quarters_of_its_room() -> None:
+    problem = oed.load_study(PROBLEMS / "laser_tracker.yaml").problem
+    found = bound(problem)
+    corners = 201 * 2 / (3 * 0.01**2)
+    assert 0.682 * corners < found.upper_bound < 0.735 * corners
