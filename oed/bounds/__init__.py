@@ -119,11 +119,12 @@ def _searched(problem: Problem, effort: Effort, time_limit: float | None, gap: f
     looser = problem.widened(TOLERANCE)
     widened = _bounds_of_runs(looser, effort)
     # What wider limits allow, these do not exceed: searches round up by more or less.
-    others = {one.method: one.value for one in widened}
+    others = {(one.method, one.block): one.value for one in widened}
     bounds = [
-        replace(one, value=min(one.value, others.get(one.method, one.value)))
+        replace(one, value=min(one.value, others.get((one.method, one.block), one.value)))
         for one in _bounds_of_runs(problem, effort)
     ]
+    in_time = not effort.spent
     found = _lattice(problem, effort.nodes, time_limit, gap)
     if found is not None:
         bounds.append(_lattice_bound(problem, found.upper, found))
@@ -134,6 +135,7 @@ def _searched(problem: Problem, effort: Effort, time_limit: float | None, gap: f
     return replace(
         _smallest(problem, bounds, (*every, *EXACTLY), found, NOTHING if bounds else _lacking(problem)),
         drive=None if found is None else _lattice_drive(problem, found),
+        complete=in_time if found is None else found.complete,
         widened=_smallest(problem, widened, (*every, *TOLERATED), found),
     )
 

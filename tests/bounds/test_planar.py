@@ -163,3 +163,11 @@ def test_the_laser_tracker_is_bounded_by_less_than_three_quarters_of_its_room() 
     found = bound(problem)
     corners = 201 * 2 / (3 * 0.01**2)
     assert 0.682 * corners < found.upper_bound < 0.735 * corners
+
+
+def test_a_search_that_is_out_of_time_says_so_and_is_looser() -> None:
+    problem = laser_tracker()
+    hurried, whole = bound(problem, time_limit=0.01), bound(problem, nodes=40)
+    assert not hurried.complete
+    assert whole.complete
+    assert hurried.upper_bound >= whole.upper_bound
