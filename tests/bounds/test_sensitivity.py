@@ -11,6 +11,7 @@ from drives import KINDS, keep, start_pose, wanted_speeds, within_limits
 from test_soundness import random_joint
 
 from oed.bounds import bound
+from oed.bounds.certificate import INFLATION
 from oed.bounds.sensitivity import sensitivity_bounds
 from oed.kernel.criteria import A, D, E
 from oed.kernel.problem import Problem
@@ -45,7 +46,7 @@ def test_no_drive_says_more_of_any_combination(seed: int) -> None:
     rng = np.random.default_rng(2000 + seed)
     problem = random_joint(rng)
     found = shares(replace(problem, criterion=E(scaling=problem.criterion.scaling)), rng, 18)
-    assert all(0 < share <= 1 for share in found)
+    assert all(0 < share <= 1 + INFLATION for share in found)
 
 
 def test_a_robot_that_only_spins_all_but_reaches_what_is_said_of_its_track() -> None:
