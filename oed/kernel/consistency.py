@@ -18,6 +18,7 @@ from oed.kernel.limit import Limit
 from oed.kernel.measurement.information import scaling_flaws
 from oed.kernel.measurement.measurement import Block, Measurement
 from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.process_noise import process_flaws
 from oed.kernel.measurement.sensor import Sensor, joined, labelled_nuisances
 
 if TYPE_CHECKING:
@@ -120,6 +121,7 @@ def problem_flaws(problem: Problem) -> list[Flaw]:
         flaws.append(Flaw(("limits", name), "given twice; a limit is known by its name"))
     flaws += unbounded(problem) if problem.designed else []
     flaws += problem.measurement.flaws(model, space.samples)
+    flaws += process_flaws(problem.measurement.joint_sensors, model)
     flaws += _name_flaws(problem)
     # What widens a problem by a tolerance is nobody's mistake.
     flaws += [] if problem.excess else model.doubts(problem)

@@ -12,6 +12,7 @@ from oed.foundation.component import Component
 from oed.foundation.errors import Flaw, UserMistake
 from oed.foundation.quantities import parse_quantity
 from oed.kernel.margin import Margin
+from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.parts import Budget, Parts, budgets_of, laid_out
 
 if TYPE_CHECKING:
@@ -106,6 +107,8 @@ class Selection(Component):
         if not sensors or any(one.joint_whitening is not None for one in sensors):
             text = "weights need sensors whose readings are independent of each other"
             return [Flaw(("weights",), f"{text}; {problem.measurement.kind} are not")]
+        if process_noise_of(sensors) is not None:
+            return [Flaw(("weights",), "under drift readings do not add up: leave out `drift`, or `weights`")]
         if problem.robust is not None:
             return [Flaw(("weights",), "cannot be chosen for several systems at once: leave out `robust`")]
         try:

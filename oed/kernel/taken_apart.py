@@ -10,6 +10,7 @@ from oed.foundation.arguments import typed
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import jacobians
+from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.parts import Parts, laid_out, rows_of
 from oed.kernel.problem import Problem
 
@@ -23,7 +24,8 @@ def parts_of(problem: Problem, trajectory: Trajectory) -> Parts:
         ValueError, NotFinite: as `evaluate` does.
     """
     sensors = problem.measurement.joint_sensors
-    if not sensors or any(one.joint_whitening is not None for one in sensors):
+    alone = all(one.joint_whitening is None for one in sensors) and process_noise_of(sensors) is None
+    if not sensors or not alone:
         text = "its readings do not add up one by one: weights need sensors with independent readings"
         raise ProblemError.about(("measurement", "kind"), text)
     (one,), (jacobian,) = problem.any_estimations, jacobians(problem, replace(trajectory, weights=None))

@@ -14,6 +14,8 @@ PIVOT = 1e-14
 What is not identifiable (a lever arm on a straight), alone or beside the others, is then eliminated as if
 known in no way, smoothly, rather than by a division of rounding by rounding.
 """
+BY_COFACTORS = 4
+"""Rows of matrices that are inverted by cofactors; larger ones by orthogonal rows."""
 NOTHING = 1e-60
 """A pivot's square below which there is nothing at all, of a size that may be cubed."""
 
@@ -22,6 +24,15 @@ def eliminate(matrix: Expression, kept: int) -> Expression:
     """The Schur complement on the first `kept` rows: what is left when the others are unknown as well."""
     size = matrix.shape[0]
     return matrix if size == kept else _elimination(size, kept)(matrix)
+
+
+def posterior(covariance: Expression, information: Expression) -> Expression:
+    """(P^-1 + F)^-1 of a covariance P that may be singular and information F (SX): P (1 + F P)^-1."""
+    size = covariance.shape[0]
+    whole = ca.densify(ca.SX.eye(size) + information @ covariance)
+    # By cofactors where these are few: no pivot may vanish, and the determinant is at least 1.
+    inverse = ca.inv(whole) if size <= BY_COFACTORS else ca.solve(whole, ca.SX.eye(size))
+    return ca.triu2symm(ca.triu(covariance @ inverse))
 
 
 def harmonic(matrix: Expression, spread: Expression) -> Expression:

@@ -24,8 +24,10 @@ from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.description import deviations_of, noise_text, when_text
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement, Nuisance
+from oed.kernel.measurement.innovations import innovations
 from oed.kernel.measurement.moment import AnyMoment, moment_reading
 from oed.kernel.measurement.moment import Moment as Moment
+from oed.kernel.measurement.process_noise import ProcessNoise, process_noise_of
 
 Start = Literal["unknown", "known"] | Mapping[str, float]
 """What is known of the start states: nothing, all, or standard deviations by their names or units, infinite
@@ -93,6 +95,11 @@ class Sensor(Measurement):
     @property
     def joint_whitening(self) -> Array | None:
         """A with A R A' = 1 for the covariance R of all readings together; None where none are correlated."""
+        return None
+
+    @property
+    def process_noise(self) -> ProcessNoise | None:
+        """What its owner says of the system's own noise, which readings do not average away; None for none."""
         return None
 
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
@@ -282,6 +289,10 @@ def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
     system = drive.system
     size = len(system.parameters)
     each, jacobian = joint_readings(sensors, drive)
+    noise = process_noise_of(sensors)
+    if noise is not None:
+        # Readings share what the process did before them: their innovations do not.
+        jacobian = innovations(sensors, drive, noise)
     start, own = start_nuisances(sensors, system, drive.runs), labelled_nuisances(sensors)
     nuisances, columns = (*start, *own), jacobian.shape[1]
     # A start that is known is no unknown.

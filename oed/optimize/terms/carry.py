@@ -2,6 +2,10 @@
 
 A part of a drive gathers its information on (parameters, its own start, nuisances). With sensitivities S of
 that start by (parameters, the run's start) it becomes information on what the whole run is estimated from.
+
+Under process noise a part is a filter that begins where the state is known: its start has, in the whole run,
+a covariance P as well, of which the readings before have left something [Sarkka and Garcia-Fernandez,
+"Temporal parallelization of Bayesian smoothers", IEEE Trans. Automatic Control 66, 2021].
 """
 
 from __future__ import annotations
@@ -9,14 +13,16 @@ from __future__ import annotations
 import casadi as ca
 
 from oed.kernel.dynamics.expression import Expression
+from oed.kernel.measurement.matrices import posterior
 from oed.optimize.terms.base import symmetric, upper_half
 
 
 class Carry:
-    """The sensitivities S of a part's start, by the entries of S that change along a drive.
+    """What is handed on along a drive: sensitivities S of a part's start, under process noise by the nuisances
+    as well, and then the start's covariance P; by the entries that change.
 
     Attributes:
-        moving: those entries' places among all of S, by columns.
+        moving: those entries' places among all of S, by columns, and of P's upper half.
         begin: their values at the start of a run.
         carried: symbols for them at the part's start.
         following: the same entries at its end, as expressions of what the part gathers.
@@ -31,67 +37,102 @@ class Carry:
         parameters: int,
         nuisances: int,
         started: bool,
+        drifting: bool = False,
     ) -> None:
-        """Follow S through a part.
+        """Follow S, and P, through a part.
 
         Args:
-            gathered: sensitivities of its end by (parameters, its start), by columns, then its information's
-                entries.
+            gathered: sensitivities of its end by (parameters, its start), by columns, under process noise by
+                nuisances too and the upper half of its end's covariance; then its information's entries.
             states: of the robot.
             parameters: how many are estimated; 0 for regressions, which carry no sensitivities.
             nuisances: the sensors' own.
             started: whether the runs' starts are estimated as well.
+            drifting: whether there is process noise.
         """
-        self._gathered, self._states = gathered, states
+        self._gathered, self._states, self._drifting = gathered, states, drifting
         self._parameters, self._nuisances = parameters, nuisances
-        columns = parameters + (states if started else 0) if parameters else 0
-        begin = ca.horzcat(ca.DM(states, parameters), ca.DM.eye(states))[:, :columns]
-        self._start = ca.vec(ca.densify(begin))
+        more = nuisances if drifting else 0
+        columns = parameters + (states if started else 0) + more if parameters else 0
+        begin = ca.horzcat(ca.DM(states, parameters), ca.DM.eye(states))[:, : max(columns - more, 0)]
+        begin = ca.horzcat(begin, ca.DM(states, more)) if parameters else begin
+        spread = states * (states + 1) // 2 if drifting else 0
+        self._start = ca.vertcat(ca.vec(ca.densify(begin)), ca.DM.zeros(spread))
         self._shape = (states, columns)
         self.moving: list[int] = []
         if parameters:
             self._find_moving()
         self.begin = self._start[self.moving]
         self.carried = ca.SX.sym("carried", len(self.moving))
-        following, added = self._step(self.table(self.carried))
-        self.following, self.added = ca.vec(following)[self.moving], ca.densify(added)
+        following, added = self._step(self.whole(self.carried))
+        self.following, self.added = following[self.moving], ca.densify(added)
 
     @property
     def gathered_size(self) -> int:
         """Size of the information that a part gathers."""
         return self._parameters + self._states + self._nuisances
 
-    def table(self, carried: Expression) -> Expression:
-        """S of its entries that change."""
-        table = ca.SX(self._start)
+    def whole(self, carried: Expression) -> Expression:
+        """All that is handed on, S by columns and P's upper half, of the entries that change."""
+        whole = ca.SX(self._start)
         if self.moving:
-            table[self.moving] = carried
-        return ca.reshape(table, *self._shape)
+            whole[self.moving] = carried
+        return whole
 
-    def turned(self, information: Expression, table: Expression) -> Expression:
+    def turned(self, information: Expression, whole: Expression) -> Expression:
         """Entries of information on (parameters, start, nuisances), written by the whole run's start."""
-        count = self._parameters
-        top = ca.horzcat(ca.SX.eye(count), ca.SX(count, table.shape[1] - count))
-        whole = ca.diagcat(ca.sparsify(ca.vertcat(top, table)), ca.SX.eye(self._nuisances))
-        return upper_half(ca.densify(whole.T @ information @ whole))
+        table, spread = self._parts(whole)
+        return self._turned(information, table, spread)[0]
 
-    def _step(self, table: Expression) -> tuple[Expression, Expression]:
-        # S at the end, and what the part adds to the information.
+    def _parts(self, whole: Expression) -> tuple[Expression, Expression]:
+        # S and P.
+        count = self._shape[0] * self._shape[1]
+        table = ca.reshape(whole[:count], *self._shape)
+        return table, symmetric(whole[count:], self._states) if self._drifting else ca.SX(0, 0)
+
+    def _turned(
+        self, information: Expression, table: Expression, spread: Expression
+    ) -> tuple[Expression, Expression, Expression]:
+        # Entries of the information, and what of S and P is left when the part has been read.
+        count, states = self._parameters, self._states
+        lasting = table.shape[1] - (self._nuisances if self._drifting else 0)
+        top = ca.horzcat(ca.SX.eye(count), ca.SX(count, table.shape[1] - count))
+        if not self._drifting:
+            whole = ca.diagcat(ca.sparsify(ca.vertcat(top, table)), ca.SX.eye(self._nuisances))
+            return upper_half(ca.densify(whole.T @ information @ whole)), table, spread
+        own = ca.horzcat(ca.SX(self._nuisances, lasting), ca.SX.eye(self._nuisances))
+        whole = ca.sparsify(ca.vertcat(top, table, own))
+        seen = information @ whole
+        start = slice(count, count + states)
+        left = posterior(spread, information[start, start])
+        total = whole.T @ seen - seen[start, :].T @ left @ seen[start, :]
+        return upper_half(ca.densify(total)), table - left @ seen[start, :], left
+
+    def _step(self, whole: Expression) -> tuple[Expression, Expression]:
+        # What is handed on at the end, and what the part adds to the information.
         count, states = self._parameters, self._states
         if not count:
             return ca.SX(0, 1), self._gathered
-        split = states * (count + states)
-        ends = ca.sparsify(ca.reshape(self._gathered[:split], states, count + states))
-        direct = ca.horzcat(ends[:, :count], ca.SX(states, table.shape[1] - count))
-        following = ca.densify(ends[:, count:] @ ca.sparsify(table) + direct)
-        gathered = symmetric(self._gathered[split:], self.gathered_size)
-        return following, self.turned(gathered, table)
+        columns = count + states + (self._nuisances if self._drifting else 0)
+        split = states * columns
+        ends = ca.sparsify(ca.reshape(self._gathered[:split], states, columns))
+        own = states * (states + 1) // 2 if self._drifting else 0
+        gathered = symmetric(self._gathered[split + own :], self.gathered_size)
+        table, spread = self._parts(whole)
+        added, table, spread = self._turned(gathered, table, spread)
+        onward, rest = ends[:, count : count + states], ends[:, count + states :]
+        beside = ca.SX(states, table.shape[1] - count - rest.shape[1])
+        following = onward @ ca.sparsify(table) + ca.horzcat(ends[:, :count], beside, rest)
+        handed = ca.vec(ca.densify(following))
+        if self._drifting:
+            uncertain = symmetric(self._gathered[split : split + own], states) + onward @ spread @ onward.T
+            handed = ca.vertcat(handed, upper_half(ca.densify(uncertain)))
+        return handed, added
 
     def _find_moving(self) -> None:
-        # Entries of S that anywhere differ from those at a run's start, found by following them.
+        # Entries that anywhere differ from those at a run's start, found by following them.
         while True:
-            following, _ = self._step(self.table(ca.SX.sym("carried", len(self.moving))))
-            entries = ca.vec(following)
+            entries, _ = self._step(self.whole(ca.SX.sym("carried", len(self.moving))))
             found = {place for place in range(entries.numel()) if not self._stays(place, entries[place])}
             if found <= set(self.moving):
                 return

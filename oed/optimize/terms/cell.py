@@ -14,7 +14,9 @@ import casadi as ca
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import Limit, Rows
+from oed.kernel.measurement.innovations import FilterFunctions, filter_functions
 from oed.kernel.measurement.measurement import Cuts
+from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.measurement.sensor import joint_readings
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import small_drive, upper_half
@@ -154,6 +156,7 @@ def carry_of(problem: Problem, gathered: Expression, *, started: bool = True) ->
         parameters=len(estimated(problem)) if sensors else 0,
         nuisances=sum(len(sensor.nuisances) for sensor in sensors),
         started=started,
+        drifting=process_noise_of(sensors) is not None,
     )
 
 
@@ -172,6 +175,10 @@ def read_end(problem: Problem, held: Expression, state: Expression) -> Expressio
         state: at that instant, (states,).
     """
     sensors = problem.measurement.joint_sensors
+    if process_noise_of(sensors) is not None:
+        drive = small_drive(problem, held.T, state)
+        rows = _filtering(problem).last(*_known_start(problem), *_given(drive))[:, _columns(problem)]
+        return upper_half(rows.T @ rows)
     reads = [1.0 if sensor.when == "at samples" else 0.0 for sensor in sensors]
     return upper_half(_read(problem, small_drive(problem, held.T, state), ca.DM(reads)))
 
@@ -192,10 +199,41 @@ def _gathered(problem: Problem, drive: Drive, reads: Expression) -> Expression:
         if cuts.segment > 1:
             return ca.vertcat(*(ca.vec(ca.densify(one.design_matrix)) for one in blocks))
         return ca.vertcat(*(upper_half(one.design_matrix.T @ one.design_matrix) for one in blocks))
+    if process_noise_of(problem.measurement.joint_sensors) is not None:
+        found = _filtering(problem).period(*_known_start(problem), *_given(drive), reads)
+        slopes, covariance, rows = found[0][:, _columns(problem)], found[1], found[2][:, _columns(problem)]
+        return ca.vertcat(ca.vec(slopes), upper_half(covariance), upper_half(rows.T @ rows))
     count, states = len(problem.system.parameters), len(problem.system.states)
     columns = [*estimated(problem), *range(count, count + states)]
     last = ca.densify(drive.sensitivities[:, -(count + states) :])
     return ca.vertcat(ca.vec(last[:, columns]), upper_half(_read(problem, drive, reads)))
+
+
+def _filtering(problem: Problem) -> FilterFunctions:
+    # Of sensors that read whenever they are asked to.
+    sensors = [sensor.model_copy(update={"every": 1}) for sensor in problem.measurement.joint_sensors]
+    noise = process_noise_of(sensors)
+    assert noise is not None
+    return filter_functions(tuple(sensors), problem.system, noise)
+
+
+def _known_start(problem: Problem) -> tuple[Expression, Expression]:
+    # Sensitivities by (parameters, start, nuisances), and covariance, of the state that a sample begins in.
+    states, size = len(problem.system.states), len(problem.system.parameters)
+    own = sum(len(sensor.nuisances) for sensor in problem.measurement.joint_sensors)
+    begin = ca.horzcat(ca.SX.zeros(states, size), ca.SX.eye(states), ca.SX.zeros(states, own))
+    return ca.densify(begin), ca.SX.zeros(states, states)
+
+
+def _given(drive: Drive) -> tuple[Expression, ...]:
+    # State, inputs, parameters and period of a sample.
+    return drive.states[0, :].T, drive.inputs[0, :].T, drive.parameters, drive.period
+
+
+def _columns(problem: Problem) -> list[int]:
+    # Estimated parameters, start, nuisances.
+    size = len(problem.system.parameters)
+    return [*estimated(problem), *range(size, _known_start(problem)[0].shape[1])]
 
 
 def _read(problem: Problem, drive: Drive, reads: Expression) -> Expression:

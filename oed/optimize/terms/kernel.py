@@ -48,7 +48,7 @@ class Kernel:
         self.symbols = ca.SX.sym("gathered", moving + len(self.informed))
         information = ca.SX.zeros(cell.gathered.numel())
         information[self.informed] = self.symbols[moving:]
-        self.gathered = ca.vertcat(ca.vec(cell.carry.table(self.symbols[:moving])), information)
+        self.gathered = ca.vertcat(cell.carry.whole(self.symbols[:moving]), information)
 
     @property
     def row_count(self) -> int:

@@ -136,16 +136,19 @@ class Link:
         (_, gathered), entries = self._given
         whole = ca.SX.sym("curvature", self.kernel.size, self.kernel.size)
         mixed = ca.jacobian(slope, self.kernel.symbols) @ gathered
+        # Nothing without process noise, where all is linear in what is gathered.
+        again, _ = ca.hessian(total, self.kernel.symbols)
+        bent = whole + gathered.T @ again @ gathered if again.nnz() else whole
         states, own = slice(0, self.states), slice(self.states, None)
         inner = ca.blockcat(
             [
-                [whole[states, states], mixed[:, states].T],
+                [bent[states, states], mixed[:, states].T],
                 [mixed[:, states], ca.jacobian(slope, self.carry.carried)],
             ]
         )
-        across = ca.vertcat(whole[states, own], mixed[:, own])
+        across = ca.vertcat(bent[states, own], mixed[:, own])
         arguments = [*self._arguments, *weights, *entries, whole]
-        return arguments, inner, across, whole[own, own]
+        return arguments, inner, across, bent[own, own]
 
     @cached_property
     def bent(self) -> Sequence[int]:

@@ -35,7 +35,7 @@ class Ending:
         held = ca.SX.sym("held", len(problem.system.inputs))
         gathered = read_end(problem, ca.DM(list(scale)) * held, state[: link.states])
         carry = link.carry
-        turned = carry.turned(symmetric(gathered, carry.gathered_size), carry.table(state[link.states :]))
+        turned = carry.turned(symmetric(gathered, carry.gathered_size), carry.whole(state[link.states :]))
         self._arguments, self._gathered = [state, held], ca.cse(turned)
         self._width = link.width
         self._slopes = ca.SX.sym("slopes", size, link.width + held.shape[0])

@@ -56,6 +56,29 @@ def chord(
     return gain, heading + half_turn
 
 
+def after_arc(
+    state: Expression, twist: Expression, further: Expression, period: Expression, integration: Integration
+) -> Expression:
+    """The state (states,) after a period.
+
+    Args:
+        state: at its begin, (states,).
+        twist: constant in it, (3,).
+        further: next values of the states after (x, y, heading).
+        period: [s].
+        integration: the rule.
+    """
+    forward, lateral, yaw_rate = ca.vertsplit(twist)
+    gain, direction = chord(yaw_rate, state[2], period, integration)
+    cosine, sine = ca.cos(direction), ca.sin(direction)
+    return ca.vertcat(
+        state[0] + gain * (forward * cosine - lateral * sine),
+        state[1] + gain * (forward * sine + lateral * cosine),
+        state[2] + period * yaw_rate,
+        further,
+    )
+
+
 def between(first: Array, last: Array, shares: Array) -> Array:
     """States (k, states) at shares (k,) of the time from one state to the next, on the arc between them.
 

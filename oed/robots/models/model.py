@@ -22,7 +22,7 @@ from oed.foundation.own.code import in_words
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter, System, follows_state, label_of
-from oed.robots.models.arcs import Integration, chord
+from oed.robots.models.arcs import Integration, after_arc, chord
 from oed.robots.models.coefficients import coefficient_parameters, coefficient_twist
 from oed.robots.models.plausibility import size_flaws
 from oed.robots.models.rates import RATES
@@ -157,15 +157,7 @@ class Model(Component, System):
     ) -> Expression:
         """The pose after an arc, or its chord, and the further states, shared by all robots."""
         twist, further = self.motion(state, inputs, parameters, period)
-        forward, lateral, yaw_rate = ca.vertsplit(twist)
-        gain, direction = chord(yaw_rate, state[2], period, self.integration)
-        cosine, sine = ca.cos(direction), ca.sin(direction)
-        return ca.vertcat(
-            state[0] + gain * (forward * cosine - lateral * sine),
-            state[1] + gain * (forward * sine + lateral * cosine),
-            state[2] + period * yaw_rate,
-            further,
-        )
+        return after_arc(state, twist, further, period, self.integration)
 
     def signals(
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression

@@ -11,6 +11,7 @@ from oed.robots.sensors.biased import TrailerAngle as TrailerAngle
 from oed.robots.sensors.biased import YawRate as YawRate
 from oed.robots.sensors.displacements import Displacements as Displacements
 from oed.robots.sensors.displacements import PoseNoise as PoseNoise
+from oed.robots.sensors.drift import Drift as Drift
 from oed.robots.sensors.landmarks import Landmarks as Landmarks
 from oed.robots.sensors.landmarks import SightNoise as SightNoise
 from oed.robots.sensors.landmarks import Tags as Tags

@@ -10,13 +10,14 @@ from pydantic import Field
 from oed.foundation.quantities import Duration
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.measurement import Nuisance
-from oed.kernel.measurement.sensor import Moment, Sensor, Start
+from oed.kernel.measurement.sensor import Moment, Start
 from oed.robots.models.arcs import chord
+from oed.robots.sensors.drift import DriftingSensor
 from oed.robots.sensors.mounting import LeverArm, Pose, place_text
 from oed.robots.sensors.prior import InitialPose, known_to, start_of
 
 
-class PlacedSensor(Sensor):
+class PlacedSensor(DriftingSensor):
     """A sensor that follows a point of the robot.
 
     Attributes:

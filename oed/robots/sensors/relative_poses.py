@@ -12,7 +12,8 @@ from oed.foundation.text import count, given_text
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Measurement, Nuisance
-from oed.kernel.measurement.sensor import Moment, Sensor, When
+from oed.kernel.measurement.sensor import Moment, When
+from oed.robots.sensors.drift import DriftingSensor
 from oed.robots.sensors.logged import LoggedSensor, Noise
 from oed.robots.sensors.mounting import Mounting, Pose, place_text
 from oed.robots.sensors.pose_noise import UNITS, AbsoluteNoise, Quantity
@@ -21,7 +22,7 @@ READ: tuple[Quantity, ...] = ("x", "y", "heading")
 """What is read of a motion."""
 
 
-class RelativePoses(Sensor):
+class RelativePoses(DriftingSensor):
     """The sensor's own motion x, y [m] and heading [rad] from every n-th sample to the next n-th.
 
     It is read in the sensor's frame at the earlier of the two, so that neither a map nor a start pose matters

@@ -1,0 +1,170 @@
+"""Odometry drift: what a robot moves by beside what its inputs say, a random walk of its pose."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+import casadi as ca
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from oed.foundation.arrays import Array
+from oed.foundation.component import Component
+from oed.foundation.errors import Flaw
+from oed.foundation.quantities import Angle, Length, require_covariance
+from oed.foundation.text import given_text, listing
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.system import System
+from oed.kernel.measurement.process_noise import ProcessNoise
+from oed.kernel.measurement.sensor import Sensor
+from oed.robots.models.arcs import after_arc
+from oed.robots.models.model import Model, robot_of
+
+AT_REST = 1e-3
+"""Speed [m/s] and yaw rate [rad/s] as which a robot at rest counts: |V| is sqrt(V^2 + 1e-6), smooth at 0."""
+Rate = Annotated[Length, Field(ge=0)]
+Turning = Annotated[Angle, Field(ge=0)]
+ERRORS = ("ahead", "sideways", "heading")
+"""What errs in a period, (3,)."""
+CAUSES = {"per_metre": "1 m", "per_radian": "1 rad of turning", "per_root_second": "1 s"}
+"""What drift grows with the root of, and how much of it the deviations given are of."""
+
+
+class Drift(Component, ProcessNoise):
+    """The motion of every period errs by w ~ N(0, Q), ahead, to the left and in its turn, evenly in it.
+
+    Variances grow in proportion to the path, to the turning and to the time, so that deviations grow with
+    their roots; those after 1 m, 1 rad and 1 s are given [Thrun, Burgard, Fox: Probabilistic robotics, 2005,
+    section 5.4; its alpha_1 is heading_per_radian^2, alpha_2 heading_per_metre^2, alpha_3 ahead_per_metre^2,
+    alpha_4 ahead_per_radian^2].
+
+    Attributes:
+        ahead_per_metre, ahead_per_radian, ahead_per_root_second: of the way ahead [m].
+        sideways_per_metre, sideways_per_radian, sideways_per_root_second: of the way to the left [m].
+        heading_per_metre, heading_per_radian, heading_per_root_second: of the turn [rad].
+        covariance: instead, of all three after 1 s, (3, 3), in SI units, whatever the motion.
+    """
+
+    ahead_per_metre: Rate = 0.0
+    ahead_per_radian: Rate = 0.0
+    ahead_per_root_second: Rate = 0.0
+    sideways_per_metre: Rate = 0.0
+    sideways_per_radian: Rate = 0.0
+    sideways_per_root_second: Rate = 0.0
+    heading_per_metre: Turning = 0.0
+    heading_per_radian: Turning = 0.0
+    heading_per_root_second: Turning = 0.0
+    covariance_rate: tuple[tuple[float, ...], ...] | None = None
+    signal: ClassVar[str] = "twist"
+
+    @field_validator("covariance_rate")
+    @classmethod
+    def _is_a_covariance(cls, rows: tuple[tuple[float, ...], ...] | None) -> Any:
+        if rows is not None:
+            require_covariance(rows)
+            if len(rows) != len(ERRORS):
+                raise ValueError(f"expected 3 rows ({', '.join(ERRORS)}), got {len(rows)}")
+        return rows
+
+    @model_validator(mode="after")
+    def _one_way_to_give_it(self) -> Drift:
+        others = [name for name, value in self if name != "covariance_rate" and value]
+        if self.covariance_rate is not None and others:
+            raise ValueError(f"a covariance_rate says it all: omit {', '.join(others)}")
+        return self
+
+    @property
+    def present(self) -> bool:
+        """Whether there is any."""
+        return self.covariance_rate is not None or bool(self.rates.any())
+
+    @property
+    def rates(self) -> Array:
+        """Variances of (ahead, sideways, heading) per metre, radian and second, (3, 3), SI."""
+        return np.array([[getattr(self, f"{name}_{cause}") ** 2 for cause in CAUSES] for name in ERRORS])
+
+    @property
+    def size(self) -> int:
+        """3."""
+        return len(ERRORS)
+
+    def covariance(
+        self, system: System, state: Expression, inputs: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """Variances by the mean twist of the period: per metre of |V| T, per radian of |Omega| T, per T."""
+        if self.covariance_rate is not None:
+            return period * ca.DM(self.covariance_rate)
+        twist = system.signals(state, inputs, parameters, period)["twist"]
+        square = AT_REST**2
+        speed = ca.sqrt(twist[0] ** 2 + twist[1] ** 2 + square)
+        amounts = period * ca.vertcat(speed, ca.sqrt(twist[2] ** 2 + square), 1)
+        return ca.diag(ca.DM(self.rates) @ amounts)
+
+    def step(
+        self,
+        system: System,
+        state: Expression,
+        inputs: Expression,
+        parameters: Expression,
+        period: Expression,
+        errors: Expression,
+    ) -> Expression:
+        """The pose on the arc of the twist with errors / T; what is towed follows, own speeds do not change."""
+        robot = robot_of(system)
+        twist, further = robot.motion(state, inputs, parameters, period)
+        moved = twist + errors / period
+        if robot.towed is not None:
+            further = robot.internal_step(state, moved, parameters, period)
+        return after_arc(state, moved, further, period, robot.integration)
+
+    def flaws(self, system: System) -> list[Flaw]:
+        """Of what is no robot."""
+        if isinstance(system, Model):
+            return []
+        return [Flaw(("measurement", "drift"), f"{system.noun}s have no odometry that drifts")]
+
+    @property
+    def text(self) -> str:
+        """Deviations after 1 m, 1 rad and 1 s."""
+        if self.covariance_rate is not None:
+            sizes = np.sqrt(np.diag(self.covariance_rate))
+            each = [_sized(name, float(size)) for name, size in zip(ERRORS, sizes, strict=True)]
+            return f"{listing(each)} after 1 s, correlated, whatever the motion"
+        parts = []
+        for cause, amount in CAUSES.items():
+            sizes = {name: float(getattr(self, f"{name}_{cause}")) for name in ERRORS}
+            each = [_sized(name, size) for name, size in sizes.items() if size]
+            parts += [f"{listing(each)} after {amount}"] if each else []
+        return f"{', '.join(parts)}; it grows with the root of {'either' if len(parts) > 1 else 'that'}"
+
+
+def _sized(name: str, size: float) -> str:
+    return f"{given_text(size, 'rad' if name == 'heading' else 'm')} {'in ' if name == 'heading' else ''}{name}"
+
+
+USUAL = Drift(
+    ahead_per_metre=0.003,
+    sideways_per_metre=0.001,
+    heading_per_metre=float(np.radians(0.15)),
+    heading_per_radian=float(np.radians(0.4)),
+)
+"""Such as robots usually have: what windows of 4 s show of a differential drive in a laboratory, in five
+sessions of github.com/sousarbarb/optiodom: 0.6 to 4 mm ahead and 1 to 2 mm sideways after 1 m, 0.05 to 0.3 deg
+after 1 m and 0.25 to 0.8 deg after 1 rad of turning. What slips or steers drifts more, and shows it: a tricycle
+there 20 to 110 mm ahead, a Husky outdoors (github.com/norlab-ulaval/DRIVE) 300 mm."""
+
+
+class DriftingSensor(Sensor):
+    """A sensor of a robot that drifts, or may.
+
+    Attributes:
+        drift: of the robot's odometry, one for all sensors; "usual" for such as robots usually have.
+    """
+
+    drift: Drift | Literal["usual"] | None = None
+
+    @property
+    def process_noise(self) -> Drift | None:
+        """The drift, where there is any."""
+        found = USUAL if self.drift == "usual" else self.drift
+        return found if found is not None and found.present else None

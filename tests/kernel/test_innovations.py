@@ -1,0 +1,225 @@
+"""Information under process noise, against dense generalised least squares on all readings at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from builders import RADIUS, TRACK, problem_of, random_drive
+from oed.foundation.errors import ProblemError
+from oed.kernel.criteria import A, D, E
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import evaluate
+from oed.kernel.measurement.innovations import filter_functions
+from oed.kernel.problem import Problem
+from oed.robots.sensors import Drift, Poses, RelativePoses, YawRate
+from oed.robots.sensors.mounting import LeverArm, Mounting
+
+STEP = 1e-30
+"""Of complex steps, whose derivatives are exact."""
+REST = 1e-6
+"""Added to the squares of speed and yaw rate, so that |.| is smooth at 0."""
+DRIFT = Drift(
+    ahead_per_metre=0.02,
+    ahead_per_radian=0.005,
+    sideways_per_metre=0.004,
+    heading_per_metre=0.03,
+    heading_per_radian=0.02,
+    heading_per_root_second=0.003,
+)
+POSES = Poses(noise={"position": 0.01, "heading": 0.02}, drift=DRIFT)
+Readings = Callable[[np.ndarray, np.ndarray], list[complex]]
+
+
+def path_of(speeds: np.ndarray, period: float, unknowns: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Poses (N + 1, 3) of two wheels, period by period with errors (N, 3) of the motion; complex."""
+    right, left, track, *start = unknowns[:6]
+    poses = [np.array(start)]
+    for (fast, slow), error in zip(speeds, errors, strict=True):
+        moved = np.array([(right * fast + left * slow) / 2, 0, (right * fast - left * slow) / track])
+        forward, lateral, turn = period * moved + error
+        x, y, heading = poses[-1]
+        half = turn / 2
+        gain = np.sin(half) / half if abs(half) > 1e-9 else 1.0
+        cosine, sine = np.cos(heading + half), np.sin(heading + half)
+        ahead = gain * (forward * cosine - lateral * sine), gain * (forward * sine + lateral * cosine)
+        poses.append(np.array([x + ahead[0], y + ahead[1], heading + turn]))
+    return np.array(poses)
+
+
+def variances(drift: Drift, speeds: np.ndarray, period: float) -> np.ndarray:
+    """Of all errors, (3 N,), period by period."""
+    found = []
+    for fast, slow in speeds:
+        speed, rate = RADIUS * (fast + slow) / 2, RADIUS * (fast - slow) / TRACK
+        way, turn = (period * np.sqrt(one**2 + REST) for one in (speed, rate))
+        for name in ("ahead", "sideways", "heading"):
+            each = [getattr(drift, f"{name}_per_{cause}") for cause in ("metre", "radian", "root_second")]
+            found.append(each[0] ** 2 * way + each[1] ** 2 * turn + each[2] ** 2 * period)
+    return np.array(found)
+
+
+def slopes(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.ndarray:
+    """Derivatives by complex steps."""
+    steps = at + 1j * STEP * np.eye(len(at))
+    return np.array([function(one).imag / STEP for one in steps]).T
+
+
+def dense(
+    readings: Callable[[np.ndarray, np.ndarray], np.ndarray], drive: Trajectory, drift: Drift, nuisances: int
+) -> np.ndarray:
+    """F of (r_R, r_L, track), all else eliminated: J' (1 + L Q L')^-1 J of readings in units of their noise."""
+    nominal = np.array([RADIUS, RADIUS, TRACK, *drive.start, *[0.0] * nuisances])
+    still = np.zeros(3 * drive.samples)
+    jacobian = slopes(lambda at: readings(at, still.reshape(-1, 3)), nominal)
+    effect = slopes(lambda at: readings(nominal, at.reshape(-1, 3)), still)
+    spread = effect * variances(drift, drive.inputs, drive.period) @ effect.T
+    whole = jacobian.T @ np.linalg.solve(np.eye(len(spread)) + spread, jacobian)
+    # Relative readings say nothing of the start.
+    seen = [place for place in range(3, len(whole)) if whole[place, place] > 1e-6]
+    across = whole[:3, seen]
+    return whole[:3, :3] - across @ np.linalg.solve(whole[np.ix_(seen, seen)], across.T)
+
+
+def poses_read(drive: Trajectory, every: int = 1) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """Absolute poses in units of 1 cm and 0.02 rad."""
+
+    def found(unknowns: np.ndarray, errors: np.ndarray) -> np.ndarray:
+        poses = path_of(drive.inputs, drive.period, unknowns, errors)[::every]
+        return (poses / [0.01, 0.01, 0.02]).ravel()
+
+    return found
+
+
+def information_of(problem: Problem, drive: Trajectory) -> np.ndarray:
+    """F on the radii and the track, SI."""
+    return evaluate(problem, drive).full_square_roots["joint"].matrix
+
+
+def assert_close(found: np.ndarray, expected: np.ndarray, share: float = 1e-8) -> None:
+    sizes = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(found / np.outer(sizes, sizes), expected / np.outer(sizes, sizes), atol=share)
+
+
+@pytest.mark.parametrize("every", [1, 4])
+def test_poses_say_what_generalised_least_squares_would(every):
+    problem = problem_of(measurement=POSES.model_copy(update={"every": every}), criterion=E())
+    drive = random_drive(problem, 1)
+    expected = dense(poses_read(drive, every), drive, DRIFT, 0)
+    assert_close(information_of(problem, drive), expected)
+    blind = problem_of(measurement=POSES.model_copy(update={"every": every, "drift": None}), criterion=E())
+    assert np.all(np.linalg.eigvalsh(information_of(blind, drive) - expected) > 0)
+
+
+def test_drift_of_nothing_is_none_and_the_filter_without_errors_is_least_squares():
+    silent = problem_of(measurement=POSES.model_copy(update={"drift": Drift()}), criterion=E())
+    blind = problem_of(measurement=POSES.model_copy(update={"drift": None}), criterion=E())
+    faint = problem_of(
+        measurement=POSES.model_copy(update={"drift": Drift(heading_per_metre=1e-12)}), criterion=E()
+    )
+    drive = random_drive(blind, 2)
+    expected = information_of(blind, drive)
+    np.testing.assert_array_equal(information_of(silent, drive), expected)
+    assert_close(information_of(faint, drive), expected, 1e-9)
+
+
+def test_a_gyroscope_sees_the_turns_that_drift_adds():
+    sensors = [POSES.model_copy(update={"every": 5}), YawRate(noise=0.03)]
+    problem = problem_of(measurement=sensors, criterion=E())
+    drive = random_drive(problem, 3)
+
+    def readings(unknowns: np.ndarray, errors: np.ndarray) -> np.ndarray:
+        poses = path_of(drive.inputs, drive.period, unknowns, errors)
+        rates = np.diff(poses[:, 2]) / drive.period + unknowns[6]
+        return np.concatenate([(poses[::5] / [0.01, 0.01, 0.02]).ravel(), rates / 0.03])
+
+    assert_close(information_of(problem, drive), dense(readings, drive, DRIFT, 1))
+
+
+def test_relative_poses_see_the_motion_as_it_was():
+    noise = {"position": 0.01, "heading": 0.02}
+    sensor = RelativePoses(noise=noise, drift=DRIFT, mounting=Mounting(known=True))
+    problem = problem_of(measurement=sensor, criterion=E())
+    drive = random_drive(problem, 4)
+
+    def readings(unknowns: np.ndarray, errors: np.ndarray) -> np.ndarray:
+        x, y, heading = path_of(drive.inputs, drive.period, unknowns, errors).T
+        ways = np.diff(x), np.diff(y)
+        cosine, sine = np.cos(heading[:-1]), np.sin(heading[:-1])
+        seen = [cosine * ways[0] + sine * ways[1], cosine * ways[1] - sine * ways[0], np.diff(heading)]
+        return (np.array(seen).T / [0.01, 0.01, 0.02]).ravel()
+
+    assert_close(information_of(problem, drive), dense(readings, drive, DRIFT, 0))
+
+
+def test_a_marker_beside_the_origin_is_a_nuisance():
+    arm = LeverArm(x=0.0, y=0.0, known=False)
+    problem = problem_of(measurement=POSES.model_copy(update={"lever_arm": arm}), criterion=E())
+    drive = random_drive(problem, 5)
+
+    def readings(unknowns: np.ndarray, errors: np.ndarray) -> np.ndarray:
+        x, y, heading = path_of(drive.inputs, drive.period, unknowns, errors).T
+        cosine, sine = np.cos(heading), np.sin(heading)
+        x, y = x + cosine * unknowns[6] - sine * unknowns[7], y + sine * unknowns[6] + cosine * unknowns[7]
+        return (np.array([x, y, heading]).T / [0.01, 0.01, 0.02]).ravel()
+
+    assert_close(information_of(problem, drive), dense(readings, drive, DRIFT, 2), 1e-7)
+
+
+def test_runs_drift_each_for_itself():
+    problem = problem_of(measurement=POSES, criterion=E(), runs=2)
+    drive = random_drive(problem, 6)
+    each = [
+        dense(poses_read(one), one, DRIFT, 0)
+        for one in drive.each
+    ]
+    assert_close(information_of(problem, drive), each[0] + each[1])
+
+
+def test_a_correlated_rate_of_drift_is_that_of_its_matrix():
+    matrix = np.array([[4e-4, 1e-4, 0.0], [1e-4, 1e-4, 1e-4], [0.0, 1e-4, 9e-4]])
+    drift = Drift(covariance_rate=tuple(map(tuple, matrix)))
+    problem = problem_of(measurement=POSES.model_copy(update={"drift": drift}), criterion=E())
+    drive = random_drive(problem, 7)
+    nominal = np.array([RADIUS, RADIUS, TRACK, *drive.start])
+    still = np.zeros(3 * drive.samples)
+    read = poses_read(drive)
+    jacobian = slopes(lambda at: read(at, still.reshape(-1, 3)), nominal)
+    effect = slopes(lambda at: read(nominal, at.reshape(-1, 3)), still)
+    spread = effect @ np.kron(np.eye(drive.samples), drive.period * matrix) @ effect.T
+    whole = jacobian.T @ np.linalg.solve(np.eye(len(spread)) + spread, jacobian)
+    expected = whole[:3, :3] - whole[:3, 3:] @ np.linalg.solve(whole[3:, 3:], whole[3:, :3])
+    assert_close(information_of(problem, drive), expected)
+
+
+def test_every_criterion_judges_the_information_under_drift():
+    for criterion in (E(), D(), A()):
+        problem = problem_of(measurement=POSES, criterion=criterion)
+        drive = random_drive(problem, 8)
+        scaled = dense(poses_read(drive), drive, DRIFT, 0) * np.outer(*[[RADIUS, RADIUS, TRACK]] * 2)
+        values = np.linalg.eigvalsh(scaled)
+        expected = {"E": values[0], "D": np.log(values).sum(), "A": -(1 / values).sum()}[criterion.kind]
+        assert evaluate(problem, drive).objective == pytest.approx(expected, rel=1e-8)
+
+
+def test_filters_are_kept():
+    problem = problem_of(measurement=POSES, criterion=E())
+    sensors = problem.measurement.joint_sensors
+    assert filter_functions(sensors, problem.system, DRIFT) is filter_functions(sensors, problem.system, DRIFT)
+
+
+class TestFlaws:
+    def test_what_does_not_go_with_drift_is_refused(self):
+        seldom = RelativePoses(noise={"position": 0.01, "heading": 0.02}, drift=DRIFT, every=2)
+        together = Poses(noise={"covariance": np.eye(3 * 41)}, drift=DRIFT)
+        for sensor, key in ((seldom, "every"), (together, "noise")):
+            with pytest.raises(ProblemError, match="drift") as refused:
+                problem_of(measurement=sensor, criterion=E())
+            assert refused.value.flaws[0].key[:2] == ("measurement", key)
+
+    def test_a_robot_drifts_in_one_way(self):
+        other = POSES.model_copy(update={"drift": Drift(heading_per_metre=0.01)})
+        with pytest.raises(ProblemError, match="one way"):
+            problem_of(measurement=[POSES, other], criterion=E())
