@@ -124,16 +124,15 @@ class Nonlinear(Estimator):
 
     def simulate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
         """Estimates (count, p) from simulated readings, and the linearised estimates of the same noise."""
-        exact, places, gain = self.predicted(), self._places, self._gain[self._places]
+        places, gain = self._places, self._gain[self._places]
         estimates, linear = np.empty((count, len(places))), np.empty((count, len(places)))
         for index in range(count):
-            white = rng.standard_normal(len(exact))
+            measured, white = self._readings.simulated(rng)
             surprise = rng.standard_normal(len(self._known_places))
             before = self._initial.copy()
             before[self._known_places] += self._spread @ surprise
-            measured = exact + self._readings.colour @ white
             estimates[index] = self._searching(measured, before).found().values[places]
-            linear[index] = self.true + gain @ np.concatenate([white[self._readings.order], surprise])
+            linear[index] = self.true + gain @ np.concatenate([white, surprise])
         return estimates, linear
 
     def _searching(self, measured: Array, before: Array) -> JointSearch:

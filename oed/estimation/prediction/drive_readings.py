@@ -13,9 +13,11 @@ import scipy
 
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.prediction.segments import Driven, SegmentReadings
+from oed.estimation.prediction.walk import Walk
 from oed.estimation.setup.unknowns import Unknowns
 from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.measurement.sensor import Sensor, whole_whitening
 from oed.kernel.parts import root_weights
 
@@ -163,8 +165,36 @@ class DriveReadings:
 
     @cached_property
     def whitener(self) -> Any:
-        """A with A R A' = 1 for the specified covariance R of the readings, run by run."""
-        return self._whitener[self.order][:, self.order]
+        """A with A S A' = 1 for the specified covariance S of the readings, run by run; under process noise
+        R + L Q L', at the nominal values.
+        """
+        if self.walk is None:
+            return self._whitener[self.order][:, self.order]
+        spread = (self._whitener @ self.walk.effect)[self.order]
+        lower = np.linalg.cholesky(np.eye(len(spread)) + spread @ spread.T)
+        own = self._whitener[self.order][:, self.order].toarray()
+        return scipy.linalg.solve_triangular(lower, own, lower=True)
+
+    @cached_property
+    def walk(self) -> Walk | None:
+        """What process noise does to the readings; None without any."""
+        sensors = tuple(one.sensor for one in self.each)
+        noise = process_noise_of(sensors)
+        return None if noise is None else Walk(sensors, self.unknowns.system, self.trajectory, noise)
+
+    def simulated(self, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Readings at the nominal values, sensor by sensor (M of all runs,), SI, and to first order their
+        noise in units of its deviation, run by run. A process that errs is driven as it errs.
+        """
+        exact = np.concatenate([found.ravel() for found in self.nominal])
+        white = rng.standard_normal(len(exact))
+        if self.walk is None:
+            return exact + self.colour @ white, white[self.order]
+        units = [rng.standard_normal(root.shape[:2]) for root in self.walk.roots]
+        errors = [np.einsum("kij,kj->ik", root, own) for root, own in zip(self.walk.roots, units, strict=True)]
+        noise = self.colour @ white
+        near = noise + self.walk.effect @ np.concatenate([own.ravel() for own in units])
+        return self.walk.readings(errors) + noise, self.whitener @ near[self.order]
 
     @cached_property
     def colour(self) -> Any:
