@@ -68,6 +68,7 @@ MEAN = "no bound is known for the mean over {}s"
 
 
 EVERY = "every reading taken"
+STEADY = "drift left out: it can only take information away"
 """Assumption of bounds where only some of them are."""
 REPEATED = "no bound is known for designs whose readings may be repeated"
 
@@ -116,6 +117,8 @@ def _at_once(problem: Problem) -> Certificate | None:
 
 
 def _searched(problem: Problem, effort: Effort, time_limit: float | None, gap: float) -> Certificate:
+    # The covariance of readings under process noise is at least that without, F so at most that without.
+    given, problem = problem, problem.steady()
     looser = problem.widened(TOLERANCE)
     widened = _bounds_of_runs(looser, effort)
     # What wider limits allow, these do not exceed: searches round up by more or less.
@@ -132,6 +135,7 @@ def _searched(problem: Problem, effort: Effort, time_limit: float | None, gap: f
             widened.append(_lattice_bound(looser, found.of_others(*_speeds(looser)), found))
     # Some of the readings say no more than all of them.
     every = () if problem.selection is None else (EVERY,)
+    every = every if given is problem else (*every, STEADY)
     return replace(
         _smallest(problem, bounds, (*every, *EXACTLY), found, NOTHING if bounds else _lacking(problem)),
         drive=None if found is None else _lattice_drive(problem, found),

@@ -232,6 +232,11 @@ class Problem(Presented, Renamed):
         longer = self.design.model_copy(update={"duration": (1 + share) * self.design.duration})
         return replace(self, design=longer, excess=share)
 
+    def steady(self) -> Problem:
+        """The problem without process noise: of every drive it has more information, or as much."""
+        measurement = self.measurement.steady()
+        return self if measurement is self.measurement else replace(self, measurement=measurement)
+
     @property
     def rest_spare(self) -> float:
         """How fast an input may be where it is to rest [SI]: a share of the largest bound of all inputs."""

@@ -52,7 +52,7 @@ def solve(
     options = _solver(solver)
     chosen = seed if options.seed is None else options.seed
     context = Context(chosen, workers or default_workers(), progress or Silent(), earlier or {})
-    own = problem if options.criterion is None else replace(problem, criterion=options.criterion)
+    own = options.own(problem)
     own.require_designed()
     require_identifiable(own)
     solution = _searched(options, own, context)
@@ -60,7 +60,8 @@ def solve(
         return replace(solution, problem=problem)
     # Found by another measure of quality, but scored by the problem's.
     evaluation = None if solution.trajectory is None else evaluate(problem, solution.trajectory)
-    return replace(solution, evaluation=evaluation, criterion=own.criterion.kind, gains={}, problem=problem)
+    other = None if options.criterion is None else options.criterion.kind
+    return replace(solution, evaluation=evaluation, criterion=other, gains={}, problem=problem)
 
 
 def _searched(options: Solver, problem: Problem, context: Context) -> Solution:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -46,12 +46,20 @@ class Solver(Component, ABC):
         name: of its result; the kind by default.
         seed: instead of the study's.
         criterion: instead of the problem's, to maximise; the design is scored by the problem's all the same.
+        without_drift: whether to search as if the process had no noise; the design is scored with it all the
+            same, to see what leaving it out costs.
     """
 
     kind: str
     name: Annotated[str, Field(pattern=r"^\w[\w -]*$")] | None = None
     seed: Annotated[int, Field(ge=0)] | None = None
     criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] | None = None
+    without_drift: bool = False
+
+    def own(self, problem: Problem) -> Problem:
+        """The problem as it is searched."""
+        seen = problem.steady() if self.without_drift else problem
+        return seen if self.criterion is None else replace(seen, criterion=self.criterion)
 
     @property
     def label(self) -> str:

@@ -9,6 +9,7 @@ from oed.estimation.methods import estimator_flaws
 from oed.foundation.errors import Flaw
 from oed.foundation.files import file_stem, name_flaw
 from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.solution import NOMINAL
 from oed.robots.baselines import label
 from oed.study.parts import PathFile
@@ -35,7 +36,7 @@ OF_DESIGNS = (
 def file_flaws(file: StudyFile) -> list[Flaw]:
     """Why keys that every study has do not go together; [] where they do."""
     validated = validation_flaws(file.validation, file.measurement) if file.validation else []
-    flaws = [*_name_flaws(file), *_start_flaws(file), *validated]
+    flaws = [*_name_flaws(file), *_start_flaws(file), *_drift_flaws(file), *validated]
     if file.uncertainty is not None and file.robust is None:
         text = "is what a robust drive has to survive, and none is asked for: add `robust: {kind: chance}`"
         flaws.append(Flaw(("uncertainty",), text))
@@ -61,6 +62,18 @@ def _design_flaws(file: RobotStudyFile) -> list[Flaw]:
     text = "is about a drive to be designed, and the study has no `trajectory`: add it, or leave this out"
     usual = {name: field.default for name, field in type(file).model_fields.items()}
     return [Flaw((name,), text) for name in OF_DESIGNS if getattr(file, name) != usual[name]]
+
+
+def _drift_flaws(file: StudyFile) -> list[Flaw]:
+    # What there is none of need not be left out.
+    if process_noise_of(file.measurement.joint_sensors) is not None:
+        return []
+    text = "there is no drift to leave out: give the measurement's `drift`, or omit this"
+    return [
+        Flaw(("solvers", place, "without_drift"), text)
+        for place, solver in enumerate(file.solvers)
+        if solver.without_drift
+    ]
 
 
 def _name_flaws(file: StudyFile) -> list[Flaw]:

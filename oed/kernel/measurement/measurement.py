@@ -222,6 +222,10 @@ class Measurement(Component, ABC):
         """The sensors that are estimated from together; () of a regression."""
         return ()
 
+    def steady(self) -> Measurement:
+        """The same measurement of a system without noise of its own."""
+        return self
+
     def cuts(self, samples: int) -> Cuts | None:
         """How drives of so many samples per run can be cut; None where they cannot."""
         return None

@@ -102,6 +102,10 @@ class Sensor(Measurement):
         """What its owner says of the system's own noise, which readings do not average away; None for none."""
         return None
 
+    def steady(self) -> Sensor:
+        """The same readings of a system without noise of its own."""
+        return self
+
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
         """One block: the system's parameters, with the start states and the sensor's nuisances."""
         return (joint_block((self,), drive),)

@@ -47,6 +47,12 @@ class Together(Measurement, ABC):
         """All of them."""
         return self.sensors
 
+    def steady(self) -> Self:
+        """The sensors' own."""
+        sensors = tuple(one.steady() for one in self.sensors)
+        alike = all(one is own for one, own in zip(sensors, self.sensors, strict=True))
+        return self if alike else self.model_copy(update={"sensors": sensors})
+
     def cuts(self, samples: int) -> Cuts | None:
         """Where all sensors read."""
         return joint_cuts(self.sensors)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import casadi as ca
 import numpy as np
@@ -168,3 +168,12 @@ class DriftingSensor(Sensor):
         """The drift, where there is any."""
         found = USUAL if self.drift == "usual" else self.drift
         return found if found is not None and found.present else None
+
+    def steady(self) -> Self:
+        """Of a robot that does not drift."""
+        return self if self.drift is None else self.model_copy(update={"drift": None})
+
+    @property
+    def drift_remark(self) -> str:
+        """The drift, to follow what is said of the readings; "" for none."""
+        return "" if self.process_noise is None else f"; the robot drifts by {self.process_noise.text}"

@@ -50,7 +50,7 @@ class PlacedSensor(DriftingSensor):
         """Where the point is, unless it is the robot's origin."""
         place = place_text(self.lever_arm.x, self.lever_arm.y)
         late = "" if self.latency == "known" else ", by a time later that is not known"
-        return (f", taken {place}" if place else "") + late
+        return (f", taken {place}" if place else "") + late + self.drift_remark
 
     def pose(self, moment: Moment) -> Pose:
         """The robot's pose x, y [m], heading [rad] that is read: as long ago as the latency, on the arc of
