@@ -6,16 +6,23 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from builders import RADIUS, TRACK, check_all, problem_of, random_drive
 
-from builders import RADIUS, TRACK, problem_of, random_drive
+from oed.bounds import STEADY, bound
+from oed.estimation.methods.nonlinear import Nonlinear
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import A, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.innovations import filter_functions
 from oed.kernel.problem import Problem
+from oed.optimize import Ipopt, solve
+from oed.optimize.terms.layout import PieceLayout
+from oed.optimize.terms.pieces import Pieces
+from oed.optimize.terms.unrolled import Unrolled
 from oed.robots.sensors import Drift, Poses, RelativePoses, YawRate
 from oed.robots.sensors.mounting import LeverArm, Mounting
+from oed.simulation.monte_carlo import validate
 
 STEP = 1e-30
 """Of complex steps, whose derivatives are exact."""
@@ -70,7 +77,7 @@ def slopes(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.n
 def dense(
     readings: Callable[[np.ndarray, np.ndarray], np.ndarray], drive: Trajectory, drift: Drift, nuisances: int
 ) -> np.ndarray:
-    """F of (r_R, r_L, track), all else eliminated: J' (1 + L Q L')^-1 J of readings in units of their noise."""
+    """F of (r_R, r_L, track), all else eliminated: J' (1 + L Q L')^-1 J, readings in units of their noise."""
     nominal = np.array([RADIUS, RADIUS, TRACK, *drive.start, *[0.0] * nuisances])
     still = np.zeros(3 * drive.samples)
     jacobian = slopes(lambda at: readings(at, still.reshape(-1, 3)), nominal)
@@ -171,10 +178,7 @@ def test_a_marker_beside_the_origin_is_a_nuisance():
 def test_runs_drift_each_for_itself():
     problem = problem_of(measurement=POSES, criterion=E(), runs=2)
     drive = random_drive(problem, 6)
-    each = [
-        dense(poses_read(one), one, DRIFT, 0)
-        for one in drive.each
-    ]
+    each = [dense(poses_read(one), one, DRIFT, 0) for one in drive.each]
     assert_close(information_of(problem, drive), each[0] + each[1])
 
 
@@ -207,7 +211,82 @@ def test_every_criterion_judges_the_information_under_drift():
 def test_filters_are_kept():
     problem = problem_of(measurement=POSES, criterion=E())
     sensors = problem.measurement.joint_sensors
-    assert filter_functions(sensors, problem.system, DRIFT) is filter_functions(sensors, problem.system, DRIFT)
+    first, again = (filter_functions(sensors, problem.system, DRIFT) for _ in range(2))
+    assert first is again
+
+
+@pytest.mark.parametrize("further", [[], [YawRate(noise=0.03)]], ids=["poses", "gyroscope too"])
+@pytest.mark.parametrize("initial_pose", ["unknown", "known"])
+def test_pieces_are_what_the_whole_drive_is_written_out(further, initial_pose):
+    sensor = POSES.model_copy(update={"every": 2, "initial_pose": initial_pose})
+    problem = problem_of(measurement=[sensor, *further], criterion=E(), samples=12, period=0.3)
+    pieces, whole = Pieces(problem, PieceLayout(problem.design, 4, 2)), Unrolled(problem)
+    rng = np.random.default_rng(0)
+    at, weights = rng.uniform(-0.6, 0.6, pieces.size), rng.normal(size=pieces.entry_count)
+    none = np.zeros(len(np.array(whole.values(at)[1])))
+    for found, expected in (
+        (pieces.values(at)[0], whole.values(at)[0]),
+        (pieces.jacobian(at)[0], whole.jacobian(at)[0]),
+        (pieces.hessian(at, weights, none), whole.hessian(at, weights, none)),
+    ):
+        table = np.array(expected)
+        np.testing.assert_allclose(np.array(found), table, rtol=0, atol=1e-12 * np.abs(table).max())
+
+
+@pytest.mark.parametrize(
+    "sensors",
+    [
+        [POSES],
+        [POSES.model_copy(update={"every": 5}), YawRate(noise=0.03)],
+        [
+            RelativePoses(
+                noise={"position": 0.01, "heading": 0.02}, drift=DRIFT, mounting=Mounting(known=True)
+            )
+        ],
+    ],
+    ids=["poses", "gyroscope", "relative poses"],
+)
+def test_readings_are_weighted_by_the_walk_and_the_walk_is_what_is_simulated(sensors):
+    problem = problem_of(measurement=sensors, criterion=E())
+    drive = random_drive(problem, 3)
+    estimator = Nonlinear(problem, drive)
+    filtered = evaluate(problem, drive).covariances["joint"]
+    np.testing.assert_allclose(estimator.covariance, filtered, rtol=1e-9)
+    found = validate(problem, drive, replicates=600, seed=0)
+    assert found.passed
+    assert np.all(np.abs(found.paired_ratio - 1) < 0.03)
+
+
+def test_what_drift_blind_errors_would_be_is_not_what_they_are():
+    problem = problem_of(measurement=POSES, criterion=E())
+    drive = random_drive(problem, 3)
+    estimates, _ = Nonlinear(problem, drive).simulate(np.random.default_rng(0), 200)
+    promised = evaluate(problem.steady(), drive).covariances["joint"]
+    checks = check_all(estimates - [RADIUS, RADIUS, TRACK], promised, 0.01)
+    assert not all(check.passed for check in checks)
+
+
+def test_bounds_without_drift_hold_with_it_and_say_so():
+    problem = problem_of(measurement=POSES, criterion=E(), samples=20)
+    found, steady = bound(problem), bound(problem.steady())
+    assert found.upper_bound == steady.upper_bound
+    assert STEADY in found.assumptions
+    assert STEADY not in steady.assumptions
+    assert all(
+        evaluate(problem, random_drive(problem, seed)).objective < found.upper_bound for seed in range(5)
+    )
+
+
+def test_a_search_that_leaves_drift_out_is_scored_with_it():
+    problem = problem_of(measurement=POSES, criterion=A(), samples=20)
+    aware, blind = (
+        solve(problem, Ipopt(starts=2, perturbations=0, without_drift=without), seed=0)
+        for without in (False, True)
+    )
+    alone = solve(problem.steady(), Ipopt(starts=2, perturbations=0), seed=0)
+    np.testing.assert_array_equal(blind.trajectory.coefficients, alone.trajectory.coefficients)
+    assert blind.evaluation.objective == evaluate(problem, alone.trajectory).objective
+    assert blind.evaluation.objective < aware.evaluation.objective
 
 
 class TestFlaws:

@@ -26,13 +26,21 @@ from oed.estimation.setup.unknowns import PLACE
 from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.system import follows_state
 from oed.logs.log import Log
+from oed.robots.sensors import drift as usual_drift
 
-USUAL = np.array([0.003**2, 0.001**2, np.radians(0.15) ** 2, np.radians(0.4) ** 2])
+USUAL = (
+    np.array(
+        [
+            usual_drift.USUAL.ahead_per_metre,
+            usual_drift.USUAL.sideways_per_metre,
+            usual_drift.USUAL.heading_per_metre,
+            usual_drift.USUAL.heading_per_radian,
+        ]
+    )
+    ** 2
+)
 """Rates that are usual: ahead and sideways per path [m^2/m], turn per path [rad^2/m] and per turning
-[rad^2/rad]. Those that windows of 4 s show of a differential drive in a laboratory, in five sessions of
-github.com/sousarbarb/optiodom: 0.6 to 4 mm ahead and 1 to 2 mm sideways after 1 m, 0.05 to 0.3 deg after 1 m
-and 0.25 to 0.8 deg after 1 rad of turning. What slips or steers drifts more, and shows it: a tricycle there
-20 to 110 mm ahead, a Husky outdoors (github.com/norlab-ulaval/DRIVE) 300 mm."""
+[rad^2/rad]; designs take the same for usual."""
 USUAL_SPREAD = 1.5
 """Standard deviation of their logarithms: of a drift after 1 m a factor of 2."""
 POSE_SPREAD = 1.0

@@ -191,7 +191,9 @@ class DriveReadings:
         if self.walk is None:
             return exact + self.colour @ white, white[self.order]
         units = [rng.standard_normal(root.shape[:2]) for root in self.walk.roots]
-        errors = [np.einsum("kij,kj->ik", root, own) for root, own in zip(self.walk.roots, units, strict=True)]
+        errors = [
+            np.einsum("kij,kj->ik", root, own) for root, own in zip(self.walk.roots, units, strict=True)
+        ]
         noise = self.colour @ white
         near = noise + self.walk.effect @ np.concatenate([own.ravel() for own in units])
         return self.walk.readings(errors) + noise, self.whitener @ near[self.order]

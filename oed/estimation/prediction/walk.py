@@ -64,11 +64,15 @@ class Walk:
         instants = sensor.instants(samples)
         each = [states[:, columns] for columns in instants]
         held = [inputs[:, [min(column, samples - 1) for column in columns]] for columns in instants]
-        lasting = {"at samples": 0.0, "in periods": 1.0, "between samples": sensor.every}[sensor.when] * period
+        lasting = {"at samples": 0.0, "in periods": 1.0, "between samples": sensor.every}[
+            sensor.when
+        ] * period
         none = ca.DM.zeros(count * len(instants), size + count)
         rest = (ca.DM(system.nominal), own)
         reading = moment_reading(sensor, system).map(len(instants[0]))
-        found = reading(ca.vertcat(*each), ca.repmat(none, 1, len(instants[0])), ca.vertcat(*held), *rest, lasting)[0]
+        found = reading(
+            ca.vertcat(*each), ca.repmat(none, 1, len(instants[0])), ca.vertcat(*held), *rest, lasting
+        )[0]
         if sensor.when == "in periods" and self.noise.signal:
             by_signal = reading_by_signal(sensor, system, self.noise.signal)
             parts = []

@@ -175,8 +175,8 @@ def _symmetric(matrix: Expression) -> Expression:
 
 
 def innovations(sensors: Sequence[Sensor], drive: Drive, noise: ProcessNoise) -> Expression:
-    """Sensitivities (M, columns) of all innovations in units of their deviations, by (parameters, start states
-    run by run, nuisances): rows as `joint_readings` has them.
+    """Sensitivities (M, columns) of all innovations in units of their deviations, by (parameters, start
+    states run by run, nuisances): rows as `joint_readings` has them.
 
     Args:
         sensors: that read.
@@ -236,7 +236,12 @@ def _of_run(
         begin, ca.DM.zeros(states, states), path[:, :samples], inputs, drive.parameters, drive.period, reads
     )
     last = functions.last(
-        slopes[:, -width:], covariance[:, -states:], path[:, -1], inputs[:, -1], drive.parameters, drive.period
+        slopes[:, -width:],
+        covariance[:, -states:],
+        path[:, -1],
+        inputs[:, -1],
+        drive.parameters,
+        drive.period,
     )
     return ca.vertcat(_stacked(rows, samples), last)
 

@@ -33,7 +33,12 @@ class ProcessNoise(ABC):
 
     @abstractmethod
     def covariance(
-        self, system: System, state: Expression, inputs: Expression, parameters: Expression, period: Expression
+        self,
+        system: System,
+        state: Expression,
+        inputs: Expression,
+        parameters: Expression,
+        period: Expression,
     ) -> Expression:
         """Q (m, m) of a period's errors, smooth in all its arguments.
 
@@ -81,7 +86,9 @@ def process_flaws(sensors: Sequence[Sensor], system: System) -> list[Flaw]:
     for place, sensor in enumerate(sensors):
         key: tuple[str | int, ...] = ("measurement",) if len(sensors) == 1 else ("measurement", place)
         if sensor.process_noise not in (None, noise):
-            flaws.append(Flaw((*key, "drift"), "differs from that of the sensors before; a system drifts in one way"))
+            flaws.append(
+                Flaw((*key, "drift"), "differs from that of the sensors before; a system drifts in one way")
+            )
         if sensor.joint_whitening is not None:
             text = "one covariance of all readings does not go with drift: give that of one reading"
             flaws.append(Flaw((*key, "noise", "covariance"), text))
@@ -100,16 +107,18 @@ def process_noise_of(sensors: Sequence[Sensor]) -> ProcessNoise | None:
 def erring(noise: ProcessNoise, system: System) -> ca.Function:
     """The function (state, inputs, parameters, period, errors) -> next state."""
     given = _symbols(noise, system)
-    return ca.Function("erring", given, [noise.step(system, *given)])
+    state, inputs, parameters, period, errors = given
+    return ca.Function("erring", given, [noise.step(system, state, inputs, parameters, period, errors)])
 
 
 @lru_cache(maxsize=16)
 def spread(noise: ProcessNoise, system: System) -> ca.Function:
     """The function (state, inputs, parameters, period) -> G (states, m) = dx+/dw without errors, Q (m, m)."""
-    *given, errors = _symbols(noise, system)
-    slopes = ca.jacobian(noise.step(system, *given, errors), errors)
-    effect = ca.substitute(slopes, errors, ca.SX.zeros(noise.size))
-    covariance = noise.covariance(system, *given)
+    state, inputs, parameters, period, errors = _symbols(noise, system)
+    following = noise.step(system, state, inputs, parameters, period, errors)
+    effect = ca.substitute(ca.jacobian(following, errors), errors, ca.SX.zeros(noise.size))
+    covariance = noise.covariance(system, state, inputs, parameters, period)
+    given = [state, inputs, parameters, period]
     return ca.Function("spread", given, [ca.sparsify(effect), ca.sparsify(covariance)])
 
 

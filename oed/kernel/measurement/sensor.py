@@ -23,8 +23,8 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.description import deviations_of, noise_text, when_text
-from oed.kernel.measurement.measurement import Block, Cuts, Measurement, Nuisance
 from oed.kernel.measurement.innovations import innovations
+from oed.kernel.measurement.measurement import Block, Cuts, Measurement, Nuisance
 from oed.kernel.measurement.moment import AnyMoment, moment_reading
 from oed.kernel.measurement.moment import Moment as Moment
 from oed.kernel.measurement.process_noise import ProcessNoise, process_noise_of
@@ -99,7 +99,7 @@ class Sensor(Measurement):
 
     @property
     def process_noise(self) -> ProcessNoise | None:
-        """What its owner says of the system's own noise, which readings do not average away; None for none."""
+        """What its owner says of the system's own noise, which readings do not average away; or None."""
         return None
 
     def steady(self) -> Sensor:

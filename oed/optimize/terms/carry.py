@@ -18,8 +18,8 @@ from oed.optimize.terms.base import symmetric, upper_half
 
 
 class Carry:
-    """What is handed on along a drive: sensitivities S of a part's start, under process noise by the nuisances
-    as well, and then the start's covariance P; by the entries that change.
+    """What is handed on along a drive: sensitivities S of a part's start, under process noise by nuisances as
+    well, and then the start's covariance P; by the entries that change.
 
     Attributes:
         moving: those entries' places among all of S, by columns, and of P's upper half.

@@ -89,7 +89,12 @@ class Drift(Component, ProcessNoise):
         return len(ERRORS)
 
     def covariance(
-        self, system: System, state: Expression, inputs: Expression, parameters: Expression, period: Expression
+        self,
+        system: System,
+        state: Expression,
+        inputs: Expression,
+        parameters: Expression,
+        period: Expression,
     ) -> Expression:
         """Variances by the mean twist of the period: per metre of |V| T, per radian of |Omega| T, per T."""
         if self.covariance_rate is not None:
@@ -109,7 +114,7 @@ class Drift(Component, ProcessNoise):
         period: Expression,
         errors: Expression,
     ) -> Expression:
-        """The pose on the arc of the twist with errors / T; what is towed follows, own speeds do not change."""
+        """The pose on the arc of the twist with errors / T; what is towed follows, own speeds are kept."""
         robot = robot_of(system)
         twist, further = robot.motion(state, inputs, parameters, period)
         moved = twist + errors / period
@@ -132,14 +137,16 @@ class Drift(Component, ProcessNoise):
             return f"{listing(each)} after 1 s, correlated, whatever the motion"
         parts = []
         for cause, amount in CAUSES.items():
-            sizes = {name: float(getattr(self, f"{name}_{cause}")) for name in ERRORS}
-            each = [_sized(name, size) for name, size in sizes.items() if size]
+            given = {name: float(getattr(self, f"{name}_{cause}")) for name in ERRORS}
+            each = [_sized(name, size) for name, size in given.items() if size]
             parts += [f"{listing(each)} after {amount}"] if each else []
         return f"{', '.join(parts)}; it grows with the root of {'either' if len(parts) > 1 else 'that'}"
 
 
 def _sized(name: str, size: float) -> str:
-    return f"{given_text(size, 'rad' if name == 'heading' else 'm')} {'in ' if name == 'heading' else ''}{name}"
+    return (
+        f"{given_text(size, 'rad' if name == 'heading' else 'm')} {'in ' if name == 'heading' else ''}{name}"
+    )
 
 
 USUAL = Drift(
@@ -149,9 +156,9 @@ USUAL = Drift(
     heading_per_radian=float(np.radians(0.4)),
 )
 """Such as robots usually have: what windows of 4 s show of a differential drive in a laboratory, in five
-sessions of github.com/sousarbarb/optiodom: 0.6 to 4 mm ahead and 1 to 2 mm sideways after 1 m, 0.05 to 0.3 deg
-after 1 m and 0.25 to 0.8 deg after 1 rad of turning. What slips or steers drifts more, and shows it: a tricycle
-there 20 to 110 mm ahead, a Husky outdoors (github.com/norlab-ulaval/DRIVE) 300 mm."""
+sessions of github.com/sousarbarb/optiodom: 0.6 to 4 mm ahead and 1 to 2 mm sideways after 1 m, 0.05 to 0.3
+deg after 1 m and 0.25 to 0.8 deg after 1 rad of turning. What slips or steers drifts more, and shows it: a
+tricycle there 20 to 110 mm ahead, a Husky outdoors (github.com/norlab-ulaval/DRIVE) 300 mm."""
 
 
 class DriftingSensor(Sensor):

@@ -96,7 +96,8 @@ class RelativePoses(DriftingSensor):
         x, y, heading = self.mounting.sits
         place = place_text(x, y) or "at the robot's origin"
         turned = f" and is turned by {given_text(heading, 'rad')}" if heading else ""
-        return f"; the sensor sits {place}{turned}{'' if self.mounting.known else ', estimated too'}{self.drift_remark}"
+        known = "" if self.mounting.known else ", estimated too"
+        return f"; the sensor sits {place}{turned}{known}{self.drift_remark}"
 
     def brief(self, samples: int) -> str:
         """How many are read."""
