@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.estimator import Estimate, Estimator, EstimatorName
+from oed.estimation.methods.estimator import ARRIVED, ASTRAY, Estimate, Estimator, EstimatorName
 from oed.estimation.methods.gauss_newton import loss_moments
 from oed.estimation.methods.joint import JointSearch
+from oed.estimation.methods.smoothing import Smoother
 from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.options import Loss
@@ -21,6 +22,7 @@ from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate, require_shape
 from oed.kernel.measurement.measurement import Nuisance
+from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.measurement.sensor import labelled_nuisances, start_nuisances
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
@@ -51,6 +53,9 @@ class Nonlinear(Estimator):
         if not sensors:
             text = f"joint least squares need sensors; {problem.measurement.kind} is a regression"
             raise ProblemError.about(("validation", "estimators"), text)
+        if loss != "linear" and process_noise_of(sensors) is not None:
+            text = "expected linear: a robust loss of readings does not go with drift, which they share"
+            raise ProblemError.about(("validation", "loss"), text)
         require_shape(problem, trajectory)
         self.problem, self.loss = problem, loss
         (estimation,) = problem.any_estimations
@@ -117,23 +122,56 @@ class Nonlinear(Estimator):
         if len(measured) != len(self.predicted()) or not np.all(np.isfinite(measured)):
             raise ValueError(f"expected {len(self.predicted())} finite readings, got {len(measured)}")
         known = self._initial if before is None else before
+        if self._smoother is not None:
+            return self._smoothed(self._readings.unwrapped(measured), known)
         fit = self._searching(self._readings.unwrapped(measured), known).fit()
         residuals = self._readings.by_sensor(fit.white)
         covariance = self._covariance(self.loss, fit.values)
         return Estimate.of(fit, covariance, residuals, self._places, self.parameters)
 
+    def _smoothed(self, measured: Array, before: Array) -> Estimate:
+        # Of a process that errs: innovations are what the readings say beyond their prediction.
+        assert self._smoother is not None
+        found = self._smoother.solved(measured[None], self._known, before[None])
+        values, names, places = found.values[0], self._unknowns.names, self._places
+        rest = [place for place in range(len(names)) if place not in places]
+        return Estimate(
+            parameters=self.parameters,
+            values=values[places],
+            covariance=self._covariance(self.loss, values),
+            residuals=self._readings.by_sensor(-found.innovations),
+            nuisances=tuple(names[place] for place in rest),
+            nuisance_values=values[rest],
+            converged=bool(found.arrived[0]),
+            message=ARRIVED if found.arrived[0] else ASTRAY,
+        )
+
     def simulate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
         """Estimates (count, p) from simulated readings, and the linearised estimates of the same noise."""
         places, gain = self._places, self._gain[self._places]
         estimates, linear = np.empty((count, len(places))), np.empty((count, len(places)))
+        together = list[tuple[Array, Array]]()
         for index in range(count):
             measured, white = self._readings.simulated(rng)
             surprise = rng.standard_normal(len(self._known_places))
             before = self._initial.copy()
             before[self._known_places] += self._spread @ surprise
-            estimates[index] = self._searching(measured, before).found().values[places]
+            if self._smoother is None:
+                estimates[index] = self._searching(measured, before).found().values[places]
+            together.append((measured, before))
             linear[index] = self.true + gain @ np.concatenate([white, surprise])
+        if self._smoother is not None:
+            readings, known = (np.array(one) for one in zip(*together, strict=True))
+            estimates = self._smoother.solved(readings, self._known, known).values[:, places]
         return estimates, linear
+
+    @cached_property
+    def _smoother(self) -> Smoother | None:
+        # Of a process that errs the path is searched for as well.
+        walk = self._readings.walk
+        if walk is None:
+            return None
+        return Smoother(walk.sensors, walk.trajectory, walk.noise, self._search.unknowns)
 
     def _searching(self, measured: Array, before: Array) -> JointSearch:
         layout = replace(self._search.layout, readings=self._readings.by_run(measured)[..., None])

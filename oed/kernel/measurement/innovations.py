@@ -39,60 +39,145 @@ class FilterFunctions:
             both at the next sample, and e / sqrt(s) (rows, n) of all sensors' readings.
         last: the same of what is read at the last instant: (rows, n).
         rows: how many each sensor has.
+        tracking: `period` about any path, beside the unknowns with a column of what is 1: (D (states,
+            n + 1), P, state, inputs, parameters, period, which sensors read, nuisances, readings (rows,),
+            state of the path at the next sample) -> both at the next sample, innovations (rows, n + 1), then
+            derivatives of the next column and of innovations by a column, (states, states), (rows, states).
+        ending: the same at the last instant, without a next sample: innovations, their derivatives.
     """
 
     period: ca.Function
     last: ca.Function
     rows: tuple[int, ...]
+    tracking: ca.Function
+    ending: ca.Function
 
 
 @lru_cache(maxsize=8)
 def filter_functions(sensors: tuple[Sensor, ...], system: System, noise: ProcessNoise) -> FilterFunctions:
     """The filter of what sensors read of a system under process noise, each of them in every period."""
-    own = [len(sensor.nuisances) for sensor in sensors]
-    states, width = len(system.states), len(system.parameters) + len(system.states) + sum(own)
-    slopes, covariance = ca.SX.sym("D", states, width), ca.SX.sym("P", states, states)
-    given = [
-        ca.SX.sym("state", states),
-        ca.SX.sym("inputs", len(system.inputs)),
-        ca.SX.sym("p", len(system.parameters)),
-        ca.SX.sym("period"),
-    ]
-    reads = ca.SX.sym("reads", len(sensors))
-    arguments = [slopes, covariance, *given, reads]
-    nominal = ca.SX(ca.DM(system.nominal))
-    effect, errors = spread(noise, system)(given[0], given[1], nominal, given[3])
-    begun = _Belief(
-        ca.vertcat(slopes, ca.SX(noise.size, width)), ca.diagcat(_symmetric(covariance), errors), states
-    )
-    rows = [_reading(sensor, system, noise, given) for sensor in sensors]
-    counts = tuple(row.slopes.shape[0] for row in rows)
-    placed = [row.among(width, sum(own[:place])) for place, row in enumerate(rows)]
-    found = [row.scaled(reads[place]) for place, row in enumerate(placed)]
-    after, innovations = begun.read(found)
-    step = carrier(system)(ca.horzcat(ca.SX(states, len(system.parameters)), ca.SX.eye(states)), *given)
-    following = after.moved(ca.sparsify(step), effect, len(system.parameters))
-    ends = [
-        row.without_errors(noise.size).scaled(1.0 if sensor.when == "at samples" else 0.0)
-        for sensor, row in zip(sensors, placed, strict=True)
-    ]
-    _, last = _Belief(slopes, _symmetric(covariance), states).read(ends)
-    period = [ca.densify(one) for one in (*following, innovations)]
-    return FilterFunctions(
-        ca.Function("filter", arguments, ca.cse(period)),
-        ca.Function("last", arguments[:-1], ca.cse([ca.densify(last)])),
-        counts,
-    )
+    return _Filter(sensors, system, noise).functions
+
+
+class _Filter:
+    # The expressions of a period.
+    def __init__(self, sensors: tuple[Sensor, ...], system: System, noise: ProcessNoise) -> None:
+        self.sensors, self.system, self.noise = sensors, system, noise
+        own = [len(sensor.nuisances) for sensor in sensors]
+        self.states, self.size = len(system.states), len(system.parameters)
+        self.width = self.size + self.states + sum(own)
+        self.given = [
+            ca.SX.sym("state", self.states),
+            ca.SX.sym("inputs", len(system.inputs)),
+            ca.SX.sym("p", self.size),
+            ca.SX.sym("period"),
+        ]
+        self.reads, self.own = ca.SX.sym("reads", len(sensors)), ca.SX.sym("nuisances", sum(own))
+        nominal = [nuisance.nominal for sensor in sensors for nuisance in sensor.nuisances]
+        self.nominal = ca.SX(ca.DM(nominal)) if nominal else ca.SX(0, 1)
+        each = ca.vertsplit(self.own, np.cumsum([0, *own]).tolist())
+        self.rows = [
+            _reading(sensor, system, noise, self.given, part)
+            for sensor, part in zip(sensors, each, strict=True)
+        ]
+        self.placed = [row.among(self.width, sum(own[:place])) for place, row in enumerate(self.rows)]
+
+    @property
+    def functions(self) -> FilterFunctions:
+        slopes, covariance = self._symbols(self.width)
+        arguments = [slopes, covariance, *self.given, self.reads]
+        found = [row.scaled(self.reads[place]) for place, row in enumerate(self.placed)]
+        period, rows = self._period(slopes, covariance, found)
+        _, last = _Belief(slopes, covariance, self.states).read(self._ends)
+        return FilterFunctions(
+            self._function("filter", arguments, [*period, rows]),
+            self._function("last", arguments[:-1], [last]),
+            tuple(row.slopes.shape[0] for row in self.rows),
+            *self._tracking(),
+        )
+
+    def _symbols(self, width: int) -> tuple[Expression, Expression]:
+        slopes = ca.SX.sym("D", self.states, width)
+        return slopes, ca.SX.sym("P", self.states, self.states)
+
+    def _function(self, name: str, arguments: list[Expression], results: list[Expression]) -> ca.Function:
+        # At the nuisances' nominal values; a covariance is taken by its upper half, lest rounding bend it.
+        covariance = arguments[1]
+        whole = ca.triu2symm(ca.triu(covariance))
+        fixed = [ca.substitute(one, self.own, self.nominal) for one in results]
+        dense = [ca.densify(ca.substitute(one, covariance, whole)) for one in fixed]
+        return ca.Function(name, arguments, ca.cse(dense))
+
+    def _period(
+        self, slopes: Expression, covariance: Expression, found: Sequence[_Placed]
+    ) -> tuple[list[Expression], Expression]:
+        system, given = self.system, self.given
+        effect, errors = spread(self.noise, system)(
+            given[0], given[1], ca.SX(ca.DM(system.nominal)), given[3]
+        )
+        none = ca.SX(self.noise.size, slopes.shape[1])
+        begun = _Belief(ca.vertcat(slopes, none), ca.diagcat(covariance, errors), self.states)
+        after, rows = begun.read(found)
+        here = ca.horzcat(ca.SX(self.states, self.size), ca.SX.eye(self.states))
+        step = ca.sparsify(carrier(system)(here, *given))
+        return list(after.moved(step, effect, self.size)), rows
+
+    @property
+    def _ends(self) -> list[_Placed]:
+        # What is read at the last instant.
+        return [
+            row.without_errors(self.noise.size).scaled(1.0 if sensor.when == "at samples" else 0.0)
+            for sensor, row in zip(self.sensors, self.placed, strict=True)
+        ]
+
+    def _tracking(self) -> tuple[ca.Function, ca.Function]:
+        slopes, covariance = self._symbols(self.width + 1)
+        counts = np.cumsum([0, *(row.slopes.shape[0] for row in self.rows)])
+        measured = ca.SX.sym("measured", int(counts[-1]))
+        following = ca.SX.sym("following", self.states)
+        both = ca.horzcat(slopes, ca.SX.eye(self.states))
+        each = ca.vertsplit(measured, counts.tolist())
+        left = [row.misfit(part) for row, part in zip(self.rows, each, strict=True)]
+        here = [row.beside(-one, self.states) for row, one in zip(self.placed, left, strict=True)]
+        (moved, spreads), rows = self._period(
+            both, covariance, [row.scaled(self.reads[place]) for place, row in enumerate(here)]
+        )
+        moved[:, self.width] += stepper(self.system)(*self.given) - following
+        ends = [row.beside(-one, self.states) for row, one in zip(self._ends, left, strict=True)]
+        now = [1.0 if sensor.when == "at samples" else 0.0 for sensor in self.sensors]
+        scaled = [row.scaled(read) for row, read in zip(ends, now, strict=True)]
+        _, last = _Belief(both, covariance, self.states).read(scaled)
+        count = self.width + 1
+        given = [slopes, covariance, *self.given]
+        results = [moved[:, :count], spreads, rows[:, :count], moved[:, count:], rows[:, count:]]
+        tracking, ending = (
+            ca.Function(name, arguments, ca.cse([ca.densify(one) for one in found]))
+            for name, arguments, found in (
+                ("tracking", [*given, self.reads, self.own, measured, following], results),
+                ("ending", [*given, self.own, measured], [last[:, :count], last[:, count:]]),
+            )
+        )
+        return tracking, ending
 
 
 @dataclass(frozen=True)
 class _Row:
-    # Readings in units of their noise: slopes by (parameters, state, the sensor's own nuisances), (q, ...),
-    # and by the period's errors, (q, m).
+    # Readings, and in units of their noise slopes by (parameters, state, the sensor's own nuisances),
+    # (q, ...), and by the period's errors, (q, m).
+    sensor: Sensor
+    reading: Expression
+    whitening: Expression
     slopes: Expression
     by_errors: Expression
     parameters: int
     states: int
+
+    def misfit(self, measured: Expression) -> Expression:
+        # In units of the noise; angles are known up to full turns.
+        left = measured - self.reading
+        for place in self.sensor.angles:
+            left[place] = ca.atan2(ca.sin(left[place]), ca.cos(left[place]))
+        return self.whitening @ left
 
     def among(self, width: int, before: int) -> _Placed:
         # With columns for all unknowns, those of other sensors' nuisances 0.
@@ -112,6 +197,10 @@ class _Placed:
 
     def scaled(self, factor: Expression | float) -> _Placed:
         return _Placed(factor * self.direct, factor * self.through)
+
+    def beside(self, one: Expression, others: int) -> _Placed:
+        # With a column more, and columns of what the readings do not depend on directly.
+        return _Placed(ca.horzcat(self.direct, one, ca.SX(one.shape[0], others)), self.through)
 
     def without_errors(self, size: int) -> _Placed:
         return _Placed(self.direct, self.through[:, : self.through.shape[1] - size])
@@ -146,11 +235,12 @@ class _Belief:
         return onward @ self.slopes + added, onward @ self.covariance @ onward.T
 
 
-def _reading(sensor: Sensor, system: System, noise: ProcessNoise, given: Sequence[Expression]) -> _Row:
+def _reading(
+    sensor: Sensor, system: System, noise: ProcessNoise, given: Sequence[Expression], own: Expression
+) -> _Row:
     # What a sensor reads in a period that begins so; the other moment of what it reads between is its end.
     state, inputs, parameters, period = given
     states, size = len(system.states), len(system.parameters)
-    own = ca.DM([nuisance.nominal for nuisance in sensor.nuisances])
     here, function = ca.horzcat(ca.SX(states, size), ca.SX.eye(states)), moment_reading(sensor, system)
     rest = (parameters, own)
     if sensor.when == "between samples":
@@ -159,19 +249,15 @@ def _reading(sensor: Sensor, system: System, noise: ProcessNoise, given: Sequenc
         carried = carrier(system)(here, *given)
         found = function(both[0], ca.vertcat(carried, here), both[1], *rest, period)
         later = function(both[0], ca.vertcat(here, ca.SX(states, size + states)), both[1], *rest, period)
-        return _Row(found[4].T, later[4].T[:, size : size + states] @ effect, size, states)
+        seen = later[4].T[:, size : size + states] @ effect
+        return _Row(sensor, found[0], found[2], found[4].T, seen, size, states)
     lasting = period if sensor.when == "in periods" else ca.SX(0)
     found = function(state, here, inputs, *rest, lasting)
     seen = ca.SX(found[0].shape[0], noise.size)
     if sensor.when == "in periods" and noise.signal:
         by_signal = reading_by_signal(sensor, system, noise.signal)(state, inputs, *rest, period)
-        seen = found[2] @ by_signal.T / period
-    return _Row(found[4].T, ca.sparsify(seen), size, states)
-
-
-def _symmetric(matrix: Expression) -> Expression:
-    # By its upper half, so that rounding cannot make it another.
-    return ca.triu2symm(ca.triu(matrix))
+        seen = ca.sparsify(found[2] @ by_signal.T / period)
+    return _Row(sensor, found[0], found[2], found[4].T, seen, size, states)
 
 
 def innovations(sensors: Sequence[Sensor], drive: Drive, noise: ProcessNoise) -> Expression:
@@ -191,7 +277,7 @@ def innovations(sensors: Sequence[Sensor], drive: Drive, noise: ProcessNoise) ->
     for place, sensor in enumerate(sensors):
         first = sum(functions.rows[:place])
         own = np.arange(first, first + functions.rows[place])
-        columns = np.array(_places(sensor, samples))
+        columns = np.array(taken_in(sensor, samples))
         chosen = (columns[:, None] * sum(functions.rows) + own).ravel().tolist()
         blocks.append([table[chosen, :] for table in tables])
     rows = []
@@ -206,8 +292,8 @@ def _outer(size: int, states: int) -> tuple[slice, slice]:
     return slice(0, size), slice(size + states, None)
 
 
-def _places(sensor: Sensor, samples: int) -> list[int]:
-    # In which periods its readings are taken in, the last instant after all of them.
+def taken_in(sensor: Sensor, samples: int) -> list[int]:
+    """In which periods of a run its readings are taken in, the last instant after all of them."""
     instants = sensor.instants(samples)
     return instants[-1]
 
@@ -216,7 +302,7 @@ def _reads(sensors: Sequence[Sensor], samples: int) -> ca.DM:
     # Which sensors read in every period, (sensors, samples).
     found = np.zeros((len(sensors), samples + 1))
     for place, sensor in enumerate(sensors):
-        found[place, _places(sensor, samples)] = 1.0
+        found[place, taken_in(sensor, samples)] = 1.0
     return ca.DM(found[:, :samples])
 
 
