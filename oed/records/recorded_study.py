@@ -6,9 +6,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from oed.foundation.errors import FileFlaw, Flaw, ProblemError, RecordError, StudyError
+from oed.foundation.errors import FileFlaw, Flaw, PathFileError, ProblemError, RecordError, StudyError
 from oed.foundation.shown import shown
+from oed.kernel.criteria import E, TaskDrive
 from oed.kernel.measurement.prior import Prior
+from oed.records.path_file import read_trajectory
 from oed.records.record import Record, load_record
 from oed.records.stored.door import in_record
 from oed.study.study import AnyStudyFile, PriorRecord, Study, read_study
@@ -81,3 +83,25 @@ def prior_of(wanted: PriorRecord, folder: Path) -> Prior:
         text = f"the record's {result.name} predicts no covariance of all parameters together"
         raise ProblemError([Flaw(("prior", "record"), text)])
     return Prior(parameters=found[0].parameters, covariance=found[0].covariance)
+
+
+def drives_of(file: Path, study: AnyStudyFile) -> list[TaskDrive]:
+    """The drives of a trajectory CSV for a study's system, every run by itself.
+
+    Raises:
+        ProblemError: a file that cannot be read, with its own lines; the key is the caller's.
+    """
+    try:
+        # What is judged does not matter to what is driven.
+        problem = study.model_copy(update={"criterion": E(), "weights": None}).problem()
+        read = read_trajectory(file, problem)
+    except PathFileError as error:
+        raise ProblemError([Flaw((), str(flaw)) for flaw in error.flaws]) from None
+    return [
+        TaskDrive(
+            inputs=tuple(map(tuple, one.inputs.tolist())),
+            period=one.period,
+            start=tuple(one.start.tolist()),
+        )
+        for one in read.each
+    ]

@@ -15,6 +15,7 @@ from oed.estimation import CalibrationOptions
 from oed.foundation.errors import FileFlaw, Flaw, NotFinite, ProblemError, StudyError, UserMistake
 from oed.foundation.own.part import OwnCodeError
 from oed.foundation.presenting import Card, Presented, given
+from oed.kernel.criteria import TaskDrive
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
@@ -30,6 +31,7 @@ from oed.study.robot_study import RobotStudyFile as RobotStudyFile
 from oed.study.study_errors import explain
 from oed.study.study_file import StudyFile as StudyFile
 from oed.study.system_study import SystemStudyFile as SystemStudyFile
+from oed.study.tasks import with_tasks
 from oed.study.yaml_source import PlainSource, Source
 
 AnyStudyFile = RobotStudyFile | SystemStudyFile
@@ -188,17 +190,31 @@ def no_records(wanted: PriorRecord, folder: Path) -> Prior:
     raise ProblemError.about(("prior", "record"), text)
 
 
+DrivesOf = Callable[[Path, AnyStudyFile], Sequence[TaskDrive]]
+"""The drives that a trajectory CSV has, for a study's system."""
+
+
+def no_files(file: Path, study: AnyStudyFile) -> Sequence[TaskDrive]:
+    """The drives of no file: for studies that are to stand on their own.
+
+    Raises:
+        ProblemError: always; the key is for the caller to say.
+    """
+    raise ProblemError.about((), f"expected drives as numbers here, got the file {file.name}")
+
+
 def kind_of(data: Mapping[str, Any]) -> type[AnyStudyFile]:
     """The keys that a study may have, by those that it has."""
     return SystemStudyFile if "system" in data and "robot" not in data else RobotStudyFile
 
 
-def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
+def read_study(source: Source, prior_of: PriorOf = no_records, drives_of: DrivesOf = no_files) -> Study:
     """The study that `source` describes.
 
     Args:
         source: its keys.
         prior_of: what stands for a prior by the name of a record; raises a `ProblemError` where nothing does.
+        drives_of: what stands for a task by the name of a file; alike.
 
     Raises:
         StudyError: every mistake in the source, each with its line and key.
@@ -220,6 +236,7 @@ def read_study(source: Source, prior_of: PriorOf = no_records) -> Study:
     try:
         folder = Path(source.file).parent
         file = _with_prior(file.in_numbers(folder), folder, prior_of)
+        file = with_tasks(file, folder, drives_of)
         problem = file.problem()
         flaws += [*judge_flaws(file, problem), *file.problem_flaws(problem)]
     except ProblemError as error:

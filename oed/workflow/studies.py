@@ -12,7 +12,7 @@ from oed.foundation.errors import Flaw, PathFileError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.optimize import Progress, Silent, Workers
 from oed.records.path_file import read_trajectory
-from oed.records.recorded_study import prior_of
+from oed.records.recorded_study import drives_of, prior_of
 from oed.study.study import PathFile, Study, read_study
 from oed.study.yaml_source import parse_yaml, read_yaml
 
@@ -41,7 +41,7 @@ def load_study(file: str | Path) -> Study:
     Raises:
         StudyError: every mistake in the file, each with its line and key.
     """
-    return read_study(read_yaml(file), prior_of)
+    return read_study(read_yaml(file), prior_of, drives_of)
 
 
 @typed
@@ -51,7 +51,7 @@ def parse_study(text: str, source: str = "study") -> Study:
     Raises:
         StudyError: every mistake in the text, each with its line and key.
     """
-    return read_study(parse_yaml(text, source), prior_of)
+    return read_study(parse_yaml(text, source), prior_of, drives_of)
 
 
 def own_paths(study: Study) -> dict[str, Trajectory]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import Field, FiniteFloat
+from pydantic import Field, FiniteFloat, model_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
@@ -26,7 +26,7 @@ from oed.kernel.criteria.criterion import (
 )
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import carrier, stepper
-from oed.kernel.measurement.square_root import SquareRoot
+from oed.kernel.measurement.square_root import SquareRoot, rounding_of
 
 FAINT = 1e-8
 """Information on every parameter that searches add, in the matrices' units (an optimiser's are typical ones).
@@ -40,6 +40,20 @@ class Leg(Component):
 
     inputs: Annotated[tuple[FiniteFloat, ...], Field(min_length=1)]
     duration: Annotated[Duration, Field(gt=0)]
+
+
+class TaskDrive(Component):
+    """A drive that the estimates are for: inputs held in equal periods, from a start state.
+
+    Attributes:
+        inputs: of every period, (N, inputs), SI.
+        period: how long each is held [s].
+        start: start state, (states,), SI; all 0 if None.
+    """
+
+    inputs: Annotated[tuple[tuple[FiniteFloat, ...], ...], Field(min_length=1)]
+    period: Annotated[Duration, Field(gt=0)]
+    start: tuple[FiniteFloat, ...] | None = None
 
 
 class Prediction(RootCriterion):
@@ -62,15 +76,21 @@ class Prediction(RootCriterion):
 
     def about(self, subject: Subject) -> Criterion:
         """The criterion with the predictions' derivatives by the parameters of each block."""
-        system = subject.system
-        states = [system.states.index(name) for name in system.predictions[self.quantity]]
-        picked = _sensitivities(subject, self.test_drive)[:, states]
-        names = [parameter.name for parameter in system.parameters]
+        picked = self.predicted(subject)
+        names = [parameter.name for parameter in subject.system.parameters]
         rows = []
         for parameters, scales in zip(subject.parameters, subject.scales, strict=True):
             columns = [names.index(name) for name in parameters]
-            rows.append((picked[:, :, columns] * scales).tolist())
+            rows.append(self.condensed(picked[:, :, columns] * scales).tolist())
         return self.model_copy(update={"rows": _nested(rows)})
+
+    def predicted(self, subject: Subject) -> Array:
+        """Derivatives of all that is predicted by the system's parameters, (predictions, coordinates, p)."""
+        return _sensitivities(subject, self.test_drive)[:, _states(subject, self.quantity)]
+
+    def condensed(self, rows: Array) -> Array:
+        """Rows (predictions, coordinates, p) in place of others with the same judgement; as they are."""
+        return rows
 
     def flaws(self, subject: Subject) -> list[Flaw]:
         """Legs with more or fewer inputs than the system, parameters that do not move it, an unknown
@@ -110,7 +130,7 @@ class Prediction(RootCriterion):
 
     def symbolic_variances(self, factors: Sequence[Factor]) -> list[Expression]:
         """Variance of each leg's prediction for F_b = L_b L_b', as expressions."""
-        totals: list[Expression] = [ca.SX(0)] * len(self.test_drive)
+        totals: list[Expression] = [ca.SX(0)] * len(self.rows[0])
         for factor, block in zip(factors, self.rows, strict=True):
             for leg, rows in enumerate(block):
                 totals[leg] += ca.sumsqr(factor.inverse(ca.SX(ca.DM(np.array(rows).T))))
@@ -169,7 +189,14 @@ class G(Prediction):
 
 
 class I(Prediction):  # noqa: E742
-    """I-optimality: minus the mean variance of the predictions, over the legs of a test drive."""
+    """I-optimality: minus the mean variance of the predictions, over the legs of a test drive, or all along
+    drives of the user's own.
+
+    Attributes:
+        task: what the robot is to drive, instead of a test drive: predicted from a known start, the variance
+            is the mean over all drives and the ends of all their periods. In a study each is the name of a
+            trajectory CSV, from the study's folder.
+    """
 
     of: ClassVar[str] = "mean"
     root_of: ClassVar[str] = "root mean square of the"
@@ -177,6 +204,45 @@ class I(Prediction):  # noqa: E742
         "the best drive's mean variance of what is predicted for the test drive over this one's"
     )
     kind: Literal["I"] = "I"
+    test_drive: tuple[Leg, ...] = ()
+    task: tuple[str | TaskDrive, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_of_the_two(self) -> I:
+        if bool(self.test_drive) == bool(self.task):
+            text = "the two exclude each other" if self.task else "and neither is there"
+            raise ValueError(f"expected test_drive (legs) or task (drives of your own), {text}")
+        return self
+
+    def flaws(self, subject: Subject) -> list[Flaw]:
+        """Also tasks that are not read, or that are not of this system."""
+        return [*super().flaws(subject), *_task_flaws(subject, self.task)]
+
+    def predicted(self, subject: Subject) -> Array:
+        """Derivatives of all that is predicted by the system's parameters, (predictions, coordinates, p)."""
+        if not self.task:
+            return super().predicted(subject)
+        drives = [one for one in self.task if isinstance(one, TaskDrive)]
+        found = [_along(subject, one) for one in drives]
+        return np.concatenate(found)[:, _states(subject, self.quantity)]
+
+    def condensed(self, rows: Array) -> Array:
+        """Of a task at most p rows whose square is the mean over all predictions."""
+        if not self.task:
+            return rows
+        flat = rows.reshape(-1, rows.shape[-1]) / math.sqrt(len(rows))
+        _, sizes, directions = np.linalg.svd(flat, full_matrices=False)
+        # What is rounding would ask for combinations that no prediction needs.
+        kept = sizes > rounding_of(flat) * sizes[0]
+        return np.asarray((sizes[:, None] * directions)[kept][None])
+
+    @property
+    def meaning(self) -> str:
+        """Minus a variance; the scaling of the parameters does not change it."""
+        if not self.task:
+            return super().meaning
+        drives = count(len(self.task), "drive")
+        return f"minus the mean variance of the {self.quantity} predicted all along {drives} of the task"
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
         """Minus the mean variance."""
@@ -185,8 +251,38 @@ class I(Prediction):  # noqa: E742
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise minus the mean variance of F_b = L_b L_b'."""
         return factored(
-            _raised(matrices), lambda factors: -sum(self.symbolic_variances(factors)) / len(self.test_drive)
+            _raised(matrices), lambda factors: -sum(self.symbolic_variances(factors)) / len(self.rows[0])
         )
+
+
+def _task_flaws(subject: Subject, task: Sequence[str | TaskDrive]) -> Iterator[Flaw]:
+    inputs, states = len(subject.system.inputs), len(subject.system.states)
+    for index, one in enumerate(task):
+        key = ("criterion", "task", index)
+        if isinstance(one, str):
+            yield Flaw(key, f"the file {one} is read where a study is loaded from a file; here give drives")
+        elif any(len(row) != inputs for row in one.inputs):
+            yield Flaw((*key, "inputs"), f"expected {count(inputs, 'input')} in every period")
+        elif one.start is not None and len(one.start) != states:
+            yield Flaw((*key, "start"), f"expected {count(states, 'state')}, got {len(one.start)}")
+
+
+def _states(subject: Subject, quantity: str) -> list[int]:
+    system = subject.system
+    return [system.states.index(name) for name in system.predictions[quantity]]
+
+
+def _along(subject: Subject, task: TaskDrive) -> Array:
+    # (N, states, parameters): derivatives of the states at the ends of all periods.
+    system, periods = subject.system.exact, len(task.inputs)
+    states, size = len(system.states), len(system.parameters)
+    start = ca.DM.zeros(states) if task.start is None else ca.DM(task.start)
+    given = ca.DM(task.inputs).T, ca.DM(system.nominal), task.period
+    after = stepper(system).mapaccum(periods)(start, *given)
+    before = ca.horzcat(start, after[:, :-1])
+    begin = ca.horzcat(ca.DM.zeros(states, size), ca.DM.eye(states))
+    carried = np.array(carrier(system).mapaccum(periods)(begin, before, *given))
+    return carried.reshape(states, periods, size + states).swapaxes(0, 1)[..., :size]
 
 
 def _sensitivities(subject: Subject, legs: Sequence[Leg]) -> Array:

@@ -82,7 +82,9 @@ def aim_of(record: Record, result: Result) -> Aim:
         notes.append(f"of {listing([words(name) for name in subset]) if subset else 'all parameters'}")
     if given.scaling != study.scaling and given.conceded != "determinant":  # whose optimum no scaling changes
         notes.append(f"with the parameters {scaling_text(given.scaling)}")
-    if kind == study.kind and getattr(given, "test_drive", None) != getattr(study, "test_drive", None):
+    if kind == study.kind and any(
+        getattr(given, key, None) != getattr(study, key, None) for key in ("test_drive", "task")
+    ):
         notes.append("of another test drive")
     return Aim(given, " ".join(notes), len(subset or record.parameters))
 
