@@ -22,6 +22,8 @@ from oed.kernel.solution import Solution
 from oed.records.stored.result import NUMBERS, Covariance, Margin, Result, StoredDrive
 from oed.records.stored.selection import StoredSelection
 from oed.records.stored.simulation import (
+    Around,
+    Attainable,
     Error,
     Fit,
     Scaled,
@@ -269,6 +271,7 @@ def _floor(floor: Floor) -> StoredFloor:
         done=done,
         errors=_errors(floor),
         scatter=[_scatter(floor, *cell) for cell in floor.values],
+        attainable=[_attainable(floor, *fit) for fit in enumerate(floor.fits)],
         drawn=[one.friction for one in floor.found],
         paths={name: _thinned(path) for name, path in floor.found[0].paths.items()},
     )
@@ -289,7 +292,14 @@ def _error(floor: Floor, row: int, drive: str, column: int, fit: str) -> Error:
         misfit=floor.median("misfit", row, column),
         refused=np.sum(~np.isfinite(each)),
         each=each,
+        excess=Around.of(floor.excess.median(row, column)),
+        excess_each=floor.excess.errors[:, row, column],
     )
+
+
+def _attainable(floor: Floor, column: int, fit: str) -> Attainable:
+    found = floor.attainable
+    return Attainable.of(found.median(0, column), fit=fit, each=found.errors[:, 0, column])
 
 
 def _scatter(floor: Floor, drive: str, fit: str) -> Scatter:

@@ -65,7 +65,7 @@ def test_everything_is_recorded():
             assert entry["value"] == pytest.approx(np.median(entry["each"]), abs=1e-6)
             assert entry["low"] <= entry["value"] <= entry["high"]
             assert entry["along"] > 0
-    assert set(floor) == {"friction", "done", "drawn", "errors", "scatter", "paths"}
+    assert set(floor) == {"friction", "done", "drawn", "errors", "scatter", "attainable", "paths"}
     assert set(floor["paths"]) == set(DRIVES)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from typing import Any
 
+import numpy as np
 import pytest
 from recorded import record_from
 from trials import small_trial, study_of
@@ -43,8 +44,22 @@ def test_the_least_error_is_marked(shown: Section):
     assert f"{1000 * least['value']:.3g}" in row[fits.index(least["fit"])]
 
 
+def test_excess_errors_stand_below_what_the_models_leave_themselves(shown: Section):
+    (floor,) = small_trial()["floors"]
+    first, *others = shown.tables[1].cells
+    assert first[0] == "the held-out drives themselves, exactly"
+    for place, one in enumerate(floor["attainable"], start=1):
+        assert f"{1000 * one['value']:.3g}" in first[place]
+        own = [error["excess"]["value"] for error in floor["errors"] if error["fit"] == one["fit"]]
+        marked = [BEST in row[place] for row in others]
+        known = [np.inf if value is None else value for value in own]
+        if np.isfinite(min(known)):
+            assert marked.index(True) == int(np.argmin(known))
+            assert sum(marked) == 1
+
+
 def test_scatter_stands_beside_what_noise_alone_would_make_of_it(shown: Section):
-    rows = {row[1]: row for row in shown.tables[1].rows}
+    rows = {row[1]: row for row in shown.tables[-1].rows}
     assert 0.01 < rows["random"][-1] < 10
     # A circle that is driven to by turning in place makes all of them identifiable, with less precision.
     assert 0.01 < rows["circle"][-1] < 10
@@ -82,5 +97,5 @@ def test_two_floors_are_shown_side_by_side():
     other = {**copy.deepcopy(data["floors"][0]), "friction": 0.9}
     section = section_of({**data, "floors": [*data["floors"], other]})
     assert section is not None
-    assert len(section.tables) == 3
+    assert len(section.tables) == 5
     assert "friction 0.9" in svg_text(section.figures[0].figure)

@@ -265,8 +265,21 @@ class Around(Stored):
     high: Number | None
 
 
+class Attainable(Around):
+    """What a model's prediction errors are at best: fitted to the held-out drives themselves [m]."""
+
+    fit: str
+    each: Annotated[list[Number | None], Rounded(7)]
+
+
 class Error(Around):
-    """How far off a model's prediction is, calibrated from a drive [m]."""
+    """How far off a model's prediction is, calibrated from a drive [m].
+
+    Attributes:
+        excess: how much more than at best its error is, over all held-out drives and along them; None in
+            records of earlier versions.
+        excess_each: the same of every robot.
+    """
 
     drive: str
     fit: str
@@ -274,6 +287,8 @@ class Error(Around):
     misfit: Number | None
     refused: Count
     each: Annotated[list[Number | None], Rounded(7)]
+    excess: Around | None = None
+    excess_each: Annotated[list[Number | None], Rounded(7)] | None = None
 
 
 class Scatter(Stored):
@@ -294,6 +309,7 @@ class StoredFloor(Stored):
     done: Count
     errors: list[Error]
     scatter: list[Scatter]
+    attainable: list[Attainable] = Field(default_factory=list)
     drawn: Annotated[Numbers, Rounded(6)] = Field(default_factory=list)
     paths: dict[str, Annotated[Line, Rounded(4)]] = Field(default_factory=dict)
 
@@ -346,6 +362,7 @@ class StoredTrial(Stored):
             require_known(what, names, planned)
         for names in ((one.fit for one in floor.errors), (one.fit for one in floor.scatter)):
             require_known(what, names, fits)
+        require_known(what, (one.fit for one in floor.attainable), fits)
         there = {(one.drive, one.fit) for one in floor.errors}
         for drive, fit in itertools.product(drives, fits):
             if (drive, fit) not in there:

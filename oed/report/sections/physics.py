@@ -9,7 +9,7 @@ import numpy as np
 
 from oed.foundation.text import fixed, significant, words
 from oed.records.record import Record
-from oed.records.stored.simulation import Around, Error, Scatter, StoredFloor, StoredTrial
+from oed.records.stored.simulation import Around, Scatter, StoredFloor, StoredTrial
 from oed.report.figures import spread
 from oed.report.figures.spread import FACTOR, UNIT
 from oed.report.parts.prose import Prose
@@ -31,6 +31,7 @@ def physics(record: Record) -> Section | None:
         SAY("intro", trial, methods, record.study.space),
         SAY("drives", trial.planned),
         *(_errors(trial, one) for one in floors),
+        *(_excess(trial, one) for one in floors if one.attainable),
         _scatter(trial, floors) if floors else None,
         *(_figures(trial, floors) if floors else ()),
         notices=_notices(trial, floors),
@@ -49,19 +50,45 @@ def _errors(trial: StoredTrial, floor: StoredFloor) -> Table:
     best = min(floor.errors, key=lambda one: math.inf if one.value is None else one.value)
 
     def column(fit: str) -> Column:
-        return Column(fit, UNIT, cell=lambda drive: _error_text(table[drive, fit], table[drive, fit] is best))
+        return Column(
+            fit, UNIT, cell=lambda drive: _around_text(table[drive, fit], table[drive, fit] is best)
+        )
 
     columns = (Column("calibrated from"), *(column(one.name) for one in trial.fits))
     return Table.of(dict.fromkeys(one.drive for one in floor.errors), columns, SAY("errors", floor))
 
 
-def _error_text(error: Error, best: bool) -> str:
-    if error.value is None:
+def _around_text(error: Around | None, best: bool) -> str:
+    if error is None or error.value is None:
         return "refused"
     value, low, high = (
         "∞" if one is None else significant(3)(FACTOR * one) for one in (error.value, error.low, error.high)
     )
     return f"{value} ({low} to {high}){BEST if best else ''}"
+
+
+def _excess(trial: StoredTrial, floor: StoredFloor) -> Table:
+    # First what the models leave themselves, then how much more is left by drive.
+    table = {(one.drive, one.fit): one.excess for one in floor.errors}
+    drives = dict.fromkeys(one.drive for one in floor.errors)
+    least = {one.fit: one for one in floor.attainable}
+
+    def column(fit: str) -> Column:
+        best = min((_size(table[drive, fit]), drive) for drive in drives)[1]
+
+        def cell(drive: str | None) -> str:
+            found = least[fit] if drive is None else table[drive, fit]
+            return _around_text(found, drive is not None and drive == best)
+
+        return Column(fit, UNIT, cell=cell)
+
+    first = Column("calibrated from", cell=lambda drive: drive or SAY("attainable"))
+    columns = (first, *(column(one.name) for one in trial.fits if one.name in least))
+    return Table.of([None, *drives], columns, SAY("excess", floor, trial.held_out))
+
+
+def _size(around: Around | None) -> float:
+    return math.inf if around is None or around.value is None else around.value
 
 
 def _scatter(trial: StoredTrial, floors: Sequence[StoredFloor]) -> Table:

@@ -16,7 +16,9 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import Failure, UserMistake
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs.log import Log
+from oed.robots.models.model import Model
 from oed.simulation.physics import Motion, PhysicsRobot, Sensing, Variation, drive
+from oed.simulation.trial.attainable import ORIGIN, attainable_error
 
 STREAM = 29
 """Of the random numbers that robots and noise are drawn from."""
@@ -24,8 +26,6 @@ DRAWS = 100
 """Of a robot that stands, before giving up."""
 LEAST_RATE = 50.0
 """At which motion is logged at least, and dead reckoning reads the encoders [1/s]."""
-ORIGIN = np.zeros(3)
-"""Where on the robot poses are read."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,8 @@ class Found:
         end: distance from where the robot truly is to where dead reckoning has it, at the end of every
             held-out drive, (drives, fits, held-out drives) [m].
         along: root mean square of the same all along the drive [m].
+        attainable: what the model of every fit could have at best of the root mean square over all held-out
+            drives, (fits,) [m].
         misfit: mean square of the residuals in units of the specified noise, (drives, fits).
         paths: true x, y of the drives, each (n, 2) [m].
         friction: of the robot that was drawn.
@@ -84,6 +86,7 @@ class Found:
     values: Mapping[tuple[str, str], Array]
     end: Array
     along: Array
+    attainable: Array
     misfit: Array
     paths: Mapping[str, Array]
     friction: float
@@ -110,16 +113,30 @@ def _repeated(repeat: Repeat) -> Found:
     shape = len(bench.drives), len(bench.fits)
     end, along = (np.full((*shape, len(held_out)), np.inf) for _ in range(2))
     misfit, values = np.full(shape, np.inf), dict[tuple[str, str], Array]()
+    found_by = {label: list[Array]() for label in bench.fits}
     for row, (name, log) in enumerate(logs.items()):
         for column, (label, fitting) in enumerate(bench.fits.items()):
             found = _calibrated(fitting, log)
             if found is None:
                 continue
             values[name, label], whole, misfit[row, column] = found
+            found_by[label].append(whole)
             errors = [prediction_errors(fitting, one, whole) for one in held_out]
             end[row, column], along[row, column] = np.transpose(errors)
     paths = {name: motion.poses[:, :2] for name, motion in motions.items()}
-    return Found(values, end, along, misfit, paths, robot.friction)
+    attainable = _attainable(bench, held_out, found_by)
+    return Found(values, end, along, attainable, misfit, paths, robot.friction)
+
+
+def _attainable(bench: Bench, held_out: list[Log], found: Mapping[str, list[Array]]) -> Array:
+    # Fits of one model by several methods have the same.
+    starts, best = dict[Model, list[Array]](), dict[Model, float]()
+    for label, fitting in bench.fits.items():
+        starts.setdefault(fitting.robot, []).extend(found[label])
+    for fitting in bench.fits.values():
+        if fitting.robot not in best:
+            best[fitting.robot] = attainable_error(fitting, held_out, starts[fitting.robot])
+    return np.array([best[fitting.robot] for fitting in bench.fits.values()])
 
 
 def _drawn(bench: Bench, friction: float, rng: np.random.Generator) -> PhysicsRobot:

@@ -13,6 +13,7 @@ from oed.estimation.methods.fitting import Fitting
 from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import Solution
+from oed.simulation.trial.attainable import overall
 from oed.simulation.trial.candidates import Candidate
 from oed.simulation.trial.experiment import Found
 from oed.simulation.trial.options import Trial
@@ -145,6 +146,20 @@ class Floor:
         """Held-out errors, (repeats, drives, fits) [m]."""
         each = np.array([np.median(one.end, axis=-1) for one in self.found])
         return Repeats(each, self.resamples, self.seed)
+
+    @cached_property
+    def attainable(self) -> Repeats:
+        """What every model could have at best, over all held-out drives and along them,
+        (repeats, 1, fits) [m].
+        """
+        each = np.array([one.attainable for one in self.found])[:, None]
+        return Repeats(each, self.resamples, self.seed)
+
+    @cached_property
+    def excess(self) -> Repeats:
+        """How much more than that it has, calibrated from a drive, (repeats, drives, fits) [m]."""
+        each = np.array([overall(one.along) for one in self.found])
+        return Repeats(each - self.attainable.errors, self.resamples, self.seed)
 
     @cached_property
     def values(self) -> dict[tuple[str, str], Array]:
