@@ -11,6 +11,7 @@ from oed.foundation.arguments import typed
 from oed.foundation.errors import Flaw, PathFileError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.optimize import Progress, Silent, Workers
+from oed.records.discrepancy import discrepancy_of
 from oed.records.path_file import read_trajectory
 from oed.records.recorded_study import drives_of, prior_of
 from oed.study.study import PathFile, Study, read_study
@@ -41,7 +42,7 @@ def load_study(file: str | Path) -> Study:
     Raises:
         StudyError: every mistake in the file, each with its line and key.
     """
-    return read_study(read_yaml(file), prior_of, drives_of)
+    return read_study(read_yaml(file), prior_of, drives_of, discrepancy_of)
 
 
 @typed
@@ -51,7 +52,7 @@ def parse_study(text: str, source: str = "study") -> Study:
     Raises:
         StudyError: every mistake in the text, each with its line and key.
     """
-    return read_study(parse_yaml(text, source), prior_of, drives_of)
+    return read_study(parse_yaml(text, source), prior_of, drives_of, discrepancy_of)
 
 
 def own_paths(study: Study) -> dict[str, Trajectory]:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import casadi as ca
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
@@ -28,6 +28,45 @@ USUAL = {"m": "1 cm", "rad": "1 deg"}
 AnglePerSpeed = Annotated[float, Unit("rad*s/m", "2 deg*s/m")]
 
 
+class Discrepancy(Component):
+    """What the robot's model cannot say of a pose, as a standard deviation that grows with the twist: slip
+    outside the model shows in residuals of whole drives, the more the faster the robot drives and turns.
+
+    Attributes:
+        position_per_speed: k_v in the variance (k_v V)^2 + (k_w Omega)^2 of a position, V the speed [s].
+        heading_per_speed: the same of a heading [rad s/m].
+        position_per_yaw_rate: k_w there, Omega the yaw rate [m s/rad].
+        heading_per_yaw_rate: the same of a heading [s].
+    """
+
+    position_per_speed: Annotated[Duration, Field(ge=0)] = 0.0
+    heading_per_speed: Annotated[AnglePerSpeed, Field(ge=0)] = 0.0
+    position_per_yaw_rate: Annotated[LengthPerYawRate, Field(ge=0)] = 0.0
+    heading_per_yaw_rate: Annotated[Duration, Field(ge=0)] = 0.0
+
+
+class DiscrepancyRecord(Component):
+    """The discrepancy that residuals of an estimate show: `oed estimate` of a pilot drive.
+
+    Attributes:
+        record: the estimate's folder (or file), found from the study's folder.
+    """
+
+    record: str
+
+
+def _form(value: Any) -> str:
+    # By what is given, so that mistakes are those of the form that was meant.
+    named = "record" in value if isinstance(value, dict) else isinstance(value, DiscrepancyRecord)
+    return "from a record" if named else "as numbers"
+
+
+AnyDiscrepancy = Annotated[
+    Annotated[Discrepancy, Tag("as numbers")] | Annotated[DiscrepancyRecord, Tag("from a record")],
+    Discriminator(_form),
+]
+
+
 class AbsoluteNoise(Component):
     """Errors of one pose, absolute or relative, as standard deviations or as a covariance matrix.
 
@@ -40,6 +79,8 @@ class AbsoluteNoise(Component):
         heading_per_speed: the same of a heading [rad s/m].
         position_per_yaw_rate: k_w there, Omega the yaw rate [m s/rad].
         heading_per_yaw_rate: the same of a heading [s], e.g. readings whose times jitter by so much.
+        discrepancy: the part that is not the sensor's own, but the model's; it counts in designs and in
+            estimates as noise, and simulated physics does not draw it.
         covariance: of one pose's quantities, in their order, (q, q); or of all readings, pose by pose,
             (K q, K q); in SI units. Instead of the others.
     """
@@ -52,6 +93,7 @@ class AbsoluteNoise(Component):
     heading_per_speed: Annotated[AnglePerSpeed, Field(ge=0)] = 0.0
     position_per_yaw_rate: Annotated[LengthPerYawRate, Field(ge=0)] = 0.0
     heading_per_yaw_rate: Annotated[Duration, Field(ge=0)] = 0.0
+    discrepancy: AnyDiscrepancy | None = None
     covariance: Matrix | None = None
 
     @field_validator("covariance")
@@ -113,6 +155,9 @@ class AbsoluteNoise(Component):
                 return []
             text = f"expected {alone} rows (one pose) or {together} (all readings), got {got}"
             return [Flaw(("measurement", "noise", "covariance"), text)]
+        if isinstance(self.discrepancy, DiscrepancyRecord):
+            text = "a record is read where a study is loaded from a file; here give the numbers"
+            return [Flaw(("measurement", "noise", "discrepancy", "record"), text)]
         missing: list[str] = [name for name in quantities if self.deviation(name) is None]
         if not missing:
             return []
@@ -142,10 +187,18 @@ class AbsoluteNoise(Component):
 
     def at_least(self, quantity: Quantity) -> Noise:
         """Standard deviations of all quantities at rest, SI; 0 where one is not given."""
-        size = self.deviation(quantity) or 0.0
-        if quantity == "heading":
-            return Noise(size, self.heading_per_speed, self.heading_per_yaw_rate)
-        return Noise(size, self.position_per_speed, self.position_per_yaw_rate)
+        size, name = self.deviation(quantity) or 0.0, "heading" if quantity == "heading" else "position"
+        return Noise(size, self._growth_of(f"{name}_per_speed"), self._growth_of(f"{name}_per_yaw_rate"))
+
+    @property
+    def of_sensor(self) -> AbsoluteNoise:
+        """The sensor's own, without the discrepancy."""
+        return self.model_copy(update={"discrepancy": None})
+
+    def _growth_of(self, name: str) -> float:
+        # The sensor's own and the model's are independent.
+        own: float = getattr(self, name)
+        return math.hypot(own, getattr(self.discrepancy, name, 0.0))
 
     def text(self, quantities: tuple[Quantity, ...]) -> str:
         """The noise of one reading of such quantities, in words."""

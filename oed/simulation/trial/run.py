@@ -120,7 +120,8 @@ def _bench(
     rate = 1 / (problem.design.period * sensor.every)
     drives = {one.name: one.drivable for one in planned if one.drivable is not None}
     held_out = held_out_drives(problem, trial.held_out, seed)
-    sensing = Sensing(pose_rate=rate, noise=sensor.noise)
+    # What the model cannot say the simulated robot does by itself.
+    sensing = Sensing(pose_rate=rate, noise=sensor.noise.of_sensor)
     return Bench(trial.robot, trial.variation, sensing, drives, held_out, fits, seed)
 
 
