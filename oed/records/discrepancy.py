@@ -12,7 +12,7 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, ProblemError, RecordError
 from oed.records.record import load_estimate
 from oed.records.stored.estimate import Residuals
-from oed.robots.sensors.pose_noise import Discrepancy
+from oed.study.discrepancies import Discrepancy
 
 QUANTITIES = {"x": "position", "y": "position", "heading": "heading"}
 """What residuals of a pose's entries belong to."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from oed.foundation.text import (
@@ -75,13 +75,39 @@ def answer_of(record: Record) -> Answer | None:
     baseline = best_baseline(record)
     beside = baseline if baseline is not None and baseline.name != winner.name else None
     rows = rows_of(record.parameters, winner, beside, record.study.shown_units)
-    said = (_compared(record, winner, baseline), _proved(record, winner), _holds(record, winner))
+    said = (
+        _compared(record, winner, baseline),
+        _proved(record, winner),
+        _holds(record, winner),
+        *_tried(record),
+    )
     return Answer(
         title_of(record),
         rows,
         "" if beside is None else _pattern(beside),
         tuple(filter(None, said if rows else (SAY("noiseless"), *said))),
     )
+
+
+def _tried(record: Record) -> Iterator[str]:
+    # Of simulated robots with slip: what the study's own model leaves at best, and what drives add to it.
+    trial = record.trial
+    if trial is None:
+        return
+    own, designed = trial.models[0].name, {one.name: one.model for one in trial.planned}
+    for floor in trial.floors:
+        least = next((one.value for one in floor.attainable if one.fit == own), None)
+        excess = {
+            one.drive: one.excess.value
+            for one in floor.errors
+            if one.fit == own and one.excess is not None and one.excess.value is not None
+        }
+        mine = next((name for name in excess if designed[name] == own), None)
+        usual = [name for name in excess if designed[name] is None]
+        if least is not None and mine is not None:
+            other = min(usual, key=excess.__getitem__) if usual else ""
+            more = excess.get(other)
+            yield SAY("tried", floor.friction, least, excess[mine], other, more)
 
 
 def best_baseline(record: Record) -> Result | None:

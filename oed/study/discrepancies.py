@@ -10,7 +10,8 @@ from typing import TypeVar
 
 from oed.foundation.errors import Flaw, ProblemError
 from oed.kernel.measurement.measurement import Measurement
-from oed.robots.sensors.pose_noise import AbsoluteNoise, Discrepancy, DiscrepancyRecord
+from oed.robots.sensors.pose_noise import AbsoluteNoise, DiscrepancyRecord
+from oed.robots.sensors.pose_noise import Discrepancy as Discrepancy
 from oed.study.study_file import StudyFile
 
 DiscrepancyOf = Callable[[Path], Discrepancy]

@@ -6,6 +6,7 @@ from places import REPORTS
 from recorded import record_from
 
 from oed.records.record import load_record
+from oed.report.answer import answer_of
 from oed.report.sections.physics import physics
 
 
@@ -21,3 +22,24 @@ def test_the_page_judges_nothing_by_goals_that_the_user_never_set():
     assert [table.caption[:8] for table in section.tables] == ["Held-out", "Held-out", "Scatter "]
     text = "\n".join([*section.paragraphs, *section.notices, *(table.caption for table in section.tables)])
     assert not {"aim", "aims", "goal", "goals", "reached", "at most"} & set(text.replace(",", " ").split())
+
+
+def test_the_answer_says_what_slip_leaves_and_what_the_drive_adds():
+    data = load_record(REPORTS / "physics_skid_steer").data
+    floor = data["physics"]["floors"][0]
+    own = data["physics"]["models"][0]["name"]
+    before = answer_of(record_from(data))
+    assert before is not None
+    # Records of earlier versions do not know.
+    assert not any("simulated physics" in one for one in before.sentences)
+    floor["attainable"] = [{"fit": own, "value": 0.0151, "low": 0.01, "high": 0.02, "each": []}]
+    sizes = {"optimal for differential drive": 0.00123, "circle": 0.03, "random": 0.0021}
+    for one in floor["errors"]:
+        if one["fit"] == own and one["drive"] in sizes:
+            one["excess"] = {"value": sizes[one["drive"]], "low": 0.0, "high": 0.1}
+    after = answer_of(record_from(data))
+    assert after is not None
+    (said,) = [one for one in after.sentences if "simulated physics" in one]
+    assert "(friction 0.5)" in said
+    assert "at best 15 mm off" in said
+    assert "from this drive, 1.2 mm more, from the best baseline (random) 2.1 mm more." in said
