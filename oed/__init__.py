@@ -31,8 +31,8 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
         Constant, PiecewiseConstant, PiecewiseLinear, SplineSignal, Fourier, Signal
     Sensors
         Poses, RelativePoses, Displacements, Ranges, Landmarks, Tags, YawRate, TrailerAngle, Several,
-        AbsoluteNoise, PoseNoise, SightNoise, LeverArm, CameraArm, Mounting, PosePrior, Prior, regression,
-        Sensor, Measurement, Moment, Block, Nuisance
+        AbsoluteNoise, Discrepancy, PoseNoise, SightNoise, LeverArm, CameraArm, Mounting, PosePrior, Prior,
+        regression, Sensor, Measurement, Moment, Block, Nuisance
     Limits
         WheelSpeed, WheelAcceleration, WheelJerk, BodySpeed, YawRateLimit, LateralAcceleration, TurningRadius,
         SteeringAngle, SteeringRate, CommandedSpeed, CommandedAcceleration, CommandedYawRate,
@@ -40,7 +40,7 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
         Rectangle, Circle, Polygon, Obstacles, Obstacle, CircularObstacle, PolygonalObstacle, EndPosition,
         EndHeading, PathLength, Limit, BareLimit, PathLimit, Rows
     Criteria
-        E, D, A, G, I, ModifiedE, Criterion, Epigraph, Subject
+        E, D, A, G, I, TaskDrive, ModifiedE, Criterion, Epigraph, Subject
     Searches
         solve, Ipopt, Genetic, DifferentialEvolution, CmaEs, Cluster, Progress, Solver, Context
     Which readings to take

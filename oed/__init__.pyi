@@ -34,6 +34,7 @@ from .kernel.criteria import G as G
 from .kernel.criteria import I as I
 from .kernel.criteria import ModifiedE as ModifiedE
 from .kernel.criteria import Subject as Subject
+from .kernel.criteria import TaskDrive as TaskDrive
 from .kernel.dynamics.rollout import Drive as Drive
 from .kernel.dynamics.signals import Constant as Constant
 from .kernel.dynamics.signals import Fourier as Fourier
@@ -140,6 +141,7 @@ from .robots.models import Unicycle as Unicycle
 from .robots.sensors import AbsoluteNoise as AbsoluteNoise
 from .robots.sensors import Block as Block
 from .robots.sensors import CameraArm as CameraArm
+from .robots.sensors import Discrepancy as Discrepancy
 from .robots.sensors import Displacements as Displacements
 from .robots.sensors import Landmarks as Landmarks
 from .robots.sensors import LeverArm as LeverArm

@@ -19,6 +19,7 @@ from oed.robots.sensors.mapped import Ranges as Ranges
 from oed.robots.sensors.mounting import CameraArm as CameraArm
 from oed.robots.sensors.mounting import LeverArm as LeverArm
 from oed.robots.sensors.mounting import Mounting as Mounting
+from oed.robots.sensors.pose_noise import Discrepancy as Discrepancy
 from oed.robots.sensors.poses import AbsoluteNoise as AbsoluteNoise
 from oed.robots.sensors.poses import Poses as Poses
 from oed.robots.sensors.prior import PosePrior as PosePrior
