@@ -265,7 +265,7 @@ def _thinned(path: Array) -> Array:
 def _floor(floor: Floor) -> StoredFloor:
     done = len(floor.found)
     if done < FEWEST:
-        return StoredFloor.of(floor, done=done, errors=[], scatter=[])
+        return StoredFloor.of(floor, done=done, errors=[], scatter=[], attainable=[])
     return StoredFloor.of(
         floor,
         done=done,
