@@ -23,7 +23,7 @@ from oed.kernel.criteria import I, TaskDrive
 from oed.kernel.problem import Problem
 from oed.optimize import Ipopt, Solver
 from oed.records.discrepancy import growth
-from oed.robots.sensors import Poses
+from oed.robots.sensors import AbsoluteNoise, Poses
 from oed.robots.sensors.pose_noise import Discrepancy
 from oed.simulation.physics import Sensing, drive
 from oed.simulation.trial.candidates import Candidate, candidates
@@ -37,6 +37,8 @@ PILOT = "random"
 PILOT_STREAM = 41
 """Of the random numbers of a pilot's noise."""
 AIMS = ("by the study's criterion", "for the task", "for the task, with discrepancy")
+EXACT = AbsoluteNoise(position=1e-9, heading=1e-9)
+"""Noise of readings that have none to speak of."""
 HALF, NEVER = 0.5, 1.05
 """Excess over that of the best baseline that is aimed at, and that is not to be exceeded."""
 
@@ -124,6 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.discrepancy", description=__doc__)
     parser.add_argument("--models", nargs="+", default=["yaw lag", "drift"], metavar="NAME")
     parser.add_argument("--robots", type=int, default=20, help="drawn for each floor")
+    parser.add_argument("--exact", action="store_true", help="read the drives without noise: slip alone errs")
     parser.add_argument("--starts", type=int, default=4, help="of each search")
     given = parser.parse_args(arguments)
     study = load_study(STUDY)
@@ -131,6 +134,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     assert trial is not None
     solver = Ipopt(starts=given.starts, perturbations=0)
     bench = benched(study.problem, trial, given.models, study.seed, solver)
+    if given.exact:
+        bench = replace(bench, sensing=bench.sensing.model_copy(update={"noise": EXACT}))
     printed = list[str]()
     for number, friction in enumerate(trial.frictions):
         found = [repeated(Repeat(bench, friction, number, one)) for one in range(given.robots)]
