@@ -16,7 +16,7 @@ from oed.bounds import LOOSE, Certificate
 from oed.foundation.arrays import Array
 from oed.foundation.extras import package_version
 from oed.kernel.dynamics.system import label_of
-from oed.kernel.evaluation import TOLERANCE, Evaluation
+from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.records.stored.result import NUMBERS, Covariance, Margin, Result, StoredDrive
@@ -95,7 +95,17 @@ def result_of(
         else StoredDrive.of(trajectory, poses=evaluation.states),
         criteria=criteria or {},
         selection=selection,
+        steady_deviations=_steady_deviations(solution),
     )
+
+
+def _steady_deviations(solution: Solution) -> dict[str, float | None]:
+    # As they would be if nothing drifted; {} where nothing does.
+    problem, trajectory = solution.problem, solution.trajectory
+    if problem is None or trajectory is None or solution.evaluation is None or problem.steady() is problem:
+        return {}
+    found = evaluate(problem.steady(), trajectory).standard_deviations
+    return {name: one if math.isfinite(one) else None for name, one in found.items()}
 
 
 def _parts_of(evaluation: Evaluation, solution: Solution) -> dict[str, Any]:

@@ -162,6 +162,7 @@ class Result(Presented, Stored):
         drive: the drive.
         criteria: what other criteria say of it, by their kinds.
         selection: which readings are taken, where they were chosen.
+        steady_deviations: of a process that drifts, the standard deviations if it did not.
     """
 
     name: Name
@@ -193,6 +194,7 @@ class Result(Presented, Stored):
     drive: StoredDrive | None
     criteria: dict[str, Number | None] = Field(default_factory=dict)
     selection: StoredSelection | None = None
+    steady_deviations: dict[str, Positive | None] = Field(default_factory=dict)
 
     @property
     def origin(self) -> Literal["search", "baseline", "path"]:

@@ -8,6 +8,7 @@ from oed.report.parts.provenance import provenance
 from oed.report.parts.section import Section
 from oed.report.sections.candidates import candidates, comparison, criteria, paper
 from oed.report.sections.courses import courses, inputs, sensitivity
+from oed.report.sections.drift import drift
 from oed.report.sections.drives import paths, wheels
 from oed.report.sections.first import first
 from oed.report.sections.limits import limits
@@ -51,6 +52,7 @@ SECTIONS: dict[str, tuple[Make, ...]] = {
         validation,
         robustness,
         readings,
+        drift,
         limits,
         paths,
         wheels,

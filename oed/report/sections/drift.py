@@ -1,0 +1,78 @@
+"""What drift does to precision: every drive with it, and as it would be without."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from oed.foundation.text import error_text, fixed, significant, words
+from oed.kernel.measurement.process_noise import process_noise_of
+from oed.records.record import Record
+from oed.records.stored.result import Result
+from oed.records.stored.study_record import StoredParameter
+from oed.report.parts.judging import study_aim
+from oed.report.parts.prose import Prose
+from oed.report.parts.reading import called, with_drive
+from oed.report.parts.section import Column, Section, Table
+
+SAY = Prose("drift")
+
+
+def drift(record: Record) -> Section | None:
+    """Standard errors with drift and without, drive by drive, and what a search costs that leaves it out;
+    None where nothing drifts.
+    """
+    noise = process_noise_of(record.study.measurement.joint_sensors)
+    results = [one for one in with_drive(record) if one.standard_deviations and one.steady_deviations]
+    winner = record.best
+    if noise is None or winner is None or not winner.steady_deviations:
+        return None
+    blind = {solver.label for solver in record.study.solvers if solver.without_drift}
+    lost = [(called(record, one), _times(one), _share(record, one)) for one in results if one.name in blind]
+    said = SAY.paragraphs("drift", noise.text, called(record, winner), _times(winner), lost)
+    return Section.of("What drift does", *said, _table(record, results))
+
+
+def _share(record: Record, result: Result) -> float | None:
+    # How efficient a drive is beside the best one.
+    best = record.best
+    if best is None or best.objective is None or result.objective is None:
+        return None
+    return study_aim(record).efficiency(result.objective, best.objective)
+
+
+def _times(result: Result) -> float:
+    # How many times larger standard errors are with drift: of the parameter that it does most to.
+    return max(
+        (found / without)
+        for name, found in result.standard_deviations.items()
+        if found is not None and (without := result.steady_deviations.get(name))
+    )
+
+
+def _table(record: Record, results: list[Result]) -> Table:
+    def columns(one: StoredParameter) -> tuple[Column, Column]:
+        unit, factor = record.shown_unit(one.name, one.unit)
+
+        def size(of: dict[str, float | None]) -> float | None:
+            found = of.get(one.name)
+            return None if found is None else factor * found
+
+        return (
+            Column(words(one.name), unit, error_text, lambda result: size(result.standard_deviations)),
+            Column("without drift", unit, error_text, lambda result: size(result.steady_deviations)),
+        )
+
+    each = [column for one in record.parameters for column in columns(one)]
+    leading = (
+        Column("drive", cell=lambda result: called(record, result)),
+        Column("path", "m", significant(3), lambda result: result.path_length),
+        Column("turned", "rad", fixed(1), _turned),
+    )
+    return Table.of(results, (*leading, *each), "Standard errors with drift and without")
+
+
+def _turned(result: Result) -> float | None:
+    # All turns, left and right, of all runs [rad].
+    if result.drive is None:
+        return None
+    return float(sum(np.abs(np.diff(own[:, 2])).sum() for own in result.drive.by_run))

@@ -1,0 +1,69 @@
+"""The page of a study whose robot drifts says what that does, and what a search costs that leaves it out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from oed import evaluate, load_record, load_study, run, write_report
+
+STUDY = """
+format: 1
+name: A robot that drifts
+robot: {kind: differential_drive, wheel_radius: 4.9 cm, track: 18 cm}
+trajectory: {duration: 8 s, samples: 16, spline: {degree: 3, coefficients: 7}}
+measurement:
+  kind: poses
+  noise: {position: 1 cm, heading: 1 deg}
+  drift: {ahead_per_metre: 5 mm, heading_per_metre: 1 deg, heading_per_radian: 1 deg}
+limits:
+  wheel_speed: 10 rad/s
+  wheel_acceleration: 20 rad/s^2
+  workspace: {kind: rectangle, x: [-1 m, 1 m], y: [-1 m, 1 m]}
+criterion: A
+solvers:
+  - {kind: ipopt, name: aware, starts: 2, perturbations: 0}
+  - {kind: ipopt, name: blind, starts: 2, perturbations: 0, without_drift: true}
+baselines: [square]
+"""
+
+
+@pytest.fixture(scope="module")
+def drifted(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("drift")
+    (folder / "study.yaml").write_text(STUDY)
+    run(load_study(folder / "study.yaml"), folder / "out")
+    return folder / "out"
+
+
+def test_every_drive_has_its_standard_errors_without_drift(drifted):
+    record = load_record(drifted)
+    problem = load_study(drifted.parent / "study.yaml").problem
+    for one in record.results:
+        found = evaluate(problem.steady(), one.drive.trajectory).standard_deviations
+        np.testing.assert_allclose(list(one.steady_deviations.values()), list(found.values()), rtol=1e-9)
+        assert all(one.standard_deviations[name] > size for name, size in one.steady_deviations.items())
+
+
+def test_the_page_says_what_drift_does(drifted):
+    text = (write_report(load_record(drifted), drifted).parent / "report.md").read_text()
+    assert "## What drift does" in text
+    assert "5 mm ahead and 1 deg in heading after 1 m, 1 deg in heading after 1 rad of turning" in text
+    assert "is the best drive found for a robot without drift" in text
+    assert "Standard errors with drift and without" in text
+
+
+def test_what_does_not_drift_has_no_such_section(tmp_path):
+    lines = [line for line in STUDY.splitlines() if "drift:" not in line and "without_drift" not in line]
+    (tmp_path / "study.yaml").write_text("\n".join(lines))
+    record = run(load_study(tmp_path / "study.yaml"), tmp_path / "out")
+    assert all(not one.steady_deviations for one in record.results)
+    page = write_report(record, tmp_path / "out")
+    assert "What drift does" not in (page.parent / "report.md").read_text()
+
+
+def test_there_has_to_be_drift_to_leave_out(tmp_path):
+    lines = [line for line in STUDY.splitlines() if "  drift:" not in line]
+    (tmp_path / "study.yaml").write_text("\n".join(lines))
+    with pytest.raises(Exception, match=r"without_drift.*there is no drift to leave out"):
+        load_study(tmp_path / "study.yaml")
