@@ -18,7 +18,7 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import maximum_filter1d
+import scipy
 
 from oed.bounds.stencils import Stencil, stencil
 from oed.foundation.arrays import Array, Bools
@@ -135,10 +135,10 @@ def _raise_near_walls(best: Singles, walls: Walls, here: Stencil) -> None:
         return
     across, along = walls
     near, far = (int(np.ceil(radius)) for radius in here.radii)
-    own = maximum_filter1d(across, 2 * far + 3, axis=2, mode="nearest") / 4
+    own = scipy.ndimage.maximum_filter1d(across, 2 * far + 3, axis=2, mode="nearest") / 4
     best[:, 1 : near + 2] += own[:, :1]
     best[:, -near - 2 : -1] += own[:, 1:]
-    own = maximum_filter1d(along, 2 * near + 3, axis=1, mode="nearest") / 4
+    own = scipy.ndimage.maximum_filter1d(along, 2 * near + 3, axis=1, mode="nearest") / 4
     best[:, :, 1 : far + 2] += own[:, :, :1]
     best[:, :, -far - 2 : -1] += own[:, :, 1:]
 

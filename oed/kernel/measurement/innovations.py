@@ -55,7 +55,13 @@ class FilterFunctions:
 
 @lru_cache(maxsize=8)
 def filter_functions(sensors: tuple[Sensor, ...], system: System, noise: ProcessNoise) -> FilterFunctions:
-    """The filter of what sensors read of a system under process noise, each of them in every period."""
+    """The filter of what sensors read of a system under process noise, each of them in every period.
+
+    Args:
+        sensors: that read.
+        system: that is driven.
+        noise: of its process.
+    """
     return _Filter(sensors, system, noise).functions
 
 
@@ -117,10 +123,10 @@ class _Filter:
         )
         none = ca.SX(self.noise.size, slopes.shape[1])
         begun = _Belief(ca.vertcat(slopes, none), ca.diagcat(covariance, errors), self.states)
-        after, rows = begun.read(found)
+        read, rows = begun.read(found)
         here = ca.horzcat(ca.SX(self.states, self.size), ca.SX.eye(self.states))
         step = ca.sparsify(carrier(system)(here, *given))
-        return list(after.moved(step, effect, self.size)), rows
+        return list(_moved(read, step, effect, self.size)), rows
 
     @property
     def _ends(self) -> list[_Placed]:
@@ -227,12 +233,14 @@ class _Belief:
                 found.append(white)
         return _Belief(slopes, covariance, self.states), ca.vertcat(*found)
 
-    def moved(self, step: Expression, effect: Expression, parameters: int) -> tuple[Expression, Expression]:
-        # After the period, whose step has slopes by (parameters, state).
-        direct, onward = step[:, :parameters], ca.horzcat(step[:, parameters:], effect)
-        rest = self.slopes.shape[1] - parameters
-        added = ca.horzcat(direct, ca.SX(self.states, rest))
-        return onward @ self.slopes + added, onward @ self.covariance @ onward.T
+
+def _moved(
+    belief: _Belief, step: Expression, effect: Expression, parameters: int
+) -> tuple[Expression, Expression]:
+    # After the period, whose step has slopes by (parameters, state).
+    direct, onward = step[:, :parameters], ca.horzcat(step[:, parameters:], effect)
+    added = ca.horzcat(direct, ca.SX(belief.states, belief.slopes.shape[1] - parameters))
+    return onward @ belief.slopes + added, onward @ belief.covariance @ onward.T
 
 
 def _reading(

@@ -223,7 +223,7 @@ class Measurement(Component, ABC):
         return ()
 
     def steady(self) -> Measurement:
-        """The same measurement of a system without noise of its own."""
+        """This measurement of a system without noise of its own."""
         return self
 
     def cuts(self, samples: int) -> Cuts | None:

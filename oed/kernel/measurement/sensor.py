@@ -103,7 +103,7 @@ class Sensor(Measurement):
         return None
 
     def steady(self) -> Sensor:
-        """The same readings of a system without noise of its own."""
+        """This sensor of a system without noise of its own."""
         return self
 
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
