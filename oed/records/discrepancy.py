@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, ProblemError, RecordError
@@ -63,7 +63,7 @@ def growth(residuals: Array, speeds: Array, yaw_rates: Array) -> tuple[float, fl
     least = 1e-6 * (squares.mean() or 1.0)
     variances, found = np.full(len(squares), 1.0), np.zeros(3)
     for _ in range(ROUNDS):
-        found = nnls(terms / sizes / variances[:, None], squares / variances)[0]
+        found = scipy.optimize.nnls(terms / sizes / variances[:, None], squares / variances)[0]
         variances = np.maximum(terms / sizes @ found, least)
     at_rest, per_speed, per_yaw_rate = np.sqrt(found / sizes)
     return float(at_rest), float(per_speed), float(per_yaw_rate)
