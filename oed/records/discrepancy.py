@@ -12,7 +12,7 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, ProblemError, RecordError
 from oed.records.record import load_estimate
 from oed.records.stored.estimate import Residuals
-from oed.study.discrepancies import Discrepancy
+from oed.study.estimated import Discrepancy
 
 QUANTITIES = {"x": "position", "y": "position", "heading": "heading"}
 """What residuals of a pose's entries belong to."""

@@ -9,7 +9,6 @@ from oed.estimation.methods import estimator_flaws
 from oed.foundation.errors import Flaw
 from oed.foundation.files import file_stem, name_flaw
 from oed.kernel.measurement.measurement import Measurement
-from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.solution import NOMINAL
 from oed.robots.baselines import label
 from oed.study.parts import PathFile
@@ -66,7 +65,7 @@ def _design_flaws(file: RobotStudyFile) -> list[Flaw]:
 
 def _drift_flaws(file: StudyFile) -> list[Flaw]:
     # What there is none of need not be left out.
-    if process_noise_of(file.measurement.joint_sensors) is not None:
+    if any(getattr(sensor, "drift", None) is not None for sensor in file.measurement.joint_sensors):
         return []
     text = "there is no drift to leave out: give the measurement's `drift`, or omit this"
     return [

@@ -24,7 +24,7 @@ from oed.optimize import Solver
 from oed.robots.own_parts import code_flaw, judge_flaws
 from oed.robots.presets import preset_names
 from oed.simulation.trial import Trial
-from oed.study.discrepancies import DiscrepancyOf, no_estimates, with_discrepancies
+from oed.study.estimated import NO_ESTIMATES, Estimates, with_estimates
 from oed.study.parts import PathFile as PathFile
 from oed.study.parts import PriorRecord as PriorRecord
 from oed.study.parts import ValidationOptions as ValidationOptions
@@ -213,7 +213,7 @@ def read_study(
     source: Source,
     prior_of: PriorOf = no_records,
     drives_of: DrivesOf = no_files,
-    discrepancy_of: DiscrepancyOf = no_estimates,
+    estimates: Estimates = NO_ESTIMATES,
 ) -> Study:
     """The study that `source` describes.
 
@@ -221,7 +221,7 @@ def read_study(
         source: its keys.
         prior_of: what stands for a prior by the name of a record; raises a `ProblemError` where nothing does.
         drives_of: what stands for a task by the name of a file; alike.
-        discrepancy_of: what stands for a discrepancy by the name of an estimate; alike.
+        estimates: what stands for a discrepancy or a drift by the name of an estimate; alike.
 
     Raises:
         StudyError: every mistake in the source, each with its line and key.
@@ -243,7 +243,7 @@ def read_study(
     try:
         folder = Path(source.file).parent
         file = _with_prior(file.in_numbers(folder), folder, prior_of)
-        file = with_discrepancies(with_tasks(file, folder, drives_of), folder, discrepancy_of)
+        file = with_estimates(with_tasks(file, folder, drives_of), folder, estimates)
         problem = file.problem()
         flaws += [*judge_flaws(file, problem), *file.problem_flaws(problem)]
     except ProblemError as error:

@@ -12,10 +12,15 @@ from oed.foundation.errors import Flaw, PathFileError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.optimize import Progress, Silent, Workers
 from oed.records.discrepancy import discrepancy_of
+from oed.records.drift import drift_of
 from oed.records.path_file import read_trajectory
 from oed.records.recorded_study import drives_of, prior_of
+from oed.study.estimated import Estimates
 from oed.study.study import PathFile, Study, read_study
 from oed.study.yaml_source import parse_yaml, read_yaml
+
+ESTIMATES = Estimates(discrepancy_of, drift_of)
+"""How studies take parts from estimates that they name."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +47,7 @@ def load_study(file: str | Path) -> Study:
     Raises:
         StudyError: every mistake in the file, each with its line and key.
     """
-    return read_study(read_yaml(file), prior_of, drives_of, discrepancy_of)
+    return read_study(read_yaml(file), prior_of, drives_of, ESTIMATES)
 
 
 @typed
@@ -52,7 +57,7 @@ def parse_study(text: str, source: str = "study") -> Study:
     Raises:
         StudyError: every mistake in the text, each with its line and key.
     """
-    return read_study(parse_yaml(text, source), prior_of, drives_of, discrepancy_of)
+    return read_study(parse_yaml(text, source), prior_of, drives_of, ESTIMATES)
 
 
 def own_paths(study: Study) -> dict[str, Trajectory]:

@@ -6,11 +6,11 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import casadi as ca
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Flaw, ProblemError
 from oed.foundation.quantities import Angle, Length, require_covariance
 from oed.foundation.text import given_text, listing
 from oed.kernel.dynamics.expression import Expression
@@ -161,6 +161,32 @@ deg after 1 m and 0.25 to 0.8 deg after 1 rad of turning. What slips or steers d
 tricycle there 20 to 110 mm ahead, a Husky outdoors (github.com/norlab-ulaval/DRIVE) 300 mm."""
 
 
+class DriftRecord(Component):
+    """The drift that `oed estimate` reports of logs of the same robot.
+
+    Attributes:
+        record: the estimate's folder (or file), found from the study's folder.
+    """
+
+    record: str
+
+
+def _form(value: Any) -> str:
+    # By what is given, so that mistakes are those of the form that was meant.
+    if isinstance(value, str):
+        return "by a word"
+    named = "record" in value if isinstance(value, dict) else isinstance(value, DriftRecord)
+    return "from a record" if named else "as numbers"
+
+
+AnyDrift = Annotated[
+    Annotated[Drift, Tag("as numbers")]
+    | Annotated[DriftRecord, Tag("from a record")]
+    | Annotated[Literal["usual"], Tag("by a word")],
+    Discriminator(_form),
+]
+
+
 class DriftingSensor(Sensor):
     """A sensor of a robot that drifts, or may.
 
@@ -168,13 +194,20 @@ class DriftingSensor(Sensor):
         drift: of the robot's odometry, one for all sensors; "usual" for such as robots usually have.
     """
 
-    drift: Drift | Literal["usual"] | None = None
+    drift: AnyDrift | None = None
 
     @property
     def process_noise(self) -> Drift | None:
-        """The drift, where there is any."""
+        """The drift, where there is any.
+
+        Raises:
+            ProblemError: it is named by a record that nobody has read.
+        """
+        if isinstance(self.drift, DriftRecord):
+            text = "a record is read where a study is loaded from a file; here give the numbers"
+            raise ProblemError.about(("measurement", "drift", "record"), text)
         found = USUAL if self.drift == "usual" else self.drift
-        return found if found is not None and found.present else None
+        return found if isinstance(found, Drift) and found.present else None
 
     def steady(self) -> Self:
         """Of a robot that does not drift."""

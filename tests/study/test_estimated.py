@@ -96,3 +96,48 @@ def test_what_is_wrong_is_named_by_file_line_and_key(tmp_path: Path):
     file.write_text(with_discrepancy("discrepancy: {position_per_sped: 1 ms}"))
     with pytest.raises(StudyError, match=r"study.yaml:5: measurement.noise.discrepancy.position_per_sped"):
         load_study(file)
+
+
+def with_drift(text: str) -> str:
+    return STUDY.replace(NOISE, f"{NOISE}, drift: {text}")
+
+
+def test_an_estimate_of_logs_gives_their_drift(tmp_path: Path):
+    study = load_study(PROBLEMS / "room_robot.yaml")
+    oed.estimate(study, [PROBLEMS / "logs" / "room_robot.csv"], out=tmp_path / "logs")
+    file = tmp_path / "study.yaml"
+    file.write_text(with_drift("{record: logs}"))
+    found, reported = (
+        load_study(file).problem.measurement.process_noise,
+        load_estimate(tmp_path / "logs").drift,
+    )
+    assert found.heading_per_radian == reported.turn_by_turning > 0
+    assert found.ahead_per_metre == reported.ahead > 0
+    echo = load_study(file).echo()["measurement"]["drift"]
+    assert echo["sideways_per_metre"] == pytest.approx(reported.sideways)
+
+
+def test_drift_is_numbers_a_record_or_usual(tmp_path: Path):
+    usual = parse_study(with_drift("usual")).problem
+    plain = parse_study(STUDY).problem
+    (drive,) = baselines(plain, "circle")
+    assert oed.evaluate(usual, drive.trajectory).objective < oed.evaluate(plain, drive.trajectory).objective
+    file = tmp_path / "study.yaml"
+    for text, expected in (
+        ("{record: nowhere}", "drift.record: .*nowhere"),
+        ("{ahead_per_meter: 5 mm}", "drift.ahead_per_meter: .*ahead_per_metre"),
+        ("{ahead_per_metre: 5 deg}", "drift.ahead_per_metre: .*length"),
+        ("{heading_per_metre: -1 deg}", "drift.heading_per_metre"),
+        ("often", "drift: .*usual"),
+    ):
+        file.write_text(with_drift(text))
+        with pytest.raises(StudyError, match=rf"study.yaml:5: measurement.{expected}"):
+            load_study(file)
+    with pytest.raises(oed.ProblemError, match="here give the numbers"):
+        oed.Problem(
+            plain.model,
+            plain.design,
+            oed.Poses(noise={"position": 0.01, "heading": 0.02}, drift={"record": "nowhere"}),
+            plain.limits,
+            "E",
+        )

@@ -1,0 +1,30 @@
+"""How much the logs of an estimate drift, for the design of the next drive."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from oed.foundation.errors import Flaw, ProblemError, RecordError
+from oed.records.record import load_estimate
+from oed.study.estimated import Drift
+
+
+def drift_of(folder: Path) -> Drift:
+    """The drift that an estimate reports.
+
+    Raises:
+        ProblemError: no such estimate, or one that says nothing of drift; the key is the caller's.
+    """
+    try:
+        found = load_estimate(folder).drift
+    except RecordError as error:
+        raise ProblemError([Flaw((), "; ".join(map(str, error.flaws)))]) from None
+    if found is None:
+        text = "expected an estimate that says how much its logs drift: of poses by method joint"
+        raise ProblemError([Flaw((), text)])
+    return Drift(
+        ahead_per_metre=found.ahead,
+        sideways_per_metre=found.sideways,
+        heading_per_metre=found.turn_by_path,
+        heading_per_radian=found.turn_by_turning,
+    )
