@@ -1,5 +1,5 @@
-"""What studies take from estimates by their names, a discrepancy or a drift: numbers take the names' place, so
-that a study stands on its own from here on.
+"""What studies take from estimates by their names, a discrepancy or a drift: numbers take the names' place,
+so that a study stands on its own from here on.
 """
 
 from __future__ import annotations
