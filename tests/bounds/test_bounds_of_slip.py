@@ -46,8 +46,8 @@ def test_no_drive_beats_the_bound(effects: dict[str, float]):
     problem = slip_problem(**effects)
     certificate = bound(problem)
     assert any(CORNER in one.method for one in certificate.bounds)
-    # How fast it may be is known of the differential drive alone.
-    assert len(certificate.bounds) == (2 if not effects else 1)
+    # How fast it may be is known of the differential drive alone: axis by axis, and of both together.
+    assert len(certificate.bounds) == (3 if not effects else 1)
     assert check(problem, np.random.default_rng(1), 25, 15) > 10
 
 
