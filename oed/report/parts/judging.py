@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from oed.foundation.text import listing, words
 from oed.kernel.criteria import CRITERIA, Criterion, E
@@ -71,7 +71,14 @@ def plain_aim(record: Record, kind: str) -> Aim:
 
 
 def aim_of(record: Record, result: Result) -> Aim:
-    """What a search searched for: the study's criterion unless it was given its own."""
+    """What a search searched for: the study's criterion unless it was given its own, or left drift out."""
+    aim = _by_criterion(record, result)
+    if not getattr(solver_of(record, result), "without_drift", False):
+        return aim
+    return replace(aim, label=f"{aim.label} without drift")
+
+
+def _by_criterion(record: Record, result: Result) -> Aim:
     own, kind = study_aim(record), result.criterion
     if kind is None:
         return own
