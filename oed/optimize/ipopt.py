@@ -6,7 +6,7 @@ import time
 import uuid
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Annotated, Literal
 
 import numpy as np
@@ -21,7 +21,9 @@ from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.problem import Problem
 from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Start, Status
 from oed.optimize.conflict import describe_conflict
-from oed.optimize.local import Local, Settings, local_search, surely_better
+from oed.optimize.exploration import KICK_BARRIERS, Attempt, Exploration, Explorer, explorer_of
+from oed.optimize.local import local_search, surely_better
+from oed.optimize.local_results import Local, Settings, Sketch
 from oed.optimize.solver import Context, Solver
 from oed.optimize.standing import announce_drive
 from oed.optimize.transcription.starting_points import (
@@ -31,6 +33,7 @@ from oed.optimize.transcription.starting_points import (
     random_drives,
     screen,
     starting_points,
+    varied_starts,
 )
 
 ROUND = 4
@@ -39,6 +42,8 @@ TRIAL = 4
 """Starts tried before a search that has found nothing asks whether the limits conflict."""
 RESCORED = 5
 """Screened drives that are scored between their samples at most, the best first."""
+PERCENT = 100
+"""Steps of an exploration's progress."""
 POOL_SECONDS = 8.0
 """Work left below which starting worker processes, each building its own program, takes longer."""
 
@@ -47,8 +52,11 @@ class Ipopt(Solver):
     """Multi-start interior-point search with exact Hessians.
 
     Attributes:
-        starts: local searches, half from screened random drives, half from small random coefficients.
-        perturbations: further searches from perturbed copies of the best design.
+        starts: local searches, half from screened random drives, half from small random coefficients; or
+            "auto": as many, from varied starts and kicked designs, as `iterations` allow.
+        perturbations: further searches from perturbed copies of the best design; not of "auto".
+        iterations: budget of "auto", of each search: Ipopt's iterations on 200 samples, where one on n samples
+            (of all runs and robots) counts n/200; it ends sooner where the best has not risen for long.
         second_stage: what decides among designs of practically equal objective: "logdet" (most
             information in all directions), "shortest_path", or "none".
         second_stage_share: share of the best objective that the second stage has to keep.
@@ -60,8 +68,9 @@ class Ipopt(Solver):
     """
 
     kind: Literal["ipopt"] = "ipopt"
-    starts: Annotated[int, Field(ge=1, le=1_000_000)] = 12
+    starts: Annotated[int, Field(ge=1, le=1_000_000)] | Literal["auto"] = 12
     perturbations: Annotated[int, Field(ge=0)] = 8
+    iterations: Annotated[int, Field(ge=1, le=1_000_000_000)] = 1200
     second_stage: Literal["logdet", "shortest_path", "none"] = "logdet"
     second_stage_share: Annotated[float, Field(gt=0, lt=1)] = 0.999
     start_from: str | None = None
@@ -89,12 +98,13 @@ class _Task:
     settings: Settings
     unknowns: Array
     share: float | None = None
+    barrier: float | None = None
 
 
 def _work(task: _Task) -> Local:
     search = local_search(task.token, task.problem, task.settings)
     return (
-        search.maximise(task.unknowns)
+        search.maximise(task.unknowns, task.barrier)
         if task.share is None
         else search.second_stage(task.unknowns, task.share)
     )
@@ -117,6 +127,7 @@ class _Search:
     evaluations: int = 0
     history: list[HistoryPoint] = field(default_factory=list)
     _reason: str = ""
+    _told: str = ""
 
     def __post_init__(self) -> None:
         options = self.options
@@ -134,7 +145,9 @@ class _Search:
 
     def run(self) -> Solution:
         try:
-            for stage in (self._multi_start, self._perturb, self._decide):
+            auto = self.options.starts == "auto"
+            searches = (self._explore,) if auto else (self._multi_start, self._perturb)
+            for stage in (*searches, self._decide):
                 if self._out_of_time():
                     raise _TimeUp
                 stage()
@@ -147,7 +160,7 @@ class _Search:
     def _multi_start(self) -> None:
         rng = self.context.rng(0)
         screened = screen(self.design, rng)
-        points = starting_points(self.design, self.options.starts, rng, screened)
+        points = starting_points(self.design, self._usual_starts, rng, screened)
         self.evaluations += SCREENED
         if self.options.start_from is not None:
             points[0] = self._earlier_design(self.options.start_from)
@@ -164,6 +177,53 @@ class _Search:
         self._fall_back(screened)
         self._note_stage("starts")
 
+    @property
+    def _usual_starts(self) -> int:
+        starts = self.options.starts
+        return TRIAL if starts == "auto" else starts
+
+    def _explore(self) -> None:
+        # `starts: auto`: many solves, on a coarse grid where that will do; the best are then solved as ever.
+        samples = self.design.problem.design.samples
+        explorer = explorer_of(self.token, self.problem, self.settings, samples)
+        design = explorer.search.design
+        screened = screen(design, self.context.rng(0))
+        self.evaluations += SCREENED
+        fresh = varied_starts(design, screened, self.context.rng(3))
+        found = Exploration(design, fresh, self.context.rng(1), self.options.iterations)
+        if self.options.start_from is not None:
+            earlier = self._earlier_design(self.options.start_from)
+            self._try_starts([earlier])
+            found.take(explorer(Attempt(earlier, KICK_BARRIERS[0])))
+        self.context.progress.begin("explore", PERCENT)
+        found.run(partial(self._sketches, found, explorer))
+        self._told = found.told
+        self.context.progress.begin("starts", len(found.worth_finishing))
+        self._try_starts(found.worth_finishing, KICK_BARRIERS[0])
+        if self.best is None:
+            # Nothing feasible: a few starts as ever, and the question why.
+            self._multi_start()
+        self._note_stage("starts")
+
+    def _sketches(self, found: Exploration, explorer: Explorer, attempts: Sequence[Attempt]) -> list[Sketch]:
+        results = dict[int, Sketch]()
+
+        def take(index: int, result: Sketch) -> None:
+            results[index] = result
+            self.evaluations += result.iterations
+            if self._out_of_time():
+                raise _TimeUp
+
+        spent, seconds = found.spent, time.perf_counter() - self.began
+        left = seconds * (self.options.iterations / spent - 1) if spent else 0.0
+        run_tasks(explorer, attempts, self.context.workers if left > POOL_SECONDS else 1, take)
+        made = [results[index] for index in range(len(attempts))]
+        share = found.share * sum(one.iterations for one in made) / self.options.iterations
+        before = min(PERCENT * spent / self.options.iterations, PERCENT)
+        for _ in range(int(min(before + PERCENT * share, PERCENT)) - int(before)):
+            self.context.progress.advance()
+        return made
+
     def _fall_back(self, screened: Screening) -> None:
         # On the best drives that were only looked at: no search is to end with less.
         search = local_search(self.token, self.problem, self.settings)
@@ -174,17 +234,17 @@ class _Search:
                 self.best = Local(unknowns, found, Status.UNIMPROVED, 0, 0, 0.0)
                 return
 
-    def _try_starts(self, points: Sequence[Array]) -> None:
+    def _try_starts(self, points: Sequence[Array], barrier: float | None = None) -> None:
         results: list[Local | None] = []
         try:
-            self._solve_all(points, results)
+            self._solve_all(points, results, barrier)
         finally:
             self.starts += [_start(result) for result in results if result is not None]
 
     @property
     def _workers(self) -> Workers:
         # How many processes share the work decides only when a design is found, not which.
-        left = self.options.starts + self.options.perturbations - len(self.starts)
+        left = self._usual_starts + self.options.perturbations - len(self.starts)
         typical = float(np.mean([start.wall_seconds for start in self.starts])) if self.starts else 0.0
         return self.context.workers if left * typical > POOL_SECONDS else 1
 
@@ -218,7 +278,9 @@ class _Search:
             self.best = replace(decided, gains=best.gains)
         self._note_stage("second_stage")
 
-    def _solve_all(self, points: Sequence[Array], results: list[Local | None]) -> None:
+    def _solve_all(
+        self, points: Sequence[Array], results: list[Local | None], barrier: float | None = None
+    ) -> None:
         results += [None] * len(points)
 
         def take(index: int, result: Local) -> None:
@@ -232,7 +294,7 @@ class _Search:
                 raise _TimeUp
 
         try:
-            run_tasks(_work, [self._task(point) for point in points], self._workers, take)
+            run_tasks(_work, [self._task(point, barrier=barrier) for point in points], self._workers, take)
         finally:
             # In the order of the starts, so that ties fall alike whatever the workers' timing.
             self._keep_best(results)
@@ -262,8 +324,8 @@ class _Search:
             else ""
         )
 
-    def _task(self, unknowns: Array, share: float | None = None) -> _Task:
-        return _Task(self.token, self.problem, self.settings, unknowns, share)
+    def _task(self, unknowns: Array, share: float | None = None, barrier: float | None = None) -> _Task:
+        return _Task(self.token, self.problem, self.settings, unknowns, share, barrier)
 
     def _keep_best(self, results: Sequence[Local | None]) -> None:
         for result in results:
@@ -307,7 +369,7 @@ class _Search:
             return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, self._reason)
         if self.best.useless:
             return Status.SINGULAR, ""
-        return (self.stopped, BEST_YET) if self.stopped else (self.best.status, "")
+        return (self.stopped, BEST_YET) if self.stopped else (self.best.status, self._told)
 
     @cached_property
     def _conflict(self) -> str:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -19,6 +19,7 @@ from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate
 from oed.kernel.measurement.square_root import SQUARED
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Status
+from oed.optimize.local_results import Local, Settings, Sketch
 from oed.optimize.terms.needs import asked_of
 from oed.optimize.transcription.chain import SLIGHT
 from oed.optimize.transcription.coarse import Grid
@@ -56,56 +57,6 @@ _STATUS = {
     "Infeasible_Problem_Detected": Status.INFEASIBLE,
     "Restoration_Failed": Status.INFEASIBLE,
 }
-
-
-@dataclass(frozen=True)
-class Local:
-    """The result of one local search: where it ended, and its evaluation if that is a feasible design."""
-
-    unknowns: Array
-    evaluation: Evaluation | None
-    status: Status
-    iterations: int
-    evaluations: int
-    wall_seconds: float
-    reason: str = ""
-    """Why it has failed, where that is known."""
-    gains: Mapping[str, float] = field(default_factory=dict)
-    """As of a `Solution`."""
-
-    @property
-    def singular(self) -> bool:
-        """Whether there is no design, or one that makes some combination of parameters not identifiable."""
-        return self.evaluation is None or self.evaluation.singular
-
-    @property
-    def useless(self) -> bool:
-        """Whether there is no design, or one that is not informative about what the criterion asks for."""
-        return self.evaluation is None or not self.evaluation.identifiable
-
-    @property
-    def objective(self) -> float:
-        """The objective reached, minus infinity without a feasible design."""
-        return -np.inf if self.evaluation is None else self.evaluation.objective
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What a local search needs to know of the solver's options."""
-
-    max_iterations: int
-    tolerance: float
-    time_limit: float | None
-    second_stage: str
-    search_samples: int | None = None
-
-    @property
-    def ipopt(self) -> dict[str, Any]:
-        """The options in Ipopt's names."""
-        options: dict[str, Any] = {"ipopt.max_iter": self.max_iterations, "ipopt.tol": self.tolerance}
-        if self.time_limit is not None:
-            options["ipopt.max_wall_time"] = self.time_limit
-        return options
 
 
 class LocalSearch:
@@ -161,10 +112,33 @@ class LocalSearch:
             return -self.design.terms.drive.path_length(softening=softening)
         return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._robots[0])
 
-    def maximise(self, unknowns: Array) -> Local:
-        """Maximise the criterion from a start; the start itself if that is better than where this ends."""
+    def sketch(self, unknowns: Array, barrier: float) -> Sketch:
+        """One solve from a start, on this grid and without tightening limits: where that leads.
+
+        Args:
+            unknowns: z to begin at.
+            barrier: as of `Program.solve`.
+        """
+        nothing = self.grid.no_correction
         floors = np.zeros(self._objective.floors.shape[0])
-        found = self._best("program", unknowns, floors, self.grid.no_correction)
+        try:
+            outcome = self.solved(self.program, unknowns, nothing, floors, barrier=barrier)
+        except NotFinite:
+            return Sketch(unknowns, -np.inf, 1)
+        _, violations = self.design.score_many(outcome.unknowns[None, :])
+        value = float(self.design.objective(self.grid.matrices_of(outcome.unknowns, nothing)))
+        kept = violations.max(initial=0.0) <= TOLERANCE and np.isfinite(value)
+        return Sketch(outcome.unknowns, value if kept else -np.inf, max(outcome.iterations, 1))
+
+    def maximise(self, unknowns: Array, barrier: float | None = None) -> Local:
+        """Maximise the criterion from a start; the start itself if that is better than where this ends.
+
+        Args:
+            unknowns: z to begin at.
+            barrier: as of `Program.solve`, for the first solve.
+        """
+        floors = np.zeros(self._objective.floors.shape[0])
+        found = self._best("program", unknowns, floors, self.grid.no_correction, barrier)
         better = self.met(unknowns, found.objective)
         if better is None:
             return found
@@ -209,11 +183,13 @@ class LocalSearch:
         floors = np.append(np.zeros(self._objective.floors.shape[0]), level)
         return self._best("second", unknowns, floors, corrections)
 
-    def _best(self, stage: Stage, unknowns: Array, floors: Array, corrections: Array) -> Local:
+    def _best(
+        self, stage: Stage, unknowns: Array, floors: Array, corrections: Array, barrier: float | None = None
+    ) -> Local:
         # What is not finite ends a search, but takes nothing from the rounds before.
         began, rounds, reason = time.perf_counter(), list[Round](), ""
         try:
-            for one in self._rounds(stage, unknowns, floors, corrections):
+            for one in self._rounds(stage, unknowns, floors, corrections, barrier):
                 rounds.append(one)
         except NotFinite as error:
             reason = str(error)
@@ -239,13 +215,15 @@ class LocalSearch:
         found = zip(self.problem.limits, shares, wider, strict=True)
         return {limit.name: float(share / by) for limit, share, by in found if by > 0}
 
-    def _rounds(self, stage: Stage, unknowns: Array, floors: Array, corrections: Array) -> Iterator[Round]:
+    def _rounds(
+        self, stage: Stage, unknowns: Array, floors: Array, corrections: Array, barrier: float | None = None
+    ) -> Iterator[Round]:
         # Solves under limits tightened again and again, each with what its end is worth.
         program = self.program if stage == "program" else self._second
         backoff = np.zeros(len(self.problem.limits))
         after: Outcome | None = None
         for _ in range(TIGHTENINGS):
-            outcome = self.solved(program, unknowns, corrections, floors, backoff, after)
+            outcome = self.solved(program, unknowns, corrections, floors, backoff, after, barrier)
             # Limits and corrections change little from round to round: each goes on from the one before.
             unknowns, after = outcome.unknowns, outcome if outcome.succeeded else None
             evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
@@ -280,6 +258,7 @@ class LocalSearch:
         floors: Array | None = None,
         backoff: Array | None = None,
         after: Outcome | None = None,
+        barrier: float | None = None,
     ) -> Outcome:
         """One call of Ipopt from a start, with the grid's corrections.
 
@@ -290,6 +269,7 @@ class LocalSearch:
             floors: of the program.
             backoff: share of its size by which each limit is tightened.
             after: the solve that it goes on from.
+            barrier: as of `Program.solve`.
         """
         begun = self.initial(unknowns, corrections)
         free = np.full(len(begun), np.inf)
@@ -301,6 +281,7 @@ class LocalSearch:
             auxiliary_lower=np.concatenate([-free, corrections]),
             auxiliary_upper=np.concatenate([free, corrections]),
             after=after,
+            barrier=barrier,
         )
 
     def _misled(self, unknowns: Array, corrections: Array, evaluation: Evaluation) -> bool:

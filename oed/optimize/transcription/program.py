@@ -121,9 +121,13 @@ class Program:
         self._program = chain.program
         self._options = {**IPOPT_OPTIONS, **chain.derivatives, **(options or {})}
 
-    @cached_property
-    def _solver(self) -> ca.Function:
-        return ca.nlpsol("design", "ipopt", self._program, self._options)
+        self._solvers: dict[float | None, ca.Function] = {}
+
+    def _solver(self, barrier: float | None) -> ca.Function:
+        if barrier not in self._solvers:
+            own = {} if barrier is None else {"ipopt.mu_init": barrier}
+            self._solvers[barrier] = ca.nlpsol("design", "ipopt", self._program, {**self._options, **own})
+        return self._solvers[barrier]
 
     @cached_property
     def _warm_solver(self) -> ca.Function:
@@ -141,6 +145,7 @@ class Program:
         auxiliary_lower: Array | None = None,
         auxiliary_upper: Array | None = None,
         after: Outcome | None = None,
+        barrier: float | None = None,
     ) -> Outcome:
         """Solve from a start. `backoff` tightens each limit by that share of its size.
 
@@ -155,6 +160,7 @@ class Program:
             auxiliary_lower: bounds of these.
             auxiliary_upper: bounds of these.
             after: the solve that it goes on from.
+            barrier: Ipopt's first barrier parameter, instead of its own 0.1; a small one stays near the start.
         """
         shares = np.zeros(len(self.design.terms.rows)) if backoff is None else backoff
         (low, high), (row_low, row_high) = self._frame.bounds(shares)
@@ -168,7 +174,7 @@ class Program:
             "lbx": np.concatenate([low, -unbounded if auxiliary_lower is None else auxiliary_lower]),
             "ubx": np.concatenate([high, unbounded if auxiliary_upper is None else auxiliary_upper]),
         }
-        outcome = self._solved(given, after)
+        outcome = self._solved(given, after, barrier)
         if not outcome.succeeded:
             # Of no optimum multipliers say nothing.
             return outcome
@@ -176,14 +182,14 @@ class Program:
         multipliers = np.concatenate([bounds[: len(low)], rows[self._equalities + self._floors :]])
         return replace(outcome, gains=self._frame.gains(shares, multipliers))
 
-    def _solved(self, given: dict[str, Array], after: Outcome | None) -> Outcome:
+    def _solved(self, given: dict[str, Array], after: Outcome | None, barrier: float | None) -> Outcome:
         if after is None:
-            return self._called(self._solver, given)
+            return self._called(self._solver(barrier), given)
         multipliers = {"lam_g0": after.row_multipliers, "lam_x0": after.bound_multipliers}
         warm = self._called(self._warm_solver, {**given, **multipliers})
         if warm.return_status not in LED_NOWHERE:
             return warm
-        cold = self._called(self._solver, given)
+        cold = self._called(self._solver(None), given)
         iterations, evaluations = warm.iterations + cold.iterations, warm.evaluations + cold.evaluations
         return replace(cold, iterations=iterations, evaluations=evaluations)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 
@@ -11,6 +13,8 @@ from oed.optimize.transcription.design import DesignExpressions
 
 SCREENED = 2000
 """Random drives simulated to choose starts from."""
+POOL = 200
+"""Screened drives, the best ones, among which varied starts are chosen."""
 SMALL = 0.25
 """Amplitude of the small random starts, as a share of each input's range."""
 DISCOUNT = 1.0
@@ -119,6 +123,42 @@ def starting_points(
     starts[0::2] = found.candidates[order[: (count + 1) // 2]]
     starts[1::2] = random_drives(design, np.full(count // 2, SMALL), rng)
     return list(starts)
+
+
+def varied_starts(
+    design: DesignExpressions, screened: Screening, rng: np.random.Generator
+) -> Iterator[Array]:
+    """Unknowns of ever more starts: the best screened drives, those among the better ones that are least like
+    the starts before, and random ones about the middle of the inputs' ranges.
+
+    Args:
+        design: the problem's expressions.
+        screened: random drives.
+        rng: of the draws.
+    """
+    order = np.argsort(-_merit(screened.values, screened.violations), kind="stable")
+    pool = screened.candidates[order[:POOL]]
+    nearest, left = np.full(len(pool), np.inf), np.ones(len(pool), dtype=bool)
+    for turn in count():
+        if turn % 4 == 3 or not left.any():
+            yield _about_middle(design, rng)
+            continue
+        # By merit the first time and every fourth; else the one that is farthest from all taken so far.
+        place = int(np.argmax(left) if turn % 4 == 0 else np.argmax(np.where(left, nearest, -1.0)))
+        left[place] = False
+        nearest = np.minimum(nearest, np.linalg.norm(pool - pool[place], axis=1))
+        yield pool[place]
+
+
+def _about_middle(design: DesignExpressions, rng: np.random.Generator) -> Array:
+    # Inputs that cannot be negative have their zero at an end of their range, where little can be told apart.
+    low, high = design.coefficient_bounds.T
+    middle, share = (low + high) / 2, rng.uniform(SMALL, 1.0)
+    drawn = middle + share * (rng.uniform(low, high) - middle)
+    own = design.terms.embedding.within(drawn[None, :], design.ranges)[0]
+    if design.terms.size == len(own):
+        return np.asarray(own)
+    return np.concatenate([own, random_starts(design, 1, rng)[0]])
 
 
 def _merit(values: Array, violations: Array) -> Array:

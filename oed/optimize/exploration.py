@@ -1,0 +1,188 @@
+"""`starts: auto`: many cheap solves within a budget of iterations, from varied starts and kicked designs.
+
+Every round is drawn and judged in the same order whoever solves it, and the budget is counted between rounds,
+so that the result is the same for any number of workers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from oed.foundation.arrays import Array
+from oed.kernel.coarser import coarse_samples
+from oed.kernel.problem import Problem
+from oed.optimize.local import LocalSearch, local_search
+from oed.optimize.local_results import Settings, Sketch
+from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.kicks import kicked
+
+UNIT = 200
+"""Samples of one iteration as budgets count: one that looks at n samples, of all runs and robots, is n/200."""
+LEAST_SAMPLES = 20
+"""Samples that an iteration counts as at least, for what Ipopt does itself."""
+PER_COEFFICIENT = 3
+"""Samples per spline coefficient of the grid that is explored on; the best are then solved on the search's."""
+WORTHWHILE = 0.6
+"""Share of the search's samples up to which such a grid is worth building."""
+ROUND = 4
+"""Solves at a time."""
+OPENING = 2
+"""Rounds from starts alone, before designs are kicked."""
+ELITE = 4
+"""Different optima that kicks start from: the best one most often."""
+DIFFERENT = 1e-5
+"""Share of the objective by which two optima differ at least."""
+PATIENCE = 800
+"""Iterations (of any size) at least, and as many as before the best rose last, that end it without a gain."""
+START_BARRIERS = (0.1, 1e-3)
+"""Barrier parameters that solves from starts begin with, in turn: a large one forgets the start, a small one
+keeps to it, and they end in different optima.
+"""
+KICK_BARRIERS = (1e-3, 1e-2)
+"""The same of solves from kicked designs."""
+
+
+FINISHED = 3
+"""Optima that are solved on the search's own grid in the end, at most."""
+CLOSE = 0.02
+"""Share of the objective that one of them may be worse than the best, as the grid explored on sees it."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A solve to make: from where, and with which first barrier parameter."""
+
+    unknowns: Array
+    barrier: float
+
+
+@dataclass(frozen=True)
+class Explorer:
+    """Who makes the solves, in any process: the search of this token."""
+
+    token: str
+    problem: Problem
+    settings: Settings
+
+    def __call__(self, attempt: Attempt) -> Sketch:
+        """Make one."""
+        return self.search.sketch(attempt.unknowns, attempt.barrier)
+
+    @property
+    def search(self) -> LocalSearch:
+        """The search, built once in each process."""
+        return local_search(self.token, self.problem, self.settings)
+
+
+def explorer_of(token: str, problem: Problem, settings: Settings, samples: int) -> Explorer:
+    """On few samples where splines are so smooth that these tell good drives from bad ones, else on the search's.
+
+    Args:
+        token: of the search.
+        problem: to be solved.
+        settings: of the search.
+        samples: per run that the search itself looks at.
+    """
+    few = PER_COEFFICIENT * problem.design.spline.coefficients
+    own = Explorer(token, problem, settings)
+    if not problem.design.spline.degree or coarse_samples(problem, few) > samples * WORTHWHILE:
+        return own
+    coarse = replace(settings, search_samples=few)
+    return Explorer(f"{token} explored", problem, coarse)
+
+
+@dataclass
+class Exploration:
+    """The state of a search within a budget.
+
+    Attributes:
+        design: expressions of the grid explored on.
+        fresh: ever more starts.
+        rng: of kicks.
+        budget: Ipopt's iterations, each over `UNIT` samples.
+        elite: the best different optima so far, the best first.
+        iterations: spent, of any size.
+        solves: made.
+    """
+
+    design: DesignExpressions
+    fresh: Iterator[Array]
+    rng: np.random.Generator
+    budget: int
+    elite: list[Sketch] = field(default_factory=list)
+    iterations: int = 0
+    solves: int = 0
+    _risen: int = 0
+
+    @property
+    def share(self) -> float:
+        """What one iteration on this grid costs of one over `UNIT` samples."""
+        problem = self.design.problem
+        samples = problem.design.samples * problem.design.runs * len(problem.judged_systems)
+        return max(samples, LEAST_SAMPLES) / UNIT
+
+    @property
+    def spent(self) -> float:
+        """Iterations spent, as budgets count."""
+        return self.share * self.iterations
+
+    @property
+    def done(self) -> bool:
+        """Whether the budget is spent, or the best has not risen for long."""
+        return self.spent >= self.budget or self.iterations - self._risen >= max(PATIENCE, self._risen)
+
+    def run(self, solve: Callable[[Sequence[Attempt]], Sequence[Sketch]]) -> None:
+        """Explore until done, `solve` making the solves of a round."""
+        turn = 0
+        while not self.done:
+            for sketch in solve(self._round(turn)):
+                self.take(sketch)
+            turn += 1
+
+    def _round(self, turn: int) -> list[Attempt]:
+        places = range(ROUND * turn, ROUND * (turn + 1))
+        if turn < OPENING or not self.elite:
+            return [self._start(place) for place in places]
+        *kicks, last = places
+        return [*(self._kick(place) for place in kicks), self._start(last // ROUND)]
+
+    def _start(self, place: int) -> Attempt:
+        # Of two starts of the same sort one with each.
+        return Attempt(next(self.fresh), START_BARRIERS[(place + place // 4) % len(START_BARRIERS)])
+
+    def _kick(self, place: int) -> Attempt:
+        # Two of three from the best, the others from any of the elite.
+        base = self.elite[0 if place % ROUND < ROUND - 2 else int(self.rng.integers(len(self.elite)))]
+        moved = kicked(self.design, base.unknowns, self.rng)
+        return Attempt(moved, KICK_BARRIERS[(place + place // 4) % len(KICK_BARRIERS)])
+
+    def take(self, sketch: Sketch) -> None:
+        """Count a solve, and keep where it ended if that is among the best."""
+        self.iterations += sketch.iterations
+        self.solves += 1
+        if np.isfinite(sketch.value):
+            self._join(sketch)
+
+    def _join(self, sketch: Sketch) -> None:
+        size = DIFFERENT * abs(sketch.value)
+        before = self.elite[0].value if self.elite else -np.inf
+        if any(abs(one.value - sketch.value) <= size for one in self.elite):
+            return
+        self.elite = sorted([*self.elite, sketch], key=lambda one: -one.value)[:ELITE]
+        if sketch.value > before + size:
+            self._risen = self.iterations
+
+    @property
+    def worth_finishing(self) -> list[Array]:
+        """Unknowns of the best optima, the best first."""
+        least = self.elite[0].value - CLOSE * abs(self.elite[0].value) if self.elite else 0.0
+        return [one.unknowns for one in self.elite[:FINISHED] if one.value >= least]
+
+    @property
+    def told(self) -> str:
+        """What was spent, in words."""
+        grid = self.design.problem.design.samples
+        return f"{self.solves} solves on {grid} samples a run took {self.iterations} of Ipopt's iterations."
