@@ -35,16 +35,14 @@ ELITE = 4
 """Different optima that kicks start from: the best one most often."""
 DIFFERENT = 1e-5
 """Share of the objective by which two optima differ at least."""
-PATIENCE = 800
-"""Iterations (of any size) at least, and as many as before the best rose last, that end it without a gain."""
-START_BARRIERS = (0.1, 1e-3)
-"""Barrier parameters that solves from starts begin with, in turn: a large one forgets the start, a small one
-keeps to it, and they end in different optima.
+PATIENCE = 28
+"""Solves without a gain that end it, or half as many as there were before the best rose last if that is more."""
+BARRIERS = (0.1, 1e-3)
+"""Barrier parameters that solves begin with: a large one forgets the start, a small one keeps to it, and they
+end in different optima. Which of them finds more depends on the problem.
 """
-KICK_BARRIERS = (1e-3, 1e-2)
-"""The same of solves from kicked designs."""
-
-
+SUPPOSED = (1, 40)
+"""Kicks solved from each, and the iterations these took, as supposed before there are any."""
 FINISHED = 3
 """Optima that are solved on the search's own grid in the end, at most."""
 CLOSE = 0.02
@@ -57,6 +55,7 @@ class Attempt:
 
     unknowns: Array
     barrier: float
+    kick: bool = False
 
 
 @dataclass(frozen=True)
@@ -116,6 +115,7 @@ class Exploration:
     iterations: int = 0
     solves: int = 0
     _risen: int = 0
+    _kicks: dict[float, tuple[int, int]] = field(default_factory=lambda: dict.fromkeys(BARRIERS, SUPPOSED))
 
     @property
     def share(self) -> float:
@@ -132,14 +132,16 @@ class Exploration:
     @property
     def done(self) -> bool:
         """Whether the budget is spent, or the best has not risen for long."""
-        return self.spent >= self.budget or self.iterations - self._risen >= max(PATIENCE, self._risen)
+        idle = self.solves - self._risen
+        return self.spent >= self.budget or idle >= max(PATIENCE, self._risen / 2)
 
     def run(self, solve: Callable[[Sequence[Attempt]], Sequence[Sketch]]) -> None:
         """Explore until done, `solve` making the solves of a round."""
         turn = 0
         while not self.done:
-            for sketch in solve(self._round(turn)):
-                self.take(sketch)
+            attempts = self._round(turn)
+            for attempt, sketch in zip(attempts, solve(attempts), strict=True):
+                self.take(attempt, sketch)
             turn += 1
 
     def _round(self, turn: int) -> list[Attempt]:
@@ -151,17 +153,26 @@ class Exploration:
 
     def _start(self, place: int) -> Attempt:
         # Of two starts of the same sort one with each.
-        return Attempt(next(self.fresh), START_BARRIERS[(place + place // 4) % len(START_BARRIERS)])
+        return Attempt(next(self.fresh), BARRIERS[(place + place // 4 + 1) % len(BARRIERS)])
 
     def _kick(self, place: int) -> Attempt:
         # Two of three from the best, the others from any of the elite.
         base = self.elite[0 if place % ROUND < ROUND - 2 else int(self.rng.integers(len(self.elite)))]
         moved = kicked(self.design, base.unknowns, self.rng)
-        return Attempt(moved, KICK_BARRIERS[(place + place // 4) % len(KICK_BARRIERS)])
+        return Attempt(moved, float(self.rng.choice(BARRIERS, p=self._shares)), kick=True)
 
-    def take(self, sketch: Sketch) -> None:
+    @property
+    def _shares(self) -> Array:
+        # How often kicks are solved from each barrier: more often from the one that needs fewer iterations.
+        weights = np.array([(made / taken) ** 2 for made, taken in (self._kicks[one] for one in BARRIERS)])
+        return np.asarray(weights / weights.sum())
+
+    def take(self, attempt: Attempt, sketch: Sketch) -> None:
         """Count a solve, and keep where it ended if that is among the best."""
         self.iterations += sketch.iterations
+        if attempt.kick:
+            made, taken = self._kicks[attempt.barrier]
+            self._kicks[attempt.barrier] = made + 1, taken + sketch.iterations
         self.solves += 1
         if np.isfinite(sketch.value):
             self._join(sketch)
@@ -173,7 +184,7 @@ class Exploration:
             return
         self.elite = sorted([*self.elite, sketch], key=lambda one: -one.value)[:ELITE]
         if sketch.value > before + size:
-            self._risen = self.iterations
+            self._risen = self.solves
 
     @property
     def worth_finishing(self) -> list[Array]:

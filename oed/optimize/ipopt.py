@@ -21,7 +21,7 @@ from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.problem import Problem
 from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Start, Status
 from oed.optimize.conflict import describe_conflict
-from oed.optimize.exploration import KICK_BARRIERS, Attempt, Exploration, Explorer, explorer_of
+from oed.optimize.exploration import BARRIERS, Attempt, Exploration, Explorer, explorer_of
 from oed.optimize.local import local_search, surely_better
 from oed.optimize.local_results import Local, Settings, Sketch
 from oed.optimize.solver import Context, Solver
@@ -194,12 +194,13 @@ class _Search:
         if self.options.start_from is not None:
             earlier = self._earlier_design(self.options.start_from)
             self._try_starts([earlier])
-            found.take(explorer(Attempt(earlier, KICK_BARRIERS[0])))
+            first = Attempt(earlier, BARRIERS[-1])
+            found.take(first, explorer(first))
         self.context.progress.begin("explore", PERCENT)
         found.run(partial(self._sketches, found, explorer))
         self._told = found.told
         self.context.progress.begin("starts", len(found.worth_finishing))
-        self._try_starts(found.worth_finishing, KICK_BARRIERS[0])
+        self._try_starts(found.worth_finishing, BARRIERS[-1])
         if self.best is None:
             # Nothing feasible: a few starts as ever, and the question why.
             self._multi_start()

@@ -12,6 +12,8 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.optimize.transcription.design import DesignExpressions
 
+KINDS = (0.4, 0.2, 0.2, 0.2)
+"""How often all unknowns are changed, some drawn anew, all inputs delayed alike, and each input apart."""
 LEAST, MOST = 0.05, 0.8
 """Smallest and largest standard deviation of a kick of all unknowns, as a share of half of each one's range."""
 FEW, MANY = 0.05, 0.4
@@ -33,7 +35,7 @@ def kicked(design: DesignExpressions, unknowns: Array, rng: np.random.Generator)
     own = design.terms.coefficient_count
     low, high = design.coefficient_bounds.T
     half, moved = (high - low) / 2, np.array(unknowns)
-    kind = rng.integers(4)
+    kind = int(rng.choice(4, p=KINDS))
     if kind == 0:
         size = np.exp(rng.uniform(np.log(LEAST), np.log(MOST)))
         moved[:own] += size * half * rng.standard_normal(own)
@@ -43,7 +45,7 @@ def kicked(design: DesignExpressions, unknowns: Array, rng: np.random.Generator)
         size = ROUGHNESS
     else:
         # What happens when is what local searches change least: each input apart, or all of them alike.
-        moved[:own] = _warped(design, moved[:own], rng, alike=bool(kind == 2))
+        moved[:own] = _warped(design, moved[:own], rng, alike=kind == 2)
         size = ROUGHNESS * float(rng.integers(2))
         moved[:own] += size * half * rng.standard_normal(own)
     moved[own:] += size * rng.standard_normal(len(moved) - own)
