@@ -20,11 +20,11 @@ from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.kicks import kicked
 
 UNIT = 200
-"""Samples of one iteration as budgets count: one that looks at n samples, of all runs and robots, is n/200."""
+"""Samples of one iteration as budgets count: one on n samples, of all runs and robots, counts n/200."""
 LEAST_SAMPLES = 20
 """Samples that an iteration counts as at least, for what Ipopt does itself."""
 PER_COEFFICIENT = 3
-"""Samples per spline coefficient of the grid that is explored on; the best are then solved on the search's."""
+"""Samples per spline coefficient of the grid explored on; the best are then solved on the search's own."""
 WORTHWHILE = 0.6
 """Share of the search's samples up to which such a grid is worth building."""
 ROUND = 4
@@ -77,7 +77,7 @@ class Explorer:
 
 
 def explorer_of(token: str, problem: Problem, settings: Settings, samples: int) -> Explorer:
-    """On few samples where splines are so smooth that these tell good drives from bad ones, else on the search's.
+    """On few samples where these tell good splines from bad ones, else on those of the search.
 
     Args:
         token: of the search.
@@ -147,13 +147,12 @@ class Exploration:
     def _round(self, turn: int) -> list[Attempt]:
         places = range(ROUND * turn, ROUND * (turn + 1))
         if turn < OPENING or not self.elite:
-            return [self._start(place) for place in places]
-        *kicks, last = places
-        return [*(self._kick(place) for place in kicks), self._start(last // ROUND)]
+            return [self._start() for _ in places]
+        *kicks, _ = places
+        return [*(self._kick(place) for place in kicks), self._start()]
 
-    def _start(self, place: int) -> Attempt:
-        # Of two starts of the same sort one with each.
-        return Attempt(next(self.fresh), BARRIERS[(place + place // 4 + 1) % len(BARRIERS)])
+    def _start(self) -> Attempt:
+        return Attempt(next(self.fresh), BARRIERS[-1])
 
     def _kick(self, place: int) -> Attempt:
         # Two of three from the best, the others from any of the elite.
@@ -164,7 +163,7 @@ class Exploration:
     @property
     def _shares(self) -> Array:
         # How often kicks are solved from each barrier: more often from the one that needs fewer iterations.
-        weights = np.array([(made / taken) ** 2 for made, taken in (self._kicks[one] for one in BARRIERS)])
+        weights = np.array([(made / taken) ** 3 for made, taken in (self._kicks[one] for one in BARRIERS)])
         return np.asarray(weights / weights.sum())
 
     def take(self, attempt: Attempt, sketch: Sketch) -> None:

@@ -55,8 +55,8 @@ class Ipopt(Solver):
         starts: local searches, half from screened random drives, half from small random coefficients; or
             "auto": as many, from varied starts and kicked designs, as `iterations` allow.
         perturbations: further searches from perturbed copies of the best design; not of "auto".
-        iterations: budget of "auto", of each search: Ipopt's iterations on 200 samples, where one on n samples
-            (of all runs and robots) counts n/200; it ends sooner where the best has not risen for long.
+        iterations: budget of "auto", of each search: Ipopt's iterations on 200 samples; one on n samples (of
+            all runs and robots) counts n/200. It ends sooner where the best has not risen for long.
         second_stage: what decides among designs of practically equal objective: "logdet" (most
             information in all directions), "shortest_path", or "none".
         second_stage_share: share of the best objective that the second stage has to keep.

@@ -46,8 +46,9 @@ class Local:
 
 @dataclass(frozen=True)
 class Sketch:
-    """Where one solve ended: z, the objective there as its grid sees it, and Ipopt's iterations. Minus infinity
-    for a drive that violates limits at the samples; nothing of this is ever reported as a design's score.
+    """Where one solve ended: z, the objective there as its grid sees it, and Ipopt's iterations.
+
+    Minus infinity for a drive that violates limits at the samples; none of it is reported as a design's score.
     """
 
     unknowns: Array

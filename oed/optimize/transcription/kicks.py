@@ -12,10 +12,10 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.optimize.transcription.design import DesignExpressions
 
-KINDS = (0.4, 0.2, 0.2, 0.2)
+KINDS = (0.34, 0.22, 0.22, 0.22)
 """How often all unknowns are changed, some drawn anew, all inputs delayed alike, and each input apart."""
 LEAST, MOST = 0.05, 0.8
-"""Smallest and largest standard deviation of a kick of all unknowns, as a share of half of each one's range."""
+"""Smallest and largest standard deviation of a kick of all unknowns, as a share of half of each range."""
 FEW, MANY = 0.05, 0.4
 """Smallest and largest share of the unknowns that a kick draws anew."""
 DELAY = 0.12

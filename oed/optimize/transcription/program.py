@@ -160,7 +160,7 @@ class Program:
             auxiliary_lower: bounds of these.
             auxiliary_upper: bounds of these.
             after: the solve that it goes on from.
-            barrier: Ipopt's first barrier parameter, instead of its own 0.1; a small one stays near the start.
+            barrier: Ipopt's first barrier parameter, instead of its 0.1; a small one stays near the start.
         """
         shares = np.zeros(len(self.design.terms.rows)) if backoff is None else backoff
         (low, high), (row_low, row_high) = self._frame.bounds(shares)

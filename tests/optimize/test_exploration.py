@@ -1,0 +1,90 @@
+"""`starts: auto`: varied starts, kicks, and a budget of iterations."""
+
+from __future__ import annotations
+
+from itertools import islice
+
+import numpy as np
+import pytest
+from builders import ACCELERATION, problem_of
+
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.evaluation import evaluate
+from oed.optimize import Ipopt, solve
+from oed.optimize.exploration import PATIENCE, ROUND, Attempt, Exploration
+from oed.optimize.local_results import Sketch
+from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.kicks import kicked
+from oed.optimize.transcription.starting_points import screen, varied_starts
+from oed.robots.limits import WheelSpeed
+from oed.robots.space import DesignSpace
+
+SPACE = DesignSpace(duration=6, samples=24, spline=Spline(coefficients=7), rest_to_rest=False)
+
+
+@pytest.fixture(scope="module")
+def design() -> DesignExpressions:
+    return DesignExpressions(problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION)))
+
+
+def exploration(design: DesignExpressions, budget: int = 10**6) -> Exploration:
+    screened = screen(design, np.random.default_rng(0))
+    fresh = varied_starts(design, screened, np.random.default_rng(1))
+    return Exploration(design, fresh, np.random.default_rng(2), budget)
+
+
+def test_starts_and_kicks_keep_to_one_sided_ranges(design):
+    screened, rng = screen(design, np.random.default_rng(0)), np.random.default_rng(1)
+    low, high = design.coefficient_bounds.T
+    for start in islice(varied_starts(design, screened, rng), 250):
+        for one in (start, kicked(design, start, rng)):
+            assert np.all((low - 1e-12 <= one) & (one <= high + 1e-12))
+
+
+def test_varied_starts_are_farther_apart_than_the_best_ones(design):
+    screened = screen(design, np.random.default_rng(0))
+    varied = list(islice(varied_starts(design, screened, np.random.default_rng(1)), 8))
+    best = screened.candidates[np.argsort(-screened.values)[:8]]
+
+    def nearest(points):
+        apart = np.linalg.norm(np.subtract.outer(points, points).diagonal(0, 1, 3), axis=-1)
+        return np.median(np.where(np.eye(len(points)) > 0, np.inf, apart).min(axis=0))
+
+    assert nearest(np.array(varied)) > 1.2 * nearest(best)
+
+
+def test_kicks_are_of_all_sizes(design):
+    rng, base = np.random.default_rng(0), screen(design, np.random.default_rng(0)).candidates[0]
+    sizes = [np.linalg.norm(kicked(design, base, rng) - base) for _ in range(200)]
+    assert np.quantile(sizes, 0.9) > 4 * np.quantile(sizes, 0.1)
+
+
+def test_the_budget_counts_iterations_by_samples(design):
+    found = exploration(design, budget=60)
+    found.run(lambda attempts: [Sketch(one.unknowns, 1.0, 50) for one in attempts])
+    # 24 samples of 200: 0.12 of an iteration each, so that 500 of them are the budget, up to a round.
+    assert 500 <= found.iterations < 500 + ROUND * 50
+
+
+def test_it_ends_when_nothing_is_gained(design):
+    found = exploration(design)
+    found.run(lambda attempts: [Sketch(one.unknowns, 1.0, 50) for one in attempts])
+    assert found.solves == pytest.approx(PATIENCE + 1, abs=ROUND)
+
+
+def test_equal_optima_are_one_and_the_best_leads(design):
+    found = exploration(design)
+    for value in (1.0, 3.0, 2.0, 3.0 + 1e-7, -np.inf):
+        found.take(Attempt(np.zeros(2), 0.1), Sketch(np.zeros(2), value, 1))
+    assert [one.value for one in found.elite] == [3.0, 2.0, 1.0]
+
+
+def test_the_result_is_the_same_for_any_number_of_workers(monkeypatch):
+    monkeypatch.setattr("oed.optimize.ipopt.POOL_SECONDS", 0.0)
+    problem = problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION))
+    solver = Ipopt(starts="auto", iterations=30, second_stage="none")
+    one, two = (solve(problem, solver, seed=3, workers=workers) for workers in (1, 2))
+    assert np.array_equal(one.trajectory.coefficients, two.trajectory.coefficients)
+    assert one.detail == two.detail
+    assert one.evaluation.objective == evaluate(problem, one.trajectory).objective
+    assert "iterations" in one.message
