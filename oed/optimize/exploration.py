@@ -36,7 +36,7 @@ ELITE = 4
 DIFFERENT = 1e-5
 """Share of the objective by which two optima differ at least."""
 PATIENCE = 28
-"""Solves without a gain that end it, or half as many as there were before the best rose last if that is more."""
+"""Solves without a gain that end it; or half as many as there were up to the last gain, if that is more."""
 BARRIERS = (0.1, 1e-3)
 """Barrier parameters that solves begin with: a large one forgets the start, a small one keeps to it, and they
 end in different optima. Which of them finds more depends on the problem.

@@ -48,7 +48,7 @@ class Local:
 class Sketch:
     """Where one solve ended: z, the objective there as its grid sees it, and Ipopt's iterations.
 
-    Minus infinity for a drive that violates limits at the samples; none of it is reported as a design's score.
+    The value is minus infinity where limits are violated at the samples; it is never reported as a score.
     """
 
     unknowns: Array
