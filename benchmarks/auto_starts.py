@@ -3,8 +3,8 @@
 Each study's first gradient search, with `starts: auto` and with the study's own settings, in one process: how
 many seeds end within `CLOSE` of the best that any of them found (or of the one in `KNOWN`, if that is more),
 Ipopt's iterations (of the study's own settings those of the starts alone; perturbations are not listed),
-and processor time. A second stage, which gives objective away by design, is judged by what it began with, and its
-time counts.
+and processor time. A second stage, which gives objective away by design, is judged by what it began with,
+and its time counts.
 """
 
 from __future__ import annotations

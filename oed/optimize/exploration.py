@@ -35,13 +35,17 @@ ELITE = 4
 """Different optima that kicks start from: the best one most often."""
 DIFFERENT = 1e-5
 """Share of the objective by which two optima differ at least."""
-PATIENCE = 28
-"""Solves without a gain that end it; or half as many as there were up to the last gain, if that is more."""
+AGAIN = 5
+"""Times that the best is found again which end it, if by then half as many solves as up to its first time are
+made. Where optima are few this comes soon, where they are many never.
+"""
+HOPELESS = 24
+"""Solves without a single drive that keeps the limits which end it."""
 BARRIERS = (0.1, 1e-3)
 """Barrier parameters that solves begin with: a large one forgets the start, a small one keeps to it, and they
 end in different optima. Which of them finds more depends on the problem.
 """
-SUPPOSED = (1, 40)
+SUPPOSED = ((1, 60), (1, 40))
 """Kicks solved from each, and the iterations these took, as supposed before there are any."""
 FINISHED = 3
 """Optima that are solved on the search's own grid in the end, at most."""
@@ -115,7 +119,10 @@ class Exploration:
     iterations: int = 0
     solves: int = 0
     _risen: int = 0
-    _kicks: dict[float, tuple[int, int]] = field(default_factory=lambda: dict.fromkeys(BARRIERS, SUPPOSED))
+    _again: int = 0
+    _kicks: dict[float, tuple[int, int]] = field(
+        default_factory=lambda: dict(zip(BARRIERS, SUPPOSED, strict=True))
+    )
 
     @property
     def share(self) -> float:
@@ -131,9 +138,10 @@ class Exploration:
 
     @property
     def done(self) -> bool:
-        """Whether the budget is spent, or the best has not risen for long."""
-        idle = self.solves - self._risen
-        return self.spent >= self.budget or idle >= max(PATIENCE, self._risen / 2)
+        """Whether the budget is spent, or the best was found often enough."""
+        lost = not self.elite and self.solves >= HOPELESS
+        often = self._again >= AGAIN and self.solves - self._risen >= self._risen / 2
+        return self.spent >= self.budget or often or lost
 
     def run(self, solve: Callable[[Sequence[Attempt]], Sequence[Sketch]]) -> None:
         """Explore until done, `solve` making the solves of a round."""
@@ -179,11 +187,12 @@ class Exploration:
     def _join(self, sketch: Sketch) -> None:
         size = DIFFERENT * abs(sketch.value)
         before = self.elite[0].value if self.elite else -np.inf
+        self._again += abs(sketch.value - before) <= size
         if any(abs(one.value - sketch.value) <= size for one in self.elite):
             return
         self.elite = sorted([*self.elite, sketch], key=lambda one: -one.value)[:ELITE]
         if sketch.value > before + size:
-            self._risen = self.solves
+            self._risen, self._again = self.solves, 0
 
     @property
     def worth_finishing(self) -> list[Array]:

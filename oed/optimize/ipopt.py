@@ -56,7 +56,7 @@ class Ipopt(Solver):
             "auto": as many, from varied starts and kicked designs, as `iterations` allow.
         perturbations: further searches from perturbed copies of the best design; not of "auto".
         iterations: budget of "auto", of each search: Ipopt's iterations on 200 samples; one on n samples (of
-            all runs and robots) counts n/200. It ends sooner where the best has not risen for long.
+            all runs and robots) counts n/200. It ends sooner where the best is found again and again.
         second_stage: what decides among designs of practically equal objective: "logdet" (most
             information in all directions), "shortest_path", or "none".
         second_stage_share: share of the best objective that the second stage has to keep.
@@ -197,7 +197,12 @@ class _Search:
             first = Attempt(earlier, BARRIERS[-1])
             found.take(first, explorer(first))
         self.context.progress.begin("explore", PERCENT)
-        found.run(partial(self._sketches, found, explorer))
+        try:
+            found.run(partial(self._sketches, found, explorer))
+        except (_TimeUp, KeyboardInterrupt):
+            self._meet(found.worth_finishing)
+            self._fall_back(screened)
+            raise
         self._told = found.told
         self.context.progress.begin("starts", len(found.worth_finishing))
         self._try_starts(found.worth_finishing, BARRIERS[-1])
@@ -227,9 +232,12 @@ class _Search:
 
     def _fall_back(self, screened: Screening) -> None:
         # On the best drives that were only looked at: no search is to end with less.
+        self._meet(screened.kept(TOLERANCE)[:RESCORED])
+
+    def _meet(self, drives: Sequence[Array]) -> None:
         search = local_search(self.token, self.problem, self.settings)
         standing = -np.inf if self.best is None else self.best.objective
-        for unknowns in screened.kept(TOLERANCE)[:RESCORED]:
+        for unknowns in drives:
             found = search.met(unknowns, standing)
             if found is not None:
                 self.best = Local(unknowns, found, Status.UNIMPROVED, 0, 0, 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import islice
+from itertools import count, islice
 
 import numpy as np
 import pytest
@@ -10,8 +10,9 @@ from builders import ACCELERATION, problem_of
 
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
+from oed.kernel.solution import Status
 from oed.optimize import Ipopt, solve
-from oed.optimize.exploration import PATIENCE, ROUND, Attempt, Exploration
+from oed.optimize.exploration import AGAIN, HOPELESS, ROUND, Attempt, Exploration
 from oed.optimize.local_results import Sketch
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.kicks import kicked
@@ -62,15 +63,34 @@ def test_kicks_are_of_all_sizes(design):
 
 def test_the_budget_counts_iterations_by_samples(design):
     found = exploration(design, budget=60)
-    found.run(lambda attempts: [Sketch(one.unknowns, 1.0, 50) for one in attempts])
+    rising = count()
+    found.run(lambda attempts: [Sketch(one.unknowns, next(rising), 50) for one in attempts])
     # 24 samples of 200: 0.12 of an iteration each, so that 500 of them are the budget, up to a round.
     assert 500 <= found.iterations < 500 + ROUND * 50
 
 
-def test_it_ends_when_nothing_is_gained(design):
+def test_it_ends_when_the_best_is_found_again_and_again(design):
+    found, values = exploration(design), iter([1.0, 2.0] * 4 + [3.0] + [1.0, 3.0] * 100)
+    found.run(lambda attempts: [Sketch(one.unknowns, next(values), 50) for one in attempts])
+    # Up to a round.
+    assert 9 + 2 * AGAIN <= found.solves < 9 + 2 * AGAIN + ROUND
+
+
+def test_it_ends_where_no_drive_keeps_the_limits(design):
     found = exploration(design)
-    found.run(lambda attempts: [Sketch(one.unknowns, 1.0, 50) for one in attempts])
-    assert found.solves == pytest.approx(PATIENCE + 1, abs=ROUND)
+    found.run(lambda attempts: [Sketch(one.unknowns, -np.inf, 1) for one in attempts])
+    assert found.solves == HOPELESS
+    assert found.worth_finishing == []
+
+
+def test_cut_short_it_hands_back_a_drive_met_on_the_way(monkeypatch):
+    asked = iter([False, False, False])
+    monkeypatch.setattr("oed.optimize.ipopt._Search._out_of_time", lambda _: next(asked, True))
+    problem = problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION))
+    found = solve(problem, Ipopt(starts="auto", second_stage="none"), seed=0, workers=1)
+    assert found.status is Status.TIME_LIMIT
+    assert found.evaluation is not None
+    assert found.evaluation.feasible
 
 
 def test_equal_optima_are_one_and_the_best_leads(design):
