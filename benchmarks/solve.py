@@ -12,7 +12,8 @@ from benchmarks.figure import Figure, seconds
 from benchmarks.forms import FORMS, problem_of
 from benchmarks.plain import Plain, multiple_shooting, single_shooting
 from oed.kernel.problem import Problem
-from oed.optimize.local import Local, LocalSearch, Settings
+from oed.optimize.local import LocalSearch
+from oed.optimize.local_results import Local, Settings
 
 COMPARED = (200, 1000)
 """Samples of drives that a search looks at all of, as the plain programs do."""

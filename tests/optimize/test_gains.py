@@ -16,7 +16,8 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.limit import Limit
 from oed.kernel.problem import Problem
 from oed.optimize import Genetic, Ipopt, solve
-from oed.optimize.local import LocalSearch, Settings
+from oed.optimize.local import LocalSearch
+from oed.optimize.local_results import Settings
 from oed.robots.limits import (
     CircularObstacle,
     EndHeading,

@@ -10,7 +10,8 @@ from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, problem_of, random
 
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
-from oed.optimize.local import LocalSearch, Settings
+from oed.optimize.local import LocalSearch
+from oed.optimize.local_results import Settings
 from oed.optimize.transcription import program
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.program import Outcome, Program
