@@ -14,7 +14,8 @@ from oed import EndPosition, Limit, PathLength
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
-from oed.optimize.local import LocalSearch, Settings
+from oed.optimize.local import LocalSearch
+from oed.optimize.local_results import Settings
 
 SAMPLES = 200
 FACTOR = 3.0
