@@ -55,8 +55,8 @@ def _run(name: str, setting: str, seed: int) -> Run:
     solver = own.model_copy(update={"starts": "auto"}) if setting == "auto" else own
     began = time.process_time()
     found = oed.solve(study.problem, solver, seed=seed, workers=1)
-    told = re.search(r"took (\d+) of Ipopt's iterations", found.detail)
-    iterations = sum(start.iterations for start in found.starts) + (int(told[1]) if told else 0)
+    spent = re.search(r"took (\d+) of Ipopt's iterations", found.detail)
+    iterations = sum(start.iterations for start in found.starts) + (int(spent[1]) if spent else 0)
     return Run(max(found.stages.values()), iterations, time.process_time() - began)
 
 

@@ -118,7 +118,7 @@ def _at_once(problem: Problem) -> Certificate | None:
 
 def _searched(problem: Problem, effort: Effort, time_limit: float | None, gap: float) -> Certificate:
     # The covariance of readings under process noise is at least that without, F so at most that without.
-    given, problem = problem, problem.steady()
+    given, problem = problem, problem.steady
     looser = problem.widened(TOLERANCE)
     widened = _bounds_of_runs(looser, effort)
     # What wider limits allow, these do not exceed: searches round up by more or less.

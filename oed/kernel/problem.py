@@ -232,6 +232,7 @@ class Problem(Presented, Renamed):
         longer = self.design.model_copy(update={"duration": (1 + share) * self.design.duration})
         return replace(self, design=longer, excess=share)
 
+    @cached_property
     def steady(self) -> Problem:
         """The problem without process noise: of every drive it has more information, or as much."""
         measurement = self.measurement.steady()

@@ -1,4 +1,4 @@
-"""`starts: auto`: many cheap solves within a budget of iterations, from varied starts and kicked designs.
+"""`starts: auto`: many cheap solves within a budget of iterations, from varied starts and perturbed designs.
 
 Every round is drawn and judged in the same order whoever solves it, and the budget is counted between rounds,
 so that the result is the same for any number of workers.
@@ -17,7 +17,7 @@ from oed.kernel.problem import Problem
 from oed.optimize.local import LocalSearch, local_search
 from oed.optimize.local_results import Settings, Sketch
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.kicks import kicked
+from oed.optimize.transcription.perturbations import varied_design
 
 UNIT = 200
 """Samples of one iteration as budgets count: one on n samples, of all runs and robots, counts n/200."""
@@ -30,9 +30,9 @@ WORTHWHILE = 0.6
 ROUND = 4
 """Solves at a time."""
 OPENING = 2
-"""Rounds from starts alone, before designs are kicked."""
+"""Rounds from starts alone, before designs are perturbed."""
 ELITE = 4
-"""Different optima that kicks start from: the best one most often."""
+"""Different optima that are perturbed: the best one most often."""
 DIFFERENT = 1e-5
 """Share of the objective by which two optima differ at least."""
 AGAIN = 5
@@ -46,7 +46,7 @@ BARRIERS = (0.1, 1e-3)
 end in different optima. Which of them finds more depends on the problem.
 """
 SUPPOSED = ((1, 60), (1, 40))
-"""Kicks solved from each, and the iterations these took, as supposed before there are any."""
+"""Perturbed designs solved from each, and the iterations these took, as supposed before there are any."""
 FINISHED = 3
 """Optima that are solved on the search's own grid in the end, at most."""
 CLOSE = 0.02
@@ -59,7 +59,7 @@ class Attempt:
 
     unknowns: Array
     barrier: float
-    kick: bool = False
+    perturbed: bool = False
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Exploration:
     Attributes:
         design: expressions of the grid explored on.
         fresh: ever more starts.
-        rng: of kicks.
+        rng: of perturbations.
         budget: Ipopt's iterations, each over `UNIT` samples.
         elite: the best different optima so far, the best first.
         iterations: spent, of any size.
@@ -120,7 +120,7 @@ class Exploration:
     solves: int = 0
     _risen: int = 0
     _again: int = 0
-    _kicks: dict[float, tuple[int, int]] = field(
+    _tallies: dict[float, tuple[int, int]] = field(
         default_factory=lambda: dict(zip(BARRIERS, SUPPOSED, strict=True))
     )
 
@@ -156,30 +156,30 @@ class Exploration:
         places = range(ROUND * turn, ROUND * (turn + 1))
         if turn < OPENING or not self.elite:
             return [self._start() for _ in places]
-        *kicks, _ = places
-        return [*(self._kick(place) for place in kicks), self._start()]
+        *others, _ = places
+        return [*(self._perturbed(place) for place in others), self._start()]
 
     def _start(self) -> Attempt:
         return Attempt(next(self.fresh), BARRIERS[-1])
 
-    def _kick(self, place: int) -> Attempt:
+    def _perturbed(self, place: int) -> Attempt:
         # Two of three from the best, the others from any of the elite.
         base = self.elite[0 if place % ROUND < ROUND - 2 else int(self.rng.integers(len(self.elite)))]
-        moved = kicked(self.design, base.unknowns, self.rng)
-        return Attempt(moved, float(self.rng.choice(BARRIERS, p=self._shares)), kick=True)
+        moved = varied_design(self.design, base.unknowns, self.rng)
+        return Attempt(moved, float(self.rng.choice(BARRIERS, p=self._shares)), perturbed=True)
 
     @property
     def _shares(self) -> Array:
-        # How often kicks are solved from each barrier: more often from the one that needs fewer iterations.
-        weights = np.array([(made / taken) ** 3 for made, taken in (self._kicks[one] for one in BARRIERS)])
+        # How often perturbed designs are solved from each barrier: more often where it takes less.
+        weights = np.array([(made / taken) ** 3 for made, taken in (self._tallies[one] for one in BARRIERS)])
         return np.asarray(weights / weights.sum())
 
     def take(self, attempt: Attempt, sketch: Sketch) -> None:
         """Count a solve, and keep where it ended if that is among the best."""
         self.iterations += sketch.iterations
-        if attempt.kick:
-            made, taken = self._kicks[attempt.barrier]
-            self._kicks[attempt.barrier] = made + 1, taken + sketch.iterations
+        if attempt.perturbed:
+            made, taken = self._tallies[attempt.barrier]
+            self._tallies[attempt.barrier] = made + 1, taken + sketch.iterations
         self.solves += 1
         if np.isfinite(sketch.value):
             self._join(sketch)
@@ -201,7 +201,7 @@ class Exploration:
         return [one.unknowns for one in self.elite[:FINISHED] if one.value >= least]
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """What was spent, in words."""
         grid = self.design.problem.design.samples
         return f"{self.solves} solves on {grid} samples a run took {self.iterations} of Ipopt's iterations."

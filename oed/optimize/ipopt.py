@@ -53,7 +53,7 @@ class Ipopt(Solver):
 
     Attributes:
         starts: local searches, half from screened random drives, half from small random coefficients; or
-            "auto": as many, from varied starts and kicked designs, as `iterations` allow.
+            "auto": as many, from varied starts and perturbed designs, as `iterations` allow.
         perturbations: further searches from perturbed copies of the best design; not of "auto".
         iterations: budget of "auto", of each search: Ipopt's iterations on 200 samples; one on n samples (of
             all runs and robots) counts n/200. It ends sooner where the best is found again and again.
@@ -127,7 +127,7 @@ class _Search:
     evaluations: int = 0
     history: list[HistoryPoint] = field(default_factory=list)
     _reason: str = ""
-    _told: str = ""
+    _summary: str = ""
 
     def __post_init__(self) -> None:
         options = self.options
@@ -203,7 +203,7 @@ class _Search:
             self._meet(found.worth_finishing)
             self._fall_back(screened)
             raise
-        self._told = found.told
+        self._summary = found.summary
         self.context.progress.begin("starts", len(found.worth_finishing))
         self._try_starts(found.worth_finishing, BARRIERS[-1])
         if self.best is None:
@@ -378,7 +378,7 @@ class _Search:
             return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, self._reason)
         if self.best.useless:
             return Status.SINGULAR, ""
-        return (self.stopped, BEST_YET) if self.stopped else (self.best.status, self._told)
+        return (self.stopped, BEST_YET) if self.stopped else (self.best.status, self._summary)
 
     @cached_property
     def _conflict(self) -> str:

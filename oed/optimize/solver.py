@@ -58,7 +58,7 @@ class Solver(Component, ABC):
 
     def own(self, problem: Problem) -> Problem:
         """The problem as it is searched."""
-        seen = problem.steady() if self.without_drift else problem
+        seen = problem.steady if self.without_drift else problem
         return seen if self.criterion is None else replace(seen, criterion=self.criterion)
 
     @property

@@ -102,9 +102,9 @@ def result_of(
 def _steady_deviations(solution: Solution) -> dict[str, float | None]:
     # As they would be if nothing drifted; {} where nothing does.
     problem, trajectory = solution.problem, solution.trajectory
-    if problem is None or trajectory is None or solution.evaluation is None or problem.steady() is problem:
+    if problem is None or trajectory is None or solution.evaluation is None or problem.steady is problem:
         return {}
-    found = evaluate(problem.steady(), trajectory).standard_deviations
+    found = evaluate(problem.steady, trajectory).standard_deviations
     return {name: one if math.isfinite(one) else None for name, one in found.items()}
 
 

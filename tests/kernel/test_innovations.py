@@ -14,7 +14,7 @@ from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import A, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
-from oed.kernel.measurement.innovations import filter_functions
+from oed.kernel.measurement.innovations import filter_of
 from oed.kernel.problem import Problem
 from oed.optimize import Ipopt, solve
 from oed.optimize.terms.layout import PieceLayout
@@ -211,7 +211,7 @@ def test_every_criterion_judges_the_information_under_drift():
 def test_filters_are_kept():
     problem = problem_of(measurement=POSES, criterion=E())
     sensors = problem.measurement.joint_sensors
-    first, again = (filter_functions(sensors, problem.system, DRIFT) for _ in range(2))
+    first, again = (filter_of(sensors, problem.system, DRIFT) for _ in range(2))
     assert first is again
 
 
@@ -280,14 +280,14 @@ def test_what_drift_blind_errors_would_be_is_not_what_they_are():
     problem = problem_of(measurement=POSES, criterion=E())
     drive = random_drive(problem, 3)
     estimates, _ = Nonlinear(problem, drive).simulate(np.random.default_rng(0), 200)
-    promised = evaluate(problem.steady(), drive).covariances["joint"]
-    checks = check_all(estimates - [RADIUS, RADIUS, TRACK], promised, 0.01)
+    blind = evaluate(problem.steady, drive).covariances["joint"]
+    checks = check_all(estimates - [RADIUS, RADIUS, TRACK], blind, 0.01)
     assert not all(check.passed for check in checks)
 
 
 def test_bounds_without_drift_hold_with_it_and_say_so():
     problem = problem_of(measurement=POSES, criterion=E(), samples=20)
-    found, steady = bound(problem), bound(problem.steady())
+    found, steady = bound(problem), bound(problem.steady)
     assert found.upper_bound == steady.upper_bound
     assert STEADY in found.assumptions
     assert STEADY not in steady.assumptions
@@ -302,7 +302,7 @@ def test_a_search_that_leaves_drift_out_is_scored_with_it():
         solve(problem, Ipopt(starts=2, perturbations=0, without_drift=without), seed=0)
         for without in (False, True)
     )
-    alone = solve(problem.steady(), Ipopt(starts=2, perturbations=0), seed=0)
+    alone = solve(problem.steady, Ipopt(starts=2, perturbations=0), seed=0)
     np.testing.assert_array_equal(blind.trajectory.coefficients, alone.trajectory.coefficients)
     assert blind.evaluation.objective == evaluate(problem, alone.trajectory).objective
     assert blind.evaluation.objective < aware.evaluation.objective

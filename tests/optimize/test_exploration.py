@@ -1,4 +1,4 @@
-"""`starts: auto`: varied starts, kicks, and a budget of iterations."""
+"""`starts: auto`: varied starts, perturbed designs, and a budget of iterations."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from oed.optimize import Ipopt, solve
 from oed.optimize.exploration import AGAIN, HOPELESS, ROUND, Attempt, Exploration
 from oed.optimize.local_results import Sketch
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.kicks import kicked
+from oed.optimize.transcription.perturbations import varied_design
 from oed.optimize.transcription.starting_points import screen, varied_starts
 from oed.robots.limits import WheelSpeed
 from oed.robots.space import DesignSpace
@@ -34,11 +34,11 @@ def exploration(design: DesignExpressions, budget: int = 10**6) -> Exploration:
     return Exploration(design, fresh, np.random.default_rng(2), budget)
 
 
-def test_starts_and_kicks_keep_to_one_sided_ranges(design):
+def test_starts_and_perturbed_designs_keep_to_one_sided_ranges(design):
     screened, rng = screen(design, np.random.default_rng(0)), np.random.default_rng(1)
     low, high = design.coefficient_bounds.T
     for start in islice(varied_starts(design, screened, rng), 250):
-        for one in (start, kicked(design, start, rng)):
+        for one in (start, varied_design(design, start, rng)):
             assert np.all((low - 1e-12 <= one) & (one <= high + 1e-12))
 
 
@@ -55,9 +55,9 @@ def test_varied_starts_are_farther_apart_than_the_best_ones(design):
     assert nearest(np.array(varied)) > 1.2 * nearest(best)
 
 
-def test_kicks_are_of_all_sizes(design):
+def test_perturbations_are_of_all_sizes(design):
     rng, base = np.random.default_rng(0), screen(design, np.random.default_rng(0)).candidates[0]
-    sizes = [np.linalg.norm(kicked(design, base, rng) - base) for _ in range(200)]
+    sizes = [np.linalg.norm(varied_design(design, base, rng) - base) for _ in range(200)]
     assert np.quantile(sizes, 0.9) > 4 * np.quantile(sizes, 0.1)
 
 

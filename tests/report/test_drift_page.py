@@ -40,7 +40,7 @@ def test_every_drive_has_its_standard_errors_without_drift(drifted):
     record = load_record(drifted)
     problem = load_study(drifted.parent / "study.yaml").problem
     for one in record.results:
-        found = evaluate(problem.steady(), one.drive.trajectory).standard_deviations
+        found = evaluate(problem.steady, one.drive.trajectory).standard_deviations
         np.testing.assert_allclose(list(one.steady_deviations.values()), list(found.values()), rtol=1e-9)
         assert all(one.standard_deviations[name] > size for name, size in one.steady_deviations.items())
 

@@ -150,19 +150,20 @@ class Nonlinear(Estimator):
         """Estimates (count, p) from simulated readings, and the linearised estimates of the same noise."""
         places, gain = self._places, self._gain[self._places]
         estimates, linear = np.empty((count, len(places))), np.empty((count, len(places)))
-        together = list[tuple[Array, Array]]()
+        smoother, together = self._smoother, list[tuple[Array, Array]]()
         for index in range(count):
             measured, white = self._readings.simulated(rng)
             surprise = rng.standard_normal(len(self._known_places))
             before = self._initial.copy()
             before[self._known_places] += self._spread @ surprise
-            if self._smoother is None:
+            if smoother is None:
                 estimates[index] = self._searching(measured, before).found().values[places]
-            together.append((measured, before))
+            else:
+                together.append((measured, before))
             linear[index] = self.true + gain @ np.concatenate([white, surprise])
-        if self._smoother is not None:
+        if smoother is not None:
             readings, known = (np.array(one) for one in zip(*together, strict=True))
-            estimates = self._smoother.solved(readings, self._known, known).values[:, places]
+            estimates = smoother.solved(readings, self._known, known).values[:, places]
         return estimates, linear
 
     @cached_property

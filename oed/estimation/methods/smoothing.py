@@ -20,7 +20,7 @@ from oed.estimation.setup.unknowns import Knowledge, Unknowns
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.dynamics.system import stepper
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.innovations import FilterFunctions, filter_functions, taken_in
+from oed.kernel.measurement.innovations import Filter, filter_of, taken_in
 from oed.kernel.measurement.process_noise import ProcessNoise
 from oed.kernel.measurement.sensor import Sensor
 
@@ -113,8 +113,8 @@ class Smoother:
         return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
 
     @cached_property
-    def _functions(self) -> FilterFunctions:
-        return filter_functions(self.sensors, self.unknowns.system, self.noise)
+    def _filter(self) -> Filter:
+        return filter_of(self.sensors, self.unknowns.system, self.noise)
 
     @property
     def _samples(self) -> int:
@@ -128,7 +128,7 @@ class Smoother:
         size = len(names)
         own = [names.index(name) for name in self.unknowns.parameters]
         starts = list(range(size, size + states)) if self.unknowns.starts else []
-        return [*own, *starts, *range(size + states, self._functions.period.size2_in(0))]
+        return [*own, *starts, *range(size + states, self._filter.width)]
 
     def _places(self, run: int) -> list[int]:
         # Where these stand among all unknowns.
@@ -141,7 +141,7 @@ class Smoother:
 
     def _of_run(self, run: int, step: Array) -> Array:
         # A step of all unknowns in a filter's columns, with a 1 behind them.
-        found = np.zeros((len(step), self._functions.period.size2_in(0) + 1))
+        found = np.zeros((len(step), self._filter.width + 1))
         found[:, self._columns] = step[:, self._places(run)]
         found[:, -1] = 1.0
         return found
@@ -173,9 +173,9 @@ class Smoother:
 
     def _tables(self, measured: Array) -> list[Array]:
         # Readings by run, period and row, (R, N + 1, rows); 0 where nothing is read.
-        rows, runs, first, before = sum(self._functions.rows), self.trajectory.runs, 0, 0
+        rows, runs, first, before = sum(self._filter.rows), self.trajectory.runs, 0, 0
         found = [np.zeros((len(measured), self._samples + 1, rows)) for _ in range(runs)]
-        for sensor, count in zip(self.sensors, self._functions.rows, strict=True):
+        for sensor, count in zip(self.sensors, self._filter.rows, strict=True):
             places = taken_in(sensor, self._samples)
             each = measured[:, first : first + runs * len(places) * count]
             each = each.reshape(len(measured), runs, len(places), count)
@@ -187,7 +187,7 @@ class Smoother:
     def _taken(self, table: Array) -> Array:
         # The rows (R, N + 1, rows) of one run that are readings, sensor by sensor, (R, M of the run).
         found, before = [], 0
-        for sensor, count in zip(self.sensors, self._functions.rows, strict=True):
+        for sensor, count in zip(self.sensors, self._filter.rows, strict=True):
             own = table[:, taken_in(sensor, self._samples), before : before + count]
             found.append(own.reshape(len(table), -1))
             before += count
@@ -196,7 +196,7 @@ class Smoother:
     def _passed(self, run: int, values: Array, path: Array, table: Array) -> _Passed:
         parameters, _, own = self._given(run, values)
         count = len(values)
-        states, width = path.shape[2], self._functions.tracking.size2_in(0)
+        states, width = path.shape[2], self._filter.width + 1
         beside = _side_by_side(path), parameters.T, own.T, _side_by_side(table)
         inputs = np.tile(self.trajectory.each[run].inputs.T, count)
         found = [np.array(one) for one in self._along.map(count)(beside[0], inputs, *beside[1:])]
@@ -211,25 +211,22 @@ class Smoother:
     @cached_property
     def _along(self) -> ca.Function:
         # A whole run, along a path.
-        system, samples, functions = self.unknowns.system, self._samples, self._functions
-        states, width = len(system.states), functions.tracking.size2_in(0)
+        system, samples, used = self.unknowns.system, self._samples, self._filter
+        states, width = len(system.states), used.width + 1
         path, inputs = ca.MX.sym("path", states, samples + 1), ca.MX.sym("u", len(system.inputs), samples)
         parameters = ca.MX.sym("p", len(system.parameters))
-        own = ca.MX.sym("nuisances", functions.tracking.size1_in(7))
-        table = ca.MX.sym("readings", sum(functions.rows), samples + 1)
-        begin = np.zeros((states, width))
-        begin[:, len(system.parameters) : len(system.parameters) + states] = np.eye(states)
-        reads = np.zeros((len(self.sensors), samples + 1))
-        for place, sensor in enumerate(self.sensors):
-            reads[place, taken_in(sensor, samples)] = 1.0
-        period, none = self.trajectory.period, ca.DM.zeros(states, states)
-        along = functions.tracking.mapaccum("along", samples, 2)
-        given = path[:, :-1], inputs, parameters, period, reads[:, :-1], own, table[:, :-1], path[:, 1:]
+        own = ca.MX.sym("nuisances", used.width - used.size - states)
+        table = ca.MX.sym("readings", sum(used.rows), samples + 1)
+        # The path is off itself by nothing where it begins.
+        begin, none = ca.horzcat(used.begin[0], ca.DM.zeros(states)), used.begin[1]
+        period, reads = self.trajectory.period, used.reads(samples)[:, :-1]
+        along = used.tracking.mapaccum("along", samples, 2)
+        given = path[:, :-1], inputs, parameters, period, reads, own, table[:, :-1], path[:, 1:]
         slopes, spreads, rows, onward, seen = along(begin, none, *given)
         end = slopes[:, -width:], spreads[:, -states:]
-        last = functions.ending(*end, path[:, -1], inputs[:, -1], parameters, period, own, table[:, -1])
+        last = used.ending(*end, path[:, -1], inputs[:, -1], parameters, period, own, table[:, -1])
         results = [
-            ca.horzcat(ca.DM(begin), slopes),
+            ca.horzcat(begin, slopes),
             ca.horzcat(none, spreads),
             ca.horzcat(rows, last[0]),
             onward,

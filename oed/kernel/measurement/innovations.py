@@ -12,12 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System, carrier, stepper
@@ -28,79 +29,97 @@ if TYPE_CHECKING:
     from oed.kernel.measurement.sensor import Sensor
 
 
-@dataclass(frozen=True)
-class FilterFunctions:
-    """One period of the filter, and the readings at a run's last instant; functions of SX or MX.
+class Filter:
+    """The filter of what sensors read in every period; functions of SX or MX, made when first used.
 
     The unknowns, n of them, are the parameters, the start states, the sensors' nuisances.
 
     Attributes:
-        period: (D (states, n), P (states, states), state, inputs, parameters, period, which sensors read) ->
-            both at the next sample, and e / sqrt(s) (rows, n) of all sensors' readings.
-        last: the same of what is read at the last instant: (rows, n).
-        rows: how many each sensor has.
-        tracking: `period` about any path, beside the unknowns with a column of what is 1: (D (states,
-            n + 1), P, state, inputs, parameters, period, which sensors read, nuisances, readings (rows,),
-            state of the path at the next sample) -> both at the next sample, innovations (rows, n + 1), then
-            derivatives of the next column and of innovations by a column, (states, states), (rows, states).
-        ending: the same at the last instant, without a next sample: innovations, their derivatives.
+        rows: how many numbers each sensor reads in a period.
+        width: n.
+        begin: D (states, n) and P (states, states) of a state that is known.
     """
 
-    period: ca.Function
-    last: ca.Function
-    rows: tuple[int, ...]
-    tracking: ca.Function
-    ending: ca.Function
-
-
-@lru_cache(maxsize=8)
-def filter_functions(sensors: tuple[Sensor, ...], system: System, noise: ProcessNoise) -> FilterFunctions:
-    """The filter of what sensors read of a system under process noise, each of them in every period.
-
-    Args:
-        sensors: that read.
-        system: that is driven.
-        noise: of its process.
-    """
-    return _Filter(sensors, system, noise).functions
-
-
-class _Filter:
-    # The expressions of a period.
     def __init__(self, sensors: tuple[Sensor, ...], system: System, noise: ProcessNoise) -> None:
+        """Write the readings of a period."""
         self.sensors, self.system, self.noise = sensors, system, noise
         own = [len(sensor.nuisances) for sensor in sensors]
         self.states, self.size = len(system.states), len(system.parameters)
         self.width = self.size + self.states + sum(own)
-        self.given = [
+        self._given = [
             ca.SX.sym("state", self.states),
             ca.SX.sym("inputs", len(system.inputs)),
             ca.SX.sym("p", self.size),
             ca.SX.sym("period"),
         ]
-        self.reads, self.own = ca.SX.sym("reads", len(sensors)), ca.SX.sym("nuisances", sum(own))
+        start = np.zeros((self.states, self.width))
+        start[:, self.size : self.size + self.states] = np.eye(self.states)
+        self.begin = ca.DM(start), ca.DM.zeros(self.states, self.states)
+        self._reads, self._own = ca.SX.sym("reads", len(sensors)), ca.SX.sym("nuisances", sum(own))
         nominal = [nuisance.nominal for sensor in sensors for nuisance in sensor.nuisances]
-        self.nominal = ca.SX(ca.DM(nominal)) if nominal else ca.SX(0, 1)
-        each = ca.vertsplit(self.own, np.cumsum([0, *own]).tolist())
-        self.rows = [
-            _reading(sensor, system, noise, self.given, part)
+        self._nominal = ca.SX(ca.DM(nominal)) if nominal else ca.SX(0, 1)
+        each = ca.vertsplit(self._own, np.cumsum([0, *own]).tolist())
+        self._readings = [
+            _reading(sensor, system, noise, self._given, part)
             for sensor, part in zip(sensors, each, strict=True)
         ]
-        self.placed = [row.among(self.width, sum(own[:place])) for place, row in enumerate(self.rows)]
+        self._placed = [row.among(self.width, sum(own[:place])) for place, row in enumerate(self._readings)]
+        self.rows = tuple(row.slopes.shape[0] for row in self._readings)
 
-    @property
-    def functions(self) -> FilterFunctions:
+    @cached_property
+    def period(self) -> ca.Function:
+        """(D, P, state, inputs, parameters, period, which sensors read) -> both at the next sample, and
+        e / sqrt(s) (rows, n) of all sensors' readings.
+        """
         slopes, covariance = self._symbols(self.width)
-        arguments = [slopes, covariance, *self.given, self.reads]
-        found = [row.scaled(self.reads[place]) for place, row in enumerate(self.placed)]
+        found = [row.scaled(self._reads[place]) for place, row in enumerate(self._placed)]
         period, rows = self._period(slopes, covariance, found)
-        _, last = _Belief(slopes, covariance, self.states).read(self._ends)
-        return FilterFunctions(
-            self._function("filter", arguments, [*period, rows]),
-            self._function("last", arguments[:-1], [last]),
-            tuple(row.slopes.shape[0] for row in self.rows),
-            *self._tracking(),
-        )
+        return self._function("filter", [slopes, covariance, *self._given, self._reads], [*period, rows])
+
+    @cached_property
+    def last(self) -> ca.Function:
+        """(D, P, state, inputs, parameters, period) -> e / sqrt(s) (rows, n) at the last instant."""
+        slopes, covariance = self._symbols(self.width)
+        _, last = _Belief(slopes, covariance, self.states).read(self._at_end(self._placed))
+        return self._function("last", [slopes, covariance, *self._given], [last])
+
+    @cached_property
+    def tracking(self) -> ca.Function:
+        """`period` about any path, with a column of what is 1 behind the unknowns: (D (states, n + 1), P,
+        state, inputs, parameters, period, which sensors read, nuisances, readings (rows,), state of the path
+        at the next sample) -> both at the next sample, innovations (rows, n + 1), then derivatives of the next
+        column and of innovations by a column, (states, states), (rows, states).
+        """
+        slopes, covariance = self._symbols(self.width + 1)
+        measured, beside = self._compared
+        following = ca.SX.sym("following", self.states)
+        found = [row.scaled(self._reads[place]) for place, row in enumerate(beside)]
+        (moved, spreads), rows = self._period(self._with_columns(slopes), covariance, found)
+        moved[:, self.width] += stepper(self.system)(*self._given) - following
+        count = self.width + 1
+        results = [moved[:, :count], spreads, rows[:, :count], moved[:, count:], rows[:, count:]]
+        given = [slopes, covariance, *self._given, self._reads, self._own, measured, following]
+        return ca.Function("tracking", given, ca.cse([ca.densify(one) for one in results]))
+
+    @cached_property
+    def ending(self) -> ca.Function:
+        """`tracking` at the last instant, without which sensors read and a next sample: innovations, and
+        their derivatives.
+        """
+        slopes, covariance = self._symbols(self.width + 1)
+        measured, beside = self._compared
+        belief = _Belief(self._with_columns(slopes), covariance, self.states)
+        _, last = belief.read(self._at_end(beside))
+        results = [last[:, : self.width + 1], last[:, self.width + 1 :]]
+        given = [slopes, covariance, *self._given, self._own, measured]
+        return ca.Function("ending", given, ca.cse([ca.densify(one) for one in results]))
+
+    def reads(self, samples: int) -> Array:
+        """Which sensors read in every period of a run and at its end, (sensors, samples + 1)."""
+        found = np.zeros((len(self.sensors), samples + 1))
+        for place, sensor in enumerate(self.sensors):
+            found[place, taken_in(sensor, samples)] = 1.0
+        return found
 
     def _symbols(self, width: int) -> tuple[Expression, Expression]:
         slopes = ca.SX.sym("D", self.states, width)
@@ -110,14 +129,14 @@ class _Filter:
         # At the nuisances' nominal values; a covariance is taken by its upper half, lest rounding bend it.
         covariance = arguments[1]
         whole = ca.triu2symm(ca.triu(covariance))
-        fixed = [ca.substitute(one, self.own, self.nominal) for one in results]
+        fixed = [ca.substitute(one, self._own, self._nominal) for one in results]
         dense = [ca.densify(ca.substitute(one, covariance, whole)) for one in fixed]
         return ca.Function(name, arguments, ca.cse(dense))
 
     def _period(
         self, slopes: Expression, covariance: Expression, found: Sequence[_Placed]
     ) -> tuple[list[Expression], Expression]:
-        system, given = self.system, self.given
+        system, given = self.system, self._given
         effect, errors = spread(self.noise, system)(
             given[0], given[1], ca.SX(ca.DM(system.nominal)), given[3]
         )
@@ -128,42 +147,24 @@ class _Filter:
         step = ca.sparsify(carrier(system)(here, *given))
         return list(_moved(read, step, effect, self.size)), rows
 
-    @property
-    def _ends(self) -> list[_Placed]:
+    def _at_end(self, rows: Sequence[_Placed]) -> list[_Placed]:
         # What is read at the last instant.
         return [
             row.without_errors(self.noise.size).scaled(1.0 if sensor.when == "at samples" else 0.0)
-            for sensor, row in zip(self.sensors, self.placed, strict=True)
+            for sensor, row in zip(self.sensors, rows, strict=True)
         ]
 
-    def _tracking(self) -> tuple[ca.Function, ca.Function]:
-        slopes, covariance = self._symbols(self.width + 1)
-        counts = np.cumsum([0, *(row.slopes.shape[0] for row in self.rows)])
-        measured = ca.SX.sym("measured", int(counts[-1]))
-        following = ca.SX.sym("following", self.states)
-        both = ca.horzcat(slopes, ca.SX.eye(self.states))
-        each = ca.vertsplit(measured, counts.tolist())
-        left = [row.misfit(part) for row, part in zip(self.rows, each, strict=True)]
-        here = [row.beside(-one, self.states) for row, one in zip(self.placed, left, strict=True)]
-        (moved, spreads), rows = self._period(
-            both, covariance, [row.scaled(self.reads[place]) for place, row in enumerate(here)]
-        )
-        moved[:, self.width] += stepper(self.system)(*self.given) - following
-        ends = [row.beside(-one, self.states) for row, one in zip(self._ends, left, strict=True)]
-        now = [1.0 if sensor.when == "at samples" else 0.0 for sensor in self.sensors]
-        scaled = [row.scaled(read) for row, read in zip(ends, now, strict=True)]
-        _, last = _Belief(both, covariance, self.states).read(scaled)
-        count = self.width + 1
-        given = [slopes, covariance, *self.given]
-        results = [moved[:, :count], spreads, rows[:, :count], moved[:, count:], rows[:, count:]]
-        tracking, ending = (
-            ca.Function(name, arguments, ca.cse([ca.densify(one) for one in found]))
-            for name, arguments, found in (
-                ("tracking", [*given, self.reads, self.own, measured, following], results),
-                ("ending", [*given, self.own, measured], [last[:, :count], last[:, count:]]),
-            )
-        )
-        return tracking, ending
+    @cached_property
+    def _compared(self) -> tuple[Expression, list[_Placed]]:
+        # Symbols for what was read, and all readings with what they are off as a column more.
+        edges = np.cumsum([0, *self.rows]).tolist()
+        measured = ca.SX.sym("measured", edges[-1])
+        each = zip(self._readings, self._placed, ca.vertsplit(measured, edges), strict=True)
+        return measured, [placed.beside(-row.misfit(own), self.states) for row, placed, own in each]
+
+    def _with_columns(self, slopes: Expression) -> Expression:
+        # And columns that show what becomes of any.
+        return ca.horzcat(slopes, ca.SX.eye(self.states))
 
 
 @dataclass(frozen=True)
@@ -268,6 +269,18 @@ def _reading(
     return _Row(sensor, found[0], found[2], found[4].T, seen, size, states)
 
 
+@lru_cache(maxsize=8)
+def filter_of(sensors: tuple[Sensor, ...], system: System, noise: ProcessNoise) -> Filter:
+    """The filter, made once for all that ask for it.
+
+    Args:
+        sensors: that read.
+        system: that is driven.
+        noise: of its process.
+    """
+    return Filter(sensors, system, noise)
+
+
 def innovations(sensors: Sequence[Sensor], drive: Drive, noise: ProcessNoise) -> Expression:
     """Sensitivities (M, columns) of all innovations in units of their deviations, by (parameters, start
     states run by run, nuisances): rows as `joint_readings` has them.
@@ -277,74 +290,39 @@ def innovations(sensors: Sequence[Sensor], drive: Drive, noise: ProcessNoise) ->
         drive: what is driven.
         noise: of its process.
     """
-    functions = filter_functions(tuple(sensors), drive.system, noise)
-    size, states, samples = len(drive.system.parameters), len(drive.system.states), drive.samples
-    reads = _reads(sensors, samples)
-    tables = [_of_run(functions, sensors, drive, run, reads) for run in range(drive.runs)]
+    used = filter_of(tuple(sensors), drive.system, noise)
+    start, samples = slice(used.size, used.size + used.states), drive.samples
+    tables = [_of_run(used, drive, run) for run in range(drive.runs)]
     blocks = []
     for place, sensor in enumerate(sensors):
-        first = sum(functions.rows[:place])
-        own = np.arange(first, first + functions.rows[place])
+        first = sum(used.rows[:place])
+        own = np.arange(first, first + used.rows[place])
         columns = np.array(taken_in(sensor, samples))
-        chosen = (columns[:, None] * sum(functions.rows) + own).ravel().tolist()
+        chosen = (columns[:, None] * sum(used.rows) + own).ravel().tolist()
         blocks.append([table[chosen, :] for table in tables])
     rows = []
     for each in blocks:
-        starts = ca.diagcat(*(one[:, size : size + states] for one in each))
-        known, rest = (ca.vertcat(*(one[:, part] for one in each)) for part in _outer(size, states))
-        rows.append(ca.horzcat(known, starts, rest))
+        # Every run has a start of its own.
+        starts, whole = ca.diagcat(*(one[:, start] for one in each)), ca.vertcat(*each)
+        rows.append(ca.horzcat(whole[:, : start.start], starts, whole[:, start.stop :]))
     return ca.vertcat(*rows)
-
-
-def _outer(size: int, states: int) -> tuple[slice, slice]:
-    return slice(0, size), slice(size + states, None)
 
 
 def taken_in(sensor: Sensor, samples: int) -> list[int]:
     """In which periods of a run its readings are taken in, the last instant after all of them."""
-    instants = sensor.instants(samples)
-    return instants[-1]
+    return sensor.instants(samples)[-1]
 
 
-def _reads(sensors: Sequence[Sensor], samples: int) -> ca.DM:
-    # Which sensors read in every period, (sensors, samples).
-    found = np.zeros((len(sensors), samples + 1))
-    for place, sensor in enumerate(sensors):
-        found[place, taken_in(sensor, samples)] = 1.0
-    return ca.DM(found[:, :samples])
-
-
-def _of_run(
-    functions: FilterFunctions, sensors: Sequence[Sensor], drive: Drive, run: int, reads: ca.DM
-) -> Expression:
+def _of_run(used: Filter, drive: Drive, run: int) -> Expression:
     # All innovations of a run, every sensor in every period and at the last instant, (rows, n).
-    samples, system = drive.samples, drive.system
-    states, size = len(system.states), len(system.parameters)
-    width = functions.period.size2_in(0)
-    own = [run * (samples + 1) + place for place in range(samples + 1)]
-    path = drive.states[own, :].T
+    samples, (begin, none) = drive.samples, used.begin
+    path = drive.states[[run * (samples + 1) + place for place in range(samples + 1)], :].T
     inputs = drive.inputs[run * samples : (run + 1) * samples, :].T
-    begin = ca.horzcat(ca.DM(states, size), ca.DM.eye(states), ca.DM(states, width - size - states))
-    along = _along(functions.period, samples)
-    slopes, covariance, rows = along(
-        begin, ca.DM.zeros(states, states), path[:, :samples], inputs, drive.parameters, drive.period, reads
-    )
-    last = functions.last(
-        slopes[:, -width:],
-        covariance[:, -states:],
-        path[:, -1],
-        inputs[:, -1],
-        drive.parameters,
-        drive.period,
-    )
-    return ca.vertcat(_stacked(rows, samples), last)
-
-
-def _along(period: ca.Function, samples: int) -> ca.Function:
-    # Through all periods, D and P handed on, the parameters and the period's length common to all.
-    return period.mapaccum("along", samples, 2)
-
-
-def _stacked(rows: Expression, count: int) -> Expression:
-    # Matrices side by side, below each other.
-    return ca.vertcat(*ca.horzsplit(rows, rows.shape[1] // count))
+    given = drive.parameters, drive.period
+    along = used.period.mapaccum("along", samples, 2)
+    reads = ca.DM(used.reads(samples)[:, :samples])
+    slopes, covariance, rows = along(begin, none, path[:, :samples], inputs, *given, reads)
+    end = slopes[:, -used.width :], covariance[:, -used.states :]
+    last = used.last(*end, path[:, -1], inputs[:, -1], *given)
+    # Those of all periods stand side by side.
+    return ca.vertcat(*ca.horzsplit(rows, used.width), last)

@@ -14,7 +14,7 @@ import casadi as ca
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import Limit, Rows
-from oed.kernel.measurement.innovations import FilterFunctions, filter_functions
+from oed.kernel.measurement.innovations import Filter, filter_of
 from oed.kernel.measurement.measurement import Cuts
 from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.measurement.sensor import joint_readings
@@ -177,7 +177,8 @@ def read_end(problem: Problem, held: Expression, state: Expression) -> Expressio
     sensors = problem.measurement.joint_sensors
     if process_noise_of(sensors) is not None:
         drive = small_drive(problem, held.T, state)
-        rows = _filtering(problem).last(*_known_start(problem), *_given(drive))[:, _columns(problem)]
+        used = _filtering(problem)
+        rows = used.last(*_known(used), *_given(drive))[:, _columns(problem, used)]
         return upper_half(rows.T @ rows)
     reads = [1.0 if sensor.when == "at samples" else 0.0 for sensor in sensors]
     return upper_half(_read(problem, small_drive(problem, held.T, state), ca.DM(reads)))
@@ -200,8 +201,10 @@ def _gathered(problem: Problem, drive: Drive, reads: Expression) -> Expression:
             return ca.vertcat(*(ca.vec(ca.densify(one.design_matrix)) for one in blocks))
         return ca.vertcat(*(upper_half(one.design_matrix.T @ one.design_matrix) for one in blocks))
     if process_noise_of(problem.measurement.joint_sensors) is not None:
-        found = _filtering(problem).period(*_known_start(problem), *_given(drive), reads)
-        slopes, covariance, rows = found[0][:, _columns(problem)], found[1], found[2][:, _columns(problem)]
+        used = _filtering(problem)
+        columns = _columns(problem, used)
+        slopes, covariance, rows = used.period(*_known(used), *_given(drive), reads)
+        slopes, rows = slopes[:, columns], rows[:, columns]
         return ca.vertcat(ca.vec(slopes), upper_half(covariance), upper_half(rows.T @ rows))
     count, states = len(problem.system.parameters), len(problem.system.states)
     columns = [*estimated(problem), *range(count, count + states)]
@@ -209,20 +212,12 @@ def _gathered(problem: Problem, drive: Drive, reads: Expression) -> Expression:
     return ca.vertcat(ca.vec(last[:, columns]), upper_half(_read(problem, drive, reads)))
 
 
-def _filtering(problem: Problem) -> FilterFunctions:
+def _filtering(problem: Problem) -> Filter:
     # Of sensors that read whenever they are asked to.
     sensors = [sensor.model_copy(update={"every": 1}) for sensor in problem.measurement.joint_sensors]
     noise = process_noise_of(sensors)
     assert noise is not None
-    return filter_functions(tuple(sensors), problem.system, noise)
-
-
-def _known_start(problem: Problem) -> tuple[Expression, Expression]:
-    # Sensitivities by (parameters, start, nuisances), and covariance, of the state that a sample begins in.
-    states, size = len(problem.system.states), len(problem.system.parameters)
-    own = sum(len(sensor.nuisances) for sensor in problem.measurement.joint_sensors)
-    begin = ca.horzcat(ca.SX.zeros(states, size), ca.SX.eye(states), ca.SX.zeros(states, own))
-    return ca.densify(begin), ca.SX.zeros(states, states)
+    return filter_of(tuple(sensors), problem.system, noise)
 
 
 def _given(drive: Drive) -> tuple[Expression, ...]:
@@ -230,10 +225,14 @@ def _given(drive: Drive) -> tuple[Expression, ...]:
     return drive.states[0, :].T, drive.inputs[0, :].T, drive.parameters, drive.period
 
 
-def _columns(problem: Problem) -> list[int]:
+def _known(used: Filter) -> tuple[Expression, ...]:
+    # What a filter begins with where the state is known.
+    return tuple(map(ca.SX, used.begin))
+
+
+def _columns(problem: Problem, used: Filter) -> list[int]:
     # Estimated parameters, start, nuisances.
-    size = len(problem.system.parameters)
-    return [*estimated(problem), *range(size, _known_start(problem)[0].shape[1])]
+    return [*estimated(problem), *range(used.size, used.width)]
 
 
 def _read(problem: Problem, drive: Drive, reads: Expression) -> Expression:

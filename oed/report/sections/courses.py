@@ -57,7 +57,7 @@ def inputs_picture(record: Record) -> Picture | None:
         return None
     figure = figures.held(shown, spec.Axis("time", unit), trial_names(best), NARROW)
     names = [each[0].title for each in shown]
-    return Picture("inputs", SAY("inputs_alt", names), SAY("inputs", _left_out(best)), figure)
+    return Picture("inputs", SAY("inputs_alt", names), SAY("inputs", _undrawn(best)), figure)
 
 
 def changing_inputs(best: Result) -> list[int]:
@@ -86,7 +86,7 @@ def _trials(best: Result) -> list[Trajectory]:
     return [each[run] for run in drawn_trials(best)]
 
 
-def _left_out(best: Result) -> int:
+def _undrawn(best: Result) -> int:
     # Of trials that are read and not drawn.
     return len(read_trials(best)) - len(drawn_trials(best))
 
@@ -106,14 +106,14 @@ def courses(record: Record) -> Section | None:
     pictures = []
     if read:
         figure = figures.bands(read, across, trial_names(best))
-        note = SAY("outputs", any(map(figures.marked, read)), widths_of(read), _left_out(best))
+        note = SAY("outputs", any(map(figures.marked, read)), widths_of(read), _undrawn(best))
         pictures.append(Picture("readings", "Readings over time", note, figure))
     followed = state_courses(problem, drive, finer)
     hidden = _unread(followed, known)
     states = by_quantity(hidden, trials, lambda one, _: band_of(record, one, factor * one.places))
     if states:
         figure = figures.bands(states, across, trial_names(best))
-        note = SAY("states", bool(read), widths_of(states), _left_out(best))
+        note = SAY("states", bool(read), widths_of(states), _undrawn(best))
         pictures.append(Picture("states", "States over time", note, figure))
     return Section("What happens", figures=tuple(pictures))
 
@@ -139,7 +139,7 @@ def _recorded(record: Record) -> Section | None:
             ]
         )
     figure = figures.bands(shown, spec.Axis("time", unit), trial_names(best))
-    note = SAY("recorded", _left_out(best))
+    note = SAY("recorded", _undrawn(best))
     return Section("What happens", figures=(Picture("states", "States over time", note, figure),))
 
 

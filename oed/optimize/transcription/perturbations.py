@@ -1,4 +1,4 @@
-"""Kicks: random changes of a design, of many sizes and kinds, after which it is solved again (basin hopping).
+"""Perturbations: random changes of a design, of many sizes and kinds, to solve it again from (basin hopping).
 
 [Wales, Doye, "Global optimization by basin-hopping", Journal of Physical Chemistry A 101, 1997.]
 """
@@ -15,16 +15,17 @@ from oed.optimize.transcription.design import DesignExpressions
 KINDS = (0.34, 0.22, 0.22, 0.22)
 """How often all unknowns are changed, some drawn anew, all inputs delayed alike, and each input apart."""
 LEAST, MOST = 0.05, 0.8
-"""Smallest and largest standard deviation of a kick of all unknowns, as a share of half of each range."""
+"""Smallest and largest standard deviation by which all unknowns are changed, as a share of half of each
+range."""
 FEW, MANY = 0.05, 0.4
-"""Smallest and largest share of the unknowns that a kick draws anew."""
+"""Smallest and largest share of the unknowns that are drawn anew."""
 DELAY = 0.12
 """Standard deviation of the time by which the middle of a drive comes sooner or later, as a share of it."""
 ROUGHNESS = 0.15
 """Standard deviation of what is added to a drive that was so delayed, as a share of half of each range."""
 
 
-def kicked(design: DesignExpressions, unknowns: Array, rng: np.random.Generator) -> Array:
+def varied_design(design: DesignExpressions, unknowns: Array, rng: np.random.Generator) -> Array:
     """A design changed at random: all of it a little or a lot, some of it wholly, or its time warped.
 
     Args:
