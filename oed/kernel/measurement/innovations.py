@@ -87,8 +87,8 @@ class Filter:
     def tracking(self) -> ca.Function:
         """`period` about any path, with a column of what is 1 behind the unknowns: (D (states, n + 1), P,
         state, inputs, parameters, period, which sensors read, nuisances, readings (rows,), state of the path
-        at the next sample) -> both at the next sample, innovations (rows, n + 1), then derivatives of the next
-        column and of innovations by a column, (states, states), (rows, states).
+        at the next sample) -> both at the next sample, innovations (rows, n + 1), then derivatives of the
+        next column and of innovations by a column, (states, states), (rows, states).
         """
         slopes, covariance = self._symbols(self.width + 1)
         measured, beside = self._compared
