@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,6 +31,7 @@ from oed.estimation.methods.drift_rates import DriftRates, drift_rates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting
 from oed.estimation.methods.segment_length import Segmenting
+from oed.estimation.methods.whole_logs import Likeliest, WholeLogs, whole_flaw
 from oed.estimation.prediction.motion_layout import noise_specified
 from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess, thinned, thinning_notes
 from oed.estimation.preprocessing.steering_checks import steered_beyond
@@ -66,6 +69,7 @@ class Calibration(Brief, Renamed):
         covariances: by the ways that apply, the chosen one first.
         segmenting: how the length of segments was found, None where it was given.
         drift: how fast the robot drifts, None of methods that compare windows and of relative poses.
+        errors: the sizes of all that errs in whole logs, where these were fitted by likelihood.
         logs: that were used, with what was found in them.
         diagnostics: tests of what the fit leaves.
         weak_directions: what is not identifiable from the logs.
@@ -84,6 +88,7 @@ class Calibration(Brief, Renamed):
     covariances: tuple[Covariance, ...]
     segmenting: Segmenting | None
     drift: DriftRates | None
+    errors: Likeliest | None
     logs: tuple[Log, ...]
     diagnostics: tuple[Diagnostic, ...]
     weak_directions: tuple[str, ...]
@@ -187,6 +192,16 @@ def calibrate(
     return work.calibration(tuple(test_logs))
 
 
+class _Judged(NamedTuple):
+    # A fit, its covariances, and what they rest on.
+    fit: Fit
+    covariances: tuple[Covariance, ...]
+    drift: DriftRates | None
+    errors: Likeliest | None
+    segmenting: Segmenting | None
+    notes: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class _Work:
     # One calibration on its way.
@@ -211,10 +226,10 @@ class _Work:
         notes = [*thinning_notes(self.logs, found.logs), *fitted.notes]
         notes += unread(self.problem.measurement, found.logs)
         self.announce("error bars")
-        rates = drift_rates(plain)
-        fit, covariances, weighting = weighted_with_prior(plain, self._covariances(plain, segmenting, rates))
-        notes += weighting
-        doubts, dilution = plausibility_doubts(fit, covariances[0].matrix), dilution_of(fit, self.seed)
+        judged = self._judged(plain, segmenting)
+        fit, covariances, rates, errors = judged.fit, judged.covariances, judged.drift, judged.errors
+        notes += judged.notes
+        doubts, dilution = plausibility_doubts(fit, covariances[0].matrix), dilution_of(plain, self.seed)
         if dilution is not None:
             doubts += dilution_doubts(fit, dilution, covariances[0].matrix)
             # The other ways stay what their names say.
@@ -222,9 +237,9 @@ class _Work:
             covariances = (replace(chosen, matrix=dilution.widened(chosen.matrix)), *others)
         doubts += odd_points(fit)
         doubts = (*stray_doubts(found.logs, self.options.loss), *doubts)
-        if len(covariances) == 1 and not fit.correlated:
+        if len(covariances) == 1 and not fit.correlated and errors is None:
             doubts += (Doubt("", "short_logs", TOO_SHORT),)
-        if rates is not None and covariances[0].name == "drift":
+        if rates is not None and (errors is not None or covariances[0].name == "drift"):
             notes.append(rates.words)
         notes += [ITSELF_DRIFTING] if found.relative else []
         self.announce("checks")
@@ -234,8 +249,9 @@ class _Work:
             robot=robot_of(self.problem.system),
             fit=fit,
             covariances=covariances,
-            segmenting=segmenting,
+            segmenting=judged.segmenting,
             drift=rates,
+            errors=errors,
             logs=logs,
             diagnostics=diagnostics(fit, noise_specified(self.problem.measurement, logs)),
             weak_directions=weak_directions(fit, covariances[0].matrix),
@@ -253,9 +269,27 @@ class _Work:
             return None
 
         def covariance(other: Fit) -> Covariance:
-            return self._covariances(other, segmenting, drift_rates(other))[0]
+            return self._judged(other, segmenting).covariances[0]
 
         return ModelSelection(self._fitting, found, covariance, self.announce).compared(fit)
+
+    def _judged(self, plain: Fit, segmenting: Segmenting | None) -> _Judged:
+        # The fit and how sure it is: of whole logs where these are asked for, else of what was fitted.
+        if self.options.method != "likelihood":
+            rates = drift_rates(plain)
+            found = weighted_with_prior(plain, self._covariances(plain, segmenting, rates))
+            return _Judged(found[0], found[1], rates, None, segmenting, found[2])
+        flaw = whole_flaw(plain)
+        if flaw is not None:
+            raise ProblemError.about(("calibration", "method"), f"{flaw}: use joint")
+        if self.options.covariance not in ("auto", "information"):
+            text = "likelihood has F^-1 of all that errs: omit it, or use method: joint"
+            raise ProblemError.about(("calibration", "covariance"), text)
+        likeliest = WholeLogs(plain).found()
+        fit = likeliest.fit
+        covariance = Covariance(likeliest.covariance, likeliest.degrees, "information")
+        chosen = None if segmenting is None else replace(segmenting, seconds=math.inf, fit=fit)
+        return _Judged(fit, (covariance,), DriftRates.of_whole_logs(likeliest), likeliest, chosen)
 
     def _preprocess(self, logs: Sequence[Log]) -> PreparedLogs:
         # What is too long for a fit is too long for all that goes before and comes after it.

@@ -5,12 +5,15 @@ Short logs cannot show them. Then they are thought to be what they are of robots
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from oed.estimation.methods.faint_drift import faint_drift
 from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.log_errors import DRIFT, SIZES
+from oed.estimation.methods.whole_logs import Likeliest
 from oed.estimation.methods.window_noise import (
     OF_POSES,
     PARTS,
@@ -65,13 +68,21 @@ class DriftRates:
             [rad^2/rad], (4,).
         spread: covariance of their logarithms, (4, 4).
         shown: whether drift shows; False where logs show that there is none, None where they leave it open.
-        seconds: length of the windows that they were found from [s]; None of what is only usual.
+        seconds: length of the windows that they were found from [s], infinite for whole logs; None of what is
+            only usual.
     """
 
     values: Array
     spread: Array
     shown: bool | None = None
     seconds: float | None = None
+
+    @classmethod
+    def of_whole_logs(cls, found: Likeliest) -> DriftRates:
+        """Those that are most likely beside all else that errs in whole logs."""
+        places = [SIZES.index(name) for name in DRIFT]
+        logs = found.logs[places]
+        return cls(np.exp(2 * logs), 4 * found.spread[np.ix_(places, places)], True, math.inf)
 
     @classmethod
     def usual(cls) -> DriftRates:
@@ -86,7 +97,9 @@ class DriftRates:
             if self.seconds is None
             else (f"as windows of {self.seconds:.3g} s show it beside the noise of poses")
         )
-        if not self.shown and self.seconds is not None:
+        if self.seconds == math.inf:
+            origin = "as whole logs show it beside all else that errs"
+        elif not self.shown and self.seconds is not None:
             seen = "do not show" if self.shown is False else "neither show nor rule out"
             origin = f"which windows {seen}, as far as whole logs leave it open beside the noise of poses"
         return f"drift, {origin}: {drift_in_words(self.values)}"

@@ -137,14 +137,14 @@ class Fitting:
     def _require_suitable(self, prepared: PreparedLogs) -> None:
         # Motions that a sensor read of itself are fitted one by one; windows are of poses.
         sensors = self.sensors(prepared)
-        if self.options.method != "joint" and sensors:
+        if not self.options.by_readings and sensors:
             text = (
                 f"{self.options.method} takes poses alone; the logs have {', '.join(dict(sensors))} as well"
             )
             raise ProblemError.about(("calibration", "method"), f"{text}: use joint")
         if not prepared.relative:
             return
-        if self.options.method != "joint":
+        if not self.options.by_readings:
             text = (
                 f"{self.options.method} is for poses; each motion of relative_poses is fitted: method: joint"
             )
@@ -207,7 +207,7 @@ class Fitting:
             return None, fit(motion_segments(logs, prepared.clocks))
         chosen = self.options.segment
         seconds = math.inf if isinstance(chosen, str) else chosen
-        if self.options.method != "joint" and not self._of_readings(logs):
+        if not self.options.by_readings and not self._of_readings(logs):
             length = usual_seconds(layout(math.inf)) if chosen == "auto" else seconds
             return None, self._over_windows(Windows(layout(length), unknowns, offsets))
         if chosen == "auto":

@@ -44,9 +44,17 @@ class Smoothed(NamedTuple):
     arrived: Bools
 
 
-class _Passed(NamedTuple):
-    # One run of R experiments, N periods: D (R, N + 1, states, n + 1), P (R, N + 1, states, states),
-    # innovations (R, N + 1, rows, n + 1), derivatives of the next column and of innovations by a column.
+class Passed(NamedTuple):
+    """A filter's way along one run of R experiments, N periods.
+
+    Attributes:
+        slopes: D of what is off the path, by (unknowns, 1), before the readings, (R, N + 1, states, n + 1).
+        spreads: P alike, (R, N + 1, states, states).
+        rows: innovations in units of their deviations, (R, N + 1, rows, n + 1).
+        onward: derivatives of the next column by a column, (R, N, states, states).
+        seen: of innovations by a column, (R, N + 1, rows, states).
+    """
+
     slopes: Array
     spreads: Array
     rows: Array
@@ -89,7 +97,7 @@ class Smoother:
             step = self._step(passed, values, known, before)
             values = values + step
             paths = [
-                path + _smoothed(one, self._of_run(run, step))
+                path + smoothed(one, self._of_run(run, step))
                 for run, (path, one) in enumerate(zip(paths, passed, strict=True))
             ]
             arrived = np.all(np.abs(step) <= CLOSE * self.unknowns.scale, axis=1)
@@ -100,7 +108,7 @@ class Smoother:
         ]
         return Smoothed(values, np.concatenate([self._taken(one) for one in each], axis=1), arrived)
 
-    def _step(self, passed: Sequence[_Passed], values: Array, known: Knowledge, before: Array) -> Array:
+    def _step(self, passed: Sequence[Passed], values: Array, known: Knowledge, before: Array) -> Array:
         # Gauss-Newton by all innovations, and what is known.
         total = np.zeros((len(values), values.shape[1] + 1, values.shape[1] + 1))
         for run, one in enumerate(passed):
@@ -193,7 +201,7 @@ class Smoother:
             before += count
         return np.concatenate(found, axis=1)
 
-    def _passed(self, run: int, values: Array, path: Array, table: Array) -> _Passed:
+    def _passed(self, run: int, values: Array, path: Array, table: Array) -> Passed:
         parameters, _, own = self._given(run, values)
         count = len(values)
         states, width = path.shape[2], self._filter.width + 1
@@ -206,7 +214,7 @@ class Smoother:
             one.reshape(high, count, -1, wide).transpose(1, 2, 0, 3)
             for one, (high, wide) in zip(found, shapes, strict=True)
         )
-        return _Passed(slopes, spreads, innovations, onward, seen)
+        return Passed(slopes, spreads, innovations, onward, seen)
 
     @cached_property
     def _along(self) -> ca.Function:
@@ -235,9 +243,14 @@ class Smoother:
         return ca.Function("run", [path, inputs, parameters, own, table], results)
 
 
-def _smoothed(passed: _Passed, step: Array) -> Array:
-    # How far the path is off the one that it was linearised about, (R, N + 1, states): predictions of the
-    # filter, and what readings from then on say, going back through them.
+def smoothed(passed: Passed, step: Array) -> Array:
+    """How far the path is off the one that it was linearised about, (R, N + 1, states): predictions of the
+    filter, and what readings from then on say, going back through them.
+
+    Args:
+        passed: the filter's way.
+        step: of the unknowns, with a 1 behind them, (R, n + 1).
+    """
     ahead = np.einsum("rkin,rn->rki", passed.slopes, step)
     left = np.einsum("rkin,rn->rki", passed.rows, step)
     pull = -np.einsum("rkis,rki->rks", passed.seen, left)

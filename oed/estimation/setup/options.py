@@ -16,7 +16,7 @@ from oed.foundation.errors import Flaw
 from oed.foundation.quantities import Duration
 from oed.robots.models import MODELS, Model
 
-Method = Literal["joint", "gls", "two_stage"]
+Method = Literal["joint", "likelihood", "gls", "two_stage"]
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 CovarianceName = Literal["information", "drift", "sandwich", "bootstrap"]
 
@@ -119,7 +119,10 @@ class CalibrationOptions(Component):
     """Estimation from logs; the defaults suit a first look at any log.
 
     Attributes:
-        method: joint (nonlinear least squares on all poses of each segment, its start unknown), gls (motion
+        method: joint (nonlinear least squares on all poses of each segment, its start unknown), likelihood
+            (the most likely path of whole logs of a robot that drifts, with the sizes of noise, drift, and of
+            errors that pass or last by restricted likelihood: F^-1 under drift; of poses of robots that are
+            moved by their inputs alone), gls (motion
             between the ends of windows, weighted by their correlated noise; of logs of x and y alone, all
             positions of each segment so weighted) or two_stage (the paper's: first the headings, then the
             positions, unweighted).
@@ -155,6 +158,11 @@ class CalibrationOptions(Component):
     noise: Literal["estimated", "constant", "correlated", "stated"] = "estimated"
     loss: Loss = "linear"
     models: tuple[Alternative, ...] = ()
+
+    @property
+    def by_readings(self) -> bool:
+        """Whether each reading is fitted, not motion between two."""
+        return self.method in ("joint", "likelihood")
 
     @field_validator("models")
     @classmethod

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import casadi as ca
@@ -99,11 +100,7 @@ class Drift(Component, ProcessNoise):
         """Variances by the mean twist of the period: per metre of |V| T, per radian of |Omega| T, per T."""
         if self.covariance_rate is not None:
             return period * ca.DM(self.covariance_rate)
-        twist = system.signals(state, inputs, parameters, period)["twist"]
-        square = AT_REST**2
-        speed = ca.sqrt(twist[0] ** 2 + twist[1] ** 2 + square)
-        amounts = period * ca.vertcat(speed, ca.sqrt(twist[2] ** 2 + square), 1)
-        return ca.diag(ca.DM(self.rates) @ amounts)
+        return ca.diag(ca.DM(self.rates) @ _amounts(system, state, inputs, parameters, period))
 
     def step(
         self,
@@ -141,6 +138,29 @@ class Drift(Component, ProcessNoise):
             each = [_sized(name, size) for name, size in given.items() if size]
             parts += [f"{listing(each)} after {amount}"] if each else []
         return f"{', '.join(parts)}; it grows with the root of {'either' if len(parts) > 1 else 'that'}"
+
+
+@lru_cache(maxsize=16)
+def amounts_of(robot: System) -> ca.Function:
+    """The function (state, inputs, parameters, period) -> path [m], turning [rad] and time [s] of a period,
+    (3,), which the variances of drift are in proportion to.
+    """
+    given = [
+        ca.SX.sym("state", len(robot.states)),
+        ca.SX.sym("inputs", len(robot.inputs)),
+        ca.SX.sym("p", len(robot.parameters)),
+        ca.SX.sym("period"),
+    ]
+    return ca.Function("amounts", given, [ca.densify(_amounts(robot, *given))])
+
+
+def _amounts(
+    system: System, state: Expression, inputs: Expression, parameters: Expression, period: Expression
+) -> Expression:
+    twist = system.signals(state, inputs, parameters, period)["twist"]
+    square = AT_REST**2
+    speed = ca.sqrt(twist[0] ** 2 + twist[1] ** 2 + square)
+    return period * ca.vertcat(speed, ca.sqrt(twist[2] ** 2 + square), 1)
 
 
 def _sized(name: str, size: float) -> str:
