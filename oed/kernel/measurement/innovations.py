@@ -24,6 +24,7 @@ from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System, carrier, stepper
 from oed.kernel.measurement.moment import moment_reading, reading_by_signal
 from oed.kernel.measurement.process_noise import ProcessNoise, spread
+from oed.kernel.measurement.update import Update
 
 if TYPE_CHECKING:
     from oed.kernel.measurement.sensor import Sensor
@@ -80,7 +81,7 @@ class Filter:
     def last(self) -> ca.Function:
         """(D, P, state, inputs, parameters, period) -> e / sqrt(s) (rows, n) at the last instant."""
         slopes, covariance = self._symbols(self.width)
-        _, last = _Belief(slopes, covariance, self.states).read(self._at_end(self._placed))
+        _, last = _Belief(slopes, covariance, self.states).whitened(self._at_end(self._placed))
         return self._function("last", [slopes, covariance, *self._given], [last])
 
     @cached_property
@@ -109,10 +110,58 @@ class Filter:
         slopes, covariance = self._symbols(self.width + 1)
         measured, beside = self._compared
         belief = _Belief(self._with_columns(slopes), covariance, self.states)
-        _, last = belief.read(self._at_end(beside))
+        _, last = belief.whitened(self._at_end(beside))
         results = [last[:, : self.width + 1], last[:, self.width + 1 :]]
         given = [slopes, covariance, *self._given, self._own, measured]
         return ca.Function("ending", given, ca.cse([ca.densify(one) for one in results]))
+
+    @cached_property
+    def _linear(self) -> ca.Function:
+        # (state, inputs, parameters, period) -> slopes of all readings of a period by the unknowns directly,
+        # and by the state and the errors; of the step by (parameters, state); of the errors' effect, and Q.
+        direct, through = (
+            ca.vertcat(*(getattr(row, name) for row in self._placed)) for name in ("direct", "through")
+        )
+        given = self._given
+        results = [direct, through, self._step(), *self._spread()]
+        fixed = [ca.sparsify(ca.substitute(one, self._own, self._nominal)) for one in results]
+        return ca.Function("linear", given, ca.cse(fixed))
+
+    def update(
+        self,
+        belief: Sequence[Expression],
+        given: Sequence[Expression],
+        reads: Expression,
+        columns: Sequence[int],
+    ) -> Update:
+        """What a period's readings make of D and P of some of the unknowns, and of the errors.
+
+        Args:
+            belief: D (states, columns) and P.
+            given: state, inputs, parameters and period.
+            reads: which sensors read.
+            columns: those unknowns' places.
+        """
+        direct, through, _, _, errors = self._linear(*given)
+        heights = np.repeat(np.arange(len(self.rows)), self.rows).tolist()
+        rows = _Placed(direct[:, list(columns)], through).scaled(ca.diag(reads[heights]))
+        slopes, covariance = belief
+        begun = _Belief.of(slopes, covariance, errors)
+        return Update(begun.slopes, begun.covariance, rows.direct, rows.through)
+
+    def moved(
+        self, belief: Sequence[Expression], given: Sequence[Expression], columns: Sequence[int]
+    ) -> tuple[Expression, Expression]:
+        """D and P at the next sample.
+
+        Args:
+            belief: both after a period's readings, of state and errors.
+            given: state, inputs, parameters and period.
+            columns: of D, the unknowns' places.
+        """
+        _, _, step, effect, _ = self._linear(*given)
+        direct = ca.horzcat(step[:, : self.size], ca.SX(self.states, self.width - self.size))
+        return _moved(belief, step[:, self.size :], effect, direct[:, list(columns)])
 
     def reads(self, samples: int) -> Array:
         """Which sensors read in every period of a run and at its end, (sensors, samples + 1)."""
@@ -136,16 +185,25 @@ class Filter:
     def _period(
         self, slopes: Expression, covariance: Expression, found: Sequence[_Placed]
     ) -> tuple[list[Expression], Expression]:
-        system, given = self.system, self._given
-        effect, errors = spread(self.noise, system)(
-            given[0], given[1], ca.SX(ca.DM(system.nominal)), given[3]
+        effect, errors = self._spread()
+        read, rows = _Belief.of(slopes, covariance, errors).whitened(found)
+        belief = read.slopes, read.covariance
+        step = self._step()
+        direct = ca.horzcat(step[:, : self.size], ca.SX(self.states, slopes.shape[1] - self.size))
+        return list(_moved(belief, step[:, self.size :], effect, direct)), rows
+
+    def _spread(self) -> tuple[Expression, Expression]:
+        # What errors of a period do, and their covariance.
+        state, inputs, _, period = self._given
+        found: tuple[Expression, Expression] = spread(self.noise, self.system)(
+            state, inputs, ca.SX(ca.DM(self.system.nominal)), period
         )
-        none = ca.SX(self.noise.size, slopes.shape[1])
-        begun = _Belief(ca.vertcat(slopes, none), ca.diagcat(covariance, errors), self.states)
-        read, rows = begun.read(found)
+        return found
+
+    def _step(self) -> Expression:
+        # Slopes of a period's step by (parameters, state).
         here = ca.horzcat(ca.SX(self.states, self.size), ca.SX.eye(self.states))
-        step = ca.sparsify(carrier(system)(here, *given))
-        return list(_moved(read, step, effect, self.size)), rows
+        return ca.sparsify(carrier(self.system)(here, *self._given))
 
     def _at_end(self, rows: Sequence[_Placed]) -> list[_Placed]:
         # What is read at the last instant.
@@ -203,7 +261,8 @@ class _Placed:
     through: Expression
 
     def scaled(self, factor: Expression | float) -> _Placed:
-        return _Placed(factor * self.direct, factor * self.through)
+        # By a number, or each row by its own: a diagonal matrix.
+        return _Placed(ca.mtimes(factor, self.direct), ca.mtimes(factor, self.through))
 
     def beside(self, one: Expression, others: int) -> _Placed:
         # With a column more, and columns of what the readings do not depend on directly.
@@ -220,7 +279,13 @@ class _Belief:
     covariance: Expression
     states: int
 
-    def read(self, readings: Sequence[_Placed]) -> tuple[_Belief, Expression]:
+    @classmethod
+    def of(cls, slopes: Expression, covariance: Expression, errors: Expression) -> _Belief:
+        # Of a period that begins with that prediction, and errs so.
+        none = ca.SX(errors.shape[0], slopes.shape[1])
+        return cls(ca.vertcat(slopes, none), ca.diagcat(covariance, errors), covariance.shape[0])
+
+    def whitened(self, readings: Sequence[_Placed]) -> tuple[_Belief, Expression]:
         # After readings of unit noise, one number at a time; and their whitened innovations' sensitivities.
         slopes, covariance, found = self.slopes, self.covariance, []
         for one in readings:
@@ -236,12 +301,11 @@ class _Belief:
 
 
 def _moved(
-    belief: _Belief, step: Expression, effect: Expression, parameters: int
+    belief: Sequence[Expression], by_state: Expression, effect: Expression, direct: Expression
 ) -> tuple[Expression, Expression]:
-    # After the period, whose step has slopes by (parameters, state).
-    direct, onward = step[:, :parameters], ca.horzcat(step[:, parameters:], effect)
-    added = ca.horzcat(direct, ca.SX(belief.states, belief.slopes.shape[1] - parameters))
-    return onward @ belief.slopes + added, onward @ belief.covariance @ onward.T
+    # After the period, whose step has slopes by the state, by errors, and by the unknowns directly.
+    onward = ca.horzcat(by_state, effect)
+    return onward @ belief[0] + direct, onward @ belief[1] @ onward.T
 
 
 def _reading(

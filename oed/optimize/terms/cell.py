@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 
@@ -18,6 +19,7 @@ from oed.kernel.measurement.innovations import Filter, filter_of
 from oed.kernel.measurement.measurement import Cuts
 from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.measurement.sensor import joint_readings
+from oed.kernel.measurement.update import Update
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import small_drive, upper_half
 from oed.optimize.terms.blocks import Packed, pull
@@ -56,14 +58,43 @@ class Cell:
         self.scale = tuple(scale)
         self._reads = ca.SX.sym("reads", len(sensors))
         drive = small_drive(problem, (ca.DM(list(scale)) * self._inputs).T, self._state, refine)
-        self.carry = carry_of(problem, ca.densify(_gathered(problem, drive, self._reads)))
+        following, added = self._carried_on(problem, drive)
         self.width = self.states + len(self.carry.moving)
         self.rows = [limit.rows(replace(drive, path=drive.path[1:, :])) for limit in self.limits]
-        following = ca.vertcat(drive.states[-1, :].T, self.carry.following)
         rows = ca.vertcat(ca.SX(0, 1), *(ca.densify(one.expression) for one in self.rows))
-        self._parts: list[Expression] = ca.cse([following, self.carry.added, rows])
+        self._lifted = ca.cse([ca.vertcat(drive.states[-1, :].T, following), added, rows])
+        self._parts: list[Expression] = ca.cse(self._written_out(self._lifted))
         self._begin = ca.vertcat(self._state, self.carry.carried)
         self._arguments = [self._begin, self._inputs, self._reads]
+        self._unknowns = ca.vertcat(self._begin, self._inputs)
+
+    def _carried_on(self, problem: Problem, drive: Drive) -> tuple[Expression, Expression]:
+        # What sensitivities become, and the information added; of a filter by its update's symbols.
+        self._update: Update | None = None
+        if process_noise_of(problem.measurement.joint_sensors) is None:
+            self.carry = carry_of(problem, ca.densify(_gathered(problem, drive, self._reads)))
+            return self.carry.following, self.carry.added
+        used = _filtering(problem)
+        given, columns = _given(drive), _columns(problem, used)
+
+        def updated(*belief: Expression) -> Update:
+            return used.update(belief, given, self._reads, columns)
+
+        def moved(update: Update, after: Expression) -> tuple[Expression, Expression, Expression]:
+            *left, information = update.parts(after)
+            return *used.moved(left, given, columns), information
+
+        def step(*belief: Expression) -> tuple[Expression, Expression, Expression]:
+            update = updated(*belief)
+            return moved(update, update.after)
+
+        self.carry = carry_of(problem, step=step)
+        self._update = updated(*self.carry.belief)
+        return self.carry.entries(*moved(self._update, self._update.named))
+
+    def _written_out(self, expressions: list[Expression]) -> list[Expression]:
+        # Without symbols of the update.
+        return expressions if self._update is None else self._update.written_out(expressions)
 
     @property
     def gathered(self) -> Expression:
@@ -86,15 +117,33 @@ class Cell:
         return ca.Function("cell", self._arguments, self._parts)
 
     @cached_property
+    def _slopes(self) -> list[Expression]:
+        # Of the three parts; with an update, then of all that is bent where that is not some of the unknowns.
+        update, unknowns = self._update, self._unknowns
+        if update is None:
+            return list(ca.cse([ca.jacobian(part, unknowns) for part in self._lifted]))
+        entries, changes = update.slopes(unknowns)
+        parts = [
+            ca.jacobian(part, unknowns) + ca.jacobian(part, update.symbols) @ entries for part in self._lifted
+        ]
+        bent = ca.vertcat(ca.SX.eye(unknowns.shape[0]), entries, changes)[self.bent, :]
+        return list(ca.cse(update.written_out([*parts, bent])))
+
+    @cached_property
     def slopes(self) -> list[Packed]:
         """Derivatives of the same three by (x, inputs)."""
-        unknowns = ca.vertcat(self._begin, self._inputs)
-        return [Packed(part) for part in ca.cse([ca.jacobian(part, unknowns) for part in self._parts])]
+        return [Packed(part) for part in self._slopes[:3]]
+
+    @cached_property
+    def bent_slopes(self) -> Packed | None:
+        """Derivatives of what is bent by (x, inputs); None where it is some of these."""
+        return None if self._update is None else Packed(self._slopes[3])
 
     @cached_property
     def jacobian(self) -> ca.Function:
-        """(x, inputs, which sensors read) -> entries of the slopes."""
-        return ca.Function("cell_slopes", self._arguments, [one.entries for one in self.slopes])
+        """(x, inputs, which sensors read) -> entries of the slopes, and of `bent_slopes`."""
+        bent = [] if self.bent_slopes is None else [self.bent_slopes]
+        return ca.Function("cell_slopes", self._arguments, [one.entries for one in (*self.slopes, *bent)])
 
     @cached_property
     def pull(self) -> ca.Function:
@@ -104,13 +153,19 @@ class Cell:
     @cached_property
     def _bending(self) -> tuple[list[Expression], Expression]:
         weights = [ca.SX.sym("weights", part.shape[0]) for part in self._parts]
-        weighted = sum(ca.dot(weight, part) for weight, part in zip(weights, self._parts, strict=True))
-        whole, _ = ca.hessian(weighted, ca.vertcat(self._begin, self._inputs))
-        return weights, ca.cse(whole)
+        weighted = sum(ca.dot(weight, part) for weight, part in zip(weights, self._lifted, strict=True))
+        update, unknowns = self._update, self._unknowns
+        if update is None:
+            whole, _ = ca.hessian(weighted, unknowns)
+            return weights, ca.cse(whole)
+        whole, slope = ca.hessian(weighted, ca.vertcat(unknowns, update.symbols))
+        more, own = update.curvature(slope[unknowns.shape[0] :], unknowns)
+        whole += ca.diagcat(more, ca.SX(*[update.symbols.shape[0]] * 2))
+        return weights, ca.cse(*update.written_out([ca.diagcat(whole, own)]))
 
     @cached_property
     def bent(self) -> list[int]:
-        """Which of (x, inputs) enter anything but linearly."""
+        """Which of (x, inputs, what the update changes, its changes) enter anything but linearly."""
         return sorted(set(self._bending[1].sparsity().row()))
 
     @cached_property
@@ -141,22 +196,22 @@ class Cell:
         return not any(ca.which_depends(expression, self._inputs, 2, True))
 
 
-def carry_of(problem: Problem, gathered: Expression, *, started: bool = True) -> Carry:
+def carry_of(problem: Problem, gathered: Expression | None = None, **options: Any) -> Carry:
     """How sensitivities go through a part of a problem's drives.
 
     Args:
         problem: whose drives.
-        gathered: by the part.
-        started: whether the runs' starts are estimated as well.
+        gathered: by the part, where it says how.
+        options: `started` and `step` of `Carry`.
     """
     sensors = problem.measurement.joint_sensors
     return Carry(
-        gathered,
+        ca.SX(0, 1) if gathered is None else gathered,
         states=len(problem.system.states),
         parameters=len(estimated(problem)) if sensors else 0,
         nuisances=sum(len(sensor.nuisances) for sensor in sensors),
-        started=started,
         drifting=process_noise_of(sensors) is not None,
+        **{"started": True, **options},
     )
 
 
@@ -192,20 +247,14 @@ def cuts_of(problem: Problem) -> Cuts:
 
 
 def _gathered(problem: Problem, drive: Drive, reads: Expression) -> Expression:
-    # Sensitivities and information on (parameters, start, nuisances), or of a regression its rows. A segment
-    # of one sample is added as its square at once.
+    # Without process noise: sensitivities and information on (parameters, start, nuisances), or of a
+    # regression its rows. A segment of one sample is added as its square at once.
     cuts = cuts_of(problem)
     if cuts.regression is not None:
         blocks = cuts.regression.blocks(drive)
         if cuts.segment > 1:
             return ca.vertcat(*(ca.vec(ca.densify(one.design_matrix)) for one in blocks))
         return ca.vertcat(*(upper_half(one.design_matrix.T @ one.design_matrix) for one in blocks))
-    if process_noise_of(problem.measurement.joint_sensors) is not None:
-        used = _filtering(problem)
-        columns = _columns(problem, used)
-        slopes, covariance, rows = used.period(*_known(used), *_given(drive), reads)
-        slopes, rows = slopes[:, columns], rows[:, columns]
-        return ca.vertcat(ca.vec(slopes), upper_half(covariance), upper_half(rows.T @ rows))
     count, states = len(problem.system.parameters), len(problem.system.states)
     columns = [*estimated(problem), *range(count, count + states)]
     last = ca.densify(drive.sensitivities[:, -(count + states) :])
