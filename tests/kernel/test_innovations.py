@@ -215,11 +215,18 @@ def test_filters_are_kept():
     assert first is again
 
 
-@pytest.mark.parametrize("further", [[], [YawRate(noise=0.03)]], ids=["poses", "gyroscope too"])
-@pytest.mark.parametrize("initial_pose", ["unknown", "known"])
-def test_pieces_are_what_the_whole_drive_is_written_out(further, initial_pose):
-    sensor = POSES.model_copy(update={"every": 2, "initial_pose": initial_pose})
-    problem = problem_of(measurement=[sensor, *further], criterion=E(), samples=12, period=0.3)
+@pytest.mark.parametrize(
+    "sensors",
+    [
+        [POSES.model_copy(update={"every": 2})],
+        [POSES.model_copy(update={"every": 2, "initial_pose": "known"}), YawRate(noise=0.03)],
+        [POSES.model_copy(update={"lever_arm": LeverArm(x=0.1, y=0.2, known=False)})],
+        [RelativePoses(noise={"position": 0.01, "heading": 0.02}, drift=DRIFT), YawRate(noise=0.03)],
+    ],
+    ids=["poses", "known start, gyroscope", "lever arm", "relative poses"],
+)
+def test_pieces_are_what_the_whole_drive_is_written_out(sensors):
+    problem = problem_of(measurement=sensors, criterion=E(), samples=12, period=0.3)
     pieces, whole = Pieces(problem, PieceLayout(problem.design, 4, 2)), Unrolled(problem)
     rng = np.random.default_rng(0)
     at, weights = rng.uniform(-0.6, 0.6, pieces.size), rng.normal(size=pieces.entry_count)
