@@ -22,7 +22,7 @@ from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System, carrier, stepper
-from oed.kernel.measurement.moment import moment_reading, reading_by_signal
+from oed.kernel.measurement.filter_rows import Placed, memories_of, row_of
 from oed.kernel.measurement.process_noise import ProcessNoise, spread
 from oed.kernel.measurement.update import Update
 
@@ -33,9 +33,13 @@ if TYPE_CHECKING:
 class Filter:
     """The filter of what sensors read in every period; functions of SX or MX, made when first used.
 
-    The unknowns, n of them, are the parameters, the start states, the sensors' nuisances.
+    The unknowns, n of them, are the parameters, the start states, the sensors' nuisances. Of a reading across
+    several samples the state that it begins at is a state as well, which lasts [Roumeliotis and Burdick,
+    Stochastic cloning, ICRA 2002]: states are the system's, then those remembered.
 
     Attributes:
+        memories: after how many samples each state that is remembered is another.
+        states: all states.
         rows: how many numbers each sensor reads in a period.
         width: n.
         begin: D (states, n) and P (states, states) of a state that is known.
@@ -45,32 +49,63 @@ class Filter:
         """Write the readings of a period."""
         self.sensors, self.system, self.noise = sensors, system, noise
         own = [len(sensor.nuisances) for sensor in sensors]
-        self.states, self.size = len(system.states), len(system.parameters)
-        self.width = self.size + self.states + sum(own)
-        self._given = [
-            ca.SX.sym("state", self.states),
+        self.memories = memories_of(sensors)
+        self.size, self._each = len(system.parameters), len(system.states)
+        self.states = self._each * (1 + len(self.memories))
+        self.width = self.size + self._each + sum(own)
+        self._state = ca.SX.sym("state", self.states)
+        self._held = [
             ca.SX.sym("inputs", len(system.inputs)),
             ca.SX.sym("p", self.size),
             ca.SX.sym("period"),
         ]
         start = np.zeros((self.states, self.width))
-        start[:, self.size : self.size + self.states] = np.eye(self.states)
+        start[: self._each, self.size : self.size + self._each] = np.eye(self._each)
         self.begin = ca.DM(start), ca.DM.zeros(self.states, self.states)
-        self._reads, self._own = ca.SX.sym("reads", len(sensors)), ca.SX.sym("nuisances", sum(own))
+        self._own = ca.SX.sym("nuisances", sum(own))
+        self._reads = ca.SX.sym("reads", len(sensors) + len(self.memories))
         nominal = [nuisance.nominal for sensor in sensors for nuisance in sensor.nuisances]
         self._nominal = ca.SX(ca.DM(nominal)) if nominal else ca.SX(0, 1)
-        each = ca.vertsplit(self._own, np.cumsum([0, *own]).tolist())
         self._readings = [
-            _reading(sensor, system, noise, self._given, part)
-            for sensor, part in zip(sensors, each, strict=True)
+            row_of(sensor, system, noise, self._now, part, self._memory(sensor))
+            for sensor, part in zip(sensors, self._each_own(own), strict=True)
         ]
-        self._placed = [row.among(self.width, sum(own[:place])) for place, row in enumerate(self._readings)]
+        self._placed = []
+        for place, row in enumerate(self._readings):
+            columns = self.size, self._each, sum(own[:place]), sum(own[place + 1 :])
+            self._placed.append(row.among(columns, self.memories))
         self.rows = tuple(row.slopes.shape[0] for row in self._readings)
+
+    def _each_own(self, counts: Sequence[int]) -> list[Expression]:
+        # Every sensor's nuisances.
+        return list(ca.vertsplit(self._own, np.cumsum([0, *counts]).tolist()))
+
+    @property
+    def _given(self) -> list[Expression]:
+        # States, inputs, parameters and period.
+        return [self._state, *self._held]
+
+    @property
+    def _now(self) -> list[Expression]:
+        # The same of the system's own state.
+        return [self._state[: self._each], *self._held]
+
+    def _memory(self, sensor: Sensor) -> Expression | None:
+        # The state that its reading began at, where that is not the period's.
+        if sensor.when != "between samples" or sensor.every == 1:
+            return None
+        first = self._each * (1 + self.memories.index(sensor.every))
+        return self._state[first : first + self._each]
+
+    def remembering(self, path: Expression) -> Expression:
+        """All states (states, times) of a path of the system's own, from a run's begin."""
+        times = np.arange(path.shape[1])
+        return ca.vertcat(path, *(path[:, (times - times % every).tolist()] for every in self.memories))
 
     @cached_property
     def period(self) -> ca.Function:
-        """(D, P, state, inputs, parameters, period, which sensors read) -> both at the next sample, and
-        e / sqrt(s) (rows, n) of all sensors' readings.
+        """(D, P, state, inputs, parameters, period, which sensors read and memories begin) -> both at
+        the next sample, and e / sqrt(s) (rows, n) of all sensors' readings.
         """
         slopes, covariance = self._symbols(self.width)
         found = [row.scaled(self._reads[place]) for place, row in enumerate(self._placed)]
@@ -87,16 +122,17 @@ class Filter:
     @cached_property
     def tracking(self) -> ca.Function:
         """`period` about any path, with a column of what is 1 behind the unknowns: (D (states, n + 1), P,
-        state, inputs, parameters, period, which sensors read, nuisances, readings (rows,), state of the path
-        at the next sample) -> both at the next sample, innovations (rows, n + 1), then derivatives of the
-        next column and of innovations by a column, (states, states), (rows, states).
+        state, inputs, parameters, period, which sensors read and memories begin, nuisances, readings (rows,),
+        the system's state on the path at the next sample) -> both at the next sample, innovations (rows,
+        n + 1), then derivatives of the next column and of innovations by a column, (states, states), (rows,
+        states).
         """
         slopes, covariance = self._symbols(self.width + 1)
         measured, beside = self._compared
-        following = ca.SX.sym("following", self.states)
+        following = ca.SX.sym("following", self._each)
         found = [row.scaled(self._reads[place]) for place, row in enumerate(beside)]
         (moved, spreads), rows = self._period(self._with_columns(slopes), covariance, found)
-        moved[:, self.width] += stepper(self.system)(*self._given) - following
+        moved[: self._each, self.width] += stepper(self.system)(*self._now) - following
         count = self.width + 1
         results = [moved[:, :count], spreads, rows[:, :count], moved[:, count:], rows[:, count:]]
         given = [slopes, covariance, *self._given, self._reads, self._own, measured, following]
@@ -138,14 +174,14 @@ class Filter:
 
         Args:
             belief: D (states, columns) and P.
-            given: state, inputs, parameters and period.
-            reads: which sensors read.
+            given: states, inputs, parameters and period.
+            reads: which sensors read and memories begin.
             columns: those unknowns' places.
         """
         direct, through, _, _, errors = self._linear(*given)
         heights = np.repeat(np.arange(len(self.rows)), self.rows).tolist()
-        rows = _Placed(direct[:, list(columns)], through).scaled(ca.diag(reads[heights]))
-        slopes, covariance = belief
+        rows = Placed(direct[:, list(columns)], through).scaled(ca.diag(reads[heights]))
+        slopes, covariance = self._begun(belief[0], belief[1], reads)
         begun = _Belief.of(slopes, covariance, errors)
         return Update(begun.slopes, begun.covariance, rows.direct, rows.through)
 
@@ -156,7 +192,7 @@ class Filter:
 
         Args:
             belief: both after a period's readings, of state and errors.
-            given: state, inputs, parameters and period.
+            given: states, inputs, parameters and period.
             columns: of D, the unknowns' places.
         """
         _, _, step, effect, _ = self._linear(*given)
@@ -164,11 +200,30 @@ class Filter:
         return _moved(belief, step[:, self.size :], effect, direct[:, list(columns)])
 
     def reads(self, samples: int) -> Array:
-        """Which sensors read in every period of a run and at its end, (sensors, samples + 1)."""
-        found = np.zeros((len(self.sensors), samples + 1))
+        """Which sensors read in every period of a run and at its end, and which memories begin there,
+        (sensors + memories, samples + 1).
+        """
+        found = np.zeros((len(self.sensors) + len(self.memories), samples + 1))
         for place, sensor in enumerate(self.sensors):
             found[place, taken_in(sensor, samples)] = 1.0
+        for place, every in enumerate(self.memories, len(self.sensors)):
+            found[place, ::every] = 1.0
         return found
+
+    def _begun(
+        self, slopes: Expression, covariance: Expression, reads: Expression
+    ) -> tuple[Expression, Expression]:
+        # With those states remembered that begin to be.
+        if not self.memories:
+            return slopes, covariance
+        none, same = ca.SX(self._each, self._each), ca.SX.eye(self._each)
+        parts, count = [[same, *[none] * len(self.memories)]], len(self.sensors)
+        for place in range(len(self.memories)):
+            begins = reads[count + place]
+            kept = [(1 - begins) * same if other == place else none for other in range(len(self.memories))]
+            parts.append([begins * same, *kept])
+        turned = ca.sparsify(ca.blockcat(parts))
+        return turned @ slopes, ca.triu2symm(ca.triu(turned @ covariance @ turned.T))
 
     def _symbols(self, width: int) -> tuple[Expression, Expression]:
         slopes = ca.SX.sym("D", self.states, width)
@@ -183,29 +238,32 @@ class Filter:
         return ca.Function(name, arguments, ca.cse(dense))
 
     def _period(
-        self, slopes: Expression, covariance: Expression, found: Sequence[_Placed]
+        self, slopes: Expression, covariance: Expression, found: Sequence[Placed]
     ) -> tuple[list[Expression], Expression]:
         effect, errors = self._spread()
-        read, rows = _Belief.of(slopes, covariance, errors).whitened(found)
+        begun = self._begun(slopes, covariance, self._reads)
+        read, rows = _Belief.of(*begun, errors).whitened(found)
         belief = read.slopes, read.covariance
         step = self._step()
         direct = ca.horzcat(step[:, : self.size], ca.SX(self.states, slopes.shape[1] - self.size))
         return list(_moved(belief, step[:, self.size :], effect, direct)), rows
 
     def _spread(self) -> tuple[Expression, Expression]:
-        # What errors of a period do, and their covariance.
-        state, inputs, _, period = self._given
-        found: tuple[Expression, Expression] = spread(self.noise, self.system)(
+        # What errors of a period do to the states, and their covariance.
+        state, inputs, _, period = self._now
+        effect, covariance = spread(self.noise, self.system)(
             state, inputs, ca.SX(ca.DM(self.system.nominal)), period
         )
-        return found
+        return ca.vertcat(effect, ca.SX(self.states - self._each, self.noise.size)), covariance
 
     def _step(self) -> Expression:
-        # Slopes of a period's step by (parameters, state).
-        here = ca.horzcat(ca.SX(self.states, self.size), ca.SX.eye(self.states))
-        return ca.sparsify(carrier(self.system)(here, *self._given))
+        # Slopes of a period's step by (parameters, states); what is remembered lasts.
+        here = ca.horzcat(ca.SX(self._each, self.size), ca.SX.eye(self._each))
+        moved, rest = carrier(self.system)(here, *self._now), self.states - self._each
+        lasting = ca.horzcat(ca.SX(rest, self.size + self._each), ca.SX.eye(rest))
+        return ca.sparsify(ca.vertcat(ca.horzcat(moved, ca.SX(self._each, rest)), lasting))
 
-    def _at_end(self, rows: Sequence[_Placed]) -> list[_Placed]:
+    def _at_end(self, rows: Sequence[Placed]) -> list[Placed]:
         # What is read at the last instant.
         return [
             row.without_errors(self.noise.size).scaled(1.0 if sensor.when == "at samples" else 0.0)
@@ -213,7 +271,7 @@ class Filter:
         ]
 
     @cached_property
-    def _compared(self) -> tuple[Expression, list[_Placed]]:
+    def _compared(self) -> tuple[Expression, list[Placed]]:
         # Symbols for what was read, and all readings with what they are off as a column more.
         edges = np.cumsum([0, *self.rows]).tolist()
         measured = ca.SX.sym("measured", edges[-1])
@@ -223,53 +281,6 @@ class Filter:
     def _with_columns(self, slopes: Expression) -> Expression:
         # And columns that show what becomes of any.
         return ca.horzcat(slopes, ca.SX.eye(self.states))
-
-
-@dataclass(frozen=True)
-class _Row:
-    # Readings, and in units of their noise slopes by (parameters, state, the sensor's own nuisances),
-    # (q, ...), and by the period's errors, (q, m).
-    sensor: Sensor
-    reading: Expression
-    whitening: Expression
-    slopes: Expression
-    by_errors: Expression
-    parameters: int
-    states: int
-
-    def misfit(self, measured: Expression) -> Expression:
-        # In units of the noise; angles are known up to full turns.
-        left = measured - self.reading
-        for place in self.sensor.angles:
-            left[place] = ca.atan2(ca.sin(left[place]), ca.cos(left[place]))
-        return self.whitening @ left
-
-    def among(self, width: int, before: int) -> _Placed:
-        # With columns for all unknowns, those of other sensors' nuisances 0.
-        leading = self.parameters + self.states
-        known, own = self.slopes[:, : self.parameters], self.slopes[:, leading:]
-        rest = width - leading - before - own.shape[1]
-        count = self.slopes.shape[0]
-        direct = ca.horzcat(known, ca.SX(count, self.states + before), own, ca.SX(count, rest))
-        return _Placed(direct, ca.horzcat(self.slopes[:, self.parameters : leading], self.by_errors))
-
-
-@dataclass(frozen=True)
-class _Placed:
-    # Slopes by all unknowns directly, (q, n), and by the state and the errors, (q, states + m).
-    direct: Expression
-    through: Expression
-
-    def scaled(self, factor: Expression | float) -> _Placed:
-        # By a number, or each row by its own: a diagonal matrix.
-        return _Placed(ca.mtimes(factor, self.direct), ca.mtimes(factor, self.through))
-
-    def beside(self, one: Expression, others: int) -> _Placed:
-        # With a column more, and columns of what the readings do not depend on directly.
-        return _Placed(ca.horzcat(self.direct, one, ca.SX(one.shape[0], others)), self.through)
-
-    def without_errors(self, size: int) -> _Placed:
-        return _Placed(self.direct, self.through[:, : self.through.shape[1] - size])
 
 
 @dataclass(frozen=True)
@@ -285,7 +296,7 @@ class _Belief:
         none = ca.SX(errors.shape[0], slopes.shape[1])
         return cls(ca.vertcat(slopes, none), ca.diagcat(covariance, errors), covariance.shape[0])
 
-    def whitened(self, readings: Sequence[_Placed]) -> tuple[_Belief, Expression]:
+    def whitened(self, readings: Sequence[Placed]) -> tuple[_Belief, Expression]:
         # After readings of unit noise, one number at a time; and their whitened innovations' sensitivities.
         slopes, covariance, found = self.slopes, self.covariance, []
         for one in readings:
@@ -306,31 +317,6 @@ def _moved(
     # After the period, whose step has slopes by the state, by errors, and by the unknowns directly.
     onward = ca.horzcat(by_state, effect)
     return onward @ belief[0] + direct, onward @ belief[1] @ onward.T
-
-
-def _reading(
-    sensor: Sensor, system: System, noise: ProcessNoise, given: Sequence[Expression], own: Expression
-) -> _Row:
-    # What a sensor reads in a period that begins so; the other moment of what it reads between is its end.
-    state, inputs, parameters, period = given
-    states, size = len(system.states), len(system.parameters)
-    here, function = ca.horzcat(ca.SX(states, size), ca.SX.eye(states)), moment_reading(sensor, system)
-    rest = (parameters, own)
-    if sensor.when == "between samples":
-        effect, _ = spread(noise, system)(state, inputs, ca.SX(ca.DM(system.nominal)), period)
-        both = ca.vertcat(stepper(system)(*given), state), ca.vertcat(inputs, inputs)
-        carried = carrier(system)(here, *given)
-        found = function(both[0], ca.vertcat(carried, here), both[1], *rest, period)
-        later = function(both[0], ca.vertcat(here, ca.SX(states, size + states)), both[1], *rest, period)
-        seen = later[4].T[:, size : size + states] @ effect
-        return _Row(sensor, found[0], found[2], found[4].T, seen, size, states)
-    lasting = period if sensor.when == "in periods" else ca.SX(0)
-    found = function(state, here, inputs, *rest, lasting)
-    seen = ca.SX(found[0].shape[0], noise.size)
-    if sensor.when == "in periods" and noise.signal:
-        by_signal = reading_by_signal(sensor, system, noise.signal)(state, inputs, *rest, period)
-        seen = ca.sparsify(found[2] @ by_signal.T / period)
-    return _Row(sensor, found[0], found[2], found[4].T, seen, size, states)
 
 
 @lru_cache(maxsize=8)
@@ -355,7 +341,7 @@ def innovations(sensors: Sequence[Sensor], drive: Drive, noise: ProcessNoise) ->
         noise: of its process.
     """
     used = filter_of(tuple(sensors), drive.system, noise)
-    start, samples = slice(used.size, used.size + used.states), drive.samples
+    start, samples = slice(used.size, used.size + len(drive.system.states)), drive.samples
     tables = [_of_run(used, drive, run) for run in range(drive.runs)]
     blocks = []
     for place, sensor in enumerate(sensors):
@@ -374,13 +360,17 @@ def innovations(sensors: Sequence[Sensor], drive: Drive, noise: ProcessNoise) ->
 
 def taken_in(sensor: Sensor, samples: int) -> list[int]:
     """In which periods of a run its readings are taken in, the last instant after all of them."""
-    return sensor.instants(samples)[-1]
+    if sensor.when == "between samples":
+        # That at whose end they end.
+        return [column - 1 for column in sensor.columns(samples)]
+    return sensor.columns(samples)
 
 
 def _of_run(used: Filter, drive: Drive, run: int) -> Expression:
     # All innovations of a run, every sensor in every period and at the last instant, (rows, n).
     samples, (begin, none) = drive.samples, used.begin
     path = drive.states[[run * (samples + 1) + place for place in range(samples + 1)], :].T
+    path = used.remembering(path)
     inputs = drive.inputs[run * samples : (run + 1) * samples, :].T
     given = drive.parameters, drive.period
     along = used.period.mapaccum("along", samples, 2)

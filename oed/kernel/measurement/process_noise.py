@@ -92,9 +92,6 @@ def process_flaws(sensors: Sequence[Sensor], system: System) -> list[Flaw]:
         if sensor.joint_whitening is not None:
             text = "one covariance of all readings does not go with drift: give that of one reading"
             flaws.append(Flaw((*key, "noise", "covariance"), text))
-        if sensor.when == "between samples" and sensor.every > 1:
-            text = "readings across several samples do not go with drift: expected 1, and fewer samples"
-            flaws.append(Flaw((*key, "every"), text))
     return flaws
 
 
