@@ -17,7 +17,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.innovations import filter_of
 from oed.kernel.problem import Problem
 from oed.optimize import Ipopt, solve
-from oed.optimize.terms.layout import PieceLayout
+from oed.optimize.terms.layout import PieceLayout, divisible
 from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
 from oed.robots.sensors import Drift, Poses, RelativePoses, YawRate
@@ -240,11 +240,13 @@ def test_filters_are_kept():
         [POSES.model_copy(update={"every": 2, "initial_pose": "known"}), YawRate(noise=0.03)],
         [POSES.model_copy(update={"lever_arm": LeverArm(x=0.1, y=0.2, known=False)})],
         [RelativePoses(noise={"position": 0.01, "heading": 0.02}, drift=DRIFT), YawRate(noise=0.03)],
+        [MOTIONS.model_copy(update={"every": 2}), POSES.model_copy(update={"every": 4})],
     ],
-    ids=["poses", "known start, gyroscope", "lever arm", "relative poses"],
+    ids=["poses", "known start, gyroscope", "lever arm", "relative poses", "across samples"],
 )
 def test_pieces_are_what_the_whole_drive_is_written_out(sensors):
     problem = problem_of(measurement=sensors, criterion=E(), samples=12, period=0.3)
+    assert divisible(problem) is not None
     pieces, whole = Pieces(problem, PieceLayout(problem.design, 4, 2)), Unrolled(problem)
     rng = np.random.default_rng(0)
     at, weights = rng.uniform(-0.6, 0.6, pieces.size), rng.normal(size=pieces.entry_count)

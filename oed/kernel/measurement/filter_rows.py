@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import casadi as ca
+import numpy as np
 
+from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System, carrier, stepper
 from oed.kernel.measurement.moment import moment_reading, reading_by_signal
@@ -92,6 +94,33 @@ def memories_of(sensors: Sequence[Sensor]) -> tuple[int, ...]:
     """After how many samples the states that readings across several of them begin at are others."""
     across = {one.every for one in sensors if one.when == "between samples" and one.every > 1}
     return tuple(sorted(across))
+
+
+def reads_of(sensors: Sequence[Sensor], samples: int) -> Array:
+    """Which sensors read in every period of a run and at its end, and which memories begin there.
+
+    Args:
+        sensors: that read.
+        samples: of the run.
+
+    Returns:
+        1 or 0, (sensors + memories, samples + 1).
+    """
+    memories = memories_of(sensors)
+    found = np.zeros((len(sensors) + len(memories), samples + 1))
+    for place, sensor in enumerate(sensors):
+        found[place, taken_in(sensor, samples)] = 1.0
+    for place, every in enumerate(memories, len(sensors)):
+        found[place, ::every] = 1.0
+    return found
+
+
+def taken_in(sensor: Sensor, samples: int) -> list[int]:
+    """In which periods of a run its readings are taken in, the last instant after all of them."""
+    if sensor.when == "between samples":
+        # That at whose end they end.
+        return [column - 1 for column in sensor.columns(samples)]
+    return sensor.columns(samples)
 
 
 def row_of(

@@ -22,7 +22,8 @@ from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System, carrier, stepper
-from oed.kernel.measurement.filter_rows import Placed, memories_of, row_of
+from oed.kernel.measurement.filter_rows import Placed, memories_of, reads_of, row_of
+from oed.kernel.measurement.filter_rows import taken_in as taken_in
 from oed.kernel.measurement.process_noise import ProcessNoise, spread
 from oed.kernel.measurement.update import Update
 
@@ -203,27 +204,34 @@ class Filter:
         """Which sensors read in every period of a run and at its end, and which memories begin there,
         (sensors + memories, samples + 1).
         """
-        found = np.zeros((len(self.sensors) + len(self.memories), samples + 1))
-        for place, sensor in enumerate(self.sensors):
-            found[place, taken_in(sensor, samples)] = 1.0
-        for place, every in enumerate(self.memories, len(self.sensors)):
-            found[place, ::every] = 1.0
-        return found
+        return reads_of(self.sensors, samples)
+
+    def begun(self, states: Expression, reads: Expression) -> Expression:
+        """All states, or rows for them, with those remembered that begin to be (SX).
+
+        Args:
+            states: (states, ...).
+            reads: which sensors read and memories begin.
+        """
+        return self._turning(reads) @ states
 
     def _begun(
         self, slopes: Expression, covariance: Expression, reads: Expression
     ) -> tuple[Expression, Expression]:
-        # With those states remembered that begin to be.
         if not self.memories:
             return slopes, covariance
+        turning = self._turning(reads)
+        return turning @ slopes, ca.triu2symm(ca.triu(turning @ covariance @ turning.T))
+
+    def _turning(self, reads: Expression) -> Expression:
+        # From states to those with what is remembered from now on.
         none, same = ca.SX(self._each, self._each), ca.SX.eye(self._each)
         parts, count = [[same, *[none] * len(self.memories)]], len(self.sensors)
         for place in range(len(self.memories)):
             begins = reads[count + place]
             kept = [(1 - begins) * same if other == place else none for other in range(len(self.memories))]
             parts.append([begins * same, *kept])
-        turned = ca.sparsify(ca.blockcat(parts))
-        return turned @ slopes, ca.triu2symm(ca.triu(turned @ covariance @ turned.T))
+        return ca.sparsify(ca.blockcat(parts))
 
     def _symbols(self, width: int) -> tuple[Expression, Expression]:
         slopes = ca.SX.sym("D", self.states, width)
@@ -356,14 +364,6 @@ def innovations(sensors: Sequence[Sensor], drive: Drive, noise: ProcessNoise) ->
         starts, whole = ca.diagcat(*(one[:, start] for one in each)), ca.vertcat(*each)
         rows.append(ca.horzcat(whole[:, : start.start], starts, whole[:, start.stop :]))
     return ca.vertcat(*rows)
-
-
-def taken_in(sensor: Sensor, samples: int) -> list[int]:
-    """In which periods of a run its readings are taken in, the last instant after all of them."""
-    if sensor.when == "between samples":
-        # That at whose end they end.
-        return [column - 1 for column in sensor.columns(samples)]
-    return sensor.columns(samples)
 
 
 def _of_run(used: Filter, drive: Drive, run: int) -> Expression:

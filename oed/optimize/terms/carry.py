@@ -43,6 +43,7 @@ class Carry:
         nuisances: int,
         started: bool,
         drifting: bool = False,
+        remembered: int = 0,
         step: Step | None = None,
     ) -> None:
         """Follow S, and P, through a part.
@@ -55,6 +56,8 @@ class Carry:
             nuisances: the sensors' own.
             started: whether the runs' starts are estimated as well.
             drifting: whether there is process noise.
+            remembered: states besides, that a filter remembers: S and P have rows for these, and S has their
+                values in a column of its own behind the others.
             step: how S and P go through it, where not as what it gathers says.
         """
         self._gathered, self._states, self._drifting = gathered, states, drifting
@@ -63,9 +66,12 @@ class Carry:
         columns = parameters + (states if started else 0) + more if parameters else 0
         begin = ca.horzcat(ca.DM(states, parameters), ca.DM.eye(states))[:, : max(columns - more, 0)]
         begin = ca.horzcat(begin, ca.DM(states, more)) if parameters else begin
-        spread = states * (states + 1) // 2 if drifting else 0
+        rows, values = states + remembered, 1 if remembered else 0
+        begin = ca.vertcat(ca.horzcat(begin, ca.DM(states, values)), ca.DM(remembered, columns + values))
+        spread = rows * (rows + 1) // 2 if drifting else 0
         self._start = ca.vertcat(ca.vec(ca.densify(begin)), ca.DM.zeros(spread))
-        self._shape = (states, columns)
+        self._shape = (rows, columns + values)
+        self._columns = columns
         self._step = step or self._composed
         self.moving: list[int] = []
         if parameters:
@@ -85,6 +91,15 @@ class Carry:
         if self.moving:
             whole[self.moving] = carried
         return whole
+
+    def lasting(self, carried: Expression) -> Expression:
+        """All that the next part is handed of S and P: nothing that is remembered."""
+        whole, (rows, columns) = self.whole(carried), self._shape
+        if (rows, columns) == (self._states, self._columns):
+            return whole
+        table, spread = self._parts(whole)
+        own = slice(0, self._states)
+        return ca.vertcat(ca.vec(table[own, : self._columns]), upper_half(spread[own, own]))
 
     @property
     def belief(self) -> tuple[Expression, Expression]:
@@ -112,7 +127,7 @@ class Carry:
         # S and P.
         count = self._shape[0] * self._shape[1]
         table = ca.reshape(whole[:count], *self._shape)
-        return table, symmetric(whole[count:], self._states) if self._drifting else ca.SX(0, 0)
+        return table, symmetric(whole[count:], self._shape[0]) if self._drifting else ca.SX(0, 0)
 
     def _turned(
         self, information: Expression, table: Expression, spread: Expression

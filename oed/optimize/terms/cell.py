@@ -15,6 +15,7 @@ import casadi as ca
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import Limit, Rows
+from oed.kernel.measurement.filter_rows import memories_of
 from oed.kernel.measurement.innovations import Filter, filter_of
 from oed.kernel.measurement.measurement import Cuts
 from oed.kernel.measurement.process_noise import process_noise_of
@@ -56,7 +57,7 @@ class Cell:
         self._state, self._inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", len(robot.inputs))
         sensors = problem.measurement.joint_sensors
         self.scale = tuple(scale)
-        self._reads = ca.SX.sym("reads", len(sensors))
+        self._reads = ca.SX.sym("reads", len(sensors) + len(memories_of(sensors)))
         drive = small_drive(problem, (ca.DM(list(scale)) * self._inputs).T, self._state, refine)
         following, added = self._carried_on(problem, drive)
         self.width = self.states + len(self.carry.moving)
@@ -74,23 +75,10 @@ class Cell:
         if process_noise_of(problem.measurement.joint_sensors) is None:
             self.carry = carry_of(problem, ca.densify(_gathered(problem, drive, self._reads)))
             return self.carry.following, self.carry.added
-        used = _filtering(problem)
-        given, columns = _given(drive), _columns(problem, used)
-
-        def updated(*belief: Expression) -> Update:
-            return used.update(belief, given, self._reads, columns)
-
-        def moved(update: Update, after: Expression) -> tuple[Expression, Expression, Expression]:
-            *left, information = update.parts(after)
-            return *used.moved(left, given, columns), information
-
-        def step(*belief: Expression) -> tuple[Expression, Expression, Expression]:
-            update = updated(*belief)
-            return moved(update, update.after)
-
-        self.carry = carry_of(problem, step=step)
-        self._update = updated(*self.carry.belief)
-        return self.carry.entries(*moved(self._update, self._update.named))
+        step = _Step(problem, drive, self._reads)
+        self.carry = carry_of(problem, remembered=step.remembered, step=step)
+        self._update = step.updated(*self.carry.belief)
+        return self.carry.entries(*step.moved(self._update, self._update.named, self.carry.belief[0]))
 
     def _written_out(self, expressions: list[Expression]) -> list[Expression]:
         # Without symbols of the update.
@@ -196,13 +184,53 @@ class Cell:
         return not any(ca.which_depends(expression, self._inputs, 2, True))
 
 
+class _Step:
+    # How a filter goes through a sample.
+
+    def __init__(self, problem: Problem, drive: Drive, reads: Expression) -> None:
+        self._filter, self._reads = _filtering(problem), reads
+        self._columns = _columns(problem, self._filter)
+        self._state, *self._held = _given(drive)
+        self.remembered = self._filter.states - self._state.shape[0]
+
+    def __call__(self, table: Expression, spread: Expression) -> tuple[Expression, Expression, Expression]:
+        # From S and P to both at the end, and information.
+        update = self.updated(table, spread)
+        return self.moved(update, update.after, table)
+
+    def updated(self, table: Expression, spread: Expression) -> Update:
+        # What readings make of them.
+        slopes = table[:, : len(self._columns)]
+        return self._filter.update((slopes, spread), self._given(table), self._reads, self._columns)
+
+    def moved(
+        self, update: Update, after: Expression, table: Expression
+    ) -> tuple[Expression, Expression, Expression]:
+        # What is left, at the end; what is remembered lasts.
+        given = self._given(table)
+        *left, information = update.parts(after)
+        slopes, spread = self._filter.moved(left, given, self._columns)
+        if self.remembered:
+            own = self._state.shape[0]
+            values = ca.vertcat(ca.SX(own, 1), given[0][own:])
+            slopes = ca.horzcat(slopes, values)
+        return slopes, spread, information
+
+    def _given(self, table: Expression) -> list[Expression]:
+        # States, with those remembered from now on, inputs, parameters, period.
+        if not self.remembered:
+            return [self._state, *self._held]
+        values = table[self._state.shape[0] :, len(self._columns)]
+        return [self._filter.begun(ca.vertcat(self._state, values), self._reads), *self._held]
+
+
 def carry_of(problem: Problem, gathered: Expression | None = None, **options: Any) -> Carry:
     """How sensitivities go through a part of a problem's drives.
 
     Args:
         problem: whose drives.
         gathered: by the part, where it says how.
-        options: `started` and `step` of `Carry`.
+        options: `started`, `remembered` and `step` of `Carry`.
     """
     sensors = problem.measurement.joint_sensors
     return Carry(
@@ -233,7 +261,8 @@ def read_end(problem: Problem, held: Expression, state: Expression) -> Expressio
     if process_noise_of(sensors) is not None:
         drive = small_drive(problem, held.T, state)
         used = _filtering(problem)
-        rows = used.last(*_known(used), *_given(drive))[:, _columns(problem, used)]
+        state, *rest = _given(drive)
+        rows = used.last(*_known(used), used.remembering(state), *rest)[:, _columns(problem, used)]
         return upper_half(rows.T @ rows)
     reads = [1.0 if sensor.when == "at samples" else 0.0 for sensor in sensors]
     return upper_half(_read(problem, small_drive(problem, held.T, state), ca.DM(reads)))
@@ -262,8 +291,11 @@ def _gathered(problem: Problem, drive: Drive, reads: Expression) -> Expression:
 
 
 def _filtering(problem: Problem) -> Filter:
-    # Of sensors that read whenever they are asked to.
-    sensors = [sensor.model_copy(update={"every": 1}) for sensor in problem.measurement.joint_sensors]
+    # Of sensors that read whenever they are asked to; those between samples read of as many as they do.
+    sensors = [
+        sensor if sensor.when == "between samples" else sensor.model_copy(update={"every": 1})
+        for sensor in problem.measurement.joint_sensors
+    ]
     noise = process_noise_of(sensors)
     assert noise is not None
     return filter_of(tuple(sensors), problem.system, noise)

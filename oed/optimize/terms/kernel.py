@@ -12,7 +12,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Bools, block_columns
+from oed.foundation.arrays import Array, Bools, block_columns
 from oed.kernel.dynamics.expression import Expression
 from oed.optimize.terms.blocks import backwards, begins
 from oed.optimize.terms.cell import Cell
@@ -35,20 +35,19 @@ class Kernel:
         informed: which of the cell's entries of information are not always 0.
     """
 
-    def __init__(self, cell: Cell, layout: PieceLayout, every: Sequence[int]) -> None:
-        """Take the parts; every so many samples each sensor reads."""
+    def __init__(self, cell: Cell, layout: PieceLayout, reads: Array) -> None:
+        """Take the parts; `reads` says what a piece's samples are told of readings, (..., samples)."""
         self.cell, self.layout = cell, layout
         self.states, self.inputs = cell.states, layout.inputs
         self.size = self.states + layout.own
         self._count = layout.count * layout.samples
-        place = np.arange(self._count) % layout.samples
-        self.reads = ca.DM(np.array([place % one == 0 for one in every], float).reshape(-1, self._count))
+        self.reads = ca.DM(np.tile(reads, layout.count))
         self.informed = [index for index, entry in enumerate(cell.gathered.elements()) if not entry.is_zero()]
         moving = len(cell.carry.moving)
         self.symbols = ca.SX.sym("gathered", moving + len(self.informed))
         information = ca.SX.zeros(cell.gathered.numel())
         information[self.informed] = self.symbols[moving:]
-        self.gathered = ca.vertcat(cell.carry.whole(self.symbols[:moving]), information)
+        self.gathered = ca.vertcat(cell.carry.lasting(self.symbols[:moving]), information)
 
     @property
     def row_count(self) -> int:
