@@ -108,7 +108,10 @@ class Selection(Component):
             text = "weights need sensors whose readings are independent of each other"
             return [Flaw(("weights",), f"{text}; {problem.measurement.kind} are not")]
         if process_noise_of(sensors) is not None:
-            return [Flaw(("weights",), "under drift readings do not add up: leave out `drift`, or `weights`")]
+            text = (
+                "under drift what a reading says depends on the others, and weights would have to add it up"
+            )
+            return [Flaw(("weights",), f"{text}: leave out `drift`, or `weights`")]
         if problem.robust is not None:
             return [Flaw(("weights",), "cannot be chosen for several systems at once: leave out `robust`")]
         try:
