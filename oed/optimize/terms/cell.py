@@ -129,9 +129,14 @@ class Cell:
 
     @cached_property
     def jacobian(self) -> ca.Function:
-        """(x, inputs, which sensors read) -> entries of the slopes, and of `bent_slopes`."""
-        bent = [] if self.bent_slopes is None else [self.bent_slopes]
-        return ca.Function("cell_slopes", self._arguments, [one.entries for one in (*self.slopes, *bent)])
+        """(x, inputs, which sensors read) -> entries of the slopes."""
+        return ca.Function("cell_slopes", self._arguments, [one.entries for one in self.slopes])
+
+    @cached_property
+    def bent_jacobian(self) -> ca.Function:
+        """(x, inputs, which sensors read) -> entries of `bent_slopes`."""
+        assert self.bent_slopes is not None
+        return ca.Function("bent_slopes", self._arguments, [self.bent_slopes.entries])
 
     @cached_property
     def pull(self) -> ca.Function:

@@ -169,20 +169,21 @@ class Kernel:
         information[self.informed, :] = weights[1][moving:, :]
         added = ca.densify(information)[:, np.repeat(np.arange(count), samples).tolist()]
         rows = ca.reshape(weights[2], cell.row_count, self._count)
-        pulled = cell.pull.map(self._count)(*slopes[1:3], added, rows)
+        pulled = cell.pull.map(self._count)(*slopes[1:], added, rows)
         # Of every sample's end: what its piece's end weighs, and what later samples add.
         onward = backwards(slopes[0], samples)
         back = cell.slopes[0].back().mapaccum(samples).map(count)
         earlier = back(last, onward, backwards(pulled, samples))
         ends = backwards(begins(last, earlier, samples), samples)
         bent = cell.curvature.map(self._count)(*given, self.reads, ends, added, rows)
-        return self._between.map(count)(self._bent_steps(steps, slopes), bent)
+        return self._between.map(count)(self._bent_steps(given, steps), bent)
 
-    def _bent_steps(self, steps: Expression, slopes: Sequence[Expression]) -> Expression:
+    def _bent_steps(self, given: Sequence[Expression], steps: Expression) -> Expression:
         # Derivatives (size, bent) of what is bent in every sample.
         cell = self.cell
         if cell.bent_slopes is not None:
-            return ca.densify(cell.bent_slopes.chained(steps, slopes[3]))
+            slopes = cell.bent_jacobian.map(self._count)(*given, self.reads)
+            return ca.densify(cell.bent_slopes.chained(steps, slopes))
         width = cell.width + self.inputs
         columns = np.arange(self._count)[:, None] * width + np.array(cell.bent, dtype=int)
         return steps[:, columns.ravel().tolist()]
