@@ -114,8 +114,8 @@ class Cell:
         parts = [
             ca.jacobian(part, unknowns) + ca.jacobian(part, update.symbols) @ entries for part in self._lifted
         ]
-        bent = ca.vertcat(ca.SX.eye(unknowns.shape[0]), entries, changes)[self.bent, :]
-        return list(ca.cse(update.written_out([*parts, bent])))
+        bent = ca.vertcat(ca.SX.eye(unknowns.shape[0]), entries, changes)
+        return list(ca.cse(update.written_out([*parts, bent[self.bent, :], bent[self.beside, :]])))
 
     @cached_property
     def slopes(self) -> list[Packed]:
@@ -123,9 +123,9 @@ class Cell:
         return [Packed(part) for part in self._slopes[:3]]
 
     @cached_property
-    def bent_slopes(self) -> Packed | None:
-        """Derivatives of what is bent by (x, inputs); None where it is some of these."""
-        return None if self._update is None else Packed(self._slopes[3])
+    def bent_slopes(self) -> list[Packed]:
+        """Derivatives of what is `bent` and `beside` by (x, inputs); [] where it is some of these."""
+        return [Packed(part) for part in self._slopes[3:]]
 
     @cached_property
     def jacobian(self) -> ca.Function:
@@ -135,8 +135,7 @@ class Cell:
     @cached_property
     def bent_jacobian(self) -> ca.Function:
         """(x, inputs, which sensors read) -> entries of `bent_slopes`."""
-        assert self.bent_slopes is not None
-        return ca.Function("bent_slopes", self._arguments, [self.bent_slopes.entries])
+        return ca.Function("bent_slopes", self._arguments, [one.entries for one in self.bent_slopes])
 
     @cached_property
     def pull(self) -> ca.Function:
@@ -158,18 +157,39 @@ class Cell:
 
     @cached_property
     def bent(self) -> list[int]:
-        """Which of (x, inputs, what the update changes, its changes) enter anything but linearly."""
-        return sorted(set(self._bending[1].sparsity().row()))
+        """Which of (x, inputs, what the update changes, its changes) enter anything but linearly, but for
+        those `beside`.
+        """
+        found = set(self._bending[1].sparsity().row())
+        return sorted(found - set(self.beside))
 
     @cached_property
-    def inner(self) -> Packed:
-        """Second derivatives of the weighted sum by those."""
-        return Packed(self._bending[1][self.bent, self.bent])
+    def beside(self) -> list[int]:
+        """Those of what the update changes that are bent with others alone, not with each other."""
+        if self._update is None:
+            return []
+        first, whole = self._unknowns.shape[0], self._bending[1]
+        among = range(first, first + self._update.symbols.shape[0])
+        found = [place for place in among if whole[place, :].nnz()]
+        return [] if whole[found, among.start :].nnz() else found
+
+    @cached_property
+    def inner(self) -> list[Packed]:
+        """Second derivatives of the weighted sum by what is bent; with an update matrices (bent, bent) and
+        (beside, bent) that with their transposes make up those.
+        """
+        whole = self._bending[1]
+        if self._update is None:
+            return [Packed(whole[self.bent, self.bent])]
+        own = ca.tril(whole[self.bent, self.bent])
+        return [Packed(own - ca.diag(ca.diag(own)) / 2), Packed(whole[self.beside, self.bent])]
 
     @cached_property
     def curvature(self) -> ca.Function:
         """(x, inputs, which sensors read, weights of the three) -> entries of `inner`."""
-        return ca.Function("cell_curvature", [*self._arguments, *self._bending[0]], [self.inner.entries])
+        return ca.Function(
+            "cell_curvature", [*self._arguments, *self._bending[0]], [one.entries for one in self.inner]
+        )
 
     @cached_property
     def depends(self) -> tuple[ca.Sparsity, ca.Sparsity]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array, Bools, block_columns
 from oed.kernel.dynamics.expression import Expression
-from oed.optimize.terms.blocks import backwards, begins
+from oed.optimize.terms.blocks import Packed, backwards, begins
 from oed.optimize.terms.cell import Cell
 from oed.optimize.terms.layout import PieceLayout
 
@@ -176,23 +176,34 @@ class Kernel:
         earlier = back(last, onward, backwards(pulled, samples))
         ends = backwards(begins(last, earlier, samples), samples)
         bent = cell.curvature.map(self._count)(*given, self.reads, ends, added, rows)
-        return self._between.map(count)(self._bent_steps(given, steps), bent)
-
-    def _bent_steps(self, given: Sequence[Expression], steps: Expression) -> Expression:
-        # Derivatives (size, bent) of what is bent in every sample.
-        cell = self.cell
-        if cell.bent_slopes is not None:
-            slopes = cell.bent_jacobian.map(self._count)(*given, self.reads)
-            return ca.densify(cell.bent_slopes.chained(steps, slopes))
-        width = cell.width + self.inputs
-        columns = np.arange(self._count)[:, None] * width + np.array(cell.bent, dtype=int)
-        return steps[:, columns.ravel().tolist()]
+        if not cell.bent_slopes:
+            width = cell.width + self.inputs
+            columns = np.arange(self._count)[:, None] * width + np.array(cell.bent, dtype=int)
+            return self._between.map(count)(steps[:, columns.ravel().tolist()], bent)
+        own = cell.bent_jacobian.map(self._count)(*given, self.reads)
+        each = [one.chained(steps, entries) for one, entries in zip(cell.bent_slopes, own, strict=True)]
+        return self._between_halves.map(count)(*map(ca.densify, each), *bent)
 
     @property
     def _between(self) -> ca.Function:
         # Second derivatives of all samples of a piece between the slopes of what is bent.
-        inner, samples = self.cell.inner.pattern, self.layout.samples
-        slopes = ca.MX.sym("slopes", self.size, inner.size1() * samples)
-        entries = ca.MX.sym("entries", inner.nnz(), samples)
-        whole = ca.sparsity_cast(ca.vec(entries), ca.diagcat(*[inner] * samples))
+        (inner,) = self.cell.inner
+        slopes, entries, whole = self._along(inner)
         return ca.Function("between", [slopes, entries], [slopes @ ca.densify(slopes @ whole).T])
+
+    @property
+    def _between_halves(self) -> ca.Function:
+        # The same of halves: (slopes of what is bent, of what is beside, entries of both).
+        parts = [self._along(one) for one in self.cell.inner]
+        half = sum(slopes @ whole for slopes, _, whole in parts)
+        found = parts[0][0] @ ca.densify(half).T
+        slopes, entries, _ = zip(*parts, strict=True)
+        return ca.Function("between", [*slopes, *entries], [found + found.T])
+
+    def _along(self, inner: Packed) -> tuple[Expression, Expression, Expression]:
+        # Symbols for slopes at all samples of a piece and for entries there, and these as one matrix.
+        samples = self.layout.samples
+        slopes = ca.MX.sym("slopes", self.size, inner.pattern.size1() * samples)
+        entries = ca.MX.sym("entries", inner.pattern.nnz(), samples)
+        whole = ca.sparsity_cast(ca.vec(entries), ca.diagcat(*[inner.pattern] * samples))
+        return slopes, entries, whole
