@@ -241,8 +241,9 @@ def test_filters_are_kept():
         [POSES.model_copy(update={"lever_arm": LeverArm(x=0.1, y=0.2, known=False)})],
         [RelativePoses(noise={"position": 0.01, "heading": 0.02}, drift=DRIFT), YawRate(noise=0.03)],
         [MOTIONS.model_copy(update={"every": 2}), POSES.model_copy(update={"every": 4})],
+        [POSES, POSES, POSES],
     ],
-    ids=["poses", "known start, gyroscope", "lever arm", "relative poses", "across samples"],
+    ids=["poses", "known start, gyroscope", "lever arm", "relative poses", "across samples", "many"],
 )
 def test_pieces_are_what_the_whole_drive_is_written_out(sensors):
     problem = problem_of(measurement=sensors, criterion=E(), samples=12, period=0.3)

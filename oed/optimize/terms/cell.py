@@ -27,6 +27,9 @@ from oed.optimize.terms.blocks import Packed, pull
 from oed.optimize.terms.carry import Carry
 from oed.optimize.terms.needs import Asked
 
+FEW = 8
+"""Numbers read in a period up to which derivatives are shorter by what each of them changes."""
+
 
 class Cell:
     """A sample as a function of the state x handed on to it and of its inputs, in units of their scale.
@@ -70,9 +73,10 @@ class Cell:
         self._unknowns = ca.vertcat(self._begin, self._inputs)
 
     def _carried_on(self, problem: Problem, drive: Drive) -> tuple[Expression, Expression]:
-        # What sensitivities become, and the information added; of a filter by its update's symbols.
+        # What sensitivities become, and the information added; of a filter by its update's symbols, unless it
+        # takes in many readings: what they gather is of one size, however many they are.
         self._update: Update | None = None
-        if process_noise_of(problem.measurement.joint_sensors) is None:
+        if process_noise_of(problem.measurement.joint_sensors) is None or _many(_filtering(problem)):
             self.carry = carry_of(problem, ca.densify(_gathered(problem, drive, self._reads)))
             return self.carry.following, self.carry.added
         step = _Step(problem, drive, self._reads)
@@ -301,18 +305,29 @@ def cuts_of(problem: Problem) -> Cuts:
 
 
 def _gathered(problem: Problem, drive: Drive, reads: Expression) -> Expression:
-    # Without process noise: sensitivities and information on (parameters, start, nuisances), or of a
-    # regression its rows. A segment of one sample is added as its square at once.
+    # Sensitivities and information on (parameters, start, nuisances), or of a regression its rows. A segment
+    # of one sample is added as its square at once.
     cuts = cuts_of(problem)
     if cuts.regression is not None:
         blocks = cuts.regression.blocks(drive)
         if cuts.segment > 1:
             return ca.vertcat(*(ca.vec(ca.densify(one.design_matrix)) for one in blocks))
         return ca.vertcat(*(upper_half(one.design_matrix.T @ one.design_matrix) for one in blocks))
+    if process_noise_of(problem.measurement.joint_sensors) is not None:
+        used = _filtering(problem)
+        columns = _columns(problem, used)
+        slopes, covariance, rows = used.period(*_known(used), *_given(drive), reads)
+        slopes, rows = slopes[:, columns], rows[:, columns]
+        return ca.vertcat(ca.vec(slopes), upper_half(covariance), upper_half(rows.T @ rows))
     count, states = len(problem.system.parameters), len(problem.system.states)
     columns = [*estimated(problem), *range(count, count + states)]
     last = ca.densify(drive.sensitivities[:, -(count + states) :])
     return ca.vertcat(ca.vec(last[:, columns]), upper_half(_read(problem, drive, reads)))
+
+
+def _many(used: Filter) -> bool:
+    # Whether a period has so many readings; not of what lasts for several, which is gathered in no period.
+    return not used.memories and sum(used.rows) > FEW
 
 
 def _filtering(problem: Problem) -> Filter:
