@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 import casadi as ca
 from pydantic import BeforeValidator, Field
 
+from oed.equations.diffusion import Diffusion, diffusion_flaws, diffusion_of
 from oed.equations.dimensions import quantity
 from oed.equations.given import AS_DATA, Readable, pairs
 from oed.foundation.errors import Flaw
@@ -23,6 +24,8 @@ Deviations = Annotated[
 """Standard deviations with their units, by the outputs' names."""
 
 
+Wandering = Annotated[tuple[tuple[str, str | float], ...], BeforeValidator(pairs), AS_DATA]
+"""Deviations after 1 s with their units, by the states' names."""
 Begun = Annotated[
     Literal["known", "unknown"] | Annotated[tuple[tuple[str, float], ...], BeforeValidator(pairs)], AS_DATA
 ]
@@ -99,10 +102,33 @@ class Outputs(OutputSensor):
 
     Attributes:
         start: what is known of the start states.
+        diffusion: process noise, which makes states wander: their standard deviations after 1 s, in units of
+            the state over s^(1/2), by their names.
     """
 
     kind: Literal["outputs"] = "outputs"
     start: Begun = "known"
+    diffusion: Wandering = ()
+
+    @property
+    def process_noise(self) -> Diffusion | None:
+        """The diffusion, where there is any."""
+        return diffusion_of(self.diffusion)
+
+    def steady(self) -> Self:
+        """Of a system whose states do as their equations say."""
+        return self.model_copy(update={"diffusion": ()}) if self.diffusion else self
+
+    def flaws(self, system: System, samples: int) -> list[Flaw]:
+        """Those of outputs, and diffusion of no states or in other units."""
+        wandering = diffusion_flaws(self.diffusion, system) if isinstance(system, Readable) else ()
+        return [*super().flaws(system, samples), *wandering]
+
+    @property
+    def remark(self) -> str:
+        """How the states wander."""
+        noise = self.process_noise
+        return "" if noise is None else f"; the system drifts by {noise.text}"
 
     @property
     def start_known(self) -> Start:

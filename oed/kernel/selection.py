@@ -107,8 +107,13 @@ class Selection(Component):
         if not sensors or any(one.joint_whitening is not None for one in sensors):
             text = "weights need sensors whose readings are independent of each other"
             return [Flaw(("weights",), f"{text}; {problem.measurement.kind} are not")]
-        if process_noise_of(sensors) is not None:
-            return [Flaw(("weights",), "under drift readings do not add up: leave out `drift`, or `weights`")]
+        noise = process_noise_of(sensors)
+        if noise is not None:
+            text = (
+                "under drift what a reading says depends on the others, and weights would have to add it up"
+            )
+            text = "weights of trials do not go with drift" if self.of == "trials" else text
+            return [Flaw(("weights",), f"{text}: leave out `{noise.key}`, or `weights`")]
         if problem.robust is not None:
             return [Flaw(("weights",), "cannot be chosen for several systems at once: leave out `robust`")]
         try:

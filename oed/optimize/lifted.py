@@ -23,6 +23,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.measurement import Nuisance
+from oed.kernel.measurement.process_noise import ProcessNoise
 from oed.kernel.measurement.sensor import Moment, Sensor, Start, When, joined
 from oed.kernel.pace import PACE
 from oed.kernel.problem import Problem
@@ -67,17 +68,22 @@ class Lifted(System):
     ) -> Expression:
         """As the system steps."""
         own = inputs[: len(self.inner.inputs)]
-        return self.inner.step(state, own, parameters, self._taken(inputs, period))
+        return self.inner.step(state, own, parameters, self.taken(inputs, period))
 
     def signals(
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
     ) -> Mapping[str, Expression]:
         """Those of the system."""
         own = inputs[: len(self.inner.inputs)]
-        return self.inner.signals(state, own, parameters, self._taken(inputs, period))
+        return self.inner.signals(state, own, parameters, self.taken(inputs, period))
 
-    def _taken(self, inputs: Expression, period: Expression) -> Expression:
-        # How long the period is at this pace.
+    def taken(self, inputs: Expression, period: Expression) -> Expression:
+        """How long the period is at this pace [s].
+
+        Args:
+            inputs: held in it, these further ones too.
+            period: its duration at full length [s].
+        """
         return period * inputs[len(self.inputs) - 1] if self.paced else period
 
     def estimating(self, names: Collection[str]) -> System:
@@ -93,6 +99,60 @@ class Lifted(System):
     def chosen_states(self) -> int:
         """As the system says."""
         return self.inner.chosen_states
+
+
+@dataclass(frozen=True)
+class LiftedNoise(ProcessNoise):
+    """Process noise of a system with further inputs: for as long as a period takes.
+
+    Attributes:
+        inner: of the system.
+    """
+
+    inner: ProcessNoise
+    signal = property(lambda self: self.inner.signal)
+
+    @property
+    def size(self) -> int:
+        """As the system's."""
+        return self.inner.size
+
+    @property
+    def text(self) -> str:
+        """As the system's."""
+        return self.inner.text
+
+    def covariance(
+        self,
+        system: System,
+        state: Expression,
+        inputs: Expression,
+        parameters: Expression,
+        period: Expression,
+    ) -> Expression:
+        """As the system's."""
+        return self.inner.covariance(*_unlifted(system, state, inputs, parameters, period))
+
+    def step(
+        self,
+        system: System,
+        state: Expression,
+        inputs: Expression,
+        parameters: Expression,
+        period: Expression,
+        errors: Expression,
+    ) -> Expression:
+        """As the system's."""
+        return self.inner.step(*_unlifted(system, state, inputs, parameters, period), errors)
+
+
+def _unlifted(
+    system: System, state: Expression, inputs: Expression, parameters: Expression, period: Expression
+) -> tuple[System, Expression, Expression, Expression, Expression]:
+    # What the system itself knows.
+    assert isinstance(system, Lifted)
+    own = inputs[: len(system.inner.inputs)]
+    return system.inner, state, own, parameters, system.taken(inputs, period)
 
 
 class LiftedSensor(Sensor):
@@ -127,6 +187,12 @@ class LiftedSensor(Sensor):
     def start_known(self) -> Start | None:
         """What its owner knows of the start states."""
         return self.inner.start_known
+
+    @property
+    def process_noise(self) -> ProcessNoise | None:
+        """What its owner says, of the system with further inputs."""
+        noise = self.inner.process_noise
+        return None if noise is None else LiftedNoise(noise)
 
     def reading(self, moment: Moment) -> Expression:
         """That of the sensor."""

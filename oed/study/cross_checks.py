@@ -65,9 +65,13 @@ def _design_flaws(file: RobotStudyFile) -> list[Flaw]:
 
 def _drift_flaws(file: StudyFile) -> list[Flaw]:
     # What there is none of need not be left out.
-    if any(getattr(sensor, "drift", None) is not None for sensor in file.measurement.joint_sensors):
+    sensors = file.measurement.joint_sensors
+    if any(
+        getattr(sensor, "drift", None) is not None or getattr(sensor, "diffusion", ()) for sensor in sensors
+    ):
         return []
-    text = "there is no drift to leave out: give the measurement's `drift`, or omit this"
+    key = "drift" if file.domain == "robots" else "diffusion"
+    text = f"there is no drift to leave out: give the measurement's `{key}`, or omit this"
     return [
         Flaw(("solvers", place, "without_drift"), text)
         for place, solver in enumerate(file.solvers)

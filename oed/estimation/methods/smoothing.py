@@ -45,7 +45,7 @@ class Smoothed(NamedTuple):
 
 
 class Passed(NamedTuple):
-    """A filter's way along one run of R experiments, N periods.
+    """A filter's way along one run of R experiments, N periods; states are all those of the filter.
 
     Attributes:
         slopes: D of what is off the path, by (unknowns, 1), before the readings, (R, N + 1, states, n + 1).
@@ -97,7 +97,7 @@ class Smoother:
             step = self._step(passed, values, known, before)
             values = values + step
             paths = [
-                path + smoothed(one, self._of_run(run, step))
+                path + smoothed(one, self._of_run(run, step))[:, :, : path.shape[2]]
                 for run, (path, one) in enumerate(zip(paths, passed, strict=True))
             ]
             arrived = np.all(np.abs(step) <= CLOSE * self.unknowns.scale, axis=1)
@@ -204,7 +204,7 @@ class Smoother:
     def _passed(self, run: int, values: Array, path: Array, table: Array) -> Passed:
         parameters, _, own = self._given(run, values)
         count = len(values)
-        states, width = path.shape[2], self._filter.width + 1
+        states, width = self._filter.states, self._filter.width + 1
         beside = _side_by_side(path), parameters.T, own.T, _side_by_side(table)
         inputs = np.tile(self.trajectory.each[run].inputs.T, count)
         found = [np.array(one) for one in self._along.map(count)(beside[0], inputs, *beside[1:])]
@@ -226,13 +226,14 @@ class Smoother:
         own = ca.MX.sym("nuisances", used.width - used.size - states)
         table = ca.MX.sym("readings", sum(used.rows), samples + 1)
         # The path is off itself by nothing where it begins.
-        begin, none = ca.horzcat(used.begin[0], ca.DM.zeros(states)), used.begin[1]
+        begin, none = ca.horzcat(used.begin[0], ca.DM.zeros(used.states)), used.begin[1]
         period, reads = self.trajectory.period, used.reads(samples)[:, :-1]
         along = used.tracking.mapaccum("along", samples, 2)
-        given = path[:, :-1], inputs, parameters, period, reads, own, table[:, :-1], path[:, 1:]
+        every = used.remembering(path)
+        given = every[:, :-1], inputs, parameters, period, reads, own, table[:, :-1], path[:, 1:]
         slopes, spreads, rows, onward, seen = along(begin, none, *given)
-        end = slopes[:, -width:], spreads[:, -states:]
-        last = used.ending(*end, path[:, -1], inputs[:, -1], parameters, period, own, table[:, -1])
+        end = slopes[:, -width:], spreads[:, -used.states :]
+        last = used.ending(*end, every[:, -1], inputs[:, -1], parameters, period, own, table[:, -1])
         results = [
             ca.horzcat(begin, slopes),
             ca.horzcat(none, spreads),

@@ -288,7 +288,7 @@ class _Told:
         square, _ = self._square(logs)
         inverse = np.linalg.inv(square[:-1, :-1] * self._scale[:, None] * self._scale)
         inverse *= self._scale[:, None] * self._scale
-        return np.asarray(-inverse @ square[:-1, -1]), inverse[: self.size, : self.size]
+        return np.asarray(-inverse @ square[:-1, -1]), np.asarray(inverse[: self.size, : self.size])
 
     def smoothed(self, logs: Array, step: Array, paths: Sequence[Array]) -> list[Array]:
         found, whole = [], np.append(step, 1.0)

@@ -22,8 +22,10 @@ from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System, carrier, stepper
-from oed.kernel.measurement.moment import moment_reading, reading_by_signal
+from oed.kernel.measurement.filter_rows import Placed, memories_of, reads_of, row_of
+from oed.kernel.measurement.filter_rows import taken_in as taken_in
 from oed.kernel.measurement.process_noise import ProcessNoise, spread
+from oed.kernel.measurement.update import Update
 
 if TYPE_CHECKING:
     from oed.kernel.measurement.sensor import Sensor
@@ -32,9 +34,13 @@ if TYPE_CHECKING:
 class Filter:
     """The filter of what sensors read in every period; functions of SX or MX, made when first used.
 
-    The unknowns, n of them, are the parameters, the start states, the sensors' nuisances.
+    The unknowns, n of them, are the parameters, the start states, the sensors' nuisances. Of a reading across
+    several samples the state that it begins at is a state as well, which lasts [Roumeliotis and Burdick,
+    Stochastic cloning, ICRA 2002]: states are the system's, then those remembered.
 
     Attributes:
+        memories: after how many samples each state that is remembered is another.
+        states: all states.
         rows: how many numbers each sensor reads in a period.
         width: n.
         begin: D (states, n) and P (states, states) of a state that is known.
@@ -44,32 +50,63 @@ class Filter:
         """Write the readings of a period."""
         self.sensors, self.system, self.noise = sensors, system, noise
         own = [len(sensor.nuisances) for sensor in sensors]
-        self.states, self.size = len(system.states), len(system.parameters)
-        self.width = self.size + self.states + sum(own)
-        self._given = [
-            ca.SX.sym("state", self.states),
+        self.memories = memories_of(sensors)
+        self.size, self._each = len(system.parameters), len(system.states)
+        self.states = self._each * (1 + len(self.memories))
+        self.width = self.size + self._each + sum(own)
+        self._state = ca.SX.sym("state", self.states)
+        self._held = [
             ca.SX.sym("inputs", len(system.inputs)),
             ca.SX.sym("p", self.size),
             ca.SX.sym("period"),
         ]
         start = np.zeros((self.states, self.width))
-        start[:, self.size : self.size + self.states] = np.eye(self.states)
+        start[: self._each, self.size : self.size + self._each] = np.eye(self._each)
         self.begin = ca.DM(start), ca.DM.zeros(self.states, self.states)
-        self._reads, self._own = ca.SX.sym("reads", len(sensors)), ca.SX.sym("nuisances", sum(own))
+        self._own = ca.SX.sym("nuisances", sum(own))
+        self._reads = ca.SX.sym("reads", len(sensors) + len(self.memories))
         nominal = [nuisance.nominal for sensor in sensors for nuisance in sensor.nuisances]
         self._nominal = ca.SX(ca.DM(nominal)) if nominal else ca.SX(0, 1)
-        each = ca.vertsplit(self._own, np.cumsum([0, *own]).tolist())
         self._readings = [
-            _reading(sensor, system, noise, self._given, part)
-            for sensor, part in zip(sensors, each, strict=True)
+            row_of(sensor, system, noise, self._now, part, self._memory(sensor))
+            for sensor, part in zip(sensors, self._each_own(own), strict=True)
         ]
-        self._placed = [row.among(self.width, sum(own[:place])) for place, row in enumerate(self._readings)]
+        self._placed = []
+        for place, row in enumerate(self._readings):
+            columns = self.size, self._each, sum(own[:place]), sum(own[place + 1 :])
+            self._placed.append(row.among(columns, self.memories))
         self.rows = tuple(row.slopes.shape[0] for row in self._readings)
+
+    def _each_own(self, counts: Sequence[int]) -> list[Expression]:
+        # Every sensor's nuisances.
+        return list(ca.vertsplit(self._own, np.cumsum([0, *counts]).tolist()))
+
+    @property
+    def _given(self) -> list[Expression]:
+        # States, inputs, parameters and period.
+        return [self._state, *self._held]
+
+    @property
+    def _now(self) -> list[Expression]:
+        # The same of the system's own state.
+        return [self._state[: self._each], *self._held]
+
+    def _memory(self, sensor: Sensor) -> Expression | None:
+        # The state that its reading began at, where that is not the period's.
+        if sensor.when != "between samples" or sensor.every == 1:
+            return None
+        first = self._each * (1 + self.memories.index(sensor.every))
+        return self._state[first : first + self._each]
+
+    def remembering(self, path: Expression) -> Expression:
+        """All states (states, times) of a path of the system's own, from a run's begin."""
+        times = np.arange(path.shape[1])
+        return ca.vertcat(path, *(path[:, (times - times % every).tolist()] for every in self.memories))
 
     @cached_property
     def period(self) -> ca.Function:
-        """(D, P, state, inputs, parameters, period, which sensors read) -> both at the next sample, and
-        e / sqrt(s) (rows, n) of all sensors' readings.
+        """(D, P, state, inputs, parameters, period, which sensors read and memories begin) -> both at
+        the next sample, and e / sqrt(s) (rows, n) of all sensors' readings.
         """
         slopes, covariance = self._symbols(self.width)
         found = [row.scaled(self._reads[place]) for place, row in enumerate(self._placed)]
@@ -80,22 +117,23 @@ class Filter:
     def last(self) -> ca.Function:
         """(D, P, state, inputs, parameters, period) -> e / sqrt(s) (rows, n) at the last instant."""
         slopes, covariance = self._symbols(self.width)
-        _, last = _Belief(slopes, covariance, self.states).read(self._at_end(self._placed))
+        _, last = _Belief(slopes, covariance, self.states).whitened(self._at_end(self._placed))
         return self._function("last", [slopes, covariance, *self._given], [last])
 
     @cached_property
     def tracking(self) -> ca.Function:
         """`period` about any path, with a column of what is 1 behind the unknowns: (D (states, n + 1), P,
-        state, inputs, parameters, period, which sensors read, nuisances, readings (rows,), state of the path
-        at the next sample) -> both at the next sample, innovations (rows, n + 1), then derivatives of the
-        next column and of innovations by a column, (states, states), (rows, states).
+        state, inputs, parameters, period, which sensors read and memories begin, nuisances, readings (rows,),
+        the system's state on the path at the next sample) -> both at the next sample, innovations (rows,
+        n + 1), then derivatives of the next column and of innovations by a column, (states, states), (rows,
+        states).
         """
         slopes, covariance = self._symbols(self.width + 1)
         measured, beside = self._compared
-        following = ca.SX.sym("following", self.states)
+        following = ca.SX.sym("following", self._each)
         found = [row.scaled(self._reads[place]) for place, row in enumerate(beside)]
         (moved, spreads), rows = self._period(self._with_columns(slopes), covariance, found)
-        moved[:, self.width] += stepper(self.system)(*self._given) - following
+        moved[: self._each, self.width] += stepper(self.system)(*self._now) - following
         count = self.width + 1
         results = [moved[:, :count], spreads, rows[:, :count], moved[:, count:], rows[:, count:]]
         given = [slopes, covariance, *self._given, self._reads, self._own, measured, following]
@@ -109,17 +147,91 @@ class Filter:
         slopes, covariance = self._symbols(self.width + 1)
         measured, beside = self._compared
         belief = _Belief(self._with_columns(slopes), covariance, self.states)
-        _, last = belief.read(self._at_end(beside))
+        _, last = belief.whitened(self._at_end(beside))
         results = [last[:, : self.width + 1], last[:, self.width + 1 :]]
         given = [slopes, covariance, *self._given, self._own, measured]
         return ca.Function("ending", given, ca.cse([ca.densify(one) for one in results]))
 
+    @cached_property
+    def _linear(self) -> ca.Function:
+        # (state, inputs, parameters, period) -> slopes of all readings of a period by the unknowns directly,
+        # and by the state and the errors; of the step by (parameters, state); of the errors' effect, and Q.
+        direct, through = (
+            ca.vertcat(*(getattr(row, name) for row in self._placed)) for name in ("direct", "through")
+        )
+        given = self._given
+        results = [direct, through, self._step(), *self._spread()]
+        fixed = [ca.sparsify(ca.substitute(one, self._own, self._nominal)) for one in results]
+        return ca.Function("linear", given, ca.cse(fixed))
+
+    def update(
+        self,
+        belief: Sequence[Expression],
+        given: Sequence[Expression],
+        reads: Expression,
+        columns: Sequence[int],
+    ) -> Update:
+        """What a period's readings make of D and P of some of the unknowns, and of the errors.
+
+        Args:
+            belief: D (states, columns) and P.
+            given: states, inputs, parameters and period.
+            reads: which sensors read and memories begin.
+            columns: those unknowns' places.
+        """
+        direct, through, _, _, errors = self._linear(*given)
+        heights = np.repeat(np.arange(len(self.rows)), self.rows).tolist()
+        rows = Placed(direct[:, list(columns)], through).scaled(ca.diag(reads[heights]))
+        slopes, covariance = self._begun(belief[0], belief[1], reads)
+        begun = _Belief.of(slopes, covariance, errors)
+        return Update(begun.slopes, begun.covariance, rows.direct, rows.through)
+
+    def moved(
+        self, belief: Sequence[Expression], given: Sequence[Expression], columns: Sequence[int]
+    ) -> tuple[Expression, Expression]:
+        """D and P at the next sample.
+
+        Args:
+            belief: both after a period's readings, of state and errors.
+            given: states, inputs, parameters and period.
+            columns: of D, the unknowns' places.
+        """
+        _, _, step, effect, _ = self._linear(*given)
+        direct = ca.horzcat(step[:, : self.size], ca.SX(self.states, self.width - self.size))
+        return _moved(belief, step[:, self.size :], effect, direct[:, list(columns)])
+
     def reads(self, samples: int) -> Array:
-        """Which sensors read in every period of a run and at its end, (sensors, samples + 1)."""
-        found = np.zeros((len(self.sensors), samples + 1))
-        for place, sensor in enumerate(self.sensors):
-            found[place, taken_in(sensor, samples)] = 1.0
-        return found
+        """Which sensors read in every period of a run and at its end, and which memories begin there,
+        (sensors + memories, samples + 1).
+        """
+        return reads_of(self.sensors, samples)
+
+    def begun(self, states: Expression, reads: Expression) -> Expression:
+        """All states, or rows for them, with those remembered that begin to be (SX).
+
+        Args:
+            states: (states, ...).
+            reads: which sensors read and memories begin.
+        """
+        return self._turning(reads) @ states
+
+    def _begun(
+        self, slopes: Expression, covariance: Expression, reads: Expression
+    ) -> tuple[Expression, Expression]:
+        if not self.memories:
+            return slopes, covariance
+        turning = self._turning(reads)
+        return turning @ slopes, ca.triu2symm(ca.triu(turning @ covariance @ turning.T))
+
+    def _turning(self, reads: Expression) -> Expression:
+        # From states to those with what is remembered from now on.
+        none, same = ca.SX(self._each, self._each), ca.SX.eye(self._each)
+        parts, count = [[same, *[none] * len(self.memories)]], len(self.sensors)
+        for place in range(len(self.memories)):
+            begins = reads[count + place]
+            kept = [(1 - begins) * same if other == place else none for other in range(len(self.memories))]
+            parts.append([begins * same, *kept])
+        return ca.sparsify(ca.blockcat(parts))
 
     def _symbols(self, width: int) -> tuple[Expression, Expression]:
         slopes = ca.SX.sym("D", self.states, width)
@@ -134,20 +246,32 @@ class Filter:
         return ca.Function(name, arguments, ca.cse(dense))
 
     def _period(
-        self, slopes: Expression, covariance: Expression, found: Sequence[_Placed]
+        self, slopes: Expression, covariance: Expression, found: Sequence[Placed]
     ) -> tuple[list[Expression], Expression]:
-        system, given = self.system, self._given
-        effect, errors = spread(self.noise, system)(
-            given[0], given[1], ca.SX(ca.DM(system.nominal)), given[3]
-        )
-        none = ca.SX(self.noise.size, slopes.shape[1])
-        begun = _Belief(ca.vertcat(slopes, none), ca.diagcat(covariance, errors), self.states)
-        read, rows = begun.read(found)
-        here = ca.horzcat(ca.SX(self.states, self.size), ca.SX.eye(self.states))
-        step = ca.sparsify(carrier(system)(here, *given))
-        return list(_moved(read, step, effect, self.size)), rows
+        effect, errors = self._spread()
+        begun = self._begun(slopes, covariance, self._reads)
+        read, rows = _Belief.of(*begun, errors).whitened(found)
+        belief = read.slopes, read.covariance
+        step = self._step()
+        direct = ca.horzcat(step[:, : self.size], ca.SX(self.states, slopes.shape[1] - self.size))
+        return list(_moved(belief, step[:, self.size :], effect, direct)), rows
 
-    def _at_end(self, rows: Sequence[_Placed]) -> list[_Placed]:
+    def _spread(self) -> tuple[Expression, Expression]:
+        # What errors of a period do to the states, and their covariance.
+        state, inputs, _, period = self._now
+        effect, covariance = spread(self.noise, self.system)(
+            state, inputs, ca.SX(ca.DM(self.system.nominal)), period
+        )
+        return ca.vertcat(effect, ca.SX(self.states - self._each, self.noise.size)), covariance
+
+    def _step(self) -> Expression:
+        # Slopes of a period's step by (parameters, states); what is remembered lasts.
+        here = ca.horzcat(ca.SX(self._each, self.size), ca.SX.eye(self._each))
+        moved, rest = carrier(self.system)(here, *self._now), self.states - self._each
+        lasting = ca.horzcat(ca.SX(rest, self.size + self._each), ca.SX.eye(rest))
+        return ca.sparsify(ca.vertcat(ca.horzcat(moved, ca.SX(self._each, rest)), lasting))
+
+    def _at_end(self, rows: Sequence[Placed]) -> list[Placed]:
         # What is read at the last instant.
         return [
             row.without_errors(self.noise.size).scaled(1.0 if sensor.when == "at samples" else 0.0)
@@ -155,7 +279,7 @@ class Filter:
         ]
 
     @cached_property
-    def _compared(self) -> tuple[Expression, list[_Placed]]:
+    def _compared(self) -> tuple[Expression, list[Placed]]:
         # Symbols for what was read, and all readings with what they are off as a column more.
         edges = np.cumsum([0, *self.rows]).tolist()
         measured = ca.SX.sym("measured", edges[-1])
@@ -168,59 +292,19 @@ class Filter:
 
 
 @dataclass(frozen=True)
-class _Row:
-    # Readings, and in units of their noise slopes by (parameters, state, the sensor's own nuisances),
-    # (q, ...), and by the period's errors, (q, m).
-    sensor: Sensor
-    reading: Expression
-    whitening: Expression
-    slopes: Expression
-    by_errors: Expression
-    parameters: int
-    states: int
-
-    def misfit(self, measured: Expression) -> Expression:
-        # In units of the noise; angles are known up to full turns.
-        left = measured - self.reading
-        for place in self.sensor.angles:
-            left[place] = ca.atan2(ca.sin(left[place]), ca.cos(left[place]))
-        return self.whitening @ left
-
-    def among(self, width: int, before: int) -> _Placed:
-        # With columns for all unknowns, those of other sensors' nuisances 0.
-        leading = self.parameters + self.states
-        known, own = self.slopes[:, : self.parameters], self.slopes[:, leading:]
-        rest = width - leading - before - own.shape[1]
-        count = self.slopes.shape[0]
-        direct = ca.horzcat(known, ca.SX(count, self.states + before), own, ca.SX(count, rest))
-        return _Placed(direct, ca.horzcat(self.slopes[:, self.parameters : leading], self.by_errors))
-
-
-@dataclass(frozen=True)
-class _Placed:
-    # Slopes by all unknowns directly, (q, n), and by the state and the errors, (q, states + m).
-    direct: Expression
-    through: Expression
-
-    def scaled(self, factor: Expression | float) -> _Placed:
-        return _Placed(factor * self.direct, factor * self.through)
-
-    def beside(self, one: Expression, others: int) -> _Placed:
-        # With a column more, and columns of what the readings do not depend on directly.
-        return _Placed(ca.horzcat(self.direct, one, ca.SX(one.shape[0], others)), self.through)
-
-    def without_errors(self, size: int) -> _Placed:
-        return _Placed(self.direct, self.through[:, : self.through.shape[1] - size])
-
-
-@dataclass(frozen=True)
 class _Belief:
     # Sensitivities of the prediction of (state, errors) by all unknowns, and its covariance.
     slopes: Expression
     covariance: Expression
     states: int
 
-    def read(self, readings: Sequence[_Placed]) -> tuple[_Belief, Expression]:
+    @classmethod
+    def of(cls, slopes: Expression, covariance: Expression, errors: Expression) -> _Belief:
+        # Of a period that begins with that prediction, and errs so.
+        none = ca.SX(errors.shape[0], slopes.shape[1])
+        return cls(ca.vertcat(slopes, none), ca.diagcat(covariance, errors), covariance.shape[0])
+
+    def whitened(self, readings: Sequence[Placed]) -> tuple[_Belief, Expression]:
         # After readings of unit noise, one number at a time; and their whitened innovations' sensitivities.
         slopes, covariance, found = self.slopes, self.covariance, []
         for one in readings:
@@ -236,37 +320,11 @@ class _Belief:
 
 
 def _moved(
-    belief: _Belief, step: Expression, effect: Expression, parameters: int
+    belief: Sequence[Expression], by_state: Expression, effect: Expression, direct: Expression
 ) -> tuple[Expression, Expression]:
-    # After the period, whose step has slopes by (parameters, state).
-    direct, onward = step[:, :parameters], ca.horzcat(step[:, parameters:], effect)
-    added = ca.horzcat(direct, ca.SX(belief.states, belief.slopes.shape[1] - parameters))
-    return onward @ belief.slopes + added, onward @ belief.covariance @ onward.T
-
-
-def _reading(
-    sensor: Sensor, system: System, noise: ProcessNoise, given: Sequence[Expression], own: Expression
-) -> _Row:
-    # What a sensor reads in a period that begins so; the other moment of what it reads between is its end.
-    state, inputs, parameters, period = given
-    states, size = len(system.states), len(system.parameters)
-    here, function = ca.horzcat(ca.SX(states, size), ca.SX.eye(states)), moment_reading(sensor, system)
-    rest = (parameters, own)
-    if sensor.when == "between samples":
-        effect, _ = spread(noise, system)(state, inputs, ca.SX(ca.DM(system.nominal)), period)
-        both = ca.vertcat(stepper(system)(*given), state), ca.vertcat(inputs, inputs)
-        carried = carrier(system)(here, *given)
-        found = function(both[0], ca.vertcat(carried, here), both[1], *rest, period)
-        later = function(both[0], ca.vertcat(here, ca.SX(states, size + states)), both[1], *rest, period)
-        seen = later[4].T[:, size : size + states] @ effect
-        return _Row(sensor, found[0], found[2], found[4].T, seen, size, states)
-    lasting = period if sensor.when == "in periods" else ca.SX(0)
-    found = function(state, here, inputs, *rest, lasting)
-    seen = ca.SX(found[0].shape[0], noise.size)
-    if sensor.when == "in periods" and noise.signal:
-        by_signal = reading_by_signal(sensor, system, noise.signal)(state, inputs, *rest, period)
-        seen = ca.sparsify(found[2] @ by_signal.T / period)
-    return _Row(sensor, found[0], found[2], found[4].T, seen, size, states)
+    # After the period, whose step has slopes by the state, by errors, and by the unknowns directly.
+    onward = ca.horzcat(by_state, effect)
+    return onward @ belief[0] + direct, onward @ belief[1] @ onward.T
 
 
 @lru_cache(maxsize=8)
@@ -291,7 +349,7 @@ def innovations(sensors: Sequence[Sensor], drive: Drive, noise: ProcessNoise) ->
         noise: of its process.
     """
     used = filter_of(tuple(sensors), drive.system, noise)
-    start, samples = slice(used.size, used.size + used.states), drive.samples
+    start, samples = slice(used.size, used.size + len(drive.system.states)), drive.samples
     tables = [_of_run(used, drive, run) for run in range(drive.runs)]
     blocks = []
     for place, sensor in enumerate(sensors):
@@ -308,15 +366,11 @@ def innovations(sensors: Sequence[Sensor], drive: Drive, noise: ProcessNoise) ->
     return ca.vertcat(*rows)
 
 
-def taken_in(sensor: Sensor, samples: int) -> list[int]:
-    """In which periods of a run its readings are taken in, the last instant after all of them."""
-    return sensor.instants(samples)[-1]
-
-
 def _of_run(used: Filter, drive: Drive, run: int) -> Expression:
     # All innovations of a run, every sensor in every period and at the last instant, (rows, n).
     samples, (begin, none) = drive.samples, used.begin
     path = drive.states[[run * (samples + 1) + place for place in range(samples + 1)], :].T
+    path = used.remembering(path)
     inputs = drive.inputs[run * samples : (run + 1) * samples, :].T
     given = drive.parameters, drive.period
     along = used.period.mapaccum("along", samples, 2)

@@ -27,9 +27,13 @@ class ProcessNoise(ABC):
     Attributes:
         signal: name of the system's signal of m entries whose mean over a period they change by w / T, which
             sensors that read periods see; "" for none.
+        key: of sensors, by which it is given.
+        walks: what it does, in words.
     """
 
     signal: ClassVar[str] = ""
+    key: ClassVar[str] = "drift"
+    walks: ClassVar[str] = "Its state is a random walk"
 
     @abstractmethod
     def covariance(
@@ -87,14 +91,17 @@ def process_flaws(sensors: Sequence[Sensor], system: System) -> list[Flaw]:
         key: tuple[str | int, ...] = ("measurement",) if len(sensors) == 1 else ("measurement", place)
         if sensor.process_noise not in (None, noise):
             flaws.append(
-                Flaw((*key, "drift"), "differs from that of the sensors before; a system drifts in one way")
+                Flaw((*key, noise.key), "differs from that of the sensors before; a system drifts in one way")
             )
+        if sensor.when == "in periods" and not noise.signal:
+            text = (
+                f"readings of whole periods do not go with {noise.key}, which is left out within them: read "
+            )
+            flaws.append(Flaw((*key, "kind"), f"{text}at the samples, or leave out `{noise.key}`"))
         if sensor.joint_whitening is not None:
-            text = "one covariance of all readings does not go with drift: give that of one reading"
+            text = "one covariance of all readings does not go with drift, whose filter takes in one by one: "
+            text += "give that of one reading"
             flaws.append(Flaw((*key, "noise", "covariance"), text))
-        if sensor.when == "between samples" and sensor.every > 1:
-            text = "readings across several samples do not go with drift: expected 1, and fewer samples"
-            flaws.append(Flaw((*key, "every"), text))
     return flaws
 
 

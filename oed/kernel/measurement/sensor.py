@@ -23,6 +23,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.description import deviations_of, noise_text, when_text
+from oed.kernel.measurement.filter_rows import memories_of
 from oed.kernel.measurement.innovations import innovations
 from oed.kernel.measurement.measurement import Block, Cuts, Measurement, Nuisance
 from oed.kernel.measurement.moment import AnyMoment, moment_reading
@@ -320,11 +321,11 @@ def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
 
 def joint_cuts(sensors: Sequence[Sensor]) -> Cuts | None:
     """How drives can be cut where all sensors read; None where the noise of one is correlated over time, or
-    one reads across several samples.
+    one reads across several samples that no filter goes through.
     """
     if any(sensor.joint_whitening is not None for sensor in sensors):
         return None
-    if any(sensor.when == "between samples" and sensor.every > 1 for sensor in sensors):
+    if process_noise_of(sensors) is None and memories_of(sensors):
         return None
     return Cuts(multiple=lcm(*(sensor.every for sensor in sensors)))
 

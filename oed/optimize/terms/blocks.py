@@ -15,7 +15,7 @@ class Packed:
     def __init__(self, matrix: Expression) -> None:
         """Keep the pattern."""
         self.pattern: ca.Sparsity = matrix.sparsity()
-        self.entries: Expression = ca.vertcat(*matrix.nonzeros()) if matrix.nnz() else ca.SX(0, 1)
+        self.entries: Expression = type(matrix)(0, 1) if not matrix.nnz() else _entries(matrix)
 
     def matrix(self, entries: Expression) -> Expression:
         """The matrix with other entries (MX)."""
@@ -47,6 +47,10 @@ class Packed:
         matrix, entries = self.symbol("onward")
         total = matrix[:, :width].T @ weight + more
         return ca.Function("back", [weight, entries, more], [ca.densify(total)])
+
+
+def _entries(matrix: Expression) -> Expression:
+    return matrix.nz[:] if isinstance(matrix, ca.MX) else ca.vertcat(*matrix.nonzeros())
 
 
 def pull(first: Packed, second: Packed, width: int) -> ca.Function:

@@ -10,11 +10,16 @@ a covariance P as well, of which the readings before have left something [Sarkka
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import casadi as ca
 
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.matrices import posterior
 from oed.optimize.terms.base import symmetric, upper_half
+
+Step = Callable[[Expression, Expression], tuple[Expression, Expression, Expression]]
+"""From S and P at a part's start to both at its end, and the information that it adds."""
 
 
 class Carry:
@@ -38,6 +43,8 @@ class Carry:
         nuisances: int,
         started: bool,
         drifting: bool = False,
+        remembered: int = 0,
+        step: Step | None = None,
     ) -> None:
         """Follow S, and P, through a part.
 
@@ -49,6 +56,9 @@ class Carry:
             nuisances: the sensors' own.
             started: whether the runs' starts are estimated as well.
             drifting: whether there is process noise.
+            remembered: states besides, that a filter remembers: S and P have rows for these, and S has their
+                values in a column of its own behind the others.
+            step: how S and P go through it, where not as what it gathers says.
         """
         self._gathered, self._states, self._drifting = gathered, states, drifting
         self._parameters, self._nuisances = parameters, nuisances
@@ -56,16 +66,19 @@ class Carry:
         columns = parameters + (states if started else 0) + more if parameters else 0
         begin = ca.horzcat(ca.DM(states, parameters), ca.DM.eye(states))[:, : max(columns - more, 0)]
         begin = ca.horzcat(begin, ca.DM(states, more)) if parameters else begin
-        spread = states * (states + 1) // 2 if drifting else 0
+        rows, values = states + remembered, 1 if remembered else 0
+        begin = ca.vertcat(ca.horzcat(begin, ca.DM(states, values)), ca.DM(remembered, columns + values))
+        spread = rows * (rows + 1) // 2 if drifting else 0
         self._start = ca.vertcat(ca.vec(ca.densify(begin)), ca.DM.zeros(spread))
-        self._shape = (states, columns)
+        self._shape = (rows, columns + values)
+        self._columns = columns
+        self._step = step or self._composed
         self.moving: list[int] = []
         if parameters:
             self._find_moving()
         self.begin = self._start[self.moving]
         self.carried = ca.SX.sym("carried", len(self.moving))
-        following, added = self._step(self.whole(self.carried))
-        self.following, self.added = following[self.moving], ca.densify(added)
+        self.following, self.added = self._followed(self.carried)
 
     @property
     def gathered_size(self) -> int:
@@ -79,60 +92,93 @@ class Carry:
             whole[self.moving] = carried
         return whole
 
+    def lasting(self, carried: Expression) -> Expression:
+        """All that the next part is handed of S and P: nothing that is remembered."""
+        whole, (rows, columns) = self.whole(carried), self._shape
+        if (rows, columns) == (self._states, self._columns):
+            return whole
+        table, spread = self._parts(whole)
+        own = slice(0, self._states)
+        return ca.vertcat(ca.vec(table[own, : self._columns]), upper_half(spread[own, own]))
+
+    @property
+    def belief(self) -> tuple[Expression, Expression]:
+        """S and P of the symbols."""
+        return self._parts(self.whole(self.carried))
+
+    def entries(
+        self, table: Expression, spread: Expression, added: Expression
+    ) -> tuple[Expression, Expression]:
+        """The entries of S and P that change, and those of information.
+
+        Args:
+            table: S.
+            spread: P.
+            added: information.
+        """
+        return self._handed(table, spread)[self.moving], ca.densify(upper_half(ca.densify(added)))
+
     def turned(self, information: Expression, whole: Expression) -> Expression:
         """Entries of information on (parameters, start, nuisances), written by the whole run's start."""
         table, spread = self._parts(whole)
-        return self._turned(information, table, spread)[0]
+        return upper_half(ca.densify(self._turned(information, table, spread)[0]))
 
     def _parts(self, whole: Expression) -> tuple[Expression, Expression]:
         # S and P.
         count = self._shape[0] * self._shape[1]
         table = ca.reshape(whole[:count], *self._shape)
-        return table, symmetric(whole[count:], self._states) if self._drifting else ca.SX(0, 0)
+        return table, symmetric(whole[count:], self._shape[0]) if self._drifting else ca.SX(0, 0)
 
     def _turned(
         self, information: Expression, table: Expression, spread: Expression
     ) -> tuple[Expression, Expression, Expression]:
-        # Entries of the information, and what of S and P is left when the part has been read.
+        # The information, and what of S and P is left when the part has been read.
         count, states = self._parameters, self._states
         lasting = table.shape[1] - (self._nuisances if self._drifting else 0)
         top = ca.horzcat(ca.SX.eye(count), ca.SX(count, table.shape[1] - count))
         if not self._drifting:
             whole = ca.diagcat(ca.sparsify(ca.vertcat(top, table)), ca.SX.eye(self._nuisances))
-            return upper_half(ca.densify(whole.T @ information @ whole)), table, spread
+            return whole.T @ information @ whole, table, spread
         own = ca.horzcat(ca.SX(self._nuisances, lasting), ca.SX.eye(self._nuisances))
         whole = ca.sparsify(ca.vertcat(top, table, own))
         seen = information @ whole
         start = slice(count, count + states)
         left = posterior(spread, information[start, start])
         total = whole.T @ seen - seen[start, :].T @ left @ seen[start, :]
-        return upper_half(ca.densify(total)), table - left @ seen[start, :], left
+        return total, table - left @ seen[start, :], left
 
-    def _step(self, whole: Expression) -> tuple[Expression, Expression]:
+    def _followed(self, carried: Expression) -> tuple[Expression, Expression]:
         # What is handed on at the end, and what the part adds to the information.
+        if not self._parameters:
+            return ca.SX(0, 1), ca.densify(self._gathered)
+        return self.entries(*self._step(*self._parts(self.whole(carried))))
+
+    def _handed(self, table: Expression, spread: Expression) -> Expression:
+        # All entries of S and P.
+        handed = ca.vec(ca.densify(table))
+        return ca.vertcat(handed, upper_half(ca.densify(spread))) if self._drifting else handed
+
+    def _composed(self, table: Expression, spread: Expression) -> tuple[Expression, Expression, Expression]:
+        # By what the part gathers.
         count, states = self._parameters, self._states
-        if not count:
-            return ca.SX(0, 1), self._gathered
         columns = count + states + (self._nuisances if self._drifting else 0)
         split = states * columns
         ends = ca.sparsify(ca.reshape(self._gathered[:split], states, columns))
         own = states * (states + 1) // 2 if self._drifting else 0
         gathered = symmetric(self._gathered[split + own :], self.gathered_size)
-        table, spread = self._parts(whole)
         added, table, spread = self._turned(gathered, table, spread)
         onward, rest = ends[:, count : count + states], ends[:, count + states :]
         beside = ca.SX(states, table.shape[1] - count - rest.shape[1])
         following = onward @ ca.sparsify(table) + ca.horzcat(ends[:, :count], beside, rest)
-        handed = ca.vec(ca.densify(following))
         if self._drifting:
-            uncertain = symmetric(self._gathered[split : split + own], states) + onward @ spread @ onward.T
-            handed = ca.vertcat(handed, upper_half(ca.densify(uncertain)))
-        return handed, added
+            spread = symmetric(self._gathered[split : split + own], states) + onward @ spread @ onward.T
+        return following, spread, added
 
     def _find_moving(self) -> None:
         # Entries that anywhere differ from those at a run's start, found by following them.
         while True:
-            entries, _ = self._step(self.whole(ca.SX.sym("carried", len(self.moving))))
+            carried = ca.SX.sym("carried", len(self.moving))
+            entries = self._handed(*self._step(*self._parts(self.whole(carried)))[:2])
             found = {place for place in range(entries.numel()) if not self._stays(place, entries[place])}
             if found <= set(self.moving):
                 return

@@ -8,21 +8,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import Limit, Rows
+from oed.kernel.measurement.filter_rows import memories_of
 from oed.kernel.measurement.innovations import Filter, filter_of
 from oed.kernel.measurement.measurement import Cuts
 from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.measurement.sensor import joint_readings
+from oed.kernel.measurement.update import Update
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import small_drive, upper_half
 from oed.optimize.terms.blocks import Packed, pull
 from oed.optimize.terms.carry import Carry
 from oed.optimize.terms.needs import Asked
+
+FEW = 8
+"""Numbers read in a period up to which derivatives are shorter by what each of them changes."""
 
 
 class Cell:
@@ -54,16 +60,33 @@ class Cell:
         self._state, self._inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", len(robot.inputs))
         sensors = problem.measurement.joint_sensors
         self.scale = tuple(scale)
-        self._reads = ca.SX.sym("reads", len(sensors))
+        self._reads = ca.SX.sym("reads", len(sensors) + len(memories_of(sensors)))
         drive = small_drive(problem, (ca.DM(list(scale)) * self._inputs).T, self._state, refine)
-        self.carry = carry_of(problem, ca.densify(_gathered(problem, drive, self._reads)))
+        following, added = self._carried_on(problem, drive)
         self.width = self.states + len(self.carry.moving)
         self.rows = [limit.rows(replace(drive, path=drive.path[1:, :])) for limit in self.limits]
-        following = ca.vertcat(drive.states[-1, :].T, self.carry.following)
         rows = ca.vertcat(ca.SX(0, 1), *(ca.densify(one.expression) for one in self.rows))
-        self._parts: list[Expression] = ca.cse([following, self.carry.added, rows])
+        self._lifted = ca.cse([ca.vertcat(drive.states[-1, :].T, following), added, rows])
+        self._parts: list[Expression] = ca.cse(self._written_out(self._lifted))
         self._begin = ca.vertcat(self._state, self.carry.carried)
         self._arguments = [self._begin, self._inputs, self._reads]
+        self._unknowns = ca.vertcat(self._begin, self._inputs)
+
+    def _carried_on(self, problem: Problem, drive: Drive) -> tuple[Expression, Expression]:
+        # What sensitivities become, and the information added; of a filter by its update's symbols, unless it
+        # takes in many readings: what they gather is of one size, however many they are.
+        self._update: Update | None = None
+        if process_noise_of(problem.measurement.joint_sensors) is None or _many(_filtering(problem)):
+            self.carry = carry_of(problem, ca.densify(_gathered(problem, drive, self._reads)))
+            return self.carry.following, self.carry.added
+        step = _Step(problem, drive, self._reads)
+        self.carry = carry_of(problem, remembered=step.remembered, step=step)
+        self._update = step.updated(*self.carry.belief)
+        return self.carry.entries(*step.moved(self._update, self._update.named, self.carry.belief[0]))
+
+    def _written_out(self, expressions: list[Expression]) -> list[Expression]:
+        # Without symbols of the update.
+        return expressions if self._update is None else self._update.written_out(expressions)
 
     @property
     def gathered(self) -> Expression:
@@ -86,15 +109,37 @@ class Cell:
         return ca.Function("cell", self._arguments, self._parts)
 
     @cached_property
+    def _slopes(self) -> list[Expression]:
+        # Of the three parts; with an update, then of all that is bent where that is not some of the unknowns.
+        update, unknowns = self._update, self._unknowns
+        if update is None:
+            return list(ca.cse([ca.jacobian(part, unknowns) for part in self._lifted]))
+        entries, changes = update.slopes(unknowns)
+        parts = [
+            ca.jacobian(part, unknowns) + ca.jacobian(part, update.symbols) @ entries for part in self._lifted
+        ]
+        bent = ca.vertcat(ca.SX.eye(unknowns.shape[0]), entries, changes)
+        return list(ca.cse(update.written_out([*parts, bent[self.bent, :], bent[self.beside, :]])))
+
+    @cached_property
     def slopes(self) -> list[Packed]:
         """Derivatives of the same three by (x, inputs)."""
-        unknowns = ca.vertcat(self._begin, self._inputs)
-        return [Packed(part) for part in ca.cse([ca.jacobian(part, unknowns) for part in self._parts])]
+        return [Packed(part) for part in self._slopes[:3]]
+
+    @cached_property
+    def bent_slopes(self) -> list[Packed]:
+        """Derivatives of what is `bent` and `beside` by (x, inputs); [] where it is some of these."""
+        return [Packed(part) for part in self._slopes[3:]]
 
     @cached_property
     def jacobian(self) -> ca.Function:
         """(x, inputs, which sensors read) -> entries of the slopes."""
         return ca.Function("cell_slopes", self._arguments, [one.entries for one in self.slopes])
+
+    @cached_property
+    def bent_jacobian(self) -> ca.Function:
+        """(x, inputs, which sensors read) -> entries of `bent_slopes`."""
+        return ca.Function("bent_slopes", self._arguments, [one.entries for one in self.bent_slopes])
 
     @cached_property
     def pull(self) -> ca.Function:
@@ -104,24 +149,51 @@ class Cell:
     @cached_property
     def _bending(self) -> tuple[list[Expression], Expression]:
         weights = [ca.SX.sym("weights", part.shape[0]) for part in self._parts]
-        weighted = sum(ca.dot(weight, part) for weight, part in zip(weights, self._parts, strict=True))
-        whole, _ = ca.hessian(weighted, ca.vertcat(self._begin, self._inputs))
-        return weights, ca.cse(whole)
+        weighted = sum(ca.dot(weight, part) for weight, part in zip(weights, self._lifted, strict=True))
+        update, unknowns = self._update, self._unknowns
+        if update is None:
+            whole, _ = ca.hessian(weighted, unknowns)
+            return weights, ca.cse(whole)
+        whole, slope = ca.hessian(weighted, ca.vertcat(unknowns, update.symbols))
+        more, own = update.curvature(slope[unknowns.shape[0] :], unknowns)
+        whole += ca.diagcat(more, ca.SX(*[update.symbols.shape[0]] * 2))
+        return weights, ca.cse(*update.written_out([ca.diagcat(whole, own)]))
 
     @cached_property
     def bent(self) -> list[int]:
-        """Which of (x, inputs) enter anything but linearly."""
-        return sorted(set(self._bending[1].sparsity().row()))
+        """Which of (x, inputs, what the update changes, its changes) enter anything but linearly, but for
+        those `beside`.
+        """
+        found = set(self._bending[1].sparsity().row())
+        return sorted(found - set(self.beside))
 
     @cached_property
-    def inner(self) -> Packed:
-        """Second derivatives of the weighted sum by those."""
-        return Packed(self._bending[1][self.bent, self.bent])
+    def beside(self) -> list[int]:
+        """Those of what the update changes that are bent with others alone, not with each other."""
+        if self._update is None:
+            return []
+        first, whole = self._unknowns.shape[0], self._bending[1]
+        among = range(first, first + self._update.symbols.shape[0])
+        found = [place for place in among if whole[place, :].nnz()]
+        return [] if whole[found, among.start :].nnz() else found
+
+    @cached_property
+    def inner(self) -> list[Packed]:
+        """Second derivatives of the weighted sum by what is bent; with an update matrices (bent, bent) and
+        (beside, bent) that with their transposes make up those.
+        """
+        whole = self._bending[1]
+        if self._update is None:
+            return [Packed(whole[self.bent, self.bent])]
+        own = ca.tril(whole[self.bent, self.bent])
+        return [Packed(own - ca.diag(ca.diag(own)) / 2), Packed(whole[self.beside, self.bent])]
 
     @cached_property
     def curvature(self) -> ca.Function:
         """(x, inputs, which sensors read, weights of the three) -> entries of `inner`."""
-        return ca.Function("cell_curvature", [*self._arguments, *self._bending[0]], [self.inner.entries])
+        return ca.Function(
+            "cell_curvature", [*self._arguments, *self._bending[0]], [one.entries for one in self.inner]
+        )
 
     @cached_property
     def depends(self) -> tuple[ca.Sparsity, ca.Sparsity]:
@@ -141,22 +213,62 @@ class Cell:
         return not any(ca.which_depends(expression, self._inputs, 2, True))
 
 
-def carry_of(problem: Problem, gathered: Expression, *, started: bool = True) -> Carry:
+class _Step:
+    # How a filter goes through a sample.
+
+    def __init__(self, problem: Problem, drive: Drive, reads: Expression) -> None:
+        self._filter, self._reads = _filtering(problem), reads
+        self._columns = _columns(problem, self._filter)
+        self._state, *self._held = _given(drive)
+        self.remembered = self._filter.states - self._state.shape[0]
+
+    def __call__(self, table: Expression, spread: Expression) -> tuple[Expression, Expression, Expression]:
+        # From S and P to both at the end, and information.
+        update = self.updated(table, spread)
+        return self.moved(update, update.after, table)
+
+    def updated(self, table: Expression, spread: Expression) -> Update:
+        # What readings make of them.
+        slopes = table[:, : len(self._columns)]
+        return self._filter.update((slopes, spread), self._given(table), self._reads, self._columns)
+
+    def moved(
+        self, update: Update, after: Expression, table: Expression
+    ) -> tuple[Expression, Expression, Expression]:
+        # What is left, at the end; what is remembered lasts.
+        given = self._given(table)
+        *left, information = update.parts(after)
+        slopes, spread = self._filter.moved(left, given, self._columns)
+        if self.remembered:
+            own = self._state.shape[0]
+            values = ca.vertcat(ca.SX(own, 1), given[0][own:])
+            slopes = ca.horzcat(slopes, values)
+        return slopes, spread, information
+
+    def _given(self, table: Expression) -> list[Expression]:
+        # States, with those remembered from now on, inputs, parameters, period.
+        if not self.remembered:
+            return [self._state, *self._held]
+        values = table[self._state.shape[0] :, len(self._columns)]
+        return [self._filter.begun(ca.vertcat(self._state, values), self._reads), *self._held]
+
+
+def carry_of(problem: Problem, gathered: Expression | None = None, **options: Any) -> Carry:
     """How sensitivities go through a part of a problem's drives.
 
     Args:
         problem: whose drives.
-        gathered: by the part.
-        started: whether the runs' starts are estimated as well.
+        gathered: by the part, where it says how.
+        options: `started`, `remembered` and `step` of `Carry`.
     """
     sensors = problem.measurement.joint_sensors
     return Carry(
-        gathered,
+        ca.SX(0, 1) if gathered is None else gathered,
         states=len(problem.system.states),
         parameters=len(estimated(problem)) if sensors else 0,
         nuisances=sum(len(sensor.nuisances) for sensor in sensors),
-        started=started,
         drifting=process_noise_of(sensors) is not None,
+        **{"started": True, **options},
     )
 
 
@@ -178,7 +290,8 @@ def read_end(problem: Problem, held: Expression, state: Expression) -> Expressio
     if process_noise_of(sensors) is not None:
         drive = small_drive(problem, held.T, state)
         used = _filtering(problem)
-        rows = used.last(*_known(used), *_given(drive))[:, _columns(problem, used)]
+        state, *rest = _given(drive)
+        rows = used.last(*_known(used), used.remembering(state), *rest)[:, _columns(problem, used)]
         return upper_half(rows.T @ rows)
     reads = [1.0 if sensor.when == "at samples" else 0.0 for sensor in sensors]
     return upper_half(_read(problem, small_drive(problem, held.T, state), ca.DM(reads)))
@@ -212,9 +325,17 @@ def _gathered(problem: Problem, drive: Drive, reads: Expression) -> Expression:
     return ca.vertcat(ca.vec(last[:, columns]), upper_half(_read(problem, drive, reads)))
 
 
+def _many(used: Filter) -> bool:
+    # Whether a period has so many readings; not of what lasts for several, which is gathered in no period.
+    return not used.memories and sum(used.rows) > FEW
+
+
 def _filtering(problem: Problem) -> Filter:
-    # Of sensors that read whenever they are asked to.
-    sensors = [sensor.model_copy(update={"every": 1}) for sensor in problem.measurement.joint_sensors]
+    # Of sensors that read whenever they are asked to; those between samples read of as many as they do.
+    sensors = [
+        sensor if sensor.when == "between samples" else sensor.model_copy(update={"every": 1})
+        for sensor in problem.measurement.joint_sensors
+    ]
     noise = process_noise_of(sensors)
     assert noise is not None
     return filter_of(tuple(sensors), problem.system, noise)

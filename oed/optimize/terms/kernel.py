@@ -12,9 +12,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Bools, block_columns
+from oed.foundation.arrays import Array, Bools, block_columns
 from oed.kernel.dynamics.expression import Expression
-from oed.optimize.terms.blocks import backwards, begins
+from oed.optimize.terms.blocks import Packed, backwards, begins
 from oed.optimize.terms.cell import Cell
 from oed.optimize.terms.layout import PieceLayout
 
@@ -35,20 +35,19 @@ class Kernel:
         informed: which of the cell's entries of information are not always 0.
     """
 
-    def __init__(self, cell: Cell, layout: PieceLayout, every: Sequence[int]) -> None:
-        """Take the parts; every so many samples each sensor reads."""
+    def __init__(self, cell: Cell, layout: PieceLayout, reads: Array) -> None:
+        """Take the parts; `reads` says what a piece's samples are told of readings, (..., samples)."""
         self.cell, self.layout = cell, layout
         self.states, self.inputs = cell.states, layout.inputs
         self.size = self.states + layout.own
         self._count = layout.count * layout.samples
-        place = np.arange(self._count) % layout.samples
-        self.reads = ca.DM(np.array([place % one == 0 for one in every], float).reshape(-1, self._count))
+        self.reads = ca.DM(np.tile(reads, layout.count))
         self.informed = [index for index, entry in enumerate(cell.gathered.elements()) if not entry.is_zero()]
         moving = len(cell.carry.moving)
         self.symbols = ca.SX.sym("gathered", moving + len(self.informed))
         information = ca.SX.zeros(cell.gathered.numel())
         information[self.informed] = self.symbols[moving:]
-        self.gathered = ca.vertcat(cell.carry.whole(self.symbols[:moving]), information)
+        self.gathered = ca.vertcat(cell.carry.lasting(self.symbols[:moving]), information)
 
     @property
     def row_count(self) -> int:
@@ -177,15 +176,34 @@ class Kernel:
         earlier = back(last, onward, backwards(pulled, samples))
         ends = backwards(begins(last, earlier, samples), samples)
         bent = cell.curvature.map(self._count)(*given, self.reads, ends, added, rows)
-        width = cell.width + self.inputs
-        columns = np.arange(self._count)[:, None] * width + np.array(cell.bent, dtype=int)
-        return self._between.map(count)(steps[:, columns.ravel().tolist()], bent)
+        if not cell.bent_slopes:
+            width = cell.width + self.inputs
+            columns = np.arange(self._count)[:, None] * width + np.array(cell.bent, dtype=int)
+            return self._between.map(count)(steps[:, columns.ravel().tolist()], bent)
+        own = cell.bent_jacobian.map(self._count)(*given, self.reads)
+        each = [one.chained(steps, entries) for one, entries in zip(cell.bent_slopes, own, strict=True)]
+        return self._between_halves.map(count)(*map(ca.densify, each), *bent)
 
     @property
     def _between(self) -> ca.Function:
         # Second derivatives of all samples of a piece between the slopes of what is bent.
-        inner, samples = self.cell.inner.pattern, self.layout.samples
-        slopes = ca.MX.sym("slopes", self.size, inner.size1() * samples)
-        entries = ca.MX.sym("entries", inner.nnz(), samples)
-        whole = ca.sparsity_cast(ca.vec(entries), ca.diagcat(*[inner] * samples))
+        (inner,) = self.cell.inner
+        slopes, entries, whole = self._along(inner)
         return ca.Function("between", [slopes, entries], [slopes @ ca.densify(slopes @ whole).T])
+
+    @property
+    def _between_halves(self) -> ca.Function:
+        # The same of halves: (slopes of what is bent, of what is beside, entries of both).
+        parts = [self._along(one) for one in self.cell.inner]
+        half = sum(slopes @ whole for slopes, _, whole in parts)
+        found = parts[0][0] @ ca.densify(half).T
+        slopes, entries, _ = zip(*parts, strict=True)
+        return ca.Function("between", [*slopes, *entries], [found + found.T])
+
+    def _along(self, inner: Packed) -> tuple[Expression, Expression, Expression]:
+        # Symbols for slopes at all samples of a piece and for entries there, and these as one matrix.
+        samples = self.layout.samples
+        slopes = ca.MX.sym("slopes", self.size, inner.pattern.size1() * samples)
+        entries = ca.MX.sym("entries", inner.pattern.nnz(), samples)
+        whole = ca.sparsity_cast(ca.vec(entries), ca.diagcat(*[inner.pattern] * samples))
+        return slopes, entries, whole

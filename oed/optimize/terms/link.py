@@ -49,24 +49,38 @@ class Link:
 
     @cached_property
     def _given(self) -> tuple[list[Expression], list[Expression]]:
-        # A piece's slopes by its unknowns: of the end state, of what it gathers; and symbols for them.
+        # A piece's slopes by its unknowns: of the end state, of what it gathers; and symbols (MX) for them.
         kernel, states = self.kernel, self.states
-        ends = ca.SX.sym("ends", kernel.size, kernel.cell.width)
-        gathered = ca.SX.sym("gathered", kernel.size, len(kernel.informed))
+        ends = ca.MX.sym("ends", kernel.size, kernel.cell.width)
+        gathered = ca.MX.sym("gathered", kernel.size, len(kernel.informed))
         parts = [
             _masked(one, pattern) for one, pattern in zip((ends, gathered), kernel.patterns[:2], strict=True)
         ]
         return [parts[0][:states, :], ca.vertcat(parts[0][states:, :], parts[1])], [ends, gathered]
 
     @cached_property
+    def _symbols(self) -> list[Expression]:
+        # For what is handed on, and for what a piece gathers (MX).
+        return [
+            ca.MX.sym("carried", self.carry.carried.shape[0]),
+            ca.MX.sym("gathered", self.kernel.symbols.shape[0]),
+        ]
+
+    @cached_property
+    def _partial(self) -> ca.Function:
+        # (carried, gathered) -> slopes of what is handed on and of the added by carried, and by gathered.
+        both = [self.carry.following, self.carry.added]
+        results = [ca.jacobian(one, by) for by in self._arguments for one in both]
+        return ca.Function("partial", self._arguments, ca.cse(results))
+
+    @cached_property
     def _slopes(self) -> list[Expression]:
         # (end of all that is handed on, information) by (begin of it), and by the piece's own unknowns.
         (end, gathered), symbols = self._given
         states, own = slice(0, self.states), slice(self.states, None)
-        both = [self.carry.following, self.carry.added]
-        carried = [ca.jacobian(one, self.carry.carried) for one in both]
-        through = [ca.jacobian(one, self.kernel.symbols) @ gathered for one in both]
-        beside = ca.SX(self.states, len(self.carry.moving))
+        *carried, following, added = self._partial(*self._symbols)
+        through = [following @ gathered, added @ gathered]
+        beside = ca.MX(self.states, len(self.carry.moving))
         onward = ca.blockcat([[end[:, states], beside], [through[0][:, states], carried[0]]])
         moved = ca.vertcat(end[:, own], through[0][:, own])
         by_begin = ca.horzcat(through[1][:, states], carried[1])
@@ -90,7 +104,7 @@ class Link:
         """
         _, moved, _, own, *slopes = self._slopes
         results = [self.onward.entries, ca.densify(moved.T), self.added_by_begin.entries, ca.densify(own.T)]
-        return ca.Function("link_slopes", [*self._arguments, *slopes], results)
+        return ca.Function("link_slopes", [*self._symbols, *slopes], results)
 
     @cached_property
     def rows_by_begin(self) -> Packed:
@@ -129,26 +143,29 @@ class Link:
         return ca.Function("pull_gathered", [*self._arguments, *weights], [slope])
 
     @cached_property
-    def _bending(self) -> tuple[list[Expression], Expression, Expression, Expression]:
-        # Second derivatives of the weighted sum: by (begin), (begin, own), (own).
+    def _bent_partial(self) -> ca.Function:
+        # (carried, gathered, weights of carried, of the added) -> second derivatives of the weighted sum by
+        # carried, by (carried, gathered), and by gathered: nothing without process noise.
         *weights, total = self._weighted
         slope = ca.gradient(total, self.carry.carried)
-        (_, gathered), entries = self._given
-        whole = ca.SX.sym("curvature", self.kernel.size, self.kernel.size)
-        mixed = ca.jacobian(slope, self.kernel.symbols) @ gathered
-        # Nothing without process noise, where all is linear in what is gathered.
         again, _ = ca.hessian(total, self.kernel.symbols)
-        bent = whole + gathered.T @ again @ gathered if again.nnz() else whole
+        results = [ca.jacobian(slope, self.carry.carried), ca.jacobian(slope, self.kernel.symbols), again]
+        return ca.Function("bent_partial", [*self._arguments, *weights], ca.cse(results))
+
+    @cached_property
+    def _bending(self) -> tuple[list[Expression], Expression, Expression, Expression]:
+        # Second derivatives of the weighted sum: by (begin), (begin, own), (own).
+        weights = [ca.MX.sym("weights", size) for size in (len(self.carry.moving), self.added)]
+        arguments = [*self._symbols, *weights]
+        carried, crossed, again = self._bent_partial(*arguments)
+        (_, gathered), entries = self._given
+        whole = ca.MX.sym("curvature", self.kernel.size, self.kernel.size)
+        mixed = crossed @ gathered
+        bent = whole + gathered.T @ (again @ gathered) if again.nnz() else whole
         states, own = slice(0, self.states), slice(self.states, None)
-        inner = ca.blockcat(
-            [
-                [bent[states, states], mixed[:, states].T],
-                [mixed[:, states], ca.jacobian(slope, self.carry.carried)],
-            ]
-        )
+        inner = ca.blockcat([[bent[states, states], mixed[:, states].T], [mixed[:, states], carried]])
         across = ca.vertcat(bent[states, own], mixed[:, own])
-        arguments = [*self._arguments, *weights, *entries, whole]
-        return arguments, inner, across, bent[own, own]
+        return [*arguments, *entries, whole], inner, across, bent[own, own]
 
     @cached_property
     def bent(self) -> Sequence[int]:

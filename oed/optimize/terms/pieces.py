@@ -10,6 +10,7 @@ from functools import cached_property
 
 import casadi as ca
 
+from oed.kernel.measurement.filter_rows import reads_of
 from oed.kernel.measurement.sensor import start_nuisances
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import RowBounds, Terms
@@ -36,8 +37,9 @@ class Pieces(Terms):
         if formulas is not None and formulas.states is not None:
             asked.append((formulas.states, formulas.states.asked))
         cell = Cell(problem, asked, self.input_scale.tolist(), refine)
-        kernel = Kernel(cell, layout, [sensor.every for sensor in problem.measurement.joint_sensors])
-        started = bool(start_nuisances(problem.measurement.joint_sensors, problem.system))
+        sensors = problem.measurement.joint_sensors
+        kernel = Kernel(cell, layout, reads_of(sensors, layout.samples)[:, : layout.samples])
+        started = bool(start_nuisances(sensors, problem.system))
         link = Link(kernel, carry_of(problem, kernel.gathered, started=started))
         rows = PieceRows(self, layout, cell, needs)
         self._plan = Plan(self, layout, kernel, link, Totals(self, layout, link.added), rows)

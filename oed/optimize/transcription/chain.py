@@ -142,10 +142,16 @@ class ChainRule:
         self._x, self._p = ca.MX.sym("x", design.terms.size + auxiliary.shape[0]), ca.MX.sym("p", 0)
         self._z, self._auxiliary = self._x[: design.terms.size], self._x[design.terms.size :]
         self._entries, rows = self._values()
-        self._point = [self._z, self._entries, self._auxiliary]
-        self._f, own = self._around.values(*self._point)
-        self._g = ca.vertcat(own, self._framed(rows))
+        self._f = self._of(self._around.target)
+        self._g = ca.vertcat(self._of(self._around.conditions), self._framed(rows))
         self.program = {"x": self._x, "f": self._f, "g": self._g}
+
+    def _of(self, function: ca.Function, *further: Expression) -> Any:
+        # Of z, entries and auxiliary unknowns. Most criteria are asked for by these last alone: then nothing
+        # has to be known of the drive.
+        needed = any(function.jac_sparsity(place, 1).nnz() for place in range(function.n_out()))
+        entries = self._entries if needed else ca.DM.zeros(*self._entries.shape)
+        return function(self._z, entries, self._auxiliary, *further)
 
     @property
     def derivatives(self) -> dict[str, ca.Function]:
@@ -182,7 +188,7 @@ class ChainRule:
         return ca.vertcat(kept - relaxed, kept + relaxed)
 
     def _gradient(self) -> ca.Function:
-        by_z, by_entries, by_auxiliary = self._around.gradient(*self._point)
+        by_z, by_entries, by_auxiliary = self._of(self._around.gradient)
         if self._around.gradient.nnz_out(1):
             nominal, _ = self._design.terms.jacobian(self._z)
             by_z += self._entry_slopes(nominal).T @ by_entries
@@ -191,7 +197,7 @@ class ChainRule:
 
     def _jacobian(self) -> ca.Function:
         nominal, rows = self._design.terms.jacobian(self._z)
-        by_z, by_entries, by_auxiliary = self._around.jacobian(*self._point)
+        by_z, by_entries, by_auxiliary = self._of(self._around.jacobian)
         framed, count = self._frame.choice @ rows, self._auxiliary.shape[0]
         relaxed = ca.MX(framed.shape[0], count)
         if self._frame.relaxing:
@@ -208,7 +214,7 @@ class ChainRule:
         if self._frame.relaxing:
             lowered, raised = ca.vertsplit(rest, rest.shape[0] // 2)
             rest = lowered + raised
-        weights, zz, ze, za, ee, ea, aa = around.hessian(*self._point, factor, own)
+        weights, zz, ze, za, ee, ea, aa = self._of(around.hessian, factor, own)
         each = ca.vertsplit(weights, terms.entry_count)
         on_nominal = ca.MX(terms.entry_count, 1)
         places = {place for place, *_ in self._design.others}
@@ -238,7 +244,8 @@ class _Around:
         weighted = factor * target + ca.dot(multipliers, conditions)
         slopes = [ca.gradient(weighted, each) for each in arguments]
         blocks = [ca.jacobian(slopes[row], arguments[column]) for row in range(3) for column in range(row, 3)]
-        self.values = ca.Function("around", arguments, [ca.densify(target), conditions])
+        self.target = ca.Function("target", arguments, [ca.densify(target)])
+        self.conditions = ca.Function("conditions", arguments, [conditions])
         self.gradient = ca.Function(
             "gradient", arguments, [ca.jacobian(target, each).T for each in arguments]
         )

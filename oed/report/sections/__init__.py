@@ -68,6 +68,7 @@ SECTIONS: dict[str, tuple[Make, ...]] = {
         sureness,
         validation,
         robustness,
+        drift,
         limits,
         inputs,
         *_DETAILS,

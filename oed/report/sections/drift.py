@@ -28,7 +28,7 @@ def drift(record: Record) -> Section | None:
         return None
     blind = {solver.label for solver in record.study.solvers if solver.without_drift}
     lost = [(called(record, one), _times(one), _share(record, one)) for one in results if one.name in blind]
-    said = SAY.paragraphs("drift", noise.text, called(record, winner), _times(winner), lost)
+    said = SAY.paragraphs("drift", noise.text, noise.walks, called(record, winner), _times(winner), lost)
     return Section.of("What drift does", *said, _table(record, results))
 
 
@@ -63,11 +63,12 @@ def _table(record: Record, results: list[Result]) -> Table:
         )
 
     each = [column for one in record.parameters for column in columns(one)]
-    leading = (
-        Column("drive", cell=lambda result: called(record, result)),
+    drives = Column("drive", cell=lambda result: called(record, result))
+    driven = (
         Column("path", "m", significant(3), lambda result: result.path_length),
         Column("turned", "rad", fixed(1), _turned),
     )
+    leading = (drives, *driven) if record.study.domain == "robots" else (drives,)
     return Table.of(results, (*leading, *each), "Standard errors with drift and without")
 
 

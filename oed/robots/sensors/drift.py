@@ -57,6 +57,7 @@ class Drift(Component, ProcessNoise):
     heading_per_root_second: Turning = 0.0
     covariance_rate: tuple[tuple[float, ...], ...] | None = None
     signal: ClassVar[str] = "twist"
+    walks: ClassVar[str] = "Its pose is a random walk"
 
     @field_validator("covariance_rate")
     @classmethod
