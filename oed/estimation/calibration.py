@@ -69,7 +69,7 @@ class Calibration(Brief, Renamed):
         covariances: by the ways that apply, the chosen one first.
         segmenting: how the length of segments was found, None where it was given.
         drift: how fast the robot drifts, None of methods that compare windows and of relative poses.
-        errors: the sizes of all that errs in whole logs, where these were fitted by likelihood.
+        log_errors: the sizes of all that errs in whole logs, where these were fitted by likelihood.
         logs: that were used, with what was found in them.
         diagnostics: tests of what the fit leaves.
         weak_directions: what is not identifiable from the logs.
@@ -88,7 +88,7 @@ class Calibration(Brief, Renamed):
     covariances: tuple[Covariance, ...]
     segmenting: Segmenting | None
     drift: DriftRates | None
-    errors: Likeliest | None
+    log_errors: Likeliest | None
     logs: tuple[Log, ...]
     diagnostics: tuple[Diagnostic, ...]
     weak_directions: tuple[str, ...]
@@ -251,7 +251,7 @@ class _Work:
             covariances=covariances,
             segmenting=judged.segmenting,
             drift=rates,
-            errors=errors,
+            log_errors=errors,
             logs=logs,
             diagnostics=diagnostics(fit, noise_specified(self.problem.measurement, logs)),
             weak_directions=weak_directions(fit, covariances[0].matrix),

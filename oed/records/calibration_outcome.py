@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,6 +10,8 @@ import numpy as np
 
 from oed.estimation import Calibration, Compared, Comparison, DeadReckoning, HeldOut, correlations
 from oed.estimation.methods.drift_rates import DriftRates
+from oed.estimation.methods.log_errors import DESCRIBED
+from oed.estimation.methods.whole_logs import Likeliest
 from oed.estimation.setup.noise import group_of, groups, places_of
 from oed.foundation.arrays import Array
 from oed.records.stored.compared import ComparedModel, FittedParameter, Models
@@ -18,6 +21,7 @@ from oed.records.stored.estimate import (
     Estimated,
     EstimateRecord,
     FoundDrift,
+    FoundError,
     FoundLasting,
     FoundNoise,
     ReadLog,
@@ -59,6 +63,7 @@ def estimate_of(found: Calibration, **origin: Any) -> EstimateRecord:
             for name, noise in found.fit.noises.items()
         ],
         lasting=None if lasting is None else FoundLasting.of(lasting, **lasting.lasting),
+        log_errors=[] if found.log_errors is None else _errors(found.log_errors),
         converged=found.fit.converged,
         not_identifiable=found.weak_directions,
         logs=_logs(found),
@@ -163,8 +168,19 @@ def _drift(rates: DriftRates | None) -> FoundDrift | None:
         turn_by_path=by_path,
         turn_by_turning=by_turning,
         shown=rates.shown,
-        seconds=rates.seconds,
+        seconds=None if rates.seconds == math.inf else rates.seconds,
     )
+
+
+def _errors(found: Likeliest) -> list[FoundError]:
+    # Sizes are known by factors: their logarithms are about normal.
+    entries = []
+    for place, (name, (kind, about, unit)) in enumerate(DESCRIBED.items()):
+        size, factor = found.sizes[name], float(np.exp(WHITE_95 * np.sqrt(found.spread[place, place])))
+        interval = [size / factor, size * factor]
+        one = FoundError.of(name=name, kind=kind, about=about, unit=unit, size=size, interval=interval)
+        entries.append(one)
+    return entries
 
 
 def _logs(found: Calibration) -> list[ReadLog]:

@@ -15,6 +15,7 @@ from oed.estimation.assessment.drift import drift
 from oed.estimation.methods.drift_rates import DriftRates
 from oed.estimation.methods.fitting import Fitting
 from oed.estimation.methods.gauss_markov import GaussMarkov
+from oed.estimation.methods.whole_logs import WholeLogs
 from oed.estimation.methods.window_noise import drift_in_words
 from oed.foundation.arrays import Array
 from oed.foundation.text import size_text
@@ -52,14 +53,13 @@ def predicted(record: Record, found: EstimateRecord, study: Study) -> Predicted:
         return Predicted({})
     known = np.array(found.covariance, dtype=float)
     lasts, drifts = found.lasting is not None, found.drift is not None
-    by_white = found.covariance_kind == "information" and not lasts
+    by_white = found.covariance_kind == "information" and not (lasts or found.log_errors)
     if by_white or best.drive is None or not (lasts or drifts):
         gained, base, basis = white_information(record, found), "information", _ratio_in_words(found)
     else:
         gained = planned_information(best.drive.trajectory, found, study)
-        base, basis = (
-            ("information", _lasting_in_words(found)) if lasts else ("drift", _drift_in_words(found))
-        )
+        base = "information" if lasts or found.log_errors else "drift"
+        basis = _lasting_in_words(found) if lasts else _drift_in_words(found)
     # Where parts of the logs disagree more than that, so will those of the next drive.
     kind = found.covariance_kind or base
     pairs = ((one.error(kind), one.error(base)) for one in found.parameters)
@@ -77,7 +77,8 @@ def _ratio_in_words(found: EstimateRecord) -> str:
 
 def _drift_in_words(found: EstimateRecord) -> str:
     assert found.drift is not None
-    origin = "as robots usually do" if found.drift.seconds is None else "as the logs so far show"
+    usual = found.drift.seconds is None and not found.log_errors
+    origin = "as robots usually do" if usual else "as the logs so far show"
     return f"the next drive is thought to drift {origin}, {drift_in_words(_rates(found).values)}"
 
 
@@ -120,6 +121,10 @@ def planned_information(trajectory: Trajectory, found: EstimateRecord, study: St
     logging = Logging.of(found, study.problem.measurement, trajectory.duration)
     logs = logging.of_drive(robot, trajectory)
     lasting = _lasting(found, noises)
+    if found.log_errors:
+        sizes = {one.name: float(one.size or 0.0) for one in found.log_errors}
+        whole = WholeLogs(fitting.planned(logs, math.inf, noises)).planned(sizes)
+        return np.asarray(np.linalg.inv(whole[: len(names), : len(names)]))
     fit = fitting.planned(logs, math.inf if seconds is None else seconds, noises, lasting)
     then = information(fit) if lasting else drift(fit, _rates(found))
     return np.asarray(np.linalg.inv(then.matrix[: len(names), : len(names)]))

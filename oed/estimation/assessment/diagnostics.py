@@ -61,7 +61,8 @@ def diagnostics(fit: Fit, specified: Mapping[str, Noise]) -> tuple[Diagnostic, .
     for group in groups(fit.layout.quantities):
         places = places_of(group, fit.layout.quantities)
         found += [_whiteness(fit, group, places), _outliers(fit, group, places)]
-        if group in specified and (fit.layout.relative or not fit.motions):
+        alone = fit.layout.relative or not fit.motions
+        if group in specified and alone and not fit.innovations:
             found.append(_specified(fit, group, specified[group]))
     if len(fit.layout.logs) > 1:
         found.append(_agreement(fit))
@@ -125,7 +126,7 @@ def _whiteness(fit: Fit, group: str, places: list[int]) -> Diagnostic:
 
 
 def _after_not_white(fit: Fit) -> str:
-    if fit.correlated is not None:
+    if fit.correlated is not None or fit.innovations:
         return ", beside errors that last, which are allowed for"
     return ": F^-1 is too small; trust the bootstrap, the sandwich or drift"
 

@@ -62,6 +62,8 @@ class Fit(Brief):
         by_errors: the same by an error of the motion after each time, ahead, to the left and turned, through
             what is read of that motion itself; None where nothing is.
         correlated: noise of the readings that lasts, of which `noises` are the white part; None of others.
+        innovations: whether residuals in units of the noise are those of a filter, which allows for all that
+            errs besides.
         parts: of the scores' covariance, of motions; None of others.
     """
 
@@ -90,6 +92,7 @@ class Fit(Brief):
     by_errors: Array | None = None
     correlated: GaussMarkov | None = None
     parts: ScoreParts | None = None
+    innovations: bool = False
 
     @property
     def misfit(self) -> float:

@@ -37,6 +37,28 @@ SIZES = (
 and sideways after 1 m [m], of the heading after 1 m and after 1 rad of turning [rad]."""
 WHITE, LASTING, DRIFT = SIZES[:2], SIZES[6:9], SIZES[9:]
 PASSING, SECONDS = SIZES[2:6], ("passing_seconds", "lasting_seconds")
+DESCRIBED = dict(
+    zip(
+        SIZES,
+        (
+            ("noise", "position", "m"),
+            ("noise", "heading", "rad"),
+            ("passing", "ahead", "m"),
+            ("passing", "sideways", "m"),
+            ("passing", "heading, after 1 rad of turning", "rad"),
+            ("passing", "time after which 1/e is left", "s"),
+            ("lasting", "position", "m"),
+            ("lasting", "heading", "rad"),
+            ("lasting", "time after which 1/e is left", "s"),
+            ("drift", "ahead, after 1 m", "m"),
+            ("drift", "sideways, after 1 m", "m"),
+            ("drift", "heading, after 1 m", "rad"),
+            ("drift", "heading, after 1 rad of turning", "rad"),
+        ),
+        strict=True,
+    )
+)
+"""Kind of each, what it is of, SI unit."""
 NONE = -60.0
 """Logarithm of a size that is none."""
 VAGUE = 3.0

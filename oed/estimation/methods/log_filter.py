@@ -81,8 +81,7 @@ class LogFilter:
         """Derivative (13,) by the logarithms of what has derivatives `by_square` (n + 4, n + 4) by the square
         that is told, and 1 by the volume.
         """
-        begins, _, _ = self._forward(logs)
-        function, width = self._functions[1], self._width
+        begins, function, width = self._forward(logs)[0], self._functions[1], self._width
         adjoint, total = (np.zeros((width, STATES)), np.zeros((STATES, STATES))), np.zeros(len(SIZES))
         one = np.ones(1)
         for begin, given in zip(reversed(begins), reversed(self._chunks), strict=True):
@@ -119,6 +118,18 @@ class LogFilter:
         return len(self.columns) + POSE + 1
 
     def _forward(self, logs: Array) -> tuple[list[tuple[Array, Array]], Array, float]:
+        key = logs.tobytes()
+        if key not in self._remembered:
+            self._remembered.clear()
+            self._remembered[key] = self._followed(logs)
+        return self._remembered[key]
+
+    @cached_property
+    def _remembered(self) -> dict[bytes, tuple[list[tuple[Array, Array]], Array, float]]:
+        # At the last sizes asked for.
+        return {}
+
+    def _followed(self, logs: Array) -> tuple[list[tuple[Array, Array]], Array, float]:
         function, width, state = self._functions[0], self._width, self._begin(logs)
         begins, square, volume = [], np.zeros((width, width)), 0.0
         for given in self._chunks:

@@ -8,7 +8,7 @@ estimation, 1977], beside what is known of robots in general.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -29,13 +29,13 @@ from oed.robots.sensors.logged import Noise
 
 READ = ("x", "y", "heading")
 """What poses are made up of."""
-MOST = 500
+MOST = 400
 """Steps of all logs together: of more readings several are taken together."""
 ROUNDS = 8
 """How often paths, unknowns and sizes are found in turn at most."""
 CLOSE = 0.02
 """Change of the unknowns, in standard errors, at which they have arrived."""
-ENOUGH = 1e-3
+ENOUGH = 0.02
 """Change of -2 times the likelihood's logarithm at which a search for sizes has arrived."""
 STEP = 0.05
 """Of logarithms of sizes, for second derivatives of the likelihood."""
@@ -112,12 +112,13 @@ class WholeLogs:
                 break
         last = self._about(values, paths)
         spread = last.spread(errors, logs)
-        degrees = last.degrees(logs, spread, len(self.fit.unknowns.parameters))
+        degrees = last.degrees(logs, spread)
         fit = replace(self._as_fit(last, logs, values, paths), converged=arrived)
         return Likeliest(fit, last.step(logs)[1], logs, spread, degrees)
 
-    def planned(self, logs: Array) -> Array:
-        """F^-1 (q, q) where the fit is of a planned drive, under errors whose sizes have these logarithms."""
+    def planned(self, sizes: Mapping[str, float]) -> Array:
+        """F^-1 (q, q) where the fit is of a planned drive, under errors of these sizes."""
+        logs = self._errors.known(sizes).guess
         return self._about(self.fit.values, self._first_paths).step(logs)[1]
 
     @cached_property
@@ -220,6 +221,7 @@ class WholeLogs:
             swing=1.0,
             by_start=None,
             by_errors=None,
+            innovations=True,
         )
 
     def _read_of(self, path: Array, values: Array) -> Array:
@@ -314,8 +316,9 @@ class _Told:
         found[np.ix_(free, free)] = inverse
         return found
 
-    def degrees(self, logs: Array, spread: Array, parameters: int) -> float:
+    def degrees(self, logs: Array, spread: Array) -> float:
         # Student's, with the kurtosis that errors have whose variance is as unsure as the sizes make it.
+        parameters = len(self.fit.unknowns.parameters)
         slopes = np.zeros((len(logs), parameters))
         for place in np.flatnonzero(np.diag(spread)):
             off = np.zeros(len(logs))

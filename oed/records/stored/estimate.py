@@ -134,11 +134,25 @@ class FoundNoise(Stored):
     per_yaw_rate: Maybe = None
 
 
+class FoundError(Stored):
+    """Something that errs in whole logs, as `oed.estimation.methods.log_errors` has them: its size, and the
+    95 % interval of that, SI.
+    """
+
+    name: str
+    kind: Literal["noise", "passing", "lasting", "drift"]
+    about: str
+    unit: str
+    size: Positive
+    interval: Interval
+
+
 class FoundDrift(Stored):
     """Drift beside what the inputs say, as standard deviations after 1 m of path or 1 rad of turning; SI.
 
     It grows with the root of either. `shown` is false where the logs show that there is none, null where they
-    leave it open; `seconds` the length of the windows that it was found from, null of what is only usual.
+    leave it open; `seconds` the length of the windows that it was found from, null of what is only usual or
+    from whole logs.
     """
 
     ahead: Positive
@@ -265,6 +279,7 @@ class EstimateRecord(Presented, SavedFile):
     drift: FoundDrift | None = None
     noise: Entries[FoundNoise]
     lasting: FoundLasting | None = None
+    log_errors: Entries[FoundError]
     converged: bool | None = None
     not_identifiable: Annotated[Entries[str], Field(alias="untold")]
     doubts: Entries[Doubt]

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from oed.foundation.text import error_text, fixed, in_signs, own_unit, shown_unit, significant, slug, words
+from oed.foundation.text import (
+    error_text,
+    fixed,
+    in_signs,
+    own_unit,
+    shown_unit,
+    significant,
+    size_text,
+    slug,
+    words,
+)
 from oed.records.stored.estimate import EstimateRecord, TriedLength
 from oed.records.stored.parts import Column as Numbers
 from oed.report.figures import calibration as figures
@@ -35,6 +45,7 @@ def error_bars(record: EstimateRecord) -> Section:
         SAY("segments", record),
         SAY("errors", record, len(_kinds(record)) == 1, *_more_than_predicted(record)),
         _side_by_side(record),
+        _errors(record),
         _lengths(record),
         _correlations(record),
     )
@@ -77,6 +88,22 @@ def _side_by_side(record: EstimateRecord) -> Table | None:
         *map(column, kinds),
     )
     return Table.of(record.parameters, columns, "Standard errors")
+
+
+def _errors(record: EstimateRecord) -> Table | None:
+    if not record.log_errors:
+        return None
+    columns = (
+        Column("", cell=lambda one: SAY("kind", one.kind)),
+        Column("of", cell=lambda one: one.about),
+        Column("size", cell=lambda one: _size(one.size, one.unit)),
+        Column("95 % interval", cell=lambda one: " to ".join(_size(end, one.unit) for end in one.interval)),
+    )
+    return Table.of(record.log_errors, columns, SAY("errors_table"))
+
+
+def _size(size: float | None, unit: str) -> str:
+    return "" if size is None else size_text(size, unit, 2)
 
 
 def _lengths(record: EstimateRecord) -> Table | None:
@@ -135,7 +162,10 @@ def fit(record: EstimateRecord) -> Section | None:
     if not tests and not drawn:
         return None
     failed = sum(not one.passed for one in tests)
-    verdict, table = SAY("verdict", failed, len(tests), record.covariance_kind), _tests(record)
+    verdict, table = (
+        SAY("verdict", failed, len(tests), record.covariance_kind, bool(record.log_errors)),
+        _tests(record),
+    )
     return Section.of("Does the fit hold", verdict, table if tests else None, *map(_picture, drawn))
 
 

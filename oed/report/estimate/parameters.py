@@ -243,7 +243,7 @@ def _worse(record: EstimateRecord) -> str:
 
 def _failed(record: EstimateRecord) -> list[str]:
     # The other ways to a covariance allow for what is left of correlations and of differences between logs.
-    trusting = record.covariance_kind == "information"
+    trusting = record.covariance_kind == "information" and not record.log_errors
     grave = {"outliers", "whiteness", "logs_agree"} if trusting else {"outliers"}
     return [sentence(one.message) for one in record.diagnostics if not one.passed and one.name in grave]
 
