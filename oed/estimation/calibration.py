@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from oed.estimation.assessment.by_likelihood import covariance_of, likeliest
 from oed.estimation.assessment.covariance import (
     Blocks,
     Covariance,
@@ -31,7 +32,7 @@ from oed.estimation.methods.drift_rates import DriftRates, drift_rates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting
 from oed.estimation.methods.segment_length import Segmenting
-from oed.estimation.methods.whole_logs import Likeliest, WholeLogs, whole_flaw
+from oed.estimation.methods.whole_logs import Likeliest
 from oed.estimation.prediction.motion_layout import noise_specified
 from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess, thinned, thinning_notes
 from oed.estimation.preprocessing.steering_checks import steered_beyond
@@ -277,19 +278,12 @@ class _Work:
         # The fit and how sure it is: of whole logs where these are asked for, else of what was fitted.
         if self.options.method != "likelihood":
             rates = drift_rates(plain)
-            found = weighted_with_prior(plain, self._covariances(plain, segmenting, rates))
-            return _Judged(found[0], found[1], rates, None, segmenting, found[2])
-        flaw = whole_flaw(plain)
-        if flaw is not None:
-            raise ProblemError.about(("calibration", "method"), f"{flaw}: use joint")
-        if self.options.covariance not in ("auto", "information"):
-            text = "likelihood has F^-1 of all that errs: omit it, or use method: joint"
-            raise ProblemError.about(("calibration", "covariance"), text)
-        likeliest = WholeLogs(plain).found()
-        fit = likeliest.fit
-        covariance = Covariance(likeliest.covariance, likeliest.degrees, "information")
-        chosen = None if segmenting is None else replace(segmenting, seconds=math.inf, fit=fit)
-        return _Judged(fit, (covariance,), DriftRates.of_whole_logs(likeliest), likeliest, chosen)
+            fit, ways, notes = weighted_with_prior(plain, self._covariances(plain, segmenting, rates))
+            return _Judged(fit, ways, rates, None, segmenting, notes)
+        found = likeliest(plain, self.options, self.problem.measurement)
+        chosen = None if segmenting is None else replace(segmenting, seconds=math.inf, fit=found.fit)
+        drifts = DriftRates.of_whole_logs(found)
+        return _Judged(found.fit, (covariance_of(found),), drifts, found, chosen)
 
     def _preprocess(self, logs: Sequence[Log]) -> PreparedLogs:
         # What is too long for a fit is too long for all that goes before and comes after it.

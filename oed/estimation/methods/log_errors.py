@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools
-from oed.robots.sensors.drift import USUAL
+from oed.robots.sensors.drift import USUAL, Drift
 
 SIZES = (
     "position",
@@ -67,18 +67,8 @@ USUALLY = 0.75
 """The same of drift about the usual one: a factor of 2."""
 FARTHEST = 6.0
 """How far the logarithm of a size may be from its first guess."""
-USUAL_DRIFT = dict(
-    zip(
-        DRIFT,
-        (
-            USUAL.ahead_per_metre,
-            USUAL.sideways_per_metre,
-            USUAL.heading_per_metre,
-            USUAL.heading_per_radian,
-        ),
-        strict=True,
-    )
-)
+RATES = ("ahead_per_metre", "sideways_per_metre", "heading_per_metre", "heading_per_radian")
+"""Of `Drift`, as `DRIFT`."""
 PASSED, LASTED = 2.0, 0.3
 """First guesses: of the time that errors pass in [s], and of that which they last, relative to the longest
 log's."""
@@ -115,7 +105,7 @@ class ErrorSizes:
             "lasting_position": position,
             "lasting_heading": heading,
             "lasting_seconds": LASTED * seconds,
-            **USUAL_DRIFT,
+            **dict(zip(DRIFT, (getattr(USUAL, rate) for rate in RATES), strict=True)),
         }
         spread = [USUALLY if name in DRIFT else VAGUE for name in SIZES]
         return cls(np.log([sizes[name] for name in SIZES]), np.array(spread))
@@ -133,6 +123,19 @@ class ErrorSizes:
         """None of these."""
         return self.known(dict.fromkeys(names, 0.0))
 
+    @classmethod
+    def stated(cls, white: Mapping[str, float], drift: Drift | None) -> ErrorSizes:
+        """Of noise that is as it is stated, with nothing that passes or lasts, and drift as stated, if it is.
+
+        Args:
+            white: noise of position [m] and heading [rad].
+            drift: None for one that is to be found.
+        """
+        found = cls.of(white, 1.0).known(white).without([*PASSING, *LASTING])
+        if drift is None:
+            return found
+        return found.known(dict(zip(DRIFT, (getattr(drift, rate) for rate in RATES), strict=True)))
+
     @property
     def free(self) -> Bools:
         """Which are to be found, (13,)."""
@@ -143,3 +146,9 @@ class ErrorSizes:
         off = np.where(self.free, (logs - self.guess) / np.where(self.free, self.spread, 1.0), 0.0)
         slope = 2 * off / np.where(self.free, self.spread, 1.0)
         return float(off @ off), slope
+
+
+def of_rates(drift: Drift) -> bool:
+    """Whether it is by `RATES` alone."""
+    given = {name for name, value in drift if value}
+    return given <= set(RATES)

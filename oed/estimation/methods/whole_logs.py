@@ -31,9 +31,9 @@ READ = ("x", "y", "heading")
 """What poses are made up of."""
 MOST = 400
 """Steps of all logs together: of more readings several are taken together."""
-ROUNDS = 8
+ROUNDS = 12
 """How often paths, unknowns and sizes are found in turn at most."""
-CLOSE = 0.02
+CLOSE = 1e-3
 """Change of the unknowns, in standard errors, at which they have arrived."""
 ENOUGH = 0.02
 """Change of -2 times the likelihood's logarithm at which a search for sizes has arrived."""

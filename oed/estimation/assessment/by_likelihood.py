@@ -1,0 +1,51 @@
+"""Whole logs by likelihood, where a study asks for it: how sure an estimate is of a robot that drifts."""
+
+from __future__ import annotations
+
+from oed.estimation.assessment.covariance import Covariance
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.log_errors import RATES, ErrorSizes, of_rates
+from oed.estimation.methods.whole_logs import Likeliest, WholeLogs, whole_flaw
+from oed.estimation.setup.options import CalibrationOptions
+from oed.foundation.errors import ProblemError
+from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.process_noise import process_noise_of
+from oed.robots.sensors.drift import Drift
+
+
+def likeliest(plain: Fit, options: CalibrationOptions, measurement: Measurement) -> Likeliest:
+    """What the logs of a fit say.
+
+    Args:
+        plain: to segments of them.
+        options: of the calibration.
+        measurement: states noise, and perhaps drift.
+
+    Raises:
+        ProblemError: options that do not go with it, or logs that it is not for.
+    """
+    flaw = whole_flaw(plain)
+    if flaw is not None:
+        raise ProblemError.about(("calibration", "method"), f"{flaw}: use joint")
+    if options.covariance not in ("auto", "information"):
+        text = "likelihood has F^-1 of all that errs: omit it, or use method: joint"
+        raise ProblemError.about(("calibration", "covariance"), text)
+    # Where the study states noise it states what there is.
+    stated = _stated(plain, measurement) if options.noise == "stated" else None
+    return WholeLogs(plain, stated).found()
+
+
+def covariance_of(found: Likeliest) -> Covariance:
+    """F^-1 under all that errs."""
+    return Covariance(found.covariance, found.degrees, "information")
+
+
+def _stated(plain: Fit, measurement: Measurement) -> ErrorSizes:
+    if any(noise.per_speed or noise.per_yaw_rate for noise in plain.noises.values()):
+        text = "likelihood takes stated noise that does not grow with speed: use noise: estimated"
+        raise ProblemError.about(("calibration", "noise"), text)
+    drift = process_noise_of(measurement.joint_sensors)
+    if drift is not None and not (isinstance(drift, Drift) and of_rates(drift)):
+        text = f"likelihood has drift by {', '.join(RATES)}: state these alone, or use noise: estimated"
+        raise ProblemError.about(("calibration", "noise"), text)
+    return ErrorSizes.stated({name: noise.at_rest for name, noise in plain.noises.items()}, drift)

@@ -1,0 +1,259 @@
+"""Whole logs by likelihood: information under all that errs, sizes of that, and what estimates come to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import scipy
+from builders import problem_of, random_drive
+from simulated import (
+    ORIGIN,
+    ROBOT,
+    TRUTH,
+    arcs,
+    course,
+    fit_of,
+    lasting,
+    log_of,
+    logged_problem,
+    loosely,
+    options,
+    truth_of,
+    twists_of,
+    unknowns_of,
+)
+from windowed import drifting
+
+from oed.estimation import calibrate
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.log_errors import DRIFT, LASTING, PASSING, SIZES, ErrorSizes
+from oed.estimation.methods.nonlinear import Nonlinear
+from oed.estimation.methods.whole_logs import WholeLogs
+from oed.foundation.errors import ProblemError
+from oed.kernel.criteria import E
+from oed.logs.log import Log
+from oed.robots.sensors import Poses
+from oed.robots.sensors.drift import AT_REST, Drift
+from oed.robots.sensors.poses import AbsoluteNoise
+
+TRUE = truth_of(ROBOT, **TRUTH)
+NOISE = (0.0005, 0.003)
+SITS = (0.1, -0.05, 0.2)
+ERRORS = {
+    "position": 0.0005,
+    "heading": 0.003,
+    "passing_ahead": 0.002,
+    "passing_sideways": 0.001,
+    "passing_heading": 0.01,
+    "passing_seconds": 1.5,
+    "lasting_position": 0.003,
+    "lasting_heading": 0.005,
+    "lasting_seconds": 4.0,
+    "ahead": 0.004,
+    "sideways": 0.002,
+    "turn_by_path": 0.003,
+    "turn_by_turning": 0.008,
+}
+USUALLY = (0.003, 0.001, np.radians(0.15), np.radians(0.4))
+
+
+def known(**sizes: float) -> ErrorSizes:
+    """All sizes known, those named otherwise than `ERRORS`."""
+    return ErrorSizes.of({"position": 1.0, "heading": 1.0}, 1.0).known({**ERRORS, **sizes})
+
+
+def slopes(what: Callable[[np.ndarray], np.ndarray], size: int) -> np.ndarray:
+    """Derivatives at 0 by differences, (n, size)."""
+    units = 1e-6 * np.eye(size)
+    return np.column_stack([(what(unit) - what(-unit)) / 2e-6 for unit in units])
+
+
+def dense(fit: Fit, sits: tuple[float, float, float], sizes: dict[str, float]) -> np.ndarray:
+    """Covariance (3, 3) of generalised least squares of a whole log, its readings' covariance written out in
+    full, by difference quotients of arcs.
+    """
+    (log,), times = fit.layout.logs, fit.layout.times[0]
+    steps = np.diff(times)
+    speeds = np.diff(log.integrals_at(times, 0.0), axis=0) / steps[:, None]
+
+    def path(values: np.ndarray, start: np.ndarray, errors: np.ndarray) -> np.ndarray:
+        twists = twists_of(ROBOT, speeds, fit.values[:3] + values)
+        begin = fit.starts[0][:3] + start
+        return arcs(begin, twists + errors.reshape(-1, 3) / steps[:, None], steps)
+
+    def read(values: np.ndarray, start: np.ndarray, errors: np.ndarray) -> np.ndarray:
+        states = path(values, start, errors)
+        cosine, sine = np.cos(states[:, 2]), np.sin(states[:, 2])
+        x = states[:, 0] + sits[0] * cosine - sits[1] * sine
+        y = states[:, 1] + sits[0] * sine + sits[1] * cosine
+        return np.column_stack([x, y, states[:, 2] + sits[2]]).ravel()
+
+    none, still, count = np.zeros(3), np.zeros(3 * len(steps)), len(times)
+    by_values = slopes(lambda off: read(off, none, still), 3)
+    by_start = slopes(lambda off: read(none, off, still), 3)
+    by_errors = slopes(lambda off: read(none, none, off), len(still))
+    twists = twists_of(ROBOT, speeds, fit.values[:3])
+    length = np.hypot(twists[:, 0], AT_REST) * steps
+    turning = np.hypot(twists[:, 2], AT_REST) * steps
+    turn = sizes["turn_by_path"] ** 2 * length + sizes["turn_by_turning"] ** 2 * turning
+    drift = np.column_stack([sizes["ahead"] ** 2 * length, sizes["sideways"] ** 2 * length, turn]).ravel()
+    apart = np.abs(times[:, None] - times)
+    passes, lasts = np.exp(-apart / sizes["passing_seconds"]), np.exp(-apart / sizes["lasting_seconds"])
+    white = np.array([sizes["position"], sizes["position"], sizes["heading"]]) ** 2
+    stays = np.array([sizes["lasting_position"]] * 2 + [sizes["lasting_heading"]]) ** 2
+    # What passes, in the robot's frame, of which the heading is made by turning and forgotten on the way.
+    decay = np.exp(-(times[:, None] - times[:-1] - steps) / sizes["passing_seconds"])
+    decay = np.where(times[:, None] > times[:-1], decay, 0.0)
+    heading = (decay * sizes["passing_heading"] ** 2 * turning) @ decay.T
+    headings = path(none, none, still)[:, 2]
+    turned = np.zeros((count, 3, count, 3))
+    for row in range(count):
+        turned[row, :, row] = np.eye(3)
+        cosine, sine = np.cos(headings[row]), np.sin(headings[row])
+        turned[row, :2, row, :2] = [[cosine, -sine], [sine, cosine]]
+    turned = turned.reshape(3 * count, 3 * count)
+    places = np.zeros((count, 3, count, 3))
+    places[:, 0, :, 0] = sizes["passing_ahead"] ** 2 * passes
+    places[:, 1, :, 1] = sizes["passing_sideways"] ** 2 * passes
+    places[:, 2, :, 2] = heading
+    whole = by_errors @ np.diag(drift) @ by_errors.T
+    whole += turned @ places.reshape(3 * count, -1) @ turned.T
+    whole += np.kron(lasts, np.diag(stays)) + np.kron(np.eye(count), np.diag(white))
+    columns = np.hstack([by_values, by_start])
+    return np.linalg.inv(columns.T @ np.linalg.solve(whole, columns))[:3, :3]
+
+
+@pytest.mark.parametrize("sits", [ORIGIN, SITS], ids=["centred", "off"])
+@pytest.mark.parametrize("some", ["all", *("passing", "lasting", "drift")])
+def test_information_is_what_full_matrices_say(sits: tuple[float, float, float], some: str):
+    # Of each kind alone the others are next to nothing, so that none hides behind another.
+    kinds = {"passing": PASSING[:3], "lasting": LASTING[:2], "drift": DRIFT}
+    small = {name: 1e-9 for kind, names in kinds.items() if some not in ("all", kind) for name in names}
+    log = log_of(course(seconds=6.0, period=0.3), place=sits, noise=NOISE)
+    fit = fit_of([log], unknowns_of(sits=sits))
+    found = WholeLogs(fit, together=1).planned({**ERRORS, **small})
+    np.testing.assert_allclose(found, dense(fit, sits, {**ERRORS, **small}), rtol=1e-5)
+
+
+def test_slopes_of_the_likelihood_are_its_differences():
+    logs = [log_of(course(seconds=4.0, seed=seed), noise=NOISE, name=str(seed)) for seed in (0, 1)]
+    fit = fit_of(
+        logs,
+        unknowns_of(place=("sensor_x",), clocks=2),
+        known=loosely(unknowns_of(place=("sensor_x",), clocks=2)),
+    )
+    search, errors = WholeLogs(fit), ErrorSizes.of({"position": 0.001, "heading": 0.002}, 4.0)
+    told, logs_of = search._about(fit.values, search._first_paths), errors.guess + 0.1
+    _, slope = told.surprise(errors, logs_of)
+    for place in range(len(SIZES)):
+        off = 1e-4 * np.eye(len(SIZES))[place]
+        both = [told.surprise(errors, logs_of + way * off)[0] for way in (1, -1)]
+        assert slope[place] == pytest.approx((both[0] - both[1]) / 2e-4, rel=1e-5, abs=1e-4)
+
+
+def test_readings_taken_together_say_nearly_as_much():
+    # Means of two, at the place of their first.
+    fit = fit_of([log_of(course(seconds=20.0), noise=NOISE)])
+    each, pairs = (np.diag(WholeLogs(fit, together=count).planned(ERRORS)) for count in (1, 2))
+    np.testing.assert_allclose(pairs, each, rtol=0.1)
+
+
+def driven(seed: int, seconds: float, factor: float = 1.0, errs: tuple[float, float] | None = None) -> Log:
+    """A log of a robot that drifts `factor` times as far as usual, with errors that last of a size [m] for
+    some seconds.
+    """
+    drive = course(seconds=seconds, seed=seed, period=0.2)
+    log = log_of(
+        drifting(drive, TRUE, factor * np.array(USUALLY), seed), noise=NOISE, seed=seed, name=str(seed)
+    )
+    return log if errs is None else lasting(log, *errs, seed=seed)
+
+
+def test_a_path_far_off_dead_reckoning_is_found():
+    # After 60 s the heading is off by some 20 degrees: errors are linear about the path driven only.
+    fit = fit_of([driven(0, 60.0, 10.0)], seconds=4.0)
+    found = WholeLogs(fit).found()
+    assert found.fit.converged
+    off = (found.fit.values - TRUE) / np.sqrt(np.diag(found.covariance))
+    assert np.abs(off).max() < 3.5
+    sizes = np.array([found.sizes[name] for name in DRIFT])
+    assert np.all(np.abs(np.log(sizes / (10 * np.array(USUALLY))))[[0, 1, 3]] < 0.5)
+
+
+def test_sizes_are_those_of_what_errs():
+    fit = fit_of([driven(seed, 60.0, 1.0, (0.004, 6.0)) for seed in range(3)], seconds=4.0)
+    found = WholeLogs(fit).found()
+    spread = dict(zip(SIZES, np.sqrt(np.diag(found.spread)), strict=True))
+    true = {
+        "heading": NOISE[1],
+        "lasting_position": 0.004,
+        "lasting_seconds": 6.0,
+        **dict(zip(DRIFT, USUALLY, strict=True)),
+    }
+    for name, size in true.items():
+        assert abs(np.log(found.sizes[name] / size)) < 3.5 * spread[name], name
+
+
+def scatter(logs: Callable[[int], list[Log]], count: int) -> tuple[np.ndarray, float]:
+    """Root mean square of errors in units of standard errors (3,), and the share of intervals that hold."""
+    off, held = [], []
+    for seed in range(count):
+        found = WholeLogs(fit_of(logs(seed), seconds=4.0, known=loosely(unknowns_of()))).found()
+        assert found.fit.converged
+        off.append((found.fit.values - TRUE) / np.sqrt(np.diag(found.covariance)))
+        held.append(np.abs(off[-1]) < scipy.stats.t.ppf(0.975, found.degrees))
+    return np.sqrt(np.mean(np.square(off), axis=0)), float(np.mean(held))
+
+
+@pytest.mark.slow
+def test_standard_errors_are_those_of_the_estimates():
+    # Of 15 logs, by which a deviation is known to 18 %.
+    ratios, held = scatter(lambda seed: [driven(seed, 30.0, 1.0, (0.004, 6.0))], 15)
+    assert np.all((ratios > 0.55) & (ratios < 1.45))
+    assert held > 0.88
+
+
+def test_refuses_what_it_is_not_for():
+    logs = [log_of(course(seconds=8.0), noise=NOISE, quantities=("x", "y"))]
+    with pytest.raises(
+        ProblemError, match="likelihood is of x, y and heading; the logs hold x, y: use joint"
+    ):
+        calibrate(logged_problem(), logs, options(method="likelihood"))
+    logs = [log_of(course(seconds=8.0), noise=NOISE)]
+    with pytest.raises(ProblemError, match="F\\^-1 of all that errs: omit it"):
+        calibrate(logged_problem(), logs, options(method="likelihood", covariance="bootstrap"))
+
+
+def test_says_what_errs():
+    found = calibrate(logged_problem(), [driven(0, 20.0)], options(method="likelihood"))
+    assert found.covariances[0].name == "information"
+    assert found.log_errors is not None
+    assert found.drift.words.startswith("drift, as whole logs show it beside all else that errs: ")
+    assert [one.name for one in found.diagnostics] == ["whiteness", "outliers"] * 2
+    assert found.fit.layout.count == 1
+
+
+def test_maximises_the_likelihood_that_designs_are_simulated_with():
+    # The same readings, of a drive that was planned, and of a log of it.
+    drift = Drift(
+        ahead_per_metre=0.01, sideways_per_metre=0.004, heading_per_metre=0.02, heading_per_radian=0.03
+    )
+    sensor = Poses(noise=AbsoluteNoise(position=NOISE[0], heading=NOISE[1]), drift=drift)
+    problem = problem_of(measurement=sensor, criterion=E())
+    drive = random_drive(problem, 3)
+    planned = Nonlinear(problem, drive)
+    readings, _ = planned._readings.simulated(np.random.default_rng(0))
+    expected = planned.fit(readings)
+    times = drive.period * np.arange(drive.samples + 1)
+    turned = np.vstack([np.zeros(2), np.cumsum(drive.period * drive.inputs, axis=0)])
+    poses = readings.reshape(-1, 3)
+    log = Log("drive", "drive", times, turned, times[-len(poses) :], poses)
+    fit = fit_of([log], unknowns_of(problem.model), seconds=2.0)
+    stated = ErrorSizes.stated({"position": NOISE[0], "heading": NOISE[1]}, drift)
+    found = WholeLogs(fit, stated, together=1).found()
+    # Drift grows with the motion at the values found here, at nominal ones there.
+    errors = np.sqrt(np.diag(expected.covariance))
+    assert np.all(np.abs(found.fit.values - expected.values) < 0.01 * errors)
+    np.testing.assert_allclose(found.covariance, expected.covariance, rtol=0.02)
