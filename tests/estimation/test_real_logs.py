@@ -117,6 +117,23 @@ class TestDifferentialDrive:
         # A run's errors that all runs have in common show in its residuals, and not in this scatter.
         assert np.all((ratios[None] > 0.4) & (ratios[None] < 1.5))
 
+    def test_f_inverse_under_drift_agrees_with_the_scatter_of_runs(self):
+        # Pooled over sessions by their degrees of freedom, and all runs as those of one robot.
+        study, each = study_of("optiodom_differential", method="likelihood"), []
+        for path, session in SESSIONS:
+            runs = [estimate(study, [run]) for run in runs_of(path, session) if run.stem not in OFF_CLOCK]
+            values = np.array([list(one.values.values()) for one in runs])
+            each.append(
+                (values, np.array([[size(one, "information") for one in run.parameters] for run in runs]))
+            )
+        squares = sum((((values - values.mean(axis=0)) / errors) ** 2).sum(axis=0) for values, errors in each)
+        within = np.sqrt(squares / sum(len(values) - 1 for values, _ in each))
+        assert np.all((within > 0.7) & (within < 1.4))
+        values, errors = (np.vstack(part) for part in zip(*each, strict=True))
+        mean = (values / errors**2).sum(axis=0) / (1 / errors**2).sum(axis=0)
+        whole = np.sqrt((((values - mean) / errors) ** 2).sum(axis=0) / (len(values) - 1))
+        assert np.all((whole > 0.7) & (whole < 1.7))
+
     def test_so_do_those_of_circles_in_one_direction(self):
         ratios = scatter(CIRCLES, "information", None)
         assert np.all((ratios[None] > 1 / 1.5) & (ratios[None] < 1.5))

@@ -138,6 +138,7 @@ def _outliers(fit: Fit, group: str, places: list[int]) -> Diagnostic:
     share = count / z.size
     text = f"{100 * share:.2f} % of the {group} residuals lie beyond {FAR:g} standard deviations"
     robust = "the loss" if (fit.weights < 1).any() else "a robust loss (loss: huber)"
+    robust = "a robust loss (loss: huber, method: joint)" if fit.innovations else robust
     text += "" if passed else f": outliers; {robust} bounds what they do"
     return Diagnostic("outliers", group, share, None, passed, text)
 

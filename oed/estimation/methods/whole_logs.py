@@ -33,8 +33,9 @@ MOST = 400
 """Steps of all logs together: of more readings several are taken together."""
 ROUNDS = 12
 """How often paths, unknowns and sizes are found in turn at most."""
-CLOSE = 1e-3
-"""Change of the unknowns, in standard errors, at which they have arrived."""
+NEAR, CLOSE = 0.1, 1e-3
+"""Change of the unknowns, in standard errors, at which sizes are as good as found, and at which they have
+arrived."""
 ENOUGH = 0.02
 """Change of -2 times the likelihood's logarithm at which a search for sizes has arrived."""
 STEP = 0.05
@@ -100,14 +101,16 @@ class WholeLogs:
     def found(self) -> Likeliest:
         """Where it ends."""
         values, paths, errors = self.fit.values.copy(), self._first_paths, self._errors
-        logs, arrived = errors.guess.copy(), False
+        logs, near, arrived = errors.guess.copy(), False, False
         for _ in range(ROUNDS):
             told = self._about(values, paths)
-            logs = told.likeliest(errors, logs)
+            # Sizes hardly depend on where it is linear, and would lead the unknowns to and fro.
+            logs = logs if near else told.likeliest(errors, logs)
             step, covariance = told.step(logs)
             values = values + step[: len(values)]
             paths = told.smoothed(logs, step, paths)
-            arrived = bool(np.all(np.abs(step[: len(values)]) <= CLOSE * np.sqrt(np.diag(covariance))))
+            change = np.abs(step[: len(values)]) / np.sqrt(np.diag(covariance))
+            near, arrived = near or bool(change.max() <= NEAR), bool(change.max() <= CLOSE)
             if arrived:
                 break
         last = self._about(values, paths)
