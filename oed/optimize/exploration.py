@@ -14,11 +14,14 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.kernel.coarser import coarse_samples
 from oed.kernel.problem import Problem
+from oed.kernel.solution import Explored
 from oed.optimize.local import LocalSearch, local_search
 from oed.optimize.local_results import Settings, Sketch
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.perturbations import varied_design
 
+BUDGET = 1200
+"""Iterations, as budgets count, that the searches of a study share unless they are given."""
 UNIT = 200
 """Samples of one iteration as budgets count: one on n samples, of all runs and robots, counts n/200."""
 LEAST_SAMPLES = 20
@@ -29,11 +32,15 @@ WORTHWHILE = 0.6
 """Share of the search's samples up to which such a grid is worth building."""
 ROUND = 4
 """Solves at a time."""
-OPENING = 2
+OPENING = 1
 """Rounds from starts alone, before designs are perturbed."""
+LEAST = 850
+"""Of Ipopt's iterations that are spent before the best, found again, ends it: after fewer chance decides which
+optimum that is. Where solves are cheap, more of them are made.
+"""
 ELITE = 4
 """Different optima that are perturbed: the best one most often."""
-DIFFERENT = 1e-5
+DIFFERENT = 1e-4
 """Share of the objective by which two optima differ at least."""
 AGAIN = 5
 """Times that the best is found again which end it, if by then half as many solves as up to its first time are
@@ -140,7 +147,9 @@ class Exploration:
     def done(self) -> bool:
         """Whether the budget is spent, or the best was found often enough."""
         lost = not self.elite and self.solves >= HOPELESS
-        often = self._again >= AGAIN and self.solves - self._risen >= self._risen / 2
+        often = (
+            self._again >= AGAIN and self.iterations >= LEAST and self.solves - self._risen >= self._risen / 2
+        )
         return self.spent >= self.budget or often or lost
 
     def run(self, solve: Callable[[Sequence[Attempt]], Sequence[Sketch]]) -> None:
@@ -188,9 +197,11 @@ class Exploration:
         size = DIFFERENT * abs(sketch.value)
         before = self.elite[0].value if self.elite else -np.inf
         self._again += abs(sketch.value - before) <= size
-        if any(abs(one.value - sketch.value) <= size for one in self.elite):
+        others = [one for one in self.elite if abs(one.value - sketch.value) > size]
+        # Of optima that are one, the end that is better.
+        if any(sketch.value <= one.value <= sketch.value + size for one in self.elite):
             return
-        self.elite = sorted([*self.elite, sketch], key=lambda one: -one.value)[:ELITE]
+        self.elite = sorted([*others, sketch], key=lambda one: -one.value)[:ELITE]
         if sketch.value > before + size:
             self._risen, self._again = self.solves, 0
 
@@ -201,7 +212,7 @@ class Exploration:
         return [one.unknowns for one in self.elite[:FINISHED] if one.value >= least]
 
     @property
-    def summary(self) -> str:
-        """What was spent, in words."""
-        grid = self.design.problem.design.samples
-        return f"{self.solves} solves on {grid} samples a run took {self.iterations} of Ipopt's iterations."
+    def explored(self) -> Explored:
+        """What was spent."""
+        samples = self.design.problem.design.samples
+        return Explored(self.solves, self.iterations, samples, self.budget, self.spent)

@@ -7,10 +7,10 @@ import uuid
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, PositiveInt
+from pydantic import Field, PositiveInt, ValidationInfo, field_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Failure, ProblemError
@@ -19,11 +19,12 @@ from oed.foundation.work.parallel import Workers, run_tasks
 from oed.kernel.criteria import D
 from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.problem import Problem
-from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Start, Status
+from oed.kernel.solution import BEST_YET, NOTHING_YET, Explored, HistoryPoint, Solution, Start, Status
 from oed.optimize.conflict import describe_conflict
-from oed.optimize.exploration import BARRIERS, Attempt, Exploration, Explorer, explorer_of
+from oed.optimize.exploration import BARRIERS, BUDGET, Attempt, Exploration, Explorer, explorer_of
 from oed.optimize.local import local_search, surely_better
 from oed.optimize.local_results import Local, Settings, Sketch
+from oed.optimize.local_tasks import Task, work
 from oed.optimize.solver import Context, Solver
 from oed.optimize.standing import announce_drive
 from oed.optimize.transcription.starting_points import (
@@ -54,9 +55,10 @@ class Ipopt(Solver):
     Attributes:
         starts: local searches, half from screened random drives, half from small random coefficients; or
             "auto": as many, from varied starts and perturbed designs, as `iterations` allow.
-        perturbations: further searches from perturbed copies of the best design; not of "auto".
-        iterations: budget of "auto", of each search: Ipopt's iterations on 200 samples; one on n samples (of
-            all runs and robots) counts n/200. It ends sooner where the best is found again and again.
+        perturbations: further searches from perturbed copies of the best design; "auto" takes none.
+        iterations: budget of "auto": Ipopt's iterations on 200 samples; one on n samples (of all runs and
+            robots) counts n/200. It ends sooner where the best is found again and again. By default 1200,
+            of which the searches of one study that leave it out have equal shares.
         second_stage: what decides among designs of practically equal objective: "logdet" (most
             information in all directions), "shortest_path", or "none".
         second_stage_share: share of the best objective that the second stage has to keep.
@@ -70,7 +72,7 @@ class Ipopt(Solver):
     kind: Literal["ipopt"] = "ipopt"
     starts: Annotated[int, Field(ge=1, le=1_000_000)] | Literal["auto"] = 12
     perturbations: Annotated[int, Field(ge=0)] = 8
-    iterations: Annotated[int, Field(ge=1, le=1_000_000_000)] = 1200
+    iterations: Annotated[int, Field(ge=1, le=1_000_000_000)] | None = None
     second_stage: Literal["logdet", "shortest_path", "none"] = "logdet"
     second_stage_share: Annotated[float, Field(gt=0, lt=1)] = 0.999
     start_from: str | None = None
@@ -79,35 +81,36 @@ class Ipopt(Solver):
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
     time_limit: Annotated[Duration, Field(gt=0)] | None = None
 
+    @field_validator("perturbations", "iterations")
+    @classmethod
+    def _of_its_starts(cls, given: int | None, info: ValidationInfo) -> int | None:
+        auto = info.data.get("starts") == "auto"
+        if auto and info.field_name == "perturbations":
+            raise ValueError(
+                "leave this out: `starts: auto` perturbs designs within its budget, `iterations`"
+            )
+        if info.field_name == "iterations" and given is not None and "starts" in info.data and not auto:
+            raise ValueError("is the budget of `starts: auto`: ask for that, or leave this out")
+        return given
+
+    def as_data(self) -> dict[str, Any]:
+        """The options as plain data, without those that mean nothing here."""
+        auto = self.starts == "auto"
+        return {key: one for key, one in super().as_data().items() if not (auto and key == "perturbations")}
+
+    @property
+    def budget(self) -> int:
+        """Iterations that "auto" may spend."""
+        return BUDGET if self.iterations is None else self.iterations
+
     def again(self, *, quick: bool = True) -> Ipopt:
         """From the earlier design, alone or in the place of the first start."""
-        fewer = {"starts": 1, "perturbations": 0} if quick else {}
+        fewer = {"starts": 1, "perturbations": 0, "iterations": None} if quick else {}
         return self.model_copy(update={**fewer, "start_from": self.label})
 
     def search(self, problem: Problem, context: Context) -> Solution:
         """The best design of all starts; interrupted, the best so far."""
         return _Search(self, problem, context).run()
-
-
-@dataclass(frozen=True)
-class _Task:
-    """One local search for a worker."""
-
-    token: str
-    problem: Problem
-    settings: Settings
-    unknowns: Array
-    share: float | None = None
-    barrier: float | None = None
-
-
-def _work(task: _Task) -> Local:
-    search = local_search(task.token, task.problem, task.settings)
-    return (
-        search.maximise(task.unknowns, task.barrier)
-        if task.share is None
-        else search.second_stage(task.unknowns, task.share)
-    )
 
 
 class _TimeUp(Exception):
@@ -127,7 +130,7 @@ class _Search:
     evaluations: int = 0
     history: list[HistoryPoint] = field(default_factory=list)
     _reason: str = ""
-    _summary: str = ""
+    _explored: Explored | None = None
 
     def __post_init__(self) -> None:
         options = self.options
@@ -190,7 +193,7 @@ class _Search:
         screened = screen(design, self.context.rng(0))
         self.evaluations += SCREENED
         fresh = varied_starts(design, screened, self.context.rng(3))
-        found = Exploration(design, fresh, self.context.rng(1), self.options.iterations)
+        found = Exploration(design, fresh, self.context.rng(1), self.options.budget)
         if self.options.start_from is not None:
             earlier = self._earlier_design(self.options.start_from)
             self._try_starts([earlier])
@@ -203,7 +206,8 @@ class _Search:
             self._meet(found.worth_finishing)
             self._fall_back(screened)
             raise
-        self._summary = found.summary
+        finally:
+            self._explored = found.explored
         self.context.progress.begin("starts", len(found.worth_finishing))
         self._try_starts(found.worth_finishing, BARRIERS[-1])
         if self.best is None:
@@ -221,11 +225,11 @@ class _Search:
                 raise _TimeUp
 
         spent, seconds = found.spent, time.perf_counter() - self.began
-        left = seconds * (self.options.iterations / spent - 1) if spent else 0.0
+        left = seconds * (self.options.budget / spent - 1) if spent else 0.0
         run_tasks(explorer, attempts, self.context.workers if left > POOL_SECONDS else 1, take)
         made = [results[index] for index in range(len(attempts))]
-        share = found.share * sum(one.iterations for one in made) / self.options.iterations
-        before = min(PERCENT * spent / self.options.iterations, PERCENT)
+        share = found.share * sum(one.iterations for one in made) / self.options.budget
+        before = min(PERCENT * spent / self.options.budget, PERCENT)
         for _ in range(int(min(before + PERCENT * share, PERCENT)) - int(before)):
             self.context.progress.advance()
         return made
@@ -248,7 +252,7 @@ class _Search:
         try:
             self._solve_all(points, results, barrier)
         finally:
-            self.starts += [_start(result) for result in results if result is not None]
+            self.starts += [result.start for result in results if result is not None]
 
     @property
     def _workers(self) -> Workers:
@@ -279,7 +283,7 @@ class _Search:
         if options.second_stage == "logdet" and isinstance(self.problem.criterion, D):
             return
         self.context.progress.begin("second stage among equal optima", 1)
-        decided = _work(self._task(best.unknowns, options.second_stage_share))
+        decided = work(self._task(best.unknowns, options.second_stage_share))
         self.context.progress.advance()
         # Less than was asked for only by rounding; anything worse is no gain.
         asked = self.problem.criterion.concede(best.objective, options.second_stage_share)
@@ -303,7 +307,7 @@ class _Search:
                 raise _TimeUp
 
         try:
-            run_tasks(_work, [self._task(point, barrier=barrier) for point in points], self._workers, take)
+            run_tasks(work, [self._task(point, barrier=barrier) for point in points], self._workers, take)
         finally:
             # In the order of the starts, so that ties fall alike whatever the workers' timing.
             self._keep_best(results)
@@ -333,8 +337,8 @@ class _Search:
             else ""
         )
 
-    def _task(self, unknowns: Array, share: float | None = None, barrier: float | None = None) -> _Task:
-        return _Task(self.token, self.problem, self.settings, unknowns, share, barrier)
+    def _task(self, unknowns: Array, share: float | None = None, barrier: float | None = None) -> Task:
+        return Task(self.token, self.problem, self.settings, unknowns, share, barrier)
 
     def _keep_best(self, results: Sequence[Local | None]) -> None:
         for result in results:
@@ -369,6 +373,7 @@ class _Search:
             stages=self.stages,
             history=tuple(self.history),
             gains={} if best is None else best.gains,
+            explored=self._explored,
         )
 
     def _verdict(self) -> tuple[Status, str]:
@@ -378,7 +383,9 @@ class _Search:
             return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, self._reason)
         if self.best.useless:
             return Status.SINGULAR, ""
-        return (self.stopped, BEST_YET) if self.stopped else (self.best.status, self._summary)
+        if self.stopped:
+            return self.stopped, BEST_YET
+        return self.best.status, "" if self._explored is None else self._explored.sentence
 
     @cached_property
     def _conflict(self) -> str:
@@ -390,8 +397,3 @@ class _Search:
         conflict = describe_conflict(self.design, list(points))
         self.context.progress.advance()
         return conflict
-
-
-def _start(result: Local) -> Start:
-    reached = result.objective if np.isfinite(result.objective) else None
-    return Start(reached, result.status, result.wall_seconds, result.iterations)

@@ -39,6 +39,8 @@ NARROWEST = 0.6
 """Share of a limit's size that tightening may take away at most."""
 MISLED = 1e-5
 """Share of the objective by which a coarse grid may see a design otherwise than all samples do."""
+SKETCHED = 1e-5
+"""Ipopt's tolerance of a solve that only asks where a start leads."""
 ROUNDING = 1e-9
 """Share of the objective that a design must be better by to replace one found before (or after)."""
 SLIPPED = 0.02
@@ -121,8 +123,9 @@ class LocalSearch:
         """
         nothing = self.grid.no_correction
         floors = np.zeros(self._objective.floors.shape[0])
+        loose = max(SKETCHED, self.settings.tolerance)
         try:
-            outcome = self.solved(self.program, unknowns, nothing, floors, barrier=barrier)
+            outcome = self.solved(self.program, unknowns, nothing, floors, barrier=barrier, tolerance=loose)
         except NotFinite:
             return Sketch(unknowns, -np.inf, 1)
         _, violations = self.design.score_many(outcome.unknowns[None, :])
@@ -259,6 +262,7 @@ class LocalSearch:
         backoff: Array | None = None,
         after: Outcome | None = None,
         barrier: float | None = None,
+        tolerance: float | None = None,
     ) -> Outcome:
         """One call of Ipopt from a start, with the grid's corrections.
 
@@ -270,6 +274,7 @@ class LocalSearch:
             backoff: share of its size by which each limit is tightened.
             after: the solve that it goes on from.
             barrier: as of `Program.solve`.
+            tolerance: as of `Program.solve`.
         """
         begun = self.initial(unknowns, corrections)
         free = np.full(len(begun), np.inf)
@@ -282,6 +287,7 @@ class LocalSearch:
             auxiliary_upper=np.concatenate([free, corrections]),
             after=after,
             barrier=barrier,
+            tolerance=tolerance,
         )
 
     def _misled(self, unknowns: Array, corrections: Array, evaluation: Evaluation) -> bool:
