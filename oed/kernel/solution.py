@@ -122,7 +122,7 @@ class Explored:
 
     @property
     def sentence(self) -> str:
-        """The same in words."""
+        """Solves, iterations and budget in words."""
         solves = f"{self.solves} solves on {self.samples} samples a run"
         share = f"{self.spent:.0f} of a budget of {self.budget} on 200 samples"
         return f"{solves} took {self.iterations} of Ipopt's iterations ({share})."

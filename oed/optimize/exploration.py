@@ -35,8 +35,8 @@ ROUND = 4
 OPENING = 1
 """Rounds from starts alone, before designs are perturbed."""
 LEAST = 850
-"""Of Ipopt's iterations that are spent before the best, found again, ends it: after fewer chance decides which
-optimum that is. Where solves are cheap, more of them are made.
+"""Of Ipopt's iterations that are spent before the best, found again, ends it: after fewer chance decides
+which optimum that is. Where solves are cheap, more of them are made.
 """
 ELITE = 4
 """Different optima that are perturbed: the best one most often."""

@@ -137,7 +137,9 @@ def test_searches_of_a_study_share_one_budget():
 
 
 def test_a_study_gives_its_searches_their_shares():
-    study = parse_study(small(solvers="{kind: ipopt, starts: auto}, {kind: ipopt, name: other, starts: auto}"))
+    study = parse_study(
+        small(solvers="{kind: ipopt, starts: auto}, {kind: ipopt, name: other, starts: auto}")
+    )
     assert [one.iterations for one in study.solvers] == [BUDGET // 2] * 2
     again = parse_study(yaml.safe_dump(study.echo()))
     assert again.solvers == study.solvers
