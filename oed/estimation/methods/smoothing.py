@@ -219,12 +219,13 @@ class Smoother:
         table = ca.MX.sym("readings", sum(used.rows), samples + 1)
         # The path is off itself by nothing where it begins.
         begin, none = ca.horzcat(used.begin[0], ca.DM.zeros(states)), used.begin[1]
-        period, reads = self.trajectory.period, used.reads(samples)[:, :-1]
+        period, reads = self.trajectory.period, used.reads(samples)
         along = used.tracking.mapaccum("along", samples, 2)
-        given = path[:, :-1], inputs, parameters, period, reads, own, table[:, :-1], path[:, 1:]
+        given = path[:, :-1], inputs, parameters, period, reads[:, :-1], own, table[:, :-1], path[:, 1:]
         slopes, spreads, rows, onward, seen = along(begin, none, *given)
         end = slopes[:, -width:], spreads[:, -states:]
-        last = used.ending(*end, path[:, -1], inputs[:, -1], parameters, period, own, table[:, -1])
+        given = path[:, -1], inputs[:, -1], parameters, period, reads[:, -1], own, table[:, -1]
+        last = used.ending(*end, *given)
         results = [
             ca.horzcat(begin, slopes),
             ca.horzcat(none, spreads),

@@ -175,13 +175,13 @@ def read_end(problem: Problem, held: Expression, state: Expression) -> Expressio
         state: at that instant, (states,).
     """
     sensors = problem.measurement.joint_sensors
+    reads = ca.DM([1.0 if sensor.when == "at samples" else 0.0 for sensor in sensors])
     if process_noise_of(sensors) is not None:
         drive = small_drive(problem, held.T, state)
         used = _filtering(problem)
-        rows = used.last(*_known(used), *_given(drive))[:, _columns(problem, used)]
+        rows = used.last(*_known(used), *_given(drive), reads)[:, _columns(problem, used)]
         return upper_half(rows.T @ rows)
-    reads = [1.0 if sensor.when == "at samples" else 0.0 for sensor in sensors]
-    return upper_half(_read(problem, small_drive(problem, held.T, state), ca.DM(reads)))
+    return upper_half(_read(problem, small_drive(problem, held.T, state), reads))
 
 
 def cuts_of(problem: Problem) -> Cuts:
