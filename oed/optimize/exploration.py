@@ -42,7 +42,7 @@ ELITE = 4
 """Different optima that are perturbed: the best one most often."""
 DIFFERENT = 1e-4
 """Share of the objective by which two optima differ at least."""
-AGAIN = 5
+AGAIN = 7
 """Times that the best is found again which end it, if by then half as many solves as up to its first time are
 made. Where optima are few this comes soon, where they are many never.
 """
