@@ -34,9 +34,9 @@ ROUND = 4
 """Solves at a time."""
 OPENING = 1
 """Rounds from starts alone, before designs are perturbed."""
-LEAST = 850
-"""Of Ipopt's iterations that are spent before the best, found again, ends it: after fewer chance decides
-which optimum that is. Where solves are cheap, more of them are made.
+LEAST, SHARE = 850, 0.18
+"""Ipopt's iterations, and the share of the budget, that are spent before the best, found again, ends it:
+after fewer chance decides which optimum that is. Where solves are cheap, more of them are made.
 """
 ELITE = 4
 """Different optima that are perturbed: the best one most often."""
@@ -147,9 +147,8 @@ class Exploration:
     def done(self) -> bool:
         """Whether the budget is spent, or the best was found often enough."""
         lost = not self.elite and self.solves >= HOPELESS
-        often = (
-            self._again >= AGAIN and self.iterations >= LEAST and self.solves - self._risen >= self._risen / 2
-        )
+        enough = self.iterations >= LEAST and self.spent >= SHARE * self.budget
+        often = enough and self._again >= AGAIN and self.solves - self._risen >= self._risen / 2
         return self.spent >= self.budget or often or lost
 
     def run(self, solve: Callable[[Sequence[Attempt]], Sequence[Sketch]]) -> None:
@@ -206,10 +205,10 @@ class Exploration:
             self._risen, self._again = self.solves, 0
 
     @property
-    def worth_finishing(self) -> list[Array]:
-        """Unknowns of the best optima, the best first."""
+    def worth_finishing(self) -> list[Sketch]:
+        """The best optima, the best first."""
         least = self.elite[0].value - CLOSE * abs(self.elite[0].value) if self.elite else 0.0
-        return [one.unknowns for one in self.elite[:FINISHED] if one.value >= least]
+        return [one for one in self.elite[:FINISHED] if one.value >= least]
 
     @property
     def explored(self) -> Explored:

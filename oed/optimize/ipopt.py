@@ -95,8 +95,8 @@ class Ipopt(Solver):
 
     def as_data(self) -> dict[str, Any]:
         """The options as plain data, without those that mean nothing here."""
-        auto = self.starts == "auto"
-        return {key: one for key, one in super().as_data().items() if not (auto and key == "perturbations")}
+        unused = "perturbations" if self.starts == "auto" else ""
+        return {key: one for key, one in super().as_data().items() if key != unused}
 
     @property
     def budget(self) -> int:
@@ -148,8 +148,8 @@ class _Search:
 
     def run(self) -> Solution:
         try:
-            auto = self.options.starts == "auto"
-            searches = (self._explore,) if auto else (self._multi_start, self._perturb)
+            counted = self._multi_start, self._perturb
+            searches = (self._explore,) if self.options.starts == "auto" else counted
             for stage in (*searches, self._decide):
                 if self._out_of_time():
                     raise _TimeUp
@@ -182,13 +182,11 @@ class _Search:
 
     @property
     def _usual_starts(self) -> int:
-        starts = self.options.starts
-        return TRIAL if starts == "auto" else starts
+        return TRIAL if self.options.starts == "auto" else self.options.starts
 
     def _explore(self) -> None:
-        # `starts: auto`: many solves, on a coarse grid where that will do; the best are then solved as ever.
-        samples = self.design.problem.design.samples
-        explorer = explorer_of(self.token, self.problem, self.settings, samples)
+        # Many solves, on a coarse grid where that will do; the best are then solved as ever.
+        explorer = explorer_of(self.token, self.problem, self.settings, self.design.problem.design.samples)
         design = explorer.search.design
         screened = screen(design, self.context.rng(0))
         self.evaluations += SCREENED
@@ -203,17 +201,22 @@ class _Search:
         try:
             found.run(partial(self._sketches, found, explorer))
         except (_TimeUp, KeyboardInterrupt):
-            self._meet(found.worth_finishing)
+            self._meet([one.unknowns for one in found.worth_finishing])
             self._fall_back(screened)
             raise
         finally:
             self._explored = found.explored
-        self.context.progress.begin("starts", len(found.worth_finishing))
-        self._try_starts(found.worth_finishing, BARRIERS[-1])
+        self._finish(found.worth_finishing, alike=explorer.token == self.token)
         if self.best is None:
-            # Nothing feasible: a few starts as ever, and the question why.
             self._multi_start()
         self._note_stage("starts")
+
+    def _finish(self, ends: Sequence[Sketch], *, alike: bool) -> None:
+        # On the search's grid: all of them, or, where that is the grid explored on, those that may be best.
+        self.context.progress.begin("starts", len(ends))
+        for each in [[one] for one in ends] if alike else [ends]:
+            if self.best is None or each[0].value > self.best.objective:
+                self._try_starts([one.unknowns for one in each], BARRIERS[-1])
 
     def _sketches(self, found: Exploration, explorer: Explorer, attempts: Sequence[Attempt]) -> list[Sketch]:
         results = dict[int, Sketch]()
@@ -224,18 +227,18 @@ class _Search:
             if self._out_of_time():
                 raise _TimeUp
 
-        spent, seconds = found.spent, time.perf_counter() - self.began
-        left = seconds * (self.options.budget / spent - 1) if spent else 0.0
+        spent, budget = found.spent, self.options.budget
+        left = (time.perf_counter() - self.began) * (budget / spent - 1) if spent else 0.0
         run_tasks(explorer, attempts, self.context.workers if left > POOL_SECONDS else 1, take)
         made = [results[index] for index in range(len(attempts))]
-        share = found.share * sum(one.iterations for one in made) / self.options.budget
-        before = min(PERCENT * spent / self.options.budget, PERCENT)
-        for _ in range(int(min(before + PERCENT * share, PERCENT)) - int(before)):
+        after = spent + found.share * sum(one.iterations for one in made)
+        before, now = (int(min(PERCENT * one / budget, PERCENT)) for one in (spent, after))
+        for _ in range(now - before):
             self.context.progress.advance()
         return made
 
     def _fall_back(self, screened: Screening) -> None:
-        # On the best drives that were only looked at: no search is to end with less.
+        # No search is to end with less than the best drives that were only looked at.
         self._meet(screened.kept(TOLERANCE)[:RESCORED])
 
     def _meet(self, drives: Sequence[Array]) -> None:
@@ -269,8 +272,7 @@ class _Search:
         if left:
             self.context.progress.begin("perturb and solve again", left)
         while left > 0:
-            base = self.best.unknowns
-            points = [perturbed(self.design, base, rng) for _ in range(min(ROUND, left))]
+            points = [perturbed(self.design, self.best.unknowns, rng) for _ in range(min(ROUND, left))]
             self._solve_all(points, [])
             left -= len(points)
         self._note_stage("perturbations")
@@ -383,9 +385,8 @@ class _Search:
             return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, self._reason)
         if self.best.useless:
             return Status.SINGULAR, ""
-        if self.stopped:
-            return self.stopped, BEST_YET
-        return self.best.status, "" if self._explored is None else self._explored.sentence
+        said = "" if self._explored is None else self._explored.sentence
+        return (self.stopped, BEST_YET) if self.stopped else (self.best.status, said)
 
     @cached_property
     def _conflict(self) -> str:

@@ -16,7 +16,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Status
 from oed.optimize import Genetic, Ipopt, solve
 from oed.optimize.budget import with_shared_budget
-from oed.optimize.exploration import AGAIN, BUDGET, HOPELESS, LEAST, ROUND, Attempt, Exploration
+from oed.optimize.exploration import AGAIN, BUDGET, HOPELESS, LEAST, ROUND, SHARE, Attempt, Exploration
 from oed.optimize.local_results import Sketch
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.perturbations import varied_design
@@ -75,16 +75,19 @@ def test_the_budget_counts_iterations_by_samples(design):
 
 
 def test_it_ends_when_the_best_is_found_again_and_again(design):
-    found, values = exploration(design), iter([1.0, 2.0] * 4 + [3.0] + [1.0, 3.0] * 100)
+    found, values = exploration(design, budget=700), iter([1.0, 2.0] * 4 + [3.0] + [1.0, 3.0] * 100)
     found.run(lambda attempts: [Sketch(one.unknowns, next(values), 50) for one in attempts])
     # Up to a round.
     assert 9 + 2 * AGAIN <= found.solves < 9 + 2 * AGAIN + ROUND
 
 
 def test_where_solves_are_cheap_it_goes_on_for_more_of_them(design):
-    found = exploration(design)
+    found = exploration(design, budget=150)
     found.run(lambda attempts: [Sketch(one.unknowns, 1.0, 10) for one in attempts])
-    assert LEAST <= found.iterations < LEAST + ROUND * 10
+    assert LEAST <= found.iterations < LEAST + ROUND * 10 < 150 / found.share
+    large = exploration(design, budget=BUDGET)
+    large.run(lambda attempts: [Sketch(one.unknowns, 1.0, 10) for one in attempts])
+    assert SHARE * BUDGET <= large.spent < SHARE * BUDGET + 10
 
 
 def test_it_ends_where_no_drive_keeps_the_limits(design):

@@ -224,8 +224,8 @@ class Smoother:
         given = path[:, :-1], inputs, parameters, period, reads[:, :-1], own, table[:, :-1], path[:, 1:]
         slopes, spreads, rows, onward, seen = along(begin, none, *given)
         end = slopes[:, -width:], spreads[:, -states:]
-        given = path[:, -1], inputs[:, -1], parameters, period, reads[:, -1], own, table[:, -1]
-        last = used.ending(*end, *given)
+        ended = path[:, -1], inputs[:, -1], parameters, period, reads[:, -1], own, table[:, -1]
+        last = used.ending(*end, *ended)
         results = [
             ca.horzcat(begin, slopes),
             ca.horzcat(none, spreads),
