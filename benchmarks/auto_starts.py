@@ -2,9 +2,9 @@
 
 Each study's first gradient search, with `starts: auto` and with a number of starts (the study's own, or the
 default), in one process: how many seeds end within `CLOSE` of the best that any of them found (or of the one
-in `KNOWN`, if that is more), Ipopt's iterations (of a number of starts without those of perturbations, which are
-not listed), and processor time. A second stage, which gives objective away by design, is judged by what it
-began with, and its time counts.
+in `KNOWN`, if that is more), Ipopt's iterations (of a number of starts without those of perturbations, which
+are not listed), and processor time. A second stage, which gives objective away by design, is judged by what
+it began with, and its time counts.
 """
 
 from __future__ import annotations
