@@ -32,20 +32,12 @@ WORTHWHILE = 0.6
 """Share of the search's samples up to which such a grid is worth building."""
 ROUND = 4
 """Solves at a time."""
-OPENING = 1
-"""Rounds from starts alone, before designs are perturbed."""
 LEAST, SHARE = 850, 0.18
 """Ipopt's iterations, and the share of the budget, that are spent before the best, found again, ends it:
 after fewer chance decides which optimum that is. Where solves are cheap, more of them are made.
 """
 ELITE = 4
 """Different optima that are perturbed: the best one most often."""
-DIFFERENT = 1e-4
-"""Share of the objective by which two optima differ at least."""
-AGAIN = 7
-"""Times that the best is found again which end it, if by then half as many solves as up to its first time are
-made. Where optima are few this comes soon, where they are many never.
-"""
 HOPELESS = 24
 """Solves without a single drive that keeps the limits which end it."""
 BARRIERS = (0.1, 1e-3)
@@ -58,6 +50,32 @@ FINISHED = 3
 """Optima that are solved on the search's own grid in the end, at most."""
 CLOSE = 0.02
 """Share of the objective that one of them may be worse than the best, as the grid explored on sees it."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How thoroughly a grid is explored.
+
+    Attributes:
+        opening: rounds from starts alone, before designs are perturbed.
+        different: share of the objective by which two optima differ at least.
+        refined: whether of those that differ by less the better one stays; else the first.
+        tolerance: of Ipopt, at least.
+        again: times that the best is found again which end it, if by then half as many solves as up to its
+            first time are made. Where optima are few this comes soon, where they are many never.
+    """
+
+    opening: int
+    different: float
+    refined: bool
+    tolerance: float
+    again: int
+
+
+QUICK = Pace(opening=1, different=1e-4, refined=True, tolerance=1e-5, again=7)
+"""Of the search's own grid, where the best ends are solved on."""
+EXACT = Pace(opening=2, different=1e-5, refined=False, tolerance=0.0, again=5)
+"""Of a coarser one, whose optima are ranked as they are."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +94,11 @@ class Explorer:
     token: str
     problem: Problem
     settings: Settings
+    pace: Pace = QUICK
 
     def __call__(self, attempt: Attempt) -> Sketch:
         """Make one."""
-        return self.search.sketch(attempt.unknowns, attempt.barrier)
+        return self.search.sketch(attempt.unknowns, attempt.barrier, self.pace.tolerance)
 
     @property
     def search(self) -> LocalSearch:
@@ -101,7 +120,7 @@ def explorer_of(token: str, problem: Problem, settings: Settings, samples: int) 
     if not problem.design.spline.degree or coarse_samples(problem, few) > samples * WORTHWHILE:
         return own
     coarse = replace(settings, search_samples=few)
-    return Explorer(f"{token} explored", problem, coarse)
+    return Explorer(f"{token} explored", problem, coarse, EXACT)
 
 
 @dataclass
@@ -113,6 +132,7 @@ class Exploration:
         fresh: ever more starts.
         rng: of perturbations.
         budget: Ipopt's iterations, each over `UNIT` samples.
+        pace: how thorough it is.
         elite: the best different optima so far, the best first.
         iterations: spent, of any size.
         solves: made.
@@ -122,6 +142,7 @@ class Exploration:
     fresh: Iterator[Array]
     rng: np.random.Generator
     budget: int
+    pace: Pace = QUICK
     elite: list[Sketch] = field(default_factory=list)
     iterations: int = 0
     solves: int = 0
@@ -148,7 +169,7 @@ class Exploration:
         """Whether the budget is spent, or the best was found often enough."""
         lost = not self.elite and self.solves >= HOPELESS
         enough = self.iterations >= LEAST and self.spent >= SHARE * self.budget
-        often = enough and self._again >= AGAIN and self.solves - self._risen >= self._risen / 2
+        often = enough and self._again >= self.pace.again and self.solves - self._risen >= self._risen / 2
         return self.spent >= self.budget or often or lost
 
     def run(self, solve: Callable[[Sequence[Attempt]], Sequence[Sketch]]) -> None:
@@ -162,7 +183,7 @@ class Exploration:
 
     def _round(self, turn: int) -> list[Attempt]:
         places = range(ROUND * turn, ROUND * (turn + 1))
-        if turn < OPENING or not self.elite:
+        if turn < self.pace.opening or not self.elite:
             return [self._start() for _ in places]
         *others, _ = places
         return [*(self._perturbed(place) for place in others), self._start()]
@@ -193,12 +214,12 @@ class Exploration:
             self._join(sketch)
 
     def _join(self, sketch: Sketch) -> None:
-        size = DIFFERENT * abs(sketch.value)
+        size = self.pace.different * abs(sketch.value)
         before = self.elite[0].value if self.elite else -np.inf
         self._again += abs(sketch.value - before) <= size
         others = [one for one in self.elite if abs(one.value - sketch.value) > size]
-        # Of optima that are one, the end that is better.
-        if any(sketch.value <= one.value <= sketch.value + size for one in self.elite):
+        alike = [one.value for one in self.elite if abs(one.value - sketch.value) <= size]
+        if alike and not (self.pace.refined and sketch.value > max(alike)):
             return
         self.elite = sorted([*others, sketch], key=lambda one: -one.value)[:ELITE]
         if sketch.value > before + size:

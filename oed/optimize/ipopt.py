@@ -191,7 +191,7 @@ class _Search:
         screened = screen(design, self.context.rng(0))
         self.evaluations += SCREENED
         fresh = varied_starts(design, screened, self.context.rng(3))
-        found = Exploration(design, fresh, self.context.rng(1), self.options.budget)
+        found = Exploration(design, fresh, self.context.rng(1), self.options.budget, explorer.pace)
         if self.options.start_from is not None:
             earlier = self._earlier_design(self.options.start_from)
             self._try_starts([earlier])

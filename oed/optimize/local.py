@@ -39,8 +39,6 @@ NARROWEST = 0.6
 """Share of a limit's size that tightening may take away at most."""
 MISLED = 1e-5
 """Share of the objective by which a coarse grid may see a design otherwise than all samples do."""
-SKETCHED = 1e-5
-"""Ipopt's tolerance of a solve that only asks where a start leads."""
 ROUNDING = 1e-9
 """Share of the objective that a design must be better by to replace one found before (or after)."""
 SLIPPED = 0.02
@@ -114,16 +112,17 @@ class LocalSearch:
             return -self.design.terms.drive.path_length(softening=softening)
         return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._robots[0])
 
-    def sketch(self, unknowns: Array, barrier: float) -> Sketch:
+    def sketch(self, unknowns: Array, barrier: float, tolerance: float) -> Sketch:
         """One solve from a start, on this grid and without tightening limits: where that leads.
 
         Args:
             unknowns: z to begin at.
             barrier: as of `Program.solve`.
+            tolerance: of Ipopt, at least.
         """
         nothing = self.grid.no_correction
         floors = np.zeros(self._objective.floors.shape[0])
-        loose = max(SKETCHED, self.settings.tolerance)
+        loose = max(tolerance, self.settings.tolerance)
         try:
             outcome = self.solved(self.program, unknowns, nothing, floors, barrier=barrier, tolerance=loose)
         except NotFinite:

@@ -16,7 +16,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Status
 from oed.optimize import Genetic, Ipopt, solve
 from oed.optimize.budget import with_shared_budget
-from oed.optimize.exploration import AGAIN, BUDGET, HOPELESS, LEAST, ROUND, SHARE, Attempt, Exploration
+from oed.optimize.exploration import BUDGET, HOPELESS, LEAST, QUICK, ROUND, SHARE, Attempt, Exploration
 from oed.optimize.local_results import Sketch
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.perturbations import varied_design
@@ -78,7 +78,7 @@ def test_it_ends_when_the_best_is_found_again_and_again(design):
     found, values = exploration(design, budget=700), iter([1.0, 2.0] * 4 + [3.0] + [1.0, 3.0] * 100)
     found.run(lambda attempts: [Sketch(one.unknowns, next(values), 50) for one in attempts])
     # Up to a round.
-    assert 9 + 2 * AGAIN <= found.solves < 9 + 2 * AGAIN + ROUND
+    assert 9 + 2 * QUICK.again <= found.solves < 9 + 2 * QUICK.again + ROUND
 
 
 def test_where_solves_are_cheap_it_goes_on_for_more_of_them(design):
