@@ -1,9 +1,10 @@
 """Excess errors of designs that know what their model cannot say: `python -m benchmarks.discrepancy`.
 
 Of every model of problems/physics_skid_steer.yaml named, three drives are designed: by the study's criterion,
-for the held-out drives themselves (criterion I, `task`), and for these with a discrepancy that the residuals
-of a pilot drive show. All robots of the study's trial drive these and the baselines; an excess error is what
-a model calibrated from a drive has more than when it is fitted to the held-out drives themselves.
+for the held-out drives themselves (criterion I), and for these with a discrepancy that the residuals of a
+pilot drive show: what `task` and `discrepancy` of a study's `physics` ask for. All robots of the study's
+trial drive these and the baselines; an excess error is what a model calibrated from a drive has more than
+when it is fitted to the held-out drives themselves.
 """
 
 from __future__ import annotations
@@ -16,26 +17,20 @@ from pathlib import Path
 
 import numpy as np
 
-from oed import Trajectory, load_study, solve
+from oed import load_study, solve
 from oed.estimation.methods.fitting import Fitting
-from oed.estimation.preprocessing.preprocess import preprocess
-from oed.kernel.criteria import I, TaskDrive
 from oed.kernel.problem import Problem
 from oed.optimize import Ipopt, Solver
-from oed.records.discrepancy import growth
-from oed.robots.sensors import AbsoluteNoise, Poses
-from oed.robots.sensors.pose_noise import Discrepancy
-from oed.simulation.physics import Sensing, drive
-from oed.simulation.trial.candidates import Candidate, candidates
+from oed.robots.sensors import AbsoluteNoise
+from oed.simulation.trial.aims import aims, sensing_of
+from oed.simulation.trial.candidates import candidates
 from oed.simulation.trial.experiment import Bench, Found, Repeat, repeated
-from oed.simulation.trial.options import Trial, held_out_drives, paced_baseline
+from oed.simulation.trial.options import Pilot, Trial, held_out_drives, paced_baseline
 from oed.simulation.trial.outcome import Floor
 
 STUDY = Path(__file__).parents[1] / "problems" / "physics_skid_steer.yaml"
 PILOT = "random"
 """Baseline that the discrepancy is found from."""
-PILOT_STREAM = 41
-"""Of the random numbers of a pilot's noise."""
 AIMS = ("by the study's criterion", "for the task", "for the task, with discrepancy")
 EXACT = AbsoluteNoise(position=1e-9, heading=1e-9)
 """Noise of readings that have none to speak of."""
@@ -43,57 +38,23 @@ HALF, NEVER = 0.5, 1.05
 """Excess over that of the best baseline that is aimed at, and that is not to be exceeded."""
 
 
-def discrepancy(
-    trial: Trial, fitting: Fitting, planned: Trajectory, sensing: Sensing, seed: int
-) -> Discrepancy:
-    """What the residuals of a pilot drive, on a floor between the others, say of a model."""
-    robot = trial.robot.changed(friction=float(np.mean(trial.frictions)))
-    motion = drive(robot, planned.inputs, planned.period, start=planned.start[:3])
-    log = sensing.read(motion, np.random.default_rng([seed, PILOT_STREAM]), "pilot")
-    fit = fitting.fitted(preprocess(fitting.robot, [log], compare_clocks=False)).fit
-    speeds, rates = fit.speeds.ravel(), fit.yaw_rates.ravel()
-    x, y, heading = (fit.residuals[..., place].ravel() for place in range(3))
-    both = np.tile(speeds, 2), np.tile(rates, 2)
-    _, along, turning = growth(np.concatenate([x, y]), *both)
-    _, of_speed, of_rate = growth(heading, speeds, rates)
-    return Discrepancy(
-        position_per_speed=along,
-        position_per_yaw_rate=turning,
-        heading_per_speed=of_speed,
-        heading_per_yaw_rate=of_rate,
-    )
-
-
-def aimed(one: Candidate, task: I, found: Discrepancy) -> Iterator[Problem]:
-    """The problem of a model by each of the three aims."""
-    own, sensor = one.problem, one.problem.measurement
-    assert isinstance(sensor, Poses)
-    noisier = sensor.model_copy(update={"noise": sensor.noise.model_copy(update={"discrepancy": found})})
-    yield own
-    yield replace(own, criterion=task)
-    yield replace(own, criterion=task, measurement=noisier)
-
-
 def benched(problem: Problem, trial: Trial, names: Sequence[str], seed: int, solver: Solver) -> Bench:
     """All drives of the models named, with the baselines."""
     held_out = held_out_drives(problem, trial.held_out, seed)
-    task = I(task=[TaskDrive(inputs=one.inputs.tolist(), period=one.period) for one in held_out])
-    sensor = problem.measurement
-    assert isinstance(sensor, Poses)
-    sensing = Sensing(pose_rate=1 / (problem.design.period * sensor.every), noise=sensor.noise)
+    asked = trial.model_copy(update={"task": True, "discrepancy": Pilot(pilot=PILOT)})
     drives = {name: paced_baseline(problem, name, seed) for name in trial.drives}
     fits = dict[str, Fitting]()
     for one in candidates(problem, trial):
         if one.name not in names:
             continue
         fits[one.name] = one.fitting(trial.calibration, trial.calibration.method)
-        found = discrepancy(trial, fits[one.name], drives[PILOT], sensing, seed)
-        print(f"{one.name}: discrepancy {found}", flush=True)
-        for aim, asked in zip(AIMS, aimed(one, task, found), strict=True):
-            solution = solve(asked, solver, seed=seed, workers=1)
+        for label, aim in zip(AIMS, aims(problem, asked, one, fits[one.name], seed), strict=True):
+            if aim.discrepancy is not None:
+                print(f"{one.name}: discrepancy {aim.discrepancy}", flush=True)
+            solution = solve(aim.model.problem, solver, seed=seed, workers=1)
             assert solution.trajectory is not None
-            drives[f"{one.name} {aim}"] = solution.trajectory
-    return Bench(trial.robot, trial.variation, sensing, drives, held_out, fits, seed)
+            drives[f"{one.name} {label}"] = solution.trajectory
+    return Bench(trial.robot, trial.variation, sensing_of(problem), drives, held_out, fits, seed)
 
 
 def lines(floor: Floor, baselines: Sequence[str]) -> Iterator[str]:

@@ -103,6 +103,42 @@ class Start:
 
 
 @dataclass(frozen=True)
+class Explored:
+    """What a search with a budget (`starts: auto`) spent before its best optima were solved in the end.
+
+    Attributes:
+        solves: made.
+        iterations: of Ipopt that these took.
+        samples: per run of the grid that they were made on.
+        budget: iterations on 200 samples that it had.
+        spent: of these.
+    """
+
+    solves: int
+    iterations: int
+    samples: int
+    budget: int
+    spent: float
+
+    @property
+    def sentence(self) -> str:
+        """Solves, iterations and budget in words."""
+        solves = f"{self.solves} solves on {self.samples} samples a run"
+        share = f"{self.spent:.0f} of a budget of {self.budget} on 200 samples"
+        return f"{solves} took {self.iterations} of Ipopt's iterations ({share})."
+
+    def __add__(self, other: Explored) -> Explored:
+        """Of two searches together."""
+        return Explored(
+            self.solves + other.solves,
+            self.iterations + other.iterations,
+            max(self.samples, other.samples),
+            self.budget + other.budget,
+            self.spent + other.spent,
+        )
+
+
+@dataclass(frozen=True)
 class Violation:
     """How often robots violate the limits that the nominal robot satisfies.
 
@@ -161,6 +197,7 @@ class Solution(Presented, Renamed):
         gains: by which share the best drive would be better, to first order, were a limit wider: per SI unit,
             by the limits' names; {} where the search does not know. Lagrange multipliers: they hold for small
             changes, and for drives like this one.
+        explored: what a search with a budget spent; None of others.
     """
 
     name: str
@@ -179,6 +216,7 @@ class Solution(Presented, Renamed):
     robust: Tightening | None = None
     problem: Problem | None = field(default=None, compare=False)
     gains: Mapping[str, float] = field(default_factory=dict)
+    explored: Explored | None = None
 
     @property
     def message(self) -> str:

@@ -122,8 +122,10 @@ class _Assured:
         )
 
     def _summed(self, solution: Solution) -> Solution:
+        explored = [one.explored for one in self.solutions if one.explored is not None]
         return replace(
             solution,
+            explored=sum(explored[1:], explored[0]) if explored else None,
             starts=tuple(start for one in self.solutions for start in one.starts),
             wall_seconds=sum(one.wall_seconds for one in self.solutions),
         )

@@ -14,11 +14,14 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.kernel.coarser import coarse_samples
 from oed.kernel.problem import Problem
+from oed.kernel.solution import Explored
 from oed.optimize.local import LocalSearch, local_search
 from oed.optimize.local_results import Settings, Sketch
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.perturbations import varied_design
 
+BUDGET = 1200
+"""Iterations, as budgets count, that the searches of a study share unless they are given."""
 UNIT = 200
 """Samples of one iteration as budgets count: one on n samples, of all runs and robots, counts n/200."""
 LEAST_SAMPLES = 20
@@ -29,16 +32,12 @@ WORTHWHILE = 0.6
 """Share of the search's samples up to which such a grid is worth building."""
 ROUND = 4
 """Solves at a time."""
-OPENING = 2
-"""Rounds from starts alone, before designs are perturbed."""
+LEAST, SHARE = 850, 0.18
+"""Ipopt's iterations, and the share of the budget, that are spent before the best, found again, ends it:
+after fewer chance decides which optimum that is. Where solves are cheap, more of them are made.
+"""
 ELITE = 4
 """Different optima that are perturbed: the best one most often."""
-DIFFERENT = 1e-5
-"""Share of the objective by which two optima differ at least."""
-AGAIN = 5
-"""Times that the best is found again which end it, if by then half as many solves as up to its first time are
-made. Where optima are few this comes soon, where they are many never.
-"""
 HOPELESS = 24
 """Solves without a single drive that keeps the limits which end it."""
 BARRIERS = (0.1, 1e-3)
@@ -51,6 +50,32 @@ FINISHED = 3
 """Optima that are solved on the search's own grid in the end, at most."""
 CLOSE = 0.02
 """Share of the objective that one of them may be worse than the best, as the grid explored on sees it."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How thoroughly a grid is explored.
+
+    Attributes:
+        opening: rounds from starts alone, before designs are perturbed.
+        different: share of the objective by which two optima differ at least.
+        refined: whether of those that differ by less the better one stays; else the first.
+        tolerance: of Ipopt, at least.
+        again: times that the best is found again which end it, if by then half as many solves as up to its
+            first time are made. Where optima are few this comes soon, where they are many never.
+    """
+
+    opening: int
+    different: float
+    refined: bool
+    tolerance: float
+    again: int
+
+
+QUICK = Pace(opening=1, different=1e-4, refined=True, tolerance=1e-5, again=7)
+"""Of the search's own grid, where the best ends are solved on."""
+EXACT = Pace(opening=2, different=1e-5, refined=False, tolerance=0.0, again=5)
+"""Of a coarser one, whose optima are ranked as they are."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +94,11 @@ class Explorer:
     token: str
     problem: Problem
     settings: Settings
+    pace: Pace = QUICK
 
     def __call__(self, attempt: Attempt) -> Sketch:
         """Make one."""
-        return self.search.sketch(attempt.unknowns, attempt.barrier)
+        return self.search.sketch(attempt.unknowns, attempt.barrier, self.pace.tolerance)
 
     @property
     def search(self) -> LocalSearch:
@@ -94,7 +120,7 @@ def explorer_of(token: str, problem: Problem, settings: Settings, samples: int) 
     if not problem.design.spline.degree or coarse_samples(problem, few) > samples * WORTHWHILE:
         return own
     coarse = replace(settings, search_samples=few)
-    return Explorer(f"{token} explored", problem, coarse)
+    return Explorer(f"{token} explored", problem, coarse, EXACT)
 
 
 @dataclass
@@ -106,6 +132,7 @@ class Exploration:
         fresh: ever more starts.
         rng: of perturbations.
         budget: Ipopt's iterations, each over `UNIT` samples.
+        pace: how thorough it is.
         elite: the best different optima so far, the best first.
         iterations: spent, of any size.
         solves: made.
@@ -115,6 +142,7 @@ class Exploration:
     fresh: Iterator[Array]
     rng: np.random.Generator
     budget: int
+    pace: Pace = QUICK
     elite: list[Sketch] = field(default_factory=list)
     iterations: int = 0
     solves: int = 0
@@ -140,7 +168,8 @@ class Exploration:
     def done(self) -> bool:
         """Whether the budget is spent, or the best was found often enough."""
         lost = not self.elite and self.solves >= HOPELESS
-        often = self._again >= AGAIN and self.solves - self._risen >= self._risen / 2
+        enough = self.iterations >= LEAST and self.spent >= SHARE * self.budget
+        often = enough and self._again >= self.pace.again and self.solves - self._risen >= self._risen / 2
         return self.spent >= self.budget or often or lost
 
     def run(self, solve: Callable[[Sequence[Attempt]], Sequence[Sketch]]) -> None:
@@ -154,7 +183,7 @@ class Exploration:
 
     def _round(self, turn: int) -> list[Attempt]:
         places = range(ROUND * turn, ROUND * (turn + 1))
-        if turn < OPENING or not self.elite:
+        if turn < self.pace.opening or not self.elite:
             return [self._start() for _ in places]
         *others, _ = places
         return [*(self._perturbed(place) for place in others), self._start()]
@@ -185,23 +214,25 @@ class Exploration:
             self._join(sketch)
 
     def _join(self, sketch: Sketch) -> None:
-        size = DIFFERENT * abs(sketch.value)
+        size = self.pace.different * abs(sketch.value)
         before = self.elite[0].value if self.elite else -np.inf
         self._again += abs(sketch.value - before) <= size
-        if any(abs(one.value - sketch.value) <= size for one in self.elite):
+        others = [one for one in self.elite if abs(one.value - sketch.value) > size]
+        alike = [one.value for one in self.elite if abs(one.value - sketch.value) <= size]
+        if alike and not (self.pace.refined and sketch.value > max(alike)):
             return
-        self.elite = sorted([*self.elite, sketch], key=lambda one: -one.value)[:ELITE]
+        self.elite = sorted([*others, sketch], key=lambda one: -one.value)[:ELITE]
         if sketch.value > before + size:
             self._risen, self._again = self.solves, 0
 
     @property
-    def worth_finishing(self) -> list[Array]:
-        """Unknowns of the best optima, the best first."""
+    def worth_finishing(self) -> list[Sketch]:
+        """The best optima, the best first."""
         least = self.elite[0].value - CLOSE * abs(self.elite[0].value) if self.elite else 0.0
-        return [one.unknowns for one in self.elite[:FINISHED] if one.value >= least]
+        return [one for one in self.elite[:FINISHED] if one.value >= least]
 
     @property
-    def summary(self) -> str:
-        """What was spent, in words."""
-        grid = self.design.problem.design.samples
-        return f"{self.solves} solves on {grid} samples a run took {self.iterations} of Ipopt's iterations."
+    def explored(self) -> Explored:
+        """What was spent."""
+        samples = self.design.problem.design.samples
+        return Explored(self.solves, self.iterations, samples, self.budget, self.spent)

@@ -7,10 +7,10 @@ import uuid
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, PositiveInt
+from pydantic import Field, PositiveInt, ValidationInfo, field_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Failure, ProblemError
@@ -19,11 +19,12 @@ from oed.foundation.work.parallel import Workers, run_tasks
 from oed.kernel.criteria import D
 from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.problem import Problem
-from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Start, Status
+from oed.kernel.solution import BEST_YET, NOTHING_YET, Explored, HistoryPoint, Solution, Start, Status
 from oed.optimize.conflict import describe_conflict
-from oed.optimize.exploration import BARRIERS, Attempt, Exploration, Explorer, explorer_of
+from oed.optimize.exploration import BARRIERS, BUDGET, Attempt, Exploration, Explorer, explorer_of
 from oed.optimize.local import local_search, surely_better
 from oed.optimize.local_results import Local, Settings, Sketch
+from oed.optimize.local_tasks import Task, work
 from oed.optimize.solver import Context, Solver
 from oed.optimize.standing import announce_drive
 from oed.optimize.transcription.starting_points import (
@@ -54,9 +55,10 @@ class Ipopt(Solver):
     Attributes:
         starts: local searches, half from screened random drives, half from small random coefficients; or
             "auto": as many, from varied starts and perturbed designs, as `iterations` allow.
-        perturbations: further searches from perturbed copies of the best design; not of "auto".
-        iterations: budget of "auto", of each search: Ipopt's iterations on 200 samples; one on n samples (of
-            all runs and robots) counts n/200. It ends sooner where the best is found again and again.
+        perturbations: further searches from perturbed copies of the best design; "auto" takes none.
+        iterations: budget of "auto": Ipopt's iterations on 200 samples; one on n samples (of all runs and
+            robots) counts n/200. It ends sooner where the best is found again and again. By default 1200,
+            of which the searches of one study that leave it out have equal shares.
         second_stage: what decides among designs of practically equal objective: "logdet" (most
             information in all directions), "shortest_path", or "none".
         second_stage_share: share of the best objective that the second stage has to keep.
@@ -70,7 +72,7 @@ class Ipopt(Solver):
     kind: Literal["ipopt"] = "ipopt"
     starts: Annotated[int, Field(ge=1, le=1_000_000)] | Literal["auto"] = 12
     perturbations: Annotated[int, Field(ge=0)] = 8
-    iterations: Annotated[int, Field(ge=1, le=1_000_000_000)] = 1200
+    iterations: Annotated[int, Field(ge=1, le=1_000_000_000)] | None = None
     second_stage: Literal["logdet", "shortest_path", "none"] = "logdet"
     second_stage_share: Annotated[float, Field(gt=0, lt=1)] = 0.999
     start_from: str | None = None
@@ -79,35 +81,36 @@ class Ipopt(Solver):
     tolerance: Annotated[float, Field(gt=0, lt=1)] = 1e-8
     time_limit: Annotated[Duration, Field(gt=0)] | None = None
 
+    @field_validator("perturbations", "iterations")
+    @classmethod
+    def _of_its_starts(cls, given: int | None, info: ValidationInfo) -> int | None:
+        auto = info.data.get("starts") == "auto"
+        if auto and info.field_name == "perturbations":
+            raise ValueError(
+                "leave this out: `starts: auto` perturbs designs within its budget, `iterations`"
+            )
+        if info.field_name == "iterations" and given is not None and "starts" in info.data and not auto:
+            raise ValueError("is the budget of `starts: auto`: ask for that, or leave this out")
+        return given
+
+    def as_data(self) -> dict[str, Any]:
+        """The options as plain data, without those that mean nothing here."""
+        unused = "perturbations" if self.starts == "auto" else ""
+        return {key: one for key, one in super().as_data().items() if key != unused}
+
+    @property
+    def budget(self) -> int:
+        """Iterations that "auto" may spend."""
+        return BUDGET if self.iterations is None else self.iterations
+
     def again(self, *, quick: bool = True) -> Ipopt:
         """From the earlier design, alone or in the place of the first start."""
-        fewer = {"starts": 1, "perturbations": 0} if quick else {}
+        fewer = {"starts": 1, "perturbations": 0, "iterations": None} if quick else {}
         return self.model_copy(update={**fewer, "start_from": self.label})
 
     def search(self, problem: Problem, context: Context) -> Solution:
         """The best design of all starts; interrupted, the best so far."""
         return _Search(self, problem, context).run()
-
-
-@dataclass(frozen=True)
-class _Task:
-    """One local search for a worker."""
-
-    token: str
-    problem: Problem
-    settings: Settings
-    unknowns: Array
-    share: float | None = None
-    barrier: float | None = None
-
-
-def _work(task: _Task) -> Local:
-    search = local_search(task.token, task.problem, task.settings)
-    return (
-        search.maximise(task.unknowns, task.barrier)
-        if task.share is None
-        else search.second_stage(task.unknowns, task.share)
-    )
 
 
 class _TimeUp(Exception):
@@ -127,7 +130,7 @@ class _Search:
     evaluations: int = 0
     history: list[HistoryPoint] = field(default_factory=list)
     _reason: str = ""
-    _summary: str = ""
+    _explored: Explored | None = None
 
     def __post_init__(self) -> None:
         options = self.options
@@ -145,8 +148,8 @@ class _Search:
 
     def run(self) -> Solution:
         try:
-            auto = self.options.starts == "auto"
-            searches = (self._explore,) if auto else (self._multi_start, self._perturb)
+            counted = self._multi_start, self._perturb
+            searches = (self._explore,) if self.options.starts == "auto" else counted
             for stage in (*searches, self._decide):
                 if self._out_of_time():
                     raise _TimeUp
@@ -179,18 +182,16 @@ class _Search:
 
     @property
     def _usual_starts(self) -> int:
-        starts = self.options.starts
-        return TRIAL if starts == "auto" else starts
+        return TRIAL if self.options.starts == "auto" else self.options.starts
 
     def _explore(self) -> None:
-        # `starts: auto`: many solves, on a coarse grid where that will do; the best are then solved as ever.
-        samples = self.design.problem.design.samples
-        explorer = explorer_of(self.token, self.problem, self.settings, samples)
+        # Many solves, on a coarse grid where that will do; the best are then solved as ever.
+        explorer = explorer_of(self.token, self.problem, self.settings, self.design.problem.design.samples)
         design = explorer.search.design
         screened = screen(design, self.context.rng(0))
         self.evaluations += SCREENED
         fresh = varied_starts(design, screened, self.context.rng(3))
-        found = Exploration(design, fresh, self.context.rng(1), self.options.iterations)
+        found = Exploration(design, fresh, self.context.rng(1), self.options.budget, explorer.pace)
         if self.options.start_from is not None:
             earlier = self._earlier_design(self.options.start_from)
             self._try_starts([earlier])
@@ -200,16 +201,22 @@ class _Search:
         try:
             found.run(partial(self._sketches, found, explorer))
         except (_TimeUp, KeyboardInterrupt):
-            self._meet(found.worth_finishing)
+            self._meet([one.unknowns for one in found.worth_finishing])
             self._fall_back(screened)
             raise
-        self._summary = found.summary
-        self.context.progress.begin("starts", len(found.worth_finishing))
-        self._try_starts(found.worth_finishing, BARRIERS[-1])
+        finally:
+            self._explored = found.explored
+        self._finish(found.worth_finishing, alike=explorer.token == self.token)
         if self.best is None:
-            # Nothing feasible: a few starts as ever, and the question why.
             self._multi_start()
         self._note_stage("starts")
+
+    def _finish(self, ends: Sequence[Sketch], *, alike: bool) -> None:
+        # On the search's grid: all of them, or, where that is the grid explored on, those that may be best.
+        self.context.progress.begin("starts", len(ends))
+        for each in [[one] for one in ends] if alike else [ends]:
+            if self.best is None or each[0].value > self.best.objective:
+                self._try_starts([one.unknowns for one in each], BARRIERS[-1])
 
     def _sketches(self, found: Exploration, explorer: Explorer, attempts: Sequence[Attempt]) -> list[Sketch]:
         results = dict[int, Sketch]()
@@ -220,18 +227,18 @@ class _Search:
             if self._out_of_time():
                 raise _TimeUp
 
-        spent, seconds = found.spent, time.perf_counter() - self.began
-        left = seconds * (self.options.iterations / spent - 1) if spent else 0.0
+        spent, budget = found.spent, self.options.budget
+        left = (time.perf_counter() - self.began) * (budget / spent - 1) if spent else 0.0
         run_tasks(explorer, attempts, self.context.workers if left > POOL_SECONDS else 1, take)
         made = [results[index] for index in range(len(attempts))]
-        share = found.share * sum(one.iterations for one in made) / self.options.iterations
-        before = min(PERCENT * spent / self.options.iterations, PERCENT)
-        for _ in range(int(min(before + PERCENT * share, PERCENT)) - int(before)):
+        after = spent + found.share * sum(one.iterations for one in made)
+        before, now = (int(min(PERCENT * one / budget, PERCENT)) for one in (spent, after))
+        for _ in range(now - before):
             self.context.progress.advance()
         return made
 
     def _fall_back(self, screened: Screening) -> None:
-        # On the best drives that were only looked at: no search is to end with less.
+        # No search is to end with less than the best drives that were only looked at.
         self._meet(screened.kept(TOLERANCE)[:RESCORED])
 
     def _meet(self, drives: Sequence[Array]) -> None:
@@ -248,7 +255,7 @@ class _Search:
         try:
             self._solve_all(points, results, barrier)
         finally:
-            self.starts += [_start(result) for result in results if result is not None]
+            self.starts += [result.start for result in results if result is not None]
 
     @property
     def _workers(self) -> Workers:
@@ -265,8 +272,7 @@ class _Search:
         if left:
             self.context.progress.begin("perturb and solve again", left)
         while left > 0:
-            base = self.best.unknowns
-            points = [perturbed(self.design, base, rng) for _ in range(min(ROUND, left))]
+            points = [perturbed(self.design, self.best.unknowns, rng) for _ in range(min(ROUND, left))]
             self._solve_all(points, [])
             left -= len(points)
         self._note_stage("perturbations")
@@ -279,7 +285,7 @@ class _Search:
         if options.second_stage == "logdet" and isinstance(self.problem.criterion, D):
             return
         self.context.progress.begin("second stage among equal optima", 1)
-        decided = _work(self._task(best.unknowns, options.second_stage_share))
+        decided = work(self._task(best.unknowns, options.second_stage_share))
         self.context.progress.advance()
         # Less than was asked for only by rounding; anything worse is no gain.
         asked = self.problem.criterion.concede(best.objective, options.second_stage_share)
@@ -303,7 +309,7 @@ class _Search:
                 raise _TimeUp
 
         try:
-            run_tasks(_work, [self._task(point, barrier=barrier) for point in points], self._workers, take)
+            run_tasks(work, [self._task(point, barrier=barrier) for point in points], self._workers, take)
         finally:
             # In the order of the starts, so that ties fall alike whatever the workers' timing.
             self._keep_best(results)
@@ -333,8 +339,8 @@ class _Search:
             else ""
         )
 
-    def _task(self, unknowns: Array, share: float | None = None, barrier: float | None = None) -> _Task:
-        return _Task(self.token, self.problem, self.settings, unknowns, share, barrier)
+    def _task(self, unknowns: Array, share: float | None = None, barrier: float | None = None) -> Task:
+        return Task(self.token, self.problem, self.settings, unknowns, share, barrier)
 
     def _keep_best(self, results: Sequence[Local | None]) -> None:
         for result in results:
@@ -369,6 +375,7 @@ class _Search:
             stages=self.stages,
             history=tuple(self.history),
             gains={} if best is None else best.gains,
+            explored=self._explored,
         )
 
     def _verdict(self) -> tuple[Status, str]:
@@ -378,7 +385,8 @@ class _Search:
             return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, self._reason)
         if self.best.useless:
             return Status.SINGULAR, ""
-        return (self.stopped, BEST_YET) if self.stopped else (self.best.status, self._summary)
+        said = "" if self._explored is None else self._explored.sentence
+        return (self.stopped, BEST_YET) if self.stopped else (self.best.status, said)
 
     @cached_property
     def _conflict(self) -> str:
@@ -390,8 +398,3 @@ class _Search:
         conflict = describe_conflict(self.design, list(points))
         self.context.progress.advance()
         return conflict
-
-
-def _start(result: Local) -> Start:
-    reached = result.objective if np.isfinite(result.objective) else None
-    return Start(reached, result.status, result.wall_seconds, result.iterations)

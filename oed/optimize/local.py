@@ -112,17 +112,19 @@ class LocalSearch:
             return -self.design.terms.drive.path_length(softening=softening)
         return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._robots[0])
 
-    def sketch(self, unknowns: Array, barrier: float) -> Sketch:
+    def sketch(self, unknowns: Array, barrier: float, tolerance: float) -> Sketch:
         """One solve from a start, on this grid and without tightening limits: where that leads.
 
         Args:
             unknowns: z to begin at.
             barrier: as of `Program.solve`.
+            tolerance: of Ipopt, at least.
         """
         nothing = self.grid.no_correction
         floors = np.zeros(self._objective.floors.shape[0])
+        loose = max(tolerance, self.settings.tolerance)
         try:
-            outcome = self.solved(self.program, unknowns, nothing, floors, barrier=barrier)
+            outcome = self.solved(self.program, unknowns, nothing, floors, barrier=barrier, tolerance=loose)
         except NotFinite:
             return Sketch(unknowns, -np.inf, 1)
         _, violations = self.design.score_many(outcome.unknowns[None, :])
@@ -259,6 +261,7 @@ class LocalSearch:
         backoff: Array | None = None,
         after: Outcome | None = None,
         barrier: float | None = None,
+        tolerance: float | None = None,
     ) -> Outcome:
         """One call of Ipopt from a start, with the grid's corrections.
 
@@ -270,6 +273,7 @@ class LocalSearch:
             backoff: share of its size by which each limit is tightened.
             after: the solve that it goes on from.
             barrier: as of `Program.solve`.
+            tolerance: as of `Program.solve`.
         """
         begun = self.initial(unknowns, corrections)
         free = np.full(len(begun), np.inf)
@@ -282,6 +286,7 @@ class LocalSearch:
             auxiliary_upper=np.concatenate([free, corrections]),
             after=after,
             barrier=barrier,
+            tolerance=tolerance,
         )
 
     def _misled(self, unknowns: Array, corrections: Array, evaluation: Evaluation) -> bool:

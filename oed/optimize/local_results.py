@@ -10,7 +10,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.evaluation import Evaluation
-from oed.kernel.solution import Status
+from oed.kernel.solution import Start, Status
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,12 @@ class Local:
     def objective(self) -> float:
         """The objective reached, minus infinity without a feasible design."""
         return -np.inf if self.evaluation is None else self.evaluation.objective
+
+    @property
+    def start(self) -> Start:
+        """What a solution says of it."""
+        reached = self.objective if np.isfinite(self.objective) else None
+        return Start(reached, self.status, self.wall_seconds, self.iterations)
 
 
 @dataclass(frozen=True)

@@ -264,6 +264,8 @@ def _planned(one: Planned) -> StoredPlan:
         predicted=one.predicted,
         path=None if evaluation is None else _thinned(evaluation.states[:, :2]),
         inputs=None if trajectory is None else trajectory.inputs,
+        aim=one.aim or None,
+        discrepancy=None if one.discrepancy is None else one.discrepancy.model_dump(),
     )
 
 

@@ -21,6 +21,7 @@ from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
 from oed.logs import CsvForm, LogForm
 from oed.optimize import Solver
+from oed.optimize.budget import with_shared_budget
 from oed.robots.own_parts import code_flaw, judge_flaws
 from oed.robots.presets import preset_names
 from oed.simulation.trial import Trial
@@ -81,8 +82,8 @@ class Study(Presented):
 
     @property
     def solvers(self) -> tuple[Solver, ...]:
-        """The searches asked for."""
-        return self.file.solvers
+        """The searches asked for, each with its share of their budget."""
+        return with_shared_budget(self.file.solvers)
 
     @property
     def folder(self) -> Path:

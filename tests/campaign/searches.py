@@ -24,6 +24,7 @@ GIVEN = "given"
 FROM_NOWHERE = (
     {"starts": 1, "perturbations": 0, "max_iterations": 40, "second_stage": "none"},
     {"starts": 2, "perturbations": 1, "max_iterations": 25},
+    {"starts": "auto", "iterations": 20, "max_iterations": 40, "second_stage": "none"},
 )
 
 
@@ -41,7 +42,7 @@ def searched(
     known = [one for one in known if one.evaluation.feasible and _is_design(one.evaluation.objective)]
     seed, options = int(rng.integers(1000)), dict[str, Any](one_of(rng, FROM_NOWHERE))
     if known:
-        options = {**FROM_NOWHERE[0], "start_from": GIVEN}
+        options = {**one_of(rng, (FROM_NOWHERE[0], FROM_NOWHERE[2])), "start_from": GIVEN}
     earlier = {one.name: one for one in known[:1]}
     found = oed.solve(problem, oed.Ipopt(**options), seed=seed, workers=1, earlier=earlier)
     return found.trajectory, [_worth(found, start) for start in earlier.values()]

@@ -121,6 +121,19 @@ def test_poses_say_what_generalised_least_squares_would(every):
     assert np.all(np.linalg.eigvalsh(information_of(blind, drive) - expected) > 0)
 
 
+def test_a_sensor_that_does_not_read_at_the_end_says_nothing_there():
+    seldom = POSES.model_copy(update={"every": 3})
+    problem = problem_of(measurement=[seldom, POSES.model_copy(update={"every": 2})], criterion=E())
+    drive = random_drive(problem, 8)
+    assert (drive.samples % 3, drive.samples % 2) == (1, 0)
+    both = [poses_read(drive, every) for every in (3, 2)]
+
+    def readings(unknowns: np.ndarray, errors: np.ndarray) -> np.ndarray:
+        return np.concatenate([read(unknowns, errors) for read in both])
+
+    assert_close(information_of(problem, drive), dense(readings, drive, DRIFT, 0))
+
+
 def test_drift_of_nothing_is_none_and_the_filter_without_errors_is_least_squares():
     silent = problem_of(measurement=POSES.model_copy(update={"drift": Drift()}), criterion=E())
     blind = problem_of(measurement=POSES.model_copy(update={"drift": None}), criterion=E())

@@ -6,19 +6,24 @@ from itertools import count, islice
 
 import numpy as np
 import pytest
+import yaml
 from builders import ACCELERATION, problem_of
+from studies import small
 
+from oed.foundation.errors import StudyError
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Status
-from oed.optimize import Ipopt, solve
-from oed.optimize.exploration import AGAIN, HOPELESS, ROUND, Attempt, Exploration
+from oed.optimize import Genetic, Ipopt, solve
+from oed.optimize.budget import with_shared_budget
+from oed.optimize.exploration import BUDGET, HOPELESS, LEAST, QUICK, ROUND, SHARE, Attempt, Exploration
 from oed.optimize.local_results import Sketch
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.perturbations import varied_design
 from oed.optimize.transcription.starting_points import screen, varied_starts
 from oed.robots.limits import WheelSpeed
 from oed.robots.space import DesignSpace
+from oed.workflow.studies import parse_study
 
 SPACE = DesignSpace(duration=6, samples=24, spline=Spline(coefficients=7), rest_to_rest=False)
 
@@ -70,10 +75,19 @@ def test_the_budget_counts_iterations_by_samples(design):
 
 
 def test_it_ends_when_the_best_is_found_again_and_again(design):
-    found, values = exploration(design), iter([1.0, 2.0] * 4 + [3.0] + [1.0, 3.0] * 100)
+    found, values = exploration(design, budget=700), iter([1.0, 2.0] * 4 + [3.0] + [1.0, 3.0] * 100)
     found.run(lambda attempts: [Sketch(one.unknowns, next(values), 50) for one in attempts])
     # Up to a round.
-    assert 9 + 2 * AGAIN <= found.solves < 9 + 2 * AGAIN + ROUND
+    assert 9 + 2 * QUICK.again <= found.solves < 9 + 2 * QUICK.again + ROUND
+
+
+def test_where_solves_are_cheap_it_goes_on_for_more_of_them(design):
+    found = exploration(design, budget=150)
+    found.run(lambda attempts: [Sketch(one.unknowns, 1.0, 10) for one in attempts])
+    assert LEAST <= found.iterations < LEAST + ROUND * 10 < 150 / found.share
+    large = exploration(design, budget=BUDGET)
+    large.run(lambda attempts: [Sketch(one.unknowns, 1.0, 10) for one in attempts])
+    assert SHARE * BUDGET <= large.spent < SHARE * BUDGET + 10
 
 
 def test_it_ends_where_no_drive_keeps_the_limits(design):
@@ -95,9 +109,9 @@ def test_cut_short_it_hands_back_a_drive_met_on_the_way(monkeypatch):
 
 def test_equal_optima_are_one_and_the_best_leads(design):
     found = exploration(design)
-    for value in (1.0, 3.0, 2.0, 3.0 + 1e-7, -np.inf):
+    for value in (1.0, 3.0, 2.0, 3.0 + 1e-7, 2.0 - 1e-6, -np.inf):
         found.take(Attempt(np.zeros(2), 0.1), Sketch(np.zeros(2), value, 1))
-    assert [one.value for one in found.elite] == [3.0, 2.0, 1.0]
+    assert [one.value for one in found.elite] == [3.0 + 1e-7, 2.0, 1.0]
 
 
 def test_the_result_is_the_same_for_any_number_of_workers(monkeypatch):
@@ -106,6 +120,43 @@ def test_the_result_is_the_same_for_any_number_of_workers(monkeypatch):
     solver = Ipopt(starts="auto", iterations=30, second_stage="none")
     one, two = (solve(problem, solver, seed=3, workers=workers) for workers in (1, 2))
     assert np.array_equal(one.trajectory.coefficients, two.trajectory.coefficients)
-    assert one.detail == two.detail
+    assert one.explored == two.explored
+    assert one.explored.budget == 30
+    assert one.explored.spent == pytest.approx(one.explored.iterations * 24 / 200)
     assert one.evaluation.objective == evaluate(problem, one.trajectory).objective
     assert "iterations" in one.message
+
+
+def shared(*solvers):
+    return [getattr(one, "iterations", None) for one in with_shared_budget(solvers)]
+
+
+def test_searches_of_a_study_share_one_budget():
+    auto, own, few = Ipopt(starts="auto"), Ipopt(starts="auto", iterations=70), Ipopt(starts=3)
+    assert shared(auto) == [BUDGET]
+    assert shared(auto, own, few, auto, Genetic()) == [BUDGET // 2, 70, None, BUDGET // 2, None]
+    assert shared(few) == [None]
+    assert auto.budget == BUDGET
+
+
+def test_a_study_gives_its_searches_their_shares():
+    study = parse_study(
+        small(solvers="{kind: ipopt, starts: auto}, {kind: ipopt, name: other, starts: auto}")
+    )
+    assert [one.iterations for one in study.solvers] == [BUDGET // 2] * 2
+    again = parse_study(yaml.safe_dump(study.echo()))
+    assert again.solvers == study.solvers
+
+
+@pytest.mark.parametrize(
+    ("options", "key"),
+    [
+        ("starts: auto, perturbations: 3", "perturbations"),
+        ("starts: auto, perturbations: 0", "perturbations"),
+        ("starts: 3, iterations: 500", "iterations"),
+        ("iterations: 500", "iterations"),
+    ],
+)
+def test_keys_of_the_other_kind_of_starts_are_refused(options, key):
+    with pytest.raises(StudyError, match=rf"study:\d+: solvers\.0\.{key}: .*starts: auto"):
+        parse_study(small(solvers=f"{{kind: ipopt, {options}}}"))

@@ -245,7 +245,12 @@ def test_shipped_records_are_read_as_they_are(name: str):
         "provenance": {"study": "", **data["provenance"]},
         "robustness": data["robustness"] and {**data["robustness"], "courses": None},
         "physics": data["physics"]
-        and {**data["physics"], "floors": [*map(_tried, data["physics"]["floors"])]},
+        and {
+            **data["physics"],
+            "floors": [*map(_tried, data["physics"]["floors"])],
+            # What drives are designed for, before there were several aims.
+            "planned": [{"aim": None, "discrepancy": None, **one} for one in data["physics"]["planned"]],
+        },
     }
     assert data["study"].keys() <= read["study"].keys()
 
@@ -253,11 +258,13 @@ def test_shipped_records_are_read_as_they_are(name: str):
 def _added(one: dict[str, Any]) -> dict[str, Any]:
     # What drives of one run left out before there were several, and margins before they were of all times
     # and said what looser limits gain; whether a drive tells all parameters apart, before results did;
-    # which readings are taken, before they were chosen; what would be without drift, before it counted.
+    # which readings are taken, before they were chosen; what would be without drift, before it counted;
+    # what a search spent, before it had a budget.
     drive, margins = one["drive"], [{"certain": None, "gain": None, **margin} for margin in one["margins"]]
     said = {key: one.get(key) for key in ("identifiable", "singular")}
     known = None if drive is None else {"runs": 1, "weights": None, **drive}
-    return {"drive": known, "margins": margins, "selection": None, "steady_deviations": {}, **said}
+    later = {"selection": None, "steady_deviations": {}, "explored": None}
+    return {"drive": known, "margins": margins, **later, **said}
 
 
 def _tried(floor: dict[str, Any]) -> dict[str, Any]:

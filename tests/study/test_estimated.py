@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import oed
+from oed.estimation.assessment.residual_growth import growth
 from oed.foundation.errors import StudyError
-from oed.records.discrepancy import growth
 from oed.records.record import load_estimate
 from oed.robots.baselines import baselines
 from oed.robots.sensors import AbsoluteNoise

@@ -227,13 +227,14 @@ class Smoother:
         table = ca.MX.sym("readings", sum(used.rows), samples + 1)
         # The path is off itself by nothing where it begins.
         begin, none = ca.horzcat(used.begin[0], ca.DM.zeros(used.states)), used.begin[1]
-        period, reads = self.trajectory.period, used.reads(samples)[:, :-1]
+        period, reads = self.trajectory.period, used.reads(samples)
         along = used.tracking.mapaccum("along", samples, 2)
         every = used.remembering(path)
-        given = every[:, :-1], inputs, parameters, period, reads, own, table[:, :-1], path[:, 1:]
+        given = every[:, :-1], inputs, parameters, period, reads[:, :-1], own, table[:, :-1], path[:, 1:]
         slopes, spreads, rows, onward, seen = along(begin, none, *given)
         end = slopes[:, -width:], spreads[:, -used.states :]
-        last = used.ending(*end, every[:, -1], inputs[:, -1], parameters, period, own, table[:, -1])
+        ended = every[:, -1], inputs[:, -1], parameters, period, reads[:, -1], own, table[:, -1]
+        last = used.ending(*end, *ended)
         results = [
             ca.horzcat(begin, slopes),
             ca.horzcat(none, spreads),

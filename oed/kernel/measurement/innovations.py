@@ -115,10 +115,12 @@ class Filter:
 
     @cached_property
     def last(self) -> ca.Function:
-        """(D, P, state, inputs, parameters, period) -> e / sqrt(s) (rows, n) at the last instant."""
+        """(D, P, state, inputs, parameters, period, which sensors read) -> e / sqrt(s) (rows, n) at the last
+        instant.
+        """
         slopes, covariance = self._symbols(self.width)
         _, last = _Belief(slopes, covariance, self.states).whitened(self._at_end(self._placed))
-        return self._function("last", [slopes, covariance, *self._given], [last])
+        return self._function("last", [slopes, covariance, *self._given, self._reads], [last])
 
     @cached_property
     def tracking(self) -> ca.Function:
@@ -141,15 +143,13 @@ class Filter:
 
     @cached_property
     def ending(self) -> ca.Function:
-        """`tracking` at the last instant, without which sensors read and a next sample: innovations, and
-        their derivatives.
-        """
+        """`tracking` at the last instant, without a next sample: innovations, and their derivatives."""
         slopes, covariance = self._symbols(self.width + 1)
         measured, beside = self._compared
         belief = _Belief(self._with_columns(slopes), covariance, self.states)
         _, last = belief.whitened(self._at_end(beside))
         results = [last[:, : self.width + 1], last[:, self.width + 1 :]]
-        given = [slopes, covariance, *self._given, self._own, measured]
+        given = [slopes, covariance, *self._given, self._reads, self._own, measured]
         return ca.Function("ending", given, ca.cse([ca.densify(one) for one in results]))
 
     @cached_property
@@ -274,8 +274,7 @@ class Filter:
     def _at_end(self, rows: Sequence[Placed]) -> list[Placed]:
         # What is read at the last instant.
         return [
-            row.without_errors(self.noise.size).scaled(1.0 if sensor.when == "at samples" else 0.0)
-            for sensor, row in zip(self.sensors, rows, strict=True)
+            row.without_errors(self.noise.size).scaled(self._reads[place]) for place, row in enumerate(rows)
         ]
 
     @cached_property
@@ -374,9 +373,9 @@ def _of_run(used: Filter, drive: Drive, run: int) -> Expression:
     inputs = drive.inputs[run * samples : (run + 1) * samples, :].T
     given = drive.parameters, drive.period
     along = used.period.mapaccum("along", samples, 2)
-    reads = ca.DM(used.reads(samples)[:, :samples])
-    slopes, covariance, rows = along(begin, none, path[:, :samples], inputs, *given, reads)
+    reads = ca.DM(used.reads(samples))
+    slopes, covariance, rows = along(begin, none, path[:, :samples], inputs, *given, reads[:, :samples])
     end = slopes[:, -used.width :], covariance[:, -used.states :]
-    last = used.last(*end, path[:, -1], inputs[:, -1], *given)
+    last = used.last(*end, path[:, -1], inputs[:, -1], *given, reads[:, samples])
     # Those of all periods stand side by side.
     return ca.vertcat(*ca.horzsplit(rows, used.width), last)

@@ -287,14 +287,15 @@ def read_end(problem: Problem, held: Expression, state: Expression) -> Expressio
         state: at that instant, (states,).
     """
     sensors = problem.measurement.joint_sensors
+    reads = ca.DM([1.0 if sensor.when == "at samples" else 0.0 for sensor in sensors])
     if process_noise_of(sensors) is not None:
         drive = small_drive(problem, held.T, state)
         used = _filtering(problem)
         state, *rest = _given(drive)
-        rows = used.last(*_known(used), used.remembering(state), *rest)[:, _columns(problem, used)]
+        known = _known(used), used.remembering(state)
+        rows = used.last(*known[0], known[1], *rest, reads)[:, _columns(problem, used)]
         return upper_half(rows.T @ rows)
-    reads = [1.0 if sensor.when == "at samples" else 0.0 for sensor in sensors]
-    return upper_half(_read(problem, small_drive(problem, held.T, state), ca.DM(reads)))
+    return upper_half(_read(problem, small_drive(problem, held.T, state), reads))
 
 
 def cuts_of(problem: Problem) -> Cuts:

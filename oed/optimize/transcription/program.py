@@ -121,13 +121,15 @@ class Program:
         self._program = chain.program
         self._options = {**IPOPT_OPTIONS, **chain.derivatives, **(options or {})}
 
-        self._solvers: dict[float | None, ca.Function] = {}
+        self._solvers: dict[tuple[float | None, float | None], ca.Function] = {}
 
-    def _solver(self, barrier: float | None) -> ca.Function:
-        if barrier not in self._solvers:
-            own = {} if barrier is None else {"ipopt.mu_init": barrier}
-            self._solvers[barrier] = ca.nlpsol("design", "ipopt", self._program, {**self._options, **own})
-        return self._solvers[barrier]
+    def _solver(self, barrier: float | None, tolerance: float | None = None) -> ca.Function:
+        key = barrier, tolerance
+        if key not in self._solvers:
+            asked = {"ipopt.mu_init": barrier, "ipopt.tol": tolerance}
+            own = {name: value for name, value in asked.items() if value is not None}
+            self._solvers[key] = ca.nlpsol("design", "ipopt", self._program, {**self._options, **own})
+        return self._solvers[key]
 
     @cached_property
     def _warm_solver(self) -> ca.Function:
@@ -146,6 +148,7 @@ class Program:
         auxiliary_upper: Array | None = None,
         after: Outcome | None = None,
         barrier: float | None = None,
+        tolerance: float | None = None,
     ) -> Outcome:
         """Solve from a start. `backoff` tightens each limit by that share of its size.
 
@@ -161,6 +164,7 @@ class Program:
             auxiliary_upper: bounds of these.
             after: the solve that it goes on from.
             barrier: Ipopt's first barrier parameter, instead of its 0.1; a small one stays near the start.
+            tolerance: of Ipopt, instead of the program's own.
         """
         shares = np.zeros(len(self.design.terms.rows)) if backoff is None else backoff
         (low, high), (row_low, row_high) = self._frame.bounds(shares)
@@ -174,7 +178,7 @@ class Program:
             "lbx": np.concatenate([low, -unbounded if auxiliary_lower is None else auxiliary_lower]),
             "ubx": np.concatenate([high, unbounded if auxiliary_upper is None else auxiliary_upper]),
         }
-        outcome = self._solved(given, after, barrier)
+        outcome = self._solved(given, after, barrier, tolerance)
         if not outcome.succeeded:
             # Of no optimum multipliers say nothing.
             return outcome
@@ -182,9 +186,15 @@ class Program:
         multipliers = np.concatenate([bounds[: len(low)], rows[self._equalities + self._floors :]])
         return replace(outcome, gains=self._frame.gains(shares, multipliers))
 
-    def _solved(self, given: dict[str, Array], after: Outcome | None, barrier: float | None) -> Outcome:
+    def _solved(
+        self,
+        given: dict[str, Array],
+        after: Outcome | None,
+        barrier: float | None,
+        tolerance: float | None,
+    ) -> Outcome:
         if after is None:
-            return self._called(self._solver(barrier), given)
+            return self._called(self._solver(barrier, tolerance), given)
         multipliers = {"lam_g0": after.row_multipliers, "lam_x0": after.bound_multipliers}
         warm = self._called(self._warm_solver, {**given, **multipliers})
         if warm.return_status not in LED_NOWHERE:

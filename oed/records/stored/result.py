@@ -128,6 +128,16 @@ class StartPoint(Stored):
     iterations: Count
 
 
+class StoredExplored(Stored):
+    """What a search with a budget spent, as `Explored`."""
+
+    solves: Count
+    iterations: Count
+    samples: Count
+    budget: Count
+    spent: Positive
+
+
 class Progress(Stored):
     """The best objective after so many evaluations."""
 
@@ -163,6 +173,7 @@ class Result(Presented, Stored):
         criteria: what other criteria say of it, by their kinds.
         selection: which readings are taken, where they were chosen.
         steady_deviations: of a process that drifts, the standard deviations if it did not.
+        explored: what a search with a budget spent, as a `Solution` has it.
     """
 
     name: Name
@@ -195,6 +206,7 @@ class Result(Presented, Stored):
     criteria: dict[str, Number | None] = Field(default_factory=dict)
     selection: StoredSelection | None = None
     steady_deviations: dict[str, Positive | None] = Field(default_factory=dict)
+    explored: StoredExplored | None = None
 
     @property
     def origin(self) -> Literal["search", "baseline", "path"]:

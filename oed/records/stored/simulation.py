@@ -240,7 +240,12 @@ class Fit(Stored):
 
 
 class StoredPlan(Stored):
-    """A drive to calibrate from."""
+    """A drive to calibrate from.
+
+    Attributes:
+        aim: what it is designed for; None of baselines, and in records of earlier versions.
+        discrepancy: that the noise had which it is designed with, SI; None without.
+    """
 
     name: str
     model: str | None
@@ -255,6 +260,8 @@ class StoredPlan(Stored):
     predicted: dict[str, Positive | None] | None = Field(alias="promised")
     path: Annotated[Line, Rounded(4)] | None
     inputs: list[Annotated[Numbers, Rounded(6)]] | None
+    aim: str | None = None
+    discrepancy: dict[str, Positive] | None = None
 
 
 class Around(Stored):

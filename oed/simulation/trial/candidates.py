@@ -13,7 +13,7 @@ from oed.kernel.dynamics.system import label_of
 from oed.kernel.problem import Problem
 from oed.robots.models.model import robot_of
 from oed.robots.sensors import LeverArm, Poses
-from oed.simulation.trial.options import Trial, drive_flaw
+from oed.simulation.trial.options import Pilot, Trial, drive_flaw
 
 if TYPE_CHECKING:
     from oed.estimation.methods.fitting import Fitting
@@ -59,7 +59,8 @@ def trial_flaws(problem: Problem, trial: Trial | None) -> list[Flaw]:
     flaws = [Flaw(("physics",), text) for text in _misfits(problem)]
     if flaws:
         return flaws
-    return [*_model_flaws(problem, trial), *_drive_flaws(problem, trial), *_method_flaws(problem, trial)]
+    found = (_model_flaws, _drive_flaws, _method_flaws, _discrepancy_flaws)
+    return [flaw for one in found for flaw in one(problem, trial)]
 
 
 def _misfits(problem: Problem) -> Iterator[str]:
@@ -106,6 +107,23 @@ def _method_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
     if "two_stage" in trial.methods and not robot_of(problem.system).coefficient_names:
         text = f"{label_of(problem.system)} has no coefficients, which two_stage estimates"
         yield Flaw(("physics", "methods", trial.methods.index("two_stage")), text)
+
+
+def _discrepancy_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
+    place, asked, sensor = ("physics", "discrepancy"), trial.discrepancy, problem.measurement
+    assert isinstance(sensor, Poses)
+    if asked is None:
+        return
+    if sensor.noise.discrepancy is not None:
+        yield Flaw(
+            place, "all drives are designed with the measurement's `discrepancy`: leave out one of them"
+        )
+    if isinstance(asked, Pilot):
+        text = drive_flaw(problem, asked.pilot)
+        if text:
+            yield Flaw((*place, "pilot"), text)
+    elif not any(asked.model_dump().values()):
+        yield Flaw(place, "expected a number above 0, or `pilot`, the baseline whose residuals show them")
 
 
 def _redesigned(problem: Problem, trial: Trial, one: Alternative) -> Problem:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, Field, field_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator
 
 from oed.estimation import Alternative, CalibrationOptions
 from oed.estimation.setup.options import Method
@@ -15,6 +15,7 @@ from oed.kernel.criteria import CRITERION_CHOICES, Criterion
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.robots.baselines import NAMES, RANDOM, baselines, refusal
+from oed.robots.sensors.pose_noise import Discrepancy
 from oed.simulation.physics import PHYSICS_ROBOTS, FourWheels, PhysicsRobot, Variation
 
 SLOW = "slow_"
@@ -81,6 +82,27 @@ def _known_path(name: str) -> str:
 Friction = Annotated[Ratio, Field(gt=0)]
 PathName = Annotated[str, AfterValidator(_known_path), Field(json_schema_extra={"enum": list(BASELINES)})]
 
+
+class Pilot(Component):
+    """What a model cannot say, from the residuals of a simulated pilot drive on a floor between the others.
+
+    Attributes:
+        pilot: the baseline that is driven.
+    """
+
+    pilot: PathName
+
+
+def _form(value: Any) -> str:
+    # By what is given, so that mistakes are those of the form that was meant.
+    named = "pilot" in value if isinstance(value, dict) else isinstance(value, Pilot)
+    return "from a pilot drive" if named else "as numbers"
+
+
+AnyDiscrepancy = Annotated[
+    Annotated[Discrepancy, Tag("as numbers")] | Annotated[Pilot, Tag("from a pilot drive")],
+    Discriminator(_form),
+]
 AS_DESIGNED = CalibrationOptions(segment="log", sensor_place=(), clock_offset=False, noise="stated")
 """Whole drives of which nothing is unknown but the parameters and the initial pose, as designs take it."""
 USUAL_DRIVES = ("circle", "square", "slow_square", "straight_and_spin", "random")
@@ -99,6 +121,10 @@ class Trial(Component):
         drives: baselines to calibrate from, as large as the limits allow in the study's duration;
             slow_... is the first half of one at half the speed.
         held_out: random drives that predictions are tried on.
+        task: whether every model has another drive, designed for the held-out drives themselves: by
+            criterion I.
+        discrepancy: another drive for every model, of the same aim but designed with noise that knows what
+            the model cannot say: in numbers, or as the residuals of a pilot drive show it.
         calibration: how models are calibrated.
         methods: of calibration, by which the study's own robot is calibrated besides.
         resamples: of the repeats, for intervals.
@@ -112,6 +138,8 @@ class Trial(Component):
     criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] | None = None
     drives: Annotated[tuple[PathName, ...], Field(min_length=1)] = USUAL_DRIVES
     held_out: Annotated[int, Field(ge=1)] = 8
+    task: bool = False
+    discrepancy: AnyDiscrepancy | None = None
     calibration: CalibrationOptions = AS_DESIGNED
     methods: tuple[Method, ...] = ()
     resamples: Annotated[int, Field(ge=100)] = 2000

@@ -13,6 +13,7 @@ from oed.estimation.methods.fitting import Fitting
 from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import Solution
+from oed.robots.sensors.pose_noise import Discrepancy
 from oed.simulation.trial.attainable import overall
 from oed.simulation.trial.candidates import Candidate
 from oed.simulation.trial.experiment import Found
@@ -104,12 +105,16 @@ class Planned:
         model: that it is designed for; None of a baseline.
         solution: with the drive, scored for that model or else for the study's own.
         predicted: standard errors of the study's own parameters by it; None without a drive.
+        aim: what it is designed for; "" of a baseline.
+        discrepancy: that the noise had which it is designed with; None without.
     """
 
     name: str
     model: Candidate | None
     solution: Solution
     predicted: Mapping[str, float] | None
+    aim: str = ""
+    discrepancy: Discrepancy | None = None
 
     @property
     def drivable(self) -> Trajectory | None:

@@ -14,10 +14,9 @@ from oed.kernel.identifiability import require_identifiable
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Progress, Solver, Workers, default_workers, solve
-from oed.robots.sensors import Poses
-from oed.simulation.physics import Sensing
 from oed.simulation.physics.engine import engine_library
-from oed.simulation.trial.candidates import Candidate, candidates
+from oed.simulation.trial.aims import OPTIMAL, Aim, aims, sensing_of
+from oed.simulation.trial.candidates import candidates
 from oed.simulation.trial.experiment import Bench, Found, Repeat, repeated
 from oed.simulation.trial.options import Trial, held_out_drives, paced_baseline
 from oed.simulation.trial.outcome import Outcome, Planned
@@ -68,11 +67,14 @@ def run_trial(
     interrupted = False
     try:
         for model in models:
-            solution = known if model is models[0] and known is not None else None
-            solution = solution or solve(model.problem, solver, seed=seed, workers=workers, progress=progress)
-            planned.append(_designed(problem, model, solution))
-            if solution.status is Status.INTERRUPTED:
-                raise KeyboardInterrupt
+            for aim in aims(problem, trial, model, fits[model.name], seed):
+                solution = known if aim.model is models[0] else None
+                solution = solution or solve(
+                    aim.model.problem, solver, seed=seed, workers=workers, progress=progress
+                )
+                planned.append(_designed(problem, aim, solution))
+                if solution.status is Status.INTERRUPTED:
+                    raise KeyboardInterrupt
         planned += [_baseline(problem, name, seed) for name in trial.drives]
         bench = _bench(problem, trial, planned, fits, seed)
         _drive(bench, trial, found, workers or default_workers(), progress)
@@ -91,10 +93,11 @@ def _fits(problem: Problem, trial: Trial) -> dict[str, Fitting]:
     }
 
 
-def _designed(problem: Problem, model: Candidate, solution: Solution) -> Planned:
+def _designed(problem: Problem, aim: Aim, solution: Solution) -> Planned:
     evaluation = solution.evaluation if solution.trajectory is not None else None
     predicted = None if evaluation is None else _predicted(problem, solution)
-    return Planned(f"optimal for {model.name}", model, solution, predicted)
+    name = f"{aim.name} {'for' if aim.name.startswith(OPTIMAL) else 'by'} {aim.model.name}"
+    return Planned(name, aim.model, solution, predicted, aim.name, aim.discrepancy)
 
 
 def _predicted(problem: Problem, solution: Solution) -> Mapping[str, float]:
@@ -115,14 +118,9 @@ def _baseline(problem: Problem, name: str, seed: int) -> Planned:
 def _bench(
     problem: Problem, trial: Trial, planned: Sequence[Planned], fits: Mapping[str, Fitting], seed: int
 ) -> Bench:
-    sensor = problem.measurement
-    assert isinstance(sensor, Poses)
-    rate = 1 / (problem.design.period * sensor.every)
     drives = {one.name: one.drivable for one in planned if one.drivable is not None}
     held_out = held_out_drives(problem, trial.held_out, seed)
-    # What the model cannot say the simulated robot does by itself.
-    sensing = Sensing(pose_rate=rate, noise=sensor.noise.of_sensor)
-    return Bench(trial.robot, trial.variation, sensing, drives, held_out, fits, seed)
+    return Bench(trial.robot, trial.variation, sensing_of(problem), drives, held_out, fits, seed)
 
 
 def _drive(

@@ -45,7 +45,9 @@ def draw_criterion(
     if len(judged) < len(estimated):
         found["subset"] = judged
     found["scaling"] = _scaling(rng, blocks, judged)
-    if kind in "GI":
+    if kind == "I" and rng.random() < 0.5:
+        found |= _task(rng, *legs)
+    elif kind in "GI":
         found |= _test_drive(rng, *legs)
     return found
 
@@ -72,6 +74,16 @@ def _test_drive(rng: Rng, inputs: int, size: float, time: float) -> dict[str, An
         for _ in range(count)
     ]
     return {"test_drive": legs, "quantity": one_of(rng, ("position", "heading"))}
+
+
+def _task(rng: Rng, inputs: int, size: float, time: float) -> dict[str, Any]:
+    drives = []
+    for _ in range(int(rng.integers(1, 3))):
+        periods = int(rng.integers(1, 12))
+        held = 0.5 * size * rng.uniform(-1, 1, (periods, inputs))
+        period = Quantity(time * rng.uniform(0.1, 1) / periods, "s")
+        drives.append({"inputs": held.tolist(), "period": period})
+    return {"task": drives, "quantity": one_of(rng, ("position", "heading"))}
 
 
 def draw_prior(rng: Rng, blocks: Sequence[Block], estimate: Sequence[str] | None) -> dict[str, Any] | None:

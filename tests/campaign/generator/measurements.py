@@ -22,6 +22,9 @@ def draw_measurement(rng: Rng, robot: Robot, samples: int, reach: float) -> Any:
     initial = plain(_initial_pose(rng, reach))
     kinds = ["poses", "poses", "ranges", "yaw_rate", *(["trailer_angle"] if robot.trailer else [])]
     sensors = [_SENSORS[one_of(rng, kinds)](rng, samples, reach, initial) for _ in range(count)]
+    if (placed := _may_drift(sensors)) and rng.random() < 0.3:
+        # One robot drifts, whichever of its sensors says so.
+        one_of(rng, placed)["drift"] = _drift(rng, reach)
     return sensors[0] if count == 1 and rng.random() < 0.7 else sensors
 
 
@@ -47,6 +50,27 @@ def _displacements(rng: Rng, columns: int, samples: int, reach: float) -> dict[s
         "noise_model": model,
         **estimator,
     }
+
+
+def _may_drift(sensors: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    # Those whose readings can tell, unless one covariance says of all readings how they err together.
+    poses = [one for one in sensors if one["kind"] == "poses" and "covariance" in one["noise"]]
+    if any(len(one["noise"]["covariance"]) > len(one["quantities"]) for one in poses):
+        return []
+    return [one for one in sensors if one["kind"] in ("poses", "ranges")]
+
+
+def _drift(rng: Rng, reach: float) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, unit, size in (
+        ("ahead", "m", 0.1 * reach),
+        ("sideways", "m", 0.1 * reach),
+        ("heading", "rad", 1.0),
+    ):
+        for cause in ("metre", "radian", "root_second"):
+            if rng.random() < 0.4:
+                found[f"{name}_per_{cause}"] = Quantity(size * log_uniform(rng, 1e-4, 1e-1), unit)
+    return found or {"heading_per_metre": Quantity(0.01, "rad")}
 
 
 def _initial_pose(rng: Rng, reach: float) -> Any:
@@ -91,6 +115,13 @@ def _pose_noise(rng: Rng, quantities: list[str], readings: int, reach: float) ->
     if sort > 0.7:
         noise["position_per_speed"] = Quantity(log_uniform(rng, 1e-4, 1e-2), "s")
         noise["heading_per_yaw_rate"] = Quantity(log_uniform(rng, 1e-4, 1e-2), "s")
+    if rng.random() < 0.25:
+        noise["discrepancy"] = {
+            "position_per_speed": Quantity(log_uniform(rng, 1e-4, 1e-1), "s"),
+            "heading_per_speed": log_uniform(rng, 1e-4, 1e-1),
+            "position_per_yaw_rate": log_uniform(rng, 1e-5, 1e-2),
+            "heading_per_yaw_rate": Quantity(log_uniform(rng, 1e-4, 1e-1), "s"),
+        }
     return noise
 
 

@@ -41,10 +41,13 @@ def _variances(told: Told, rows: Array) -> Array:
 
 
 def predicted(robot: Robot, criterion: Mapping[str, Any]) -> Array:
-    """Derivatives (legs, coordinates, p) of the poses that a test drive ends its legs at, by the parameters.
+    """Derivatives (legs, coordinates, p) of the poses that a test drive ends its legs at, by the parameters,
+    or that drives of a task have at the ends of all their periods.
 
-    Each leg is one exact arc, the first from a known pose.
+    Each leg or period is one exact arc, the first from a known pose.
     """
+    if "task" in criterion:
+        return np.concatenate([_along(robot, criterion, one) for one in criterion["task"]])
     copies = 1 + len(robot.values)
     p = displaced(robot.values, 1, copies)
     state = [np.zeros((copies, 1), dtype=complex) for _ in robot.states]
@@ -56,3 +59,15 @@ def predicted(robot: Robot, criterion: Mapping[str, Any]) -> Array:
         slopes = [np.imag(one[1:, 0]) / STEP for one in state[:3]]
         found.append(slopes[:2] if criterion.get("quantity", "position") == "position" else slopes[2:])
     return np.array(found)
+
+
+def _along(robot: Robot, criterion: Mapping[str, Any], task: Mapping[str, Any]) -> Array:
+    copies = 1 + len(robot.values)
+    start = [np.zeros((copies, 1), dtype=complex) for _ in robot.states]
+    held = np.array(task["inputs"], dtype=float)
+    p = displaced(robot.values, 1, copies)
+    motion = drive(robot, held, start, p, float(task["period"]), "arc")
+    # (p, N) by coordinate, each period's end a leg.
+    slopes = np.array([np.imag(one[1:, 1:]) / STEP for one in motion.states[:3]])
+    chosen = slopes[:2] if criterion.get("quantity", "position") == "position" else slopes[2:]
+    return chosen.transpose(2, 0, 1)

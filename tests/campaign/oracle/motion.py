@@ -40,9 +40,17 @@ class Motion:
 
 
 def drive(
-    robot: Robot, held: Array, start: Sequence[Array], p: Sequence[Array], period: float, rule: str
+    robot: Robot,
+    held: Array,
+    start: Sequence[Array],
+    p: Sequence[Array],
+    period: float,
+    rule: str,
+    errors: Twist | None = None,
 ) -> Motion:
-    """The run that holds `held` (N, inputs), for start states and parameters (copies, 1)."""
+    """The run that holds `held` (N, inputs), for start states and parameters (copies, 1); `errors` of the way
+    ahead, to the left and of the turn in each period, (copies, N), are even in it.
+    """
     asked = robot.asked(held, p)
     copies = np.broadcast(*p, *start).shape[0] if p else len(start[0])
     asked = tuple(np.broadcast_to(one, (copies, len(held))) for one in asked)  # type: ignore[assignment]
@@ -50,6 +58,8 @@ def drive(
     mean = asked
     if robot.lag is not None:
         mean, rates = _lagging(robot, asked, start[3], p, period)
+    if errors is not None:
+        mean = tuple(one + error / period for one, error in zip(mean, errors, strict=True))  # type: ignore[assignment]
     heading = _summed(start[2], period * mean[2])
     along, across = chords(heading[:, :-1], mean[2], period, rule)
     x = _summed(start[0], mean[0] * along - mean[1] * across)

@@ -17,6 +17,8 @@ Array = npt.NDArray[Any]
 
 STEP = 1e-30
 """Imaginary step; its square is nothing beside any number here."""
+AT_REST = 1e-3
+"""Speed [m/s] and yaw rate [rad/s] below which drift rounds their sizes off, as its documentation states."""
 NEAREST = 1e-3
 """Distance [m] at which a range is rounded off at its beacon, as its documentation states."""
 
@@ -63,7 +65,7 @@ def _joint(sensors: Sequence[Mapping[str, Any]], robot: Robot, runs: Sequence[Ru
     initial = _initial_pose(sensors)
     parts = []
     for number, run in enumerate(runs):
-        white = np.vstack([*_white_jacobians(sensors, robot, run, rule)])
+        white = _white_jacobian(sensors, robot, run, rule)
         wide = np.zeros((len(white), size + len(runs) * states + len(own)))
         wide[:, :size] = white[:, :size]
         wide[:, size + number * states : size + (number + 1) * states] = white[:, size : size + states]
@@ -113,13 +115,19 @@ def displaced(values: Sequence[float], first: int, copies: int) -> list[Array]:
     return found
 
 
-def _white_jacobians(sensors: Sequence[Mapping[str, Any]], robot: Robot, run: Run, rule: str) -> list[Array]:
+def _white_jacobian(sensors: Sequence[Mapping[str, Any]], robot: Robot, run: Run, rule: str) -> Array:
+    # By the parameters, the start states and the sensors' nuisances. Drift is not eliminated as the package
+    # does, by a filter: all readings are whitened by the covariance that it gives them together.
     own = [_nuisances(sensor) for sensor in sensors]
-    size, states = len(robot.values), len(robot.states)
-    copies = 1 + size + states + sum(map(len, own))
+    size, states, nuisances = len(robot.values), len(robot.states), sum(map(len, own))
+    drift = next((one["drift"] for one in sensors if "drift" in one), None)
+    shaken = 0 if drift is None else 3 * run.samples
+    kept = size + states + nuisances
+    copies = 1 + kept + shaken
     p = displaced(robot.values, 1, copies)
     begun = displaced([*run.start, *[0.0] * (states - 3)], 1 + size, copies)
-    motion = drive(robot, run.held, begun, p, run.period, rule)
+    errors = _shaken(run.samples, 1 + kept, copies) if shaken else None
+    motion = drive(robot, run.held, begun, p, run.period, rule, errors)
     found, first = [], 1 + size + states
     for sensor, nuisances in zip(sensors, own, strict=True):
         values = displaced([value for value, _ in nuisances], first, copies)
@@ -130,7 +138,32 @@ def _white_jacobians(sensors: Sequence[Mapping[str, Any]], robot: Robot, run: Ru
             found.append(whitening(slopes))
         else:
             found.append(np.einsum("kij,ckj->kic", whitening, slopes).reshape(-1, copies - 1))
-    return found
+    white = np.vstack(found)
+    if drift is None:
+        return white
+    effect = white[:, kept:] * np.sqrt(_drift_variances(drift, motion, run.period))
+    return _whitened(np.eye(len(white)) + effect @ effect.T, white[:, :kept])
+
+
+def _shaken(samples: int, first: int, copies: int) -> Twist:
+    # Errors of the motion, each displaced in a copy of its own, period by period.
+    errors = np.zeros((copies, samples, 3), dtype=complex)
+    for place in range(3 * samples):
+        errors[first + place, place // 3, place % 3] = 1j * STEP
+    return errors[..., 0], errors[..., 1], errors[..., 2]
+
+
+def _drift_variances(drift: Mapping[str, float], motion: Motion, period: float) -> Array:
+    # Of all errors, period by period: they grow with the way, the turn and the time.
+    forward, lateral, yaw = (np.real(one[0]) for one in motion.mean)
+    way = period * np.sqrt(forward**2 + lateral**2 + AT_REST**2)
+    turn = period * np.sqrt(yaw**2 + AT_REST**2)
+    amounts = {"per_metre": way, "per_radian": turn, "per_root_second": np.full(len(way), period)}
+    each = [
+        sum(drift.get(f"{name}_{cause}", 0.0) ** 2 * amount for cause, amount in amounts.items())
+        for name in ("ahead", "sideways", "heading")
+    ]
+    return np.stack(each, axis=-1).ravel()
 
 
 def _placed(
@@ -169,8 +202,9 @@ def _read_poses(
     for place, name in enumerate(quantities):
         sort = "heading" if name == "heading" else "position"
         variance = noise.get(name, noise.get(sort)) ** 2
-        variance = variance + noise.get(f"{sort}_per_speed", 0.0) ** 2 * speed
-        variance = variance + noise.get(f"{sort}_per_yaw_rate", 0.0) ** 2 * turning
+        for grown in (noise, noise.get("discrepancy", {})):
+            variance = variance + grown.get(f"{sort}_per_speed", 0.0) ** 2 * speed
+            variance = variance + grown.get(f"{sort}_per_yaw_rate", 0.0) ** 2 * turning
         whitening[:, place, place] = variance**-0.5
     return stacked, whitening
 
