@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, TypeAlias
 
@@ -364,3 +364,22 @@ def local_search(token: str, problem: Problem, settings: Settings) -> LocalSearc
         if len(_CACHE) > _CACHED:
             _CACHE.popitem(last=False)
     return _CACHE[token]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One local search for a worker: of the search of this token, the second stage where a share is given."""
+
+    token: str
+    problem: Problem
+    settings: Settings
+    unknowns: Array
+    share: float | None = None
+    barrier: float | None = None
+
+    def done(self) -> Local:
+        """What it comes to."""
+        search = local_search(self.token, self.problem, self.settings)
+        if self.share is None:
+            return search.maximise(self.unknowns, self.barrier)
+        return search.second_stage(self.unknowns, self.share)
