@@ -154,7 +154,7 @@ class Trajectory(Presented):
         return cls(knots, 1, np.vstack(parts), np.asarray(start, dtype=float), len(rows), runs)
 
     def on_knots(self, own: Array) -> Trajectory:
-        """The same drive by splines of more knots.
+        """The drive by splines of more knots: what it does is what it did.
 
         Args:
             own: of one run, on its own clock [s]: all that the splines have, and others inside.
