@@ -69,7 +69,7 @@ def test_a_search_on_one_spline_has_no_section(shares: tuple[float, ...]):
 
 
 def test_starts_are_compared_with_the_design_on_their_own_spline():
-    record, best = refined(0.8, 1.0)
+    record, _ = refined(0.8, 1.0)
     made = sureness(record)
     assert "1 of 2 starts came within 1 % of the designed drive on 16 coefficients" in str(made)
     assert "the refined spline reached" in str(starts(record).paragraphs)
