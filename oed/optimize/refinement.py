@@ -17,9 +17,9 @@ from oed.kernel.solution import Level, Solution, Status
 from oed.optimize.solver import Context, Solver
 
 ENOUGH = 0.005
-"""Gain of the last doubling, as a share of the objective, below which a spline is fine enough. Where gains halve
-from one doubling to the next, as they mostly do, all further ones together are worth about as much again; a
-design of another kind that only a finer spline can drive may still be worth more.
+"""Gain of the last doubling, as a share of the objective, below which a spline is fine enough. Where gains
+halve from one doubling to the next, as they mostly do, all further ones together are worth about as much
+again; a design of another kind that only a finer spline can drive may still be worth more.
 """
 ENDED = (Status.INTERRUPTED, Status.TIME_LIMIT)
 """How a search ends that is not to go on."""
