@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from oed.bounds.certificate import Bound
-from oed.bounds.closed_form import SPEEDS, noise_of, prior_matrix
-from oed.bounds.effort import Effort
+from oed.bounds.closed_form import SPEEDS, noise_of, prior_matrix, regression_bounds
+from oed.bounds.effort import STAGE, Effort
 from oed.bounds.reach import coefficient_rows, input_reach, largest_rates, room, turning_length, unslipped
 from oed.bounds.turns import Classes, Course
 from oed.foundation.arrays import Array
@@ -48,7 +48,8 @@ def heading_bounds(problem: Problem, effort: Effort) -> Iterator[Bound]:
         if course is None:
             continue
         search = _Search(course, prior_matrix(problem, one), effort)
-        if np.isfinite(value := search.bound()):
+        known = min((other.value for other in regression_bounds(problem)), default=np.inf)
+        if np.isfinite(value := search.bound(known)):
             yield Bound(value, METHOD, ASSUMPTIONS, None, one.block.name)
 
 
@@ -88,14 +89,14 @@ class _Search:
     known: Array
     effort: Effort
 
-    def bound(self) -> float:
-        """Of the smallest eigenvalue; infinite where the search would take too long."""
+    def bound(self, known: float) -> float:
+        """Of the smallest eigenvalue; infinite where the search would take too long, or end above `known`."""
         rough = np.min([self.course.roughly([share]) + self._prior(share) for share in ROUGH], axis=0)
         worth_it = np.flatnonzero(rough > GIVEN_UP * rough.max())
         floor = max((float(value) for value in rough if value <= GIVEN_UP * rough.max()), default=0.0)
         work = self.course.count * int(np.sum(worth_it))
         passes = int(PASSES * USUAL_WORK / max(work, 1))
-        if passes < len(FIRST):
+        if passes < len(FIRST) or floor >= known:
             return np.inf
         found = floor
         for ways in worth_it[np.argsort(-rough[worth_it])]:
@@ -112,12 +113,14 @@ class _Search:
         key = (float(self.course.count), float(ways))
         shares = list(FIRST) if (told := self.effort.known_centres(key)) is None else list(told)
         tables: dict[float, Array] = {}
+        self.effort.progress.begin(STAGE, passes if told is None else len(told))
         while len(tables) < passes and not self.effort.spent:
             share = shares.pop(0) if shares else None if told is not None else _next(tables)
             if share is None:
                 break
             found = Classes(self.course, ways, share, floor - self._prior(share)).largest()
             tables[share] = found + self._prior(share)
+            self.effort.progress.advance()
         if not tables:
             return rough
         table = np.array(list(tables.values()))
