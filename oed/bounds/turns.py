@@ -91,7 +91,7 @@ class Course:
         return np.asarray(np.stack(each, axis=1))
 
     def roughly(self, shares: Sequence[float]) -> Array:
-        """The same of all segments, by the number of ways, (P + 1,): the least of several shares."""
+        """The most that all segments are worth by the number of ways, (P + 1,): the least of all shares."""
         return np.asarray(np.min([_chosen(self.freely(share)) for share in shares], axis=0))
 
 

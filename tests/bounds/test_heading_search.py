@@ -99,7 +99,7 @@ def drives_of(made: Problem, seed: int) -> list[np.ndarray]:
     return found
 
 
-@pytest.mark.parametrize("seed", [2, *(pytest.param(one, marks=pytest.mark.slow) for one in (0, 1, 3, 4, 5))])
+@pytest.mark.parametrize("seed", [4, *(pytest.param(one, marks=pytest.mark.slow) for one in (0, 1, 2, 3, 5))])
 def test_no_drive_is_worth_more_than_its_class(seed):
     made, share = problem(seed, segments=3 + seed % 2), SHARES[seed % 3]
     course, groups = course_of(made), dict[int, list[tuple[int, float]]]()
