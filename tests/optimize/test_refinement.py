@@ -175,3 +175,25 @@ def test_a_robust_design_is_refined_and_still_keeps_its_limits():
     assert found.violation.surely_below(0.05)
     for before, after in pairwise(found.levels):
         assert after.objective >= before.objective * (1 - 1e-3)
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {"runs": 2, "start": "free"},
+        {"degree": 1},
+        {"degree": 0, "rest_to_rest": False},
+        {"integration": "midpoint", "samples": 20},
+    ],
+    ids=["runs", "polygons", "steps", "midpoint"],
+)
+@pytest.mark.parametrize("starts", [1, "auto"])
+def test_drives_of_every_sort_are_refined(parts, starts):
+    made = problem(**parts)
+    options = Ipopt(starts=starts, iterations=40, perturbations=0)
+    found = solve(made, options, seed=1, workers=1)
+    assert found.status.usable
+    assert len(found.levels) > 1
+    assert evaluate(made, found.trajectory).feasible
+    # The second stage may give up a little on every level.
+    assert found.evaluation.objective >= found.levels[0].objective * (1 - 1e-9)
