@@ -12,6 +12,7 @@ from oed.bounds.certificate import LOOSE, Bound, Certificate, bound_on, gap, rai
 from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_bounds
 from oed.bounds.conjugate import combined_bounds, traced
 from oed.bounds.effort import Effort
+from oed.bounds.heading_search import heading_bounds
 from oed.bounds.joint import joint_bounds, spread_bounds
 from oed.bounds.points import point_bounds
 from oed.bounds.reach import largest_rates, room, unslipped
@@ -34,6 +35,8 @@ BOUNDS: tuple[Callable[[Problem], Iterator[Bound]], ...] = (regression_bounds, j
 """Each yields the upper bounds that it knows on the objective of one run; of other problems nothing."""
 SEARCHED: tuple[Callable[[Problem, Effort], Iterator[Bound]], ...] = (spread_bounds,)
 """The same, by searches that take seconds."""
+ALONE: tuple[Callable[[Problem, Effort], Iterator[Bound]], ...] = (heading_bounds,)
+"""The same of bounds that are not of one tr(Z F): they add nothing to those of other runs or criteria."""
 COMBINED: tuple[Callable[[Problem], Iterator[Bound]], ...] = (sensitivity_bounds,)
 """The same of bounds that only say something together: of problems with criterion D or A in place of E."""
 WHOLE: tuple[Callable[[Problem], Iterator[Bound]], ...] = (point_bounds,)
@@ -197,7 +200,9 @@ def _bounds_of_runs(problem: Problem, effort: Effort | None = None, *, together:
         [] if same is None else list(combined_bounds(problem, _bounds_of_runs(same, effort, together=True)))
     )
     if space.runs == 1:
-        return [*combined, *_bounds(problem, effort, together)]
+        alone = () if effort is None or together else ALONE
+        own = (one for searched in alone for one in searched(problem, effort or Effort()))
+        return [*combined, *_bounds(problem, effort, together), *own]
     if not isinstance(space, DesignSpace) or not problem.criterion.proportional:
         return combined
     starts = space.start if isinstance(space.start, tuple) else (space.start,) * space.runs

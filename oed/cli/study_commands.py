@@ -70,7 +70,7 @@ def _check_arguments(parser: argparse.ArgumentParser) -> None:
 def _check(options: argparse.Namespace) -> int:
     from oed.foundation.errors import FileError
     from oed.foundation.shown import shown
-    from oed.workflow.studies import load_study, own_paths
+    from oed.workflow.studies import load_study, own_paths, refinements
 
     entries, flawed = [], False
     for file in options.studies:
@@ -83,12 +83,15 @@ def _check(options: argparse.Namespace) -> int:
             say(str(error))
             entries.append({"file": file, "ok": False, "flaws": [vars(flaw) for flaw in error.flaws]})
         else:
-            entries.append({"file": file, "ok": True, "name": study.name, "flaws": []})
+            refining = refinements(study)
+            entry = {"file": file, "ok": True, "name": study.name, "flaws": []}
+            entries.append({**entry, "refinement": refining} if refining else entry)
             if not options.json:
                 only = (
                     "" if study.problem.designed else "; without `trajectory`: for estimates from logs alone"
                 )
-                tell(shown(f"{file}: ok ({study.name}{only})"))
+                auto = f"; `coefficients: auto`: {refining}" if refining else ""
+                tell(shown(f"{file}: ok ({study.name}{only}{auto})"))
     if options.json:
         print_json({"studies": entries})
     return MISTAKE if flawed else DONE

@@ -23,7 +23,7 @@ def coarse_samples(problem: Problem, wanted: int | None = None) -> int:
     a few more where segments would not be equally long.
     """
     space, multiple = problem.design, problem.measurement.grid_multiple
-    usual = wanted or max(USUAL, PER_COEFFICIENT * space.spline.coefficients)
+    usual = wanted or max(USUAL, PER_COEFFICIENT * space.spline.count)
     if wanted is None and space.samples <= usual * MOST_SEARCHED // USUAL:
         return space.samples
     return -(-usual // multiple) * multiple

@@ -132,11 +132,11 @@ def problem_flaws(problem: Problem) -> list[Flaw]:
 
 def _spline_flaws(space: Space) -> list[Flaw]:
     needed = space.spline.degree + (3 if space.rest_to_rest else 1)
-    if space.spline.coefficients >= needed:
+    if space.spline.count >= needed:
         return []
     text = (
         f"a degree-{space.spline.degree} spline{' at rest at both ends' if space.rest_to_rest else ''} "
-        f"needs at least {needed} coefficients, got {space.spline.coefficients}"
+        f"needs at least {needed} coefficients, got {space.spline.count}"
     )
     return [Flaw(("trajectory", "spline", "coefficients"), text)]
 

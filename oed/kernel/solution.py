@@ -139,6 +139,18 @@ class Explored:
 
 
 @dataclass(frozen=True)
+class Level:
+    """A spline of a search that refines it: its coefficients, the objective reached and Ipopt's iterations
+    for that, and the design, which any finer one can begin with.
+    """
+
+    coefficients: int
+    objective: float
+    iterations: int
+    trajectory: Trajectory = field(compare=False, repr=False)
+
+
+@dataclass(frozen=True)
 class Violation:
     """How often robots violate the limits that the nominal robot satisfies.
 
@@ -189,11 +201,13 @@ class Solution(Presented, Renamed):
         detail: what the status' sentence cannot know, e.g. which limits conflict.
         stages: objective reached after each stage of the search, by name.
         history: the best objective so far, re-scored, each time it rose, and at the end.
-        criterion: kind of the criterion searched for, where that is not the problem's; `starts`, `stages`
-            and `history` are in its numbers then.
+        criterion: kind of the criterion searched for, where that is not the problem's; `starts`, `stages`,
+            `history` and `levels` are in its numbers then.
         violation: how often robots of the problem's uncertainty violate the limits on this drive.
         robust: how limits were tightened in the end; None where the problem is not robust.
         problem: that scored it, whose room figures show.
+        levels: splines searched, the coarsest first, where `coefficients: auto` refines them; `starts` are of
+            the first.
         gains: by which share the best drive would be better, to first order, were a limit wider: per SI unit,
             by the limits' names; {} where the search does not know. Lagrange multipliers: they hold for small
             changes, and for drives like this one.
@@ -217,6 +231,13 @@ class Solution(Presented, Renamed):
     problem: Problem | None = field(default=None, compare=False)
     gains: Mapping[str, float] = field(default_factory=dict)
     explored: Explored | None = None
+    levels: tuple[Level, ...] = ()
+
+    @property
+    def designs(self) -> tuple[Trajectory, ...]:
+        """The design, and after it those on coarser splines, the finest first."""
+        own = () if self.trajectory is None else (self.trajectory,)
+        return (*own, *(one.trajectory for one in reversed(self.levels)))
 
     @property
     def message(self) -> str:

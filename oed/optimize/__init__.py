@@ -18,6 +18,7 @@ from oed.optimize.assurance import assured
 from oed.optimize.genetic import CmaEs, DifferentialEvolution, Genetic
 from oed.optimize.ipopt import Ipopt
 from oed.optimize.lifted import lifted, lowered
+from oed.optimize.refinement import refined
 from oed.optimize.selection import with_readings
 from oed.optimize.solver import Context, Solver
 
@@ -72,6 +73,8 @@ def _searched(options: Solver, problem: Problem, context: Context) -> Solution:
         solution = replace(alone, kind=options.kind, seed=context.seed, status=Status.CONVERGED)
     elif (together := lifted(problem)) is not None:
         solution = lowered(bare, assured(options, together, context))
+    elif bare.design.spline.refines:
+        solution = refined(options, bare, context, assured)
     else:
         solution = assured(options, bare, context)
     return solution if problem.selection is None else with_readings(problem, solution)

@@ -115,7 +115,7 @@ def explorer_of(token: str, problem: Problem, settings: Settings, samples: int) 
         settings: of the search.
         samples: per run that the search itself looks at.
     """
-    few = PER_COEFFICIENT * problem.design.spline.coefficients
+    few = PER_COEFFICIENT * problem.design.spline.count
     own = Explorer(token, problem, settings)
     if not problem.design.spline.degree or coarse_samples(problem, few) > samples * WORTHWHILE:
         return own

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, PositiveInt, ValidationInfo, field_validator
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Failure, ProblemError
 from oed.foundation.quantities import Duration
 from oed.foundation.work.parallel import Workers, run_tasks
 from oed.kernel.criteria import D
@@ -21,6 +20,7 @@ from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.problem import Problem
 from oed.kernel.solution import BEST_YET, NOTHING_YET, Explored, HistoryPoint, Solution, Start, Status
 from oed.optimize.conflict import describe_conflict
+from oed.optimize.earlier import earlier_design
 from oed.optimize.exploration import BARRIERS, BUDGET, Attempt, Exploration, Explorer, explorer_of
 from oed.optimize.local import local_search, surely_better
 from oed.optimize.local_results import Local, Settings, Sketch
@@ -69,6 +69,8 @@ class Ipopt(Solver):
         time_limit: of the whole search [s]; None for none. A search that it ends depends on the machine.
     """
 
+    refines: ClassVar[bool] = True
+
     kind: Literal["ipopt"] = "ipopt"
     starts: Annotated[int, Field(ge=1, le=1_000_000)] | Literal["auto"] = 12
     perturbations: Annotated[int, Field(ge=0)] = 8
@@ -112,6 +114,10 @@ class Ipopt(Solver):
         """The best design of all starts; interrupted, the best so far."""
         return _Search(self, problem, context).run()
 
+    def refine(self, problem: Problem, context: Context, spent: float) -> Solution:
+        """The best design of a solve that stays near the earlier one, and one that does not."""
+        return _Search(self, problem, context, time.perf_counter() - spent, further=True).run()
+
 
 class _TimeUp(Exception):
     """The search's time limit has passed."""
@@ -123,6 +129,7 @@ class _Search:
     problem: Problem
     context: Context
     began: float = field(default_factory=time.perf_counter)
+    further: bool = False
     best: Local | None = None
     starts: list[Start] = field(default_factory=list)
     stages: dict[str, float] = field(default_factory=dict)
@@ -148,9 +155,7 @@ class _Search:
 
     def run(self) -> Solution:
         try:
-            counted = self._multi_start, self._perturb
-            searches = (self._explore,) if self.options.starts == "auto" else counted
-            for stage in (*searches, self._decide):
+            for stage in (*self._stages, self._decide):
                 if self._out_of_time():
                     raise _TimeUp
                 stage()
@@ -159,6 +164,20 @@ class _Search:
         except KeyboardInterrupt:
             self.stopped = Status.INTERRUPTED
         return self._solution()
+
+    @property
+    def _stages(self) -> tuple[Callable[[], None], ...]:
+        if self.further:
+            return (self._go_on,)
+        return (self._explore,) if self.options.starts == "auto" else (self._multi_start, self._perturb)
+
+    def _go_on(self) -> None:
+        # From the earlier design on a finer spline: which barrier parameter leads farther, nobody knows.
+        begun = self._earlier_design(self.options.label)
+        count = self.problem.design.spline.count
+        self.context.progress.begin(f"refine the spline to {count} coefficients", len(BARRIERS))
+        for barrier in BARRIERS[::-1]:
+            self._try_starts([begun], barrier)
 
     def _multi_start(self) -> None:
         rng = self.context.rng(0)
@@ -322,14 +341,7 @@ class _Search:
             self.history.append(HistoryPoint(self.evaluations, seconds, result.objective))
 
     def _earlier_design(self, name: str) -> Array:
-        solution = self.context.earlier.get(name)
-        if solution is None:
-            known = ", ".join(self.context.earlier) or "none"
-            text = f"expected the name of an earlier search ({known}), got {name!r}"
-            raise ProblemError.about(("solvers", "start_from"), text)
-        if solution.trajectory is None:
-            raise Failure(f"{name} found no design to start from: {solution.message}")
-        return self.design.unknowns_of(solution.trajectory)
+        return earlier_design(self.context.earlier, name, self.design)
 
     def _standing(self, results: Sequence[Local | None]) -> str:
         reached = [one.objective for one in (*results, self.best) if one is not None]

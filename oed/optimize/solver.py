@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -48,7 +48,10 @@ class Solver(Component, ABC):
         criterion: instead of the problem's, to maximise; the design is scored by the problem's all the same.
         without_drift: whether to search as if the process had no noise; the design is scored with it all the
             same, to see what leaving it out costs.
+        refines: whether it can go on from a design on a finer spline.
     """
+
+    refines: ClassVar[bool] = False
 
     kind: str
     name: Annotated[str, Field(pattern=r"^\w[\w -]*$")] | None = None
@@ -71,6 +74,16 @@ class Solver(Component, ABC):
         from that alone if `quick`. The same ones by default.
         """
         return self
+
+    def refine(self, problem: Problem, context: Context, spent: float) -> Solution:
+        """The best design found from the earlier solution of its name; of those that refine splines.
+
+        Args:
+            problem: with the earlier solution's spline, or a finer one.
+            context: that knows the earlier solution.
+            spent: seconds that the search has taken so far.
+        """
+        return self.search(problem, context)
 
     @abstractmethod
     def search(self, problem: Problem, context: Context) -> Solution:

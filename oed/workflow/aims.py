@@ -70,7 +70,8 @@ def _meant(given: str, known: Sequence[str], option: str) -> list[str]:
 
 
 def stretch(trajectory: dict[str, Any], duration: float) -> None:
-    """Give a study's drives another duration [s], with as many samples and spline spans a second as before.
+    """Give a study's drives another duration [s], with as many samples and spline spans a second as before;
+    spans that a search chooses are left to it.
 
     Args:
         trajectory: the study's key, as plain data, SI; changed in place.
@@ -80,5 +81,7 @@ def stretch(trajectory: dict[str, Any], duration: float) -> None:
     spline = trajectory["spline"]
     trajectory["duration"] = duration
     trajectory["samples"] = max(1, round(longer * trajectory["samples"]))
+    if spline["coefficients"] == "auto":
+        return
     spans = spline["coefficients"] - spline["degree"]
     spline["coefficients"] = spline["degree"] + max(1, round(longer * spans))

@@ -184,9 +184,10 @@ def _bare(study: Study) -> dict[str, Any]:
 def _lasting(study: Study, duration: float) -> dict[str, Any]:
     data = _bare(study)
     longer, spline = duration / data["trajectory"]["duration"], data["trajectory"]["spline"]
-    least = min(spline["coefficients"], spline["degree"] + FREE)
+    before = spline["coefficients"]
     stretch(data["trajectory"], duration)
-    spline["coefficients"] = max(spline["coefficients"], least)
+    if before != "auto":
+        spline["coefficients"] = max(spline["coefficients"], min(before, spline["degree"] + FREE))
     segments = data["measurement"].get("segments")
     if isinstance(segments, int):
         data["measurement"]["segments"] = max(1, round(longer * segments))

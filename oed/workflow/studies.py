@@ -11,6 +11,7 @@ from oed.foundation.arguments import typed
 from oed.foundation.errors import Flaw, PathFileError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.optimize import Progress, Silent, Workers
+from oed.optimize.refinement import plan
 from oed.records.discrepancy import discrepancy_of
 from oed.records.drift import drift_of
 from oed.records.path_file import read_trajectory
@@ -58,6 +59,11 @@ def parse_study(text: str, source: str = "study") -> Study:
         StudyError: every mistake in the text, each with its line and key.
     """
     return read_study(parse_yaml(text, source), prior_of, drives_of, ESTIMATES)
+
+
+def refinements(study: Study) -> str:
+    """What `coefficients: auto` means for a study, in words; "" where its spline is given."""
+    return plan(study.problem, study.solvers)
 
 
 def own_paths(study: Study) -> dict[str, Trajectory]:

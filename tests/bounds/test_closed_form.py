@@ -296,9 +296,8 @@ def test_no_angles_say_more_than_one_input_that_turns_round() -> None:
 
 def test_headings_are_bounded_by_an_input_that_turns_round() -> None:
     problem = load_study(PROBLEMS / "heading.yaml").problem
-    certificate = bound(problem)
-    assert certificate.method == TURNED
-    assert certificate.bounds[1].value > 1.015 * certificate.upper_bound
+    by_method = {one.method: one.value for one in bound(problem, nodes=1).bounds}
+    assert by_method[TURNED] < 0.985 * max(by_method.values())
     # Runs of which each turns one way say more together than the sum of what they say alone.
     several = replace(problem, design=problem.design.model_copy(update={"runs": 2}))
-    assert all(one.method != TURNED for one in bound(several).bounds)
+    assert all(one.method != TURNED for one in bound(several, nodes=1).bounds)

@@ -116,6 +116,13 @@ class TestCheck:
     def test_a_valid_study(self, capsys, folder: Path):
         assert call(capsys, "check", "study.yaml") == (0, "study.yaml: ok (Small study)\n", "")
 
+    def test_what_auto_means_is_said(self, capsys, folder: Path):
+        write_study(folder, TEXT.replace("coefficients: 8", "coefficients: auto"), "auto.yaml")
+        code, out, _ = call(capsys, "check", "auto.yaml")
+        assert (code, "16 coefficients, then 29, 55 as long as" in out) == (0, True)
+        _, data, _ = call_json(capsys, "check", "auto.yaml")
+        assert data["studies"][0]["refinement"].startswith("16 coefficients")
+
     def test_as_json(self, capsys, folder: Path):
         code, data, err = call_json(capsys, "check", "study.yaml", "quick.yaml")
         assert (code, err) == (0, "")

@@ -143,3 +143,32 @@ def test_extremes_are_values_that_there_are(degree: int, order: int):
     values = spline.basis(knots, degree, times) @ coefficients
     np.testing.assert_allclose(found.max(axis=0), values.max(axis=0), rtol=1e-6)
     np.testing.assert_allclose(found.min(axis=0), values.min(axis=0), rtol=1e-6)
+
+
+def finer_knots(degree: int, count: int) -> np.ndarray:
+    return spline.clamped_knots(DURATION, 2 * count - degree, degree)
+
+
+@given(curves())
+def test_inserted_knots_leave_the_curve_and_the_bounds_of_all_derivatives(curve):
+    degree, knots, coefficients = curve
+    finer = finer_knots(degree, len(coefficients))
+    found = spline.refined(knots, degree, coefficients[:, None], finer)[:, 0]
+    times = np.linspace(0, DURATION, 301)
+    before = spline.basis(knots, degree, times) @ coefficients
+    np.testing.assert_allclose(spline.basis(finer, degree, times) @ found, before, rtol=0, atol=1e-12)
+    for order in range(degree + 1):
+        size = 1e-12 * (1 + np.abs(coefficients).max())
+        assert coefficients.min() - size <= found.min()
+        assert found.max() <= coefficients.max() + size
+        if order < degree:
+            steps, knots = spline.derivative(knots, degree - order)
+            coefficients = steps @ coefficients
+            steps, finer = spline.derivative(finer, degree - order)
+            found = steps @ found
+
+
+def test_knots_that_leave_some_out_are_refused():
+    knots = spline.clamped_knots(DURATION, 8, 3)
+    with pytest.raises(ValueError, match="expected knots that have all those of the curves"):
+        spline.refined(knots, 3, np.zeros((8, 2)), spline.clamped_knots(DURATION, 9, 3))

@@ -149,8 +149,9 @@ def test_how_baselines_are_driven_stands_beside_them(flagship: Record):
 
 def test_every_section_is_made_for_the_flagship(flagship: Record):
     titles = [section.title for section in sections_of(flagship)]
-    # The study is not robust, nothing is driven in simulated physics or drifts, and all readings are taken.
-    others = {"robustness", "physics", "readings", "drift"}
+    # The study is not robust, nothing is driven in simulated physics or drifts, all readings are taken, and
+    # the spline is given.
+    others = {"robustness", "physics", "readings", "drift", "refinement"}
     assert others <= {section.__name__ for section in SECTIONS["robots"]}
     assert len(titles) == len(set(titles)) == len(SECTIONS["robots"]) - len(others)
 

@@ -79,6 +79,11 @@ class TestTank:
             ("[1 h, 4 h]", "[4 h, 1 h]", "experiment.duration: expected [shortest, longest]"),
             ("500 W], signal", "500 W], rate: 1 W/s, signal", "is not known where the duration is chosen"),
             ("pieces: 6", "pieces: 600", "experiment.inputs.heat.signal"),
+            (
+                "piecewise_constant, pieces: 6",
+                "spline, coefficients: auto",
+                "heat.signal.coefficients: expected a whole number, got 'auto'",
+            ),
         ],
     )
     def test_mistakes_are_named(self, old: str, new: str, said: str):

@@ -51,8 +51,21 @@ class TestShipped:
         SMALL.replace("wheel_radius: 4.9 cm", "wheel_radius_right: 5 cm, wheel_radius_left: 48 mm"),
         "\n".join(line for line in SMALL.splitlines() if "workspace" not in line and "accel" not in line),
         small(solvers="{kind: cmaes, sigma: 0.1}, {kind: differential_evolution, time_limit: 1 min}"),
+        SMALL.replace("coefficients: 8", "coefficients: auto"),
     ],
-    ids=["full", "small", "extras", "free", "both", "scales", "slip", "radii", "no workspace", "relatives"],
+    ids=[
+        "full",
+        "small",
+        "extras",
+        "free",
+        "both",
+        "scales",
+        "slip",
+        "radii",
+        "no workspace",
+        "relatives",
+        "auto",
+    ],
 )
 def test_an_echo_is_the_same_study(text: str):
     assert_echo_is_equal(text)
@@ -262,6 +275,13 @@ BROKEN = {
         "spline",
         "trajectory.spline.coefficients",
         "needs at least 6 coefficients, got 5",
+    ),
+    "a number of coefficients in words": (
+        "coefficients: 8",
+        "coefficients: automatic",
+        "spline",
+        "trajectory.spline.coefficients",
+        "expected 'auto', got 'automatic'",
     ),
     "search of the same name": (
         "    starts: 1",

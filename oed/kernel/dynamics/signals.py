@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from oed.foundation.arrays import Array, Places
 from oed.foundation.component import Component
@@ -133,6 +133,15 @@ class SplineSignal(Signal):
     degree: Annotated[int, Field(ge=0, le=7)] = 3
     coefficients: Pieces = 16
     rest_to_rest: bool = False
+
+    @field_validator("coefficients", mode="before")
+    @classmethod
+    def _a_number(cls, given: Any) -> Any:
+        if given == "auto":
+            raise ValueError(
+                "expected a whole number, got 'auto', which the spline of a robot's drive may have"
+            )
+        return given
 
     @property
     def unknowns(self) -> int:

@@ -18,12 +18,41 @@ from oed.kernel.dynamics.signals import SIGNALS, Signal
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory, held_jerks, held_rates, middles
 
+FIRST = 16
+"""Coefficients that `auto` begins with, whatever the duration: the usual number, enough for every degree."""
+
 
 class Spline(Component):
-    """The inputs' splines: degree, and coefficients per input (those that rest fixes included)."""
+    """The inputs' splines.
+
+    Attributes:
+        degree: of all pieces.
+        coefficients: per input, those that rest fixes included; or "auto": 16, and a search then goes on from
+            its design with twice as many pieces, and again, for as long as that gains something.
+    """
 
     degree: Annotated[int, Field(ge=0, le=7)] = 3
-    coefficients: Annotated[int, Field(ge=1, le=100_000)] = 16
+    coefficients: Annotated[int, Field(ge=1, le=100_000)] | Literal["auto"] = FIRST
+
+    @property
+    def refines(self) -> bool:
+        """Whether searches refine it."""
+        return self.coefficients == "auto"
+
+    @property
+    def count(self) -> int:
+        """Coefficients; of "auto" those that it begins with."""
+        return FIRST if self.coefficients == "auto" else self.coefficients
+
+    @property
+    def first(self) -> Spline:
+        """The spline that searches begin with."""
+        return Spline(degree=self.degree, coefficients=self.count)
+
+    @property
+    def finer(self) -> Spline:
+        """The spline of twice as many pieces: every knot is kept, so that it has all curves of this one."""
+        return Spline(degree=self.degree, coefficients=2 * self.count - self.degree)
 
 
 class Space(Component, ABC):
@@ -82,6 +111,10 @@ class Space(Component, ABC):
             return Spline.model_construct(degree=0, coefficients=self.samples)
         return self.spline
 
+    def with_spline(self, spline: Spline) -> Self:
+        """The space of the same drives but for their splines."""
+        return self.model_copy(update={"spline": spline})
+
     def driving(self, system: System) -> System:
         """The system as drives of this space drive it; itself, unless the space chooses how it steps."""
         return system
@@ -104,7 +137,7 @@ class Space(Component, ABC):
     @property
     def all_coefficients(self) -> int:
         """Spline coefficients of an input in all runs together."""
-        return self.runs * self.own_spline.coefficients
+        return self.runs * self.own_spline.count
 
     @property
     def knots(self) -> Array:
@@ -114,7 +147,7 @@ class Space(Component, ABC):
     @property
     def own_knots(self) -> Array:
         """Knots of one run's splines [s], on its own clock."""
-        return spline.clamped_knots(self.duration, self.own_spline.coefficients, self.own_spline.degree)
+        return spline.clamped_knots(self.duration, self.own_spline.count, self.own_spline.degree)
 
     @property
     def own_sampling(self) -> Array:
@@ -148,16 +181,16 @@ class Space(Component, ABC):
 
     def _of_every_run(self, held: Callable[[Array, int, Array, int], Array]) -> Array:
         # The matrix of what is held of a run's splines, for all runs.
-        identity = np.eye(self.own_spline.coefficients)
+        identity = np.eye(self.own_spline.count)
         own = held(self.own_knots, self.own_spline.degree, identity, self.samples)
         return np.asarray(np.kron(np.eye(self.runs), own))
 
     @property
     def free_rows(self) -> Places:
         """Indices of the coefficients that are free; the others are 0."""
-        own = np.arange(self.own_spline.coefficients)
+        own = np.arange(self.own_spline.count)
         own = own[1:-1] if self.rest_to_rest else own
-        return np.concatenate([run * self.own_spline.coefficients + own for run in range(self.runs)])
+        return np.concatenate([run * self.own_spline.count + own for run in range(self.runs)])
 
     @property
     def start_is_free(self) -> bool:

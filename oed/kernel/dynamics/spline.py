@@ -145,6 +145,38 @@ def derivative(knots: Array, degree: int) -> tuple[Band, Array]:
     return Band(count, np.arange(count - 1), np.column_stack([-scale, scale])), knots[1:-1]
 
 
+def refined(knots: Array, degree: int, coefficients: Array, finer: Array) -> Array:
+    """The coefficients of the same curves on more knots, by inserting these one by one [Boehm, 1980].
+
+    Each is a mean of two neighbours, so that bounds on the coefficients, and on those of derivatives, go on
+    to hold.
+
+    Args:
+        knots: of the curves.
+        degree: of the curves.
+        coefficients: (n, curves).
+        finer: all of `knots`, and others inside.
+
+    Raises:
+        ValueError: `finer` leaves out some of the knots.
+    """
+    near = ROUNDING * knots[-1]
+    for time in finer[np.abs(finer[:, None] - knots).min(axis=1) > near]:
+        knots, coefficients = _with_knot(knots, degree, coefficients, time)
+    if knots.shape != finer.shape or np.any(np.abs(knots - finer) > near):
+        raise ValueError("expected knots that have all those of the curves, and others inside")
+    return coefficients
+
+
+def _with_knot(knots: Array, degree: int, coefficients: Array, time: float) -> tuple[Array, Array]:
+    last = int(np.searchsorted(knots, time, side="right")) - 1
+    mixed = np.arange(last - degree + 1, last + 1)
+    share = ((time - knots[mixed]) / (knots[mixed + degree] - knots[mixed]))[:, None] if degree else 0.0
+    found = np.insert(coefficients, last, coefficients[last], axis=0)
+    found[mixed] = share * coefficients[mixed] + (1 - share) * coefficients[mixed - 1]
+    return np.insert(knots, last + 1, time), found
+
+
 def jumps(knots: Array, degree: int, order: int) -> Array:
     """Times [s] inside at which the derivative of an order may jump, for their knots are repeated.
 

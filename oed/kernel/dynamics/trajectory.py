@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -152,6 +152,19 @@ class Trajectory(Presented):
         own = np.concatenate([[0.0, 0.0], middles(each, len(rows) // runs), [each, each]])
         knots = spline.repeated_knots(own, 1, runs)
         return cls(knots, 1, np.vstack(parts), np.asarray(start, dtype=float), len(rows), runs)
+
+    def on_knots(self, own: Array) -> Trajectory:
+        """The drive by splines of more knots: what it does is what it did.
+
+        Args:
+            own: of one run, on its own clock [s]: all that the splines have, and others inside.
+
+        Raises:
+            ValueError: knots that leave out some of the splines'.
+        """
+        tables = [spline.refined(one.knots, self.degree, one.coefficients, own) for one in self.each]
+        knots = spline.repeated_knots(own, self.degree, self.runs)
+        return replace(self, knots=knots, coefficients=np.vstack(tables))
 
     @property
     def starts(self) -> Array:

@@ -87,15 +87,16 @@ class DesignExpressions:
         return self.terms.embedding.spread(self.terms.input_scale)
 
     def unknowns_of(self, trajectory: Trajectory) -> Array:
-        """Z of a drive of this design space.
+        """Z of a drive of this design space, be it of fewer knots.
 
         Raises:
             ValueError: the drive's splines, signals or starts are not this space's.
         """
         space, chosen = self.problem.design, self.problem.chosen_starts
-        same = trajectory.degree == space.own_spline.degree and trajectory.knots.shape == space.knots.shape
-        if not same or not np.allclose(trajectory.knots, space.knots):
+        if trajectory.degree != space.own_spline.degree or trajectory.runs != space.runs:
             raise ValueError("the trajectory's splines are not those of the design space")
+        if trajectory.knots.shape != space.knots.shape or not np.allclose(trajectory.knots, space.knots):
+            trajectory = trajectory.on_knots(space.own_knots)
         free = self.terms.embedding.unknowns(trajectory.coefficients) / self._scales
         start = np.zeros(0) if chosen is None else chosen.unknowns(trajectory.starts)
         return np.concatenate([free, start])

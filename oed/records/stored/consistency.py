@@ -66,6 +66,7 @@ def _values(one: Result, own: str) -> Iterator[tuple[str, str, float | None]]:
     yield from ((f"criteria.{name}", name, value) for name, value in one.criteria.items())
     yield from ((f"stages.{name}", kind, value) for name, value in one.stages.items())
     yield from ((f"starts.{place}.objective", kind, step.objective) for place, step in enumerate(one.starts))
+    yield from ((f"levels.{place}.objective", kind, step.objective) for place, step in enumerate(one.levels))
     yield from (
         (f"history.{place}.objective", kind, step.objective) for place, step in enumerate(one.history)
     )

@@ -146,6 +146,14 @@ class Progress(Stored):
     objective: Number | None
 
 
+class Level(Stored):
+    """A spline that a search with `coefficients: auto` went through, and what it reached on it."""
+
+    coefficients: Annotated[int, Field(ge=1)]
+    objective: Number | None
+    iterations: Count
+
+
 class Covariance(Stored):
     """The predicted covariance of parameters that are identified together."""
 
@@ -163,8 +171,8 @@ class Result(Presented, Stored):
     """What a search, a baseline or a path of the user's own came to; SI, None where there is no number.
 
     Attributes:
-        name, kind, criterion, status, message, wall_seconds, starts, stages, history, seed: as a `Solution`
-            has them.
+        name, kind, criterion, status, message, wall_seconds, starts, stages, history, levels, seed: as a
+            `Solution` has them.
         feasible, identifiable, singular, violations, objective, lambda_min, lambda_max, condition_number,
             smallest_singular_value, norm_y, path_length, singular_values, standard_deviations, covariances,
             margins: as an `Evaluation` has them.
@@ -200,6 +208,7 @@ class Result(Presented, Stored):
     starts: list[StartPoint]
     stages: dict[str, Number | None]
     history: list[Progress] = Field(default_factory=list)
+    levels: list[Level] = Field(default_factory=list)
     seed: Seed | None = None
     trajectory: Name | None
     drive: StoredDrive | None

@@ -15,6 +15,7 @@ from oed.report.sections.limits import limits
 from oed.report.sections.physics import physics
 from oed.report.sections.precision import precision
 from oed.report.sections.readings import readings
+from oed.report.sections.refinement import refinement
 from oed.report.sections.robustness import robustness
 from oed.report.sections.searches import convergence, starts
 from oed.report.sections.summary import question
@@ -49,6 +50,7 @@ SECTIONS: dict[str, tuple[Make, ...]] = {
         first,
         comparison,
         sureness,
+        refinement,
         validation,
         robustness,
         readings,
@@ -66,6 +68,7 @@ SECTIONS: dict[str, tuple[Make, ...]] = {
         courses,
         sensitivity,
         sureness,
+        refinement,
         validation,
         robustness,
         drift,

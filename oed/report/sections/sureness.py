@@ -93,14 +93,26 @@ def _searches(record: Record, winner: Result) -> list[_Search]:
 
 def _search(record: Record, result: Result) -> _Search:
     aim, found = study_aim(record), [one.objective for one in result.starts]
+    reached = _of_starts(result)
     if aim_of(record, result).label != aim.label:
         return _Search(result, (), 0, 0, bool(found))
     known = [one for one in found if one is not None]
     # The starts of a robust search are of all its rounds, each with tighter limits than the last.
     tight = known
     if record.study.robust is not None:
-        tight = [one for one in known if aim.change(one, result.worth or 0.0) <= WITHIN]
+        tight = [one for one in known if aim.change(one, reached) <= WITHIN]
     return _Search(result, tuple(tight), len(found) - len(known), len(known) - len(tight), False)
+
+
+def _of_starts(result: Result) -> float:
+    # What starts compare with: a design on their own spline.
+    first = next((one.objective for one in result.levels), None)
+    return first if first is not None else result.worth or 0.0
+
+
+def _first_spline(result: Result) -> int | None:
+    # Its coefficients, where the search went on from it to finer ones.
+    return result.levels[0].coefficients if len(result.levels) > 1 else None
 
 
 @dataclass(frozen=True)
@@ -150,7 +162,7 @@ def _strip(record: Record) -> Picture | None:
     aim = study_aim(record)
     best = max(*ends, *(one.worth for one in searches)) if bound is None else bound
     scale = _Scale(aim, best, bound is not None)
-    close = sum(aim.change(value, winner.worth or 0.0) >= -WITHIN for value in ends)
+    close = sum(aim.change(value, _of_starts(winner)) >= -WITHIN for value in ends)
     names = [called(record, one.result) for one in searches]
     lanes = [
         spread.Lane(name, scale.of(one.worth), scale.text(one.worth), tuple(map(scale.of, one.ends)))
@@ -164,6 +176,6 @@ def _strip(record: Record) -> Picture | None:
         [name for name, one in zip(names, searches, strict=True) if one.elsewhere],
         sum(one.looser for one in searches),
     )
-    title = SAY("finding", called(record, winner), at, close, len(ends))
+    title = SAY("finding", called(record, winner), at, close, len(ends), _first_spline(winner))
     figure = spread.strip(lanes, scale.axis, scale.of(best) if scale.proved else None, title)
     return Picture("sureness", SAY("alt", names, scale.proved), caption, figure)
