@@ -283,7 +283,7 @@ class TestSearches:
         assert before < cautious.evaluation.objective < plain.evaluation.objective
 
     def test_workers_do_not_matter(self, monkeypatch: pytest.MonkeyPatch):
-        monkeypatch.setattr("oed.optimize.ipopt.POOL_SECONDS", 0.0)
+        monkeypatch.setattr("oed.optimize.multi_start.POOL_SECONDS", 0.0)
         problem = robust_problem(robust=tightened(beta=2.0))
         one, two = (solve(problem, QUICK, seed=1, workers=workers) for workers in (1, 2))
         np.testing.assert_array_equal(one.trajectory.coefficients, two.trajectory.coefficients)

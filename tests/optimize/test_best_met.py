@@ -160,7 +160,7 @@ def test_where_every_search_fails_the_best_screened_drive_is_returned(monkeypatc
     _, _, _, outside = drives(problem)
     monkeypatch.setattr(LocalSearch, "solved", ending([outside]))
     # No start is feasible: all are as far outside.
-    monkeypatch.setattr("oed.optimize.ipopt.starting_points", lambda *_: [outside] * QUICK.starts)
+    monkeypatch.setattr("oed.optimize.multi_start.starting_points", lambda *_: [outside] * QUICK.starts)
     solution = solve(problem, QUICK, seed=0, workers=1)
     assert solution.status is Status.UNIMPROVED
     assert solution.evaluation.feasible

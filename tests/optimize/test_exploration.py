@@ -99,7 +99,7 @@ def test_it_ends_where_no_drive_keeps_the_limits(design):
 
 def test_cut_short_it_hands_back_a_drive_met_on_the_way(monkeypatch):
     asked = iter([False, False, False])
-    monkeypatch.setattr("oed.optimize.ipopt._Search._out_of_time", lambda _: next(asked, True))
+    monkeypatch.setattr("oed.optimize.multi_start.MultiStart._out_of_time", lambda _: next(asked, True))
     problem = problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION))
     found = solve(problem, Ipopt(starts="auto", second_stage="none"), seed=0, workers=1)
     assert found.status is Status.TIME_LIMIT
@@ -115,7 +115,7 @@ def test_equal_optima_are_one_and_the_best_leads(design):
 
 
 def test_the_result_is_the_same_for_any_number_of_workers(monkeypatch):
-    monkeypatch.setattr("oed.optimize.ipopt.POOL_SECONDS", 0.0)
+    monkeypatch.setattr("oed.optimize.multi_start.POOL_SECONDS", 0.0)
     problem = problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION))
     solver = Ipopt(starts="auto", iterations=30, second_stage="none")
     one, two = (solve(problem, solver, seed=3, workers=workers) for workers in (1, 2))

@@ -19,7 +19,7 @@ from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
-from oed.optimize import Ipopt, Workers, ipopt, solve
+from oed.optimize import Ipopt, Workers, solve
 from oed.optimize.local import ROUNDING
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.models import DifferentialDrive, SkidSteer
@@ -146,8 +146,8 @@ def shared(monkeypatch: pytest.MonkeyPatch) -> list[Workers]:
         done.append(workers)
         run_tasks(function, tasks, workers, take)
 
-    monkeypatch.setattr(ipopt, "POOL_SECONDS", 0.0)
-    monkeypatch.setattr(ipopt, "run_tasks", noted)
+    monkeypatch.setattr(multi_start, "POOL_SECONDS", 0.0)
+    monkeypatch.setattr(multi_start, "run_tasks", noted)
     return done
 
 
