@@ -23,7 +23,7 @@ from oed.foundation.errors import Failure, UserMistake
 from oed.foundation.work import cluster
 from oed.foundation.work.cluster import Connection
 from oed.foundation.work.parallel import run_tasks
-from oed.optimize import Cluster, Genetic, Ipopt, Solver, genetic, solve
+from oed.optimize import Cluster, Genetic, Ipopt, Solver, genetic, multi_start, solve
 from oed.records.record import load_record
 from oed.robots.sensors import Displacements
 from oed.simulation import monte_carlo
