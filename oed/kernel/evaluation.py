@@ -24,12 +24,16 @@ from oed.kernel.finiteness import require_finite
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.margin import TOLERANCE as TOLERANCE
 from oed.kernel.margin import Margin as Margin
+from oed.kernel.measurement.sensor import row_times
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import root_weights
 from oed.kernel.problem import Problem
 
 EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
 """What a drive's splines are among, as `roll_out` takes it."""
+
+NEVER = 1e-6
+"""Share of a period within which readings never follow each other."""
 
 
 @typed
@@ -66,6 +70,19 @@ def jacobians(problem: Problem, trajectory: Trajectory) -> tuple[Array, ...]:
     """
     scorer, extremes = _scorer_of(problem, trajectory)
     return scorer.jacobians(trajectory, extremes)
+
+
+def precision_over_time(problem: Problem, trajectory: Trajectory, times: Array) -> Array:
+    """Standard deviations (n, p), SI, of what sensors estimate by every run's readings until times (n,) [s];
+    infinite of what these do not identify.
+
+    Under drift a time's readings are innovations, which say what is new beside all readings before.
+
+    Raises:
+        ValueError, NotFinite: as `evaluate` does.
+    """
+    scorer, extremes = _scorer_of(problem, trajectory)
+    return scorer.precision_over_time(trajectory, extremes, times)
 
 
 def limits_exceeded(problem: Problem, trajectory: Trajectory, share: float) -> frozenset[str]:
@@ -200,6 +217,26 @@ class _Scorer:
     def jacobians(self, trajectory: Trajectory, extremes: Sequence[Array]) -> tuple[Array, ...]:
         *_, found, _, _ = self._values(trajectory, extremes)
         return tuple(found)
+
+    def precision_over_time(self, trajectory: Trajectory, extremes: Sequence[Array], times: Array) -> Array:
+        """Standard deviations (n, p) by the readings until times (n,) of every run.
+
+        Args:
+            trajectory: what is driven.
+            extremes: of its splines.
+            times: [s].
+        """
+        *_, (jacobian,), (summed,), _ = self._values(trajectory, extremes)
+        (one,), samples = self.estimations, trajectory.samples // trajectory.runs
+        rows = row_times(
+            self.problem.measurement.joint_sensors, self.problem.system, samples, trajectory.runs
+        )
+        periods = np.array([trajectory.each[run].period for _, run, _ in rows])
+        read = periods * np.array([time for _, _, time in rows])
+        # What is read at a time counts, however that is rounded.
+        until = [jacobian * (read <= time + NEVER * trajectory.period)[:, None] for time in times]
+        each = [one.square_roots(rows, summed.ravel())[1].covariance for rows in until]
+        return np.sqrt([np.diag(covariance) for covariance in each])
 
     def exceeded(self, trajectory: Trajectory, extremes: Sequence[Array], share: float) -> frozenset[str]:
         """Names of the limits exceeded by more than a share of their size.

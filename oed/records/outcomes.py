@@ -16,10 +16,10 @@ from oed.bounds import LOOSE, Certificate
 from oed.foundation.arrays import Array
 from oed.foundation.extras import package_version
 from oed.kernel.dynamics.system import label_of
-from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate
+from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate, precision_over_time
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
-from oed.records.stored.result import NUMBERS, Covariance, Margin, Result, StoredDrive
+from oed.records.stored.result import NUMBERS, Covariance, Margin, PrecisionOverTime, Result, StoredDrive
 from oed.records.stored.selection import StoredSelection
 from oed.records.stored.simulation import (
     Around,
@@ -53,6 +53,8 @@ PACKAGES = ("casadi", "numpy", "scipy", "pymoo")
 """Packages whose versions a record names: those that compute."""
 DRAWN = 100
 """Points of a path that a report draws."""
+TIMES = 8
+"""Times of a drive at which it is said how precise it has been so far."""
 FEWEST = 2
 """Repeats that say something of a floor."""
 UNSCORED: Mapping[str, Any] = {
@@ -96,6 +98,7 @@ def result_of(
         criteria=criteria or {},
         selection=selection,
         steady_deviations=_steady_deviations(solution),
+        over_time=_over_time(solution),
     )
 
 
@@ -106,6 +109,24 @@ def _steady_deviations(solution: Solution) -> dict[str, float | None]:
         return {}
     found = evaluate(problem.steady, trajectory).standard_deviations
     return {name: one if math.isfinite(one) else None for name, one in found.items()}
+
+
+def _over_time(solution: Solution) -> PrecisionOverTime | None:
+    # Of a process that drifts.
+    problem, trajectory = solution.problem, solution.trajectory
+    if problem is None or trajectory is None or solution.evaluation is None or problem.steady is problem:
+        return None
+    (one,) = problem.any_estimations
+    times = np.linspace(0.0, max(run.duration for run in trajectory.each), TIMES + 1)[1:]
+
+    def by_name(of: Problem) -> dict[str, list[float | None]]:
+        found = precision_over_time(of, trajectory, times).T
+        columns = ([size if math.isfinite(size) else None for size in row] for row in found.tolist())
+        return dict(zip(one.parameters, columns, strict=True))
+
+    return PrecisionOverTime.of(
+        t=times, standard_deviations=by_name(problem), steady_deviations=by_name(problem.steady)
+    )
 
 
 def _parts_of(evaluation: Evaluation, solution: Solution) -> dict[str, Any]:

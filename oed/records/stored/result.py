@@ -14,6 +14,7 @@ from oed.foundation.shown import shown
 from oed.foundation.text import listing, size_text, words
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.records.stored.parts import (
+    Column,
     Count,
     Name,
     Number,
@@ -25,6 +26,7 @@ from oed.records.stored.parts import (
     Size,
     Sizes,
     Stored,
+    require_alike,
     require_table,
 )
 from oed.records.stored.selection import StoredSelection
@@ -154,6 +156,20 @@ class Level(Stored):
     iterations: Count
 
 
+class PrecisionOverTime(Stored):
+    """Standard deviations by the readings until some times of every run, as they are and if nothing drifted;
+    SI, None where the parameter is not identified yet.
+    """
+
+    t: list[Positive]
+    standard_deviations: dict[str, Column]
+    steady_deviations: dict[str, Column]
+
+    def _require(self) -> None:
+        for each in (self.standard_deviations, self.steady_deviations):
+            require_alike(len(self.t), **each)
+
+
 class Covariance(Stored):
     """The predicted covariance of parameters that are identified together."""
 
@@ -181,6 +197,7 @@ class Result(Presented, Stored):
         criteria: what other criteria say of it, by their kinds.
         selection: which readings are taken, where they were chosen.
         steady_deviations: of a process that drifts, the standard deviations if it did not.
+        over_time: how both fall along the drive.
         explored: what a search with a budget spent, as a `Solution` has it.
     """
 
@@ -215,6 +232,7 @@ class Result(Presented, Stored):
     criteria: dict[str, Number | None] = Field(default_factory=dict)
     selection: StoredSelection | None = None
     steady_deviations: dict[str, Positive | None] = Field(default_factory=dict)
+    over_time: PrecisionOverTime | None = None
     explored: StoredExplored | None = None
 
     @property

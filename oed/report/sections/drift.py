@@ -7,12 +7,14 @@ import numpy as np
 from oed.foundation.text import error_text, fixed, significant, words
 from oed.kernel.measurement.process_noise import process_noise_of
 from oed.records.record import Record
+from oed.records.stored.parts import Column as Numbers
 from oed.records.stored.result import Result
 from oed.records.stored.study_record import StoredParameter
+from oed.report.figures.chart import Chart, panels
 from oed.report.parts.judging import study_aim
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import called, with_drive
-from oed.report.parts.section import Column, Section, Table
+from oed.report.parts.section import Column, Picture, Section, Table
 
 SAY = Prose("drift")
 
@@ -29,7 +31,36 @@ def drift(record: Record) -> Section | None:
     blind = {solver.label for solver in record.study.solvers if solver.without_drift}
     lost = [(called(record, one), _times(one), _share(record, one)) for one in results if one.name in blind]
     said = SAY.paragraphs("drift", noise.text, noise.walks, called(record, winner), _times(winner), lost)
-    return Section.of("What drift does", *said, _table(record, results))
+    picture = _over_time(record, winner, [one for one in results if one.name in blind])
+    return Section.of("What drift does", *said, picture, _table(record, results))
+
+
+def _over_time(record: Record, winner: Result, blind: list[Result]) -> Picture | None:
+    # How precise the best drive has been so far, with drift and without; and the best one without, with it.
+    course = winner.over_time
+    if course is None:
+        return None
+    charts = []
+    for one in record.parameters:
+        unit, factor = record.shown_unit(one.name, one.unit)
+
+        def sizes(of: Numbers, factor: float = factor) -> tuple[float | None, ...]:
+            return tuple(None if size is None else factor * size for size in of)
+
+        lines = [
+            ("with drift", sizes(course.standard_deviations.get(one.name, []))),
+            ("without drift", sizes(course.steady_deviations.get(one.name, []))),
+        ]
+        lines += [
+            (called(record, other), sizes(other.over_time.standard_deviations.get(one.name, [])))
+            for other in blind
+            if other is not winner and other.over_time is not None and other.over_time.t == course.t
+        ]
+        places = tuple(float(time) for time in course.t)
+        charts.append(Chart("time [s]", places, tuple(lines), f"standard error [{unit}]", words(one.name)))
+    alt = f"Standard errors of {called(record, winner)} over time, with drift and without"
+    note = SAY("over_time", called(record, winner), [called(record, one) for one in blind])
+    return Picture("precision_over_time", alt, note, panels(charts))
 
 
 def _share(record: Record, result: Result) -> float | None:
