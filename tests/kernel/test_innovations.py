@@ -13,7 +13,7 @@ from oed.estimation.methods.nonlinear import Nonlinear
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import A, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import evaluate
+from oed.kernel.evaluation import evaluate, precision_over_time
 from oed.kernel.measurement.innovations import filter_of
 from oed.kernel.problem import Problem
 from oed.optimize import Ipopt, solve
@@ -119,6 +119,19 @@ def test_poses_say_what_generalised_least_squares_would(every):
     assert_close(information_of(problem, drive), expected)
     blind = problem_of(measurement=POSES.model_copy(update={"every": every, "drift": None}), criterion=E())
     assert np.all(np.linalg.eigvalsh(information_of(blind, drive) - expected) > 0)
+
+
+def test_precision_over_time_is_that_of_the_readings_so_far():
+    problem = problem_of(measurement=POSES, criterion=E())
+    drive = random_drive(problem, 1)
+    read, periods = poses_read(drive), np.array([10, 25, drive.samples])
+    found = precision_over_time(problem, drive, drive.period * periods)
+    for row, period in zip(found, periods, strict=True):
+        until = 3 * (period + 1)
+        expected = dense(lambda at, errors, until=until: read(at, errors)[:until], drive, DRIFT, 0)
+        np.testing.assert_allclose(row, np.sqrt(np.diag(np.linalg.inv(expected))), rtol=1e-6)
+    np.testing.assert_allclose(found[-1], list(evaluate(problem, drive).standard_deviations.values()))
+    assert np.all(np.isinf(precision_over_time(problem, drive, np.array([0.0]))))
 
 
 def test_a_sensor_that_does_not_read_at_the_end_says_nothing_there():

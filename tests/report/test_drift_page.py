@@ -45,6 +45,23 @@ def test_every_drive_has_its_standard_errors_without_drift(drifted):
         assert all(one.standard_deviations[name] > size for name, size in one.steady_deviations.items())
 
 
+def test_precision_over_time_ends_with_that_of_the_drive(drifted):
+    record = load_record(drifted)
+    for one in record.results:
+        assert one.over_time is not None
+        assert one.over_time.t[-1] == pytest.approx(8.0)
+        for course, whole in (
+            (one.over_time.standard_deviations, one.standard_deviations),
+            (one.over_time.steady_deviations, one.steady_deviations),
+        ):
+            for name, sizes in course.items():
+                known = [size for size in sizes if size is not None]
+                assert known[-1] == pytest.approx(whole[name])
+                assert known == sorted(known, reverse=True)
+    write_report(record, drifted)
+    assert (drifted / "figures" / "precision_over_time.svg").exists()
+
+
 def test_the_page_says_what_drift_does(drifted):
     text = (write_report(load_record(drifted), drifted).parent / "report.md").read_text()
     assert "## What drift does" in text
