@@ -12,6 +12,8 @@ from windowed import drifting
 
 from oed.estimation.methods.drift_rates import USUAL
 from oed.estimation.methods.gauss_markov import GaussMarkov
+from oed.estimation.methods.log_errors import ErrorSizes
+from oed.estimation.methods.whole_logs import WholeLogs
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs.log import Log
 from oed.records.record import EstimateRecord
@@ -139,3 +141,22 @@ def test_errors_are_as_large_as_predicted_where_those_of_readings_last(study, tr
     alone = whole.model_copy(update={"lasting": FoundLasting(seconds=seconds)})
     short = np.linalg.inv(planned_information(trajectory, alone, study))
     assert np.all(np.mean(errors < 1.96 * np.sqrt(np.diag(short)), axis=0) < 0.7)
+
+
+@pytest.mark.slow
+def test_errors_are_as_large_as_predicted_where_logs_were_fitted_by_likelihood(tmp_path, trajectory):
+    study = parse_study(STUDY.replace("calibration: {", "calibration: {method: likelihood, "))
+    drives = [course(ROBOT, TRUE, seconds=20.0, seed=seed) for seed in range(3)]
+    logs = [as_csv(one, driven(one, seed), tmp_path / f"{seed}.csv") for seed, one in enumerate(drives)]
+    found = estimate(study, logs)
+    predicted = np.linalg.inv(planned_information(trajectory, found, study))
+    (planned,) = Logging(STEP).of_drive(ROBOT, trajectory)
+    drive = as_course(planned)
+    fits = [fit_of([driven(drive, seed)], unknowns_of(ROBOT), 2.0) for seed in range(40)]
+    white = {one.about: one.at_rest for one in found.noise}
+    sizes = ErrorSizes.of(white, 20.0).known({one.name: one.size for one in found.log_errors})
+    each = [WholeLogs(one, sizes).found() for one in fits]
+    errors = np.array([one.fit.values - TRUE for one in each]) / np.sqrt(np.diag(predicted))
+    # A deviation of 40 is known to 11 %, and the sizes by a factor.
+    ratios = np.sqrt(np.mean(errors**2, axis=0))
+    assert np.all((ratios > 0.6) & (ratios < 1.5))
