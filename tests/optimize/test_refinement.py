@@ -190,7 +190,8 @@ def test_a_robust_design_is_refined_and_still_keeps_its_limits():
 @pytest.mark.parametrize("starts", [1, "auto"])
 def test_drives_of_every_sort_are_refined(parts, starts):
     made = problem(**parts)
-    options = Ipopt(starts=starts, iterations=40, perturbations=0)
+    fewer = {"iterations": 40} if starts == "auto" else {"perturbations": 0}
+    options = Ipopt(starts=starts, **fewer)
     found = solve(made, options, seed=1, workers=1)
     assert found.status.usable
     assert len(found.levels) > 1

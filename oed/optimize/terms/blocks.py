@@ -50,7 +50,8 @@ class Packed:
 
 
 def _entries(matrix: Expression) -> Expression:
-    return matrix.nz[:] if isinstance(matrix, ca.MX) else ca.vertcat(*matrix.nonzeros())
+    # Of a row they would stay one.
+    return ca.vec(matrix.nz[:]) if isinstance(matrix, ca.MX) else ca.vertcat(*matrix.nonzeros())
 
 
 def pull(first: Packed, second: Packed, width: int) -> ca.Function:

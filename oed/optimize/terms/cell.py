@@ -287,15 +287,17 @@ def read_end(problem: Problem, held: Expression, state: Expression) -> Expressio
         state: at that instant, (states,).
     """
     sensors = problem.measurement.joint_sensors
-    reads = ca.DM([1.0 if sensor.when == "at samples" else 0.0 for sensor in sensors])
+    reads = [1.0 if sensor.when == "at samples" else 0.0 for sensor in sensors]
     if process_noise_of(sensors) is not None:
         drive = small_drive(problem, held.T, state)
         used = _filtering(problem)
         state, *rest = _given(drive)
         known = _known(used), used.remembering(state)
-        rows = used.last(*known[0], known[1], *rest, reads)[:, _columns(problem, used)]
+        # Where nothing follows no memory begins.
+        now = ca.DM([*reads, *[0.0] * len(used.memories)])
+        rows = used.last(*known[0], known[1], *rest, now)[:, _columns(problem, used)]
         return upper_half(rows.T @ rows)
-    return upper_half(_read(problem, small_drive(problem, held.T, state), reads))
+    return upper_half(_read(problem, small_drive(problem, held.T, state), ca.DM(reads)))
 
 
 def cuts_of(problem: Problem) -> Cuts:
