@@ -27,6 +27,7 @@ from simulated import (
 from windowed import drifting
 
 from oed.estimation import calibrate
+from oed.estimation.methods.drift_rates import DriftRates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.log_errors import DRIFT, LASTING, PASSING, SIZES, ErrorSizes
 from oed.estimation.methods.nonlinear import Nonlinear
@@ -194,6 +195,17 @@ def test_sizes_are_those_of_what_errs():
     }
     for name, size in true.items():
         assert abs(np.log(found.sizes[name] / size)) < 3.5 * spread[name], name
+
+
+def test_drift_shows_where_there_is_some():
+    drifting_, still = (
+        WholeLogs(fit_of([driven(0, 40.0, factor)], seconds=4.0)).found() for factor in (2.0, 0.0)
+    )
+    assert drifting_.drifts is True
+    assert still.drifts is not True
+    assert DriftRates.of_whole_logs(still).words.startswith(
+        "drift, as whole logs leave it open beside all else"
+    )
 
 
 def scatter(logs: Callable[[int], list[Log]], count: int) -> tuple[np.ndarray, float]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from oed.estimation.methods.faint_drift import faint_drift
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.log_errors import DRIFT, SIZES
+from oed.estimation.methods.log_errors import BEYOND_DOUBT, DRIFT, SIZES
 from oed.estimation.methods.whole_logs import Likeliest
 from oed.estimation.methods.window_noise import (
     OF_POSES,
@@ -53,8 +53,6 @@ ENOUGH, LONGEST = 10, 4
 in shorter ones cancels within seconds."""
 NEAR = 1 / 8
 """Share of a window over which poses are averaged to either side of its ends."""
-BEYOND_DOUBT = 2 * np.log(1000.0)
-"""Twice the logarithm of the odds from which on there is no drift [Kass, Raftery: Bayes factors, 1995]."""
 OUTLYING = 4.0
 """Residuals beyond that many standard deviations are outliers where the loss is a robust one."""
 
@@ -82,7 +80,7 @@ class DriftRates:
         """Those that are most likely beside all else that errs in whole logs."""
         places = [SIZES.index(name) for name in DRIFT]
         logs = found.logs[places]
-        return cls(np.exp(2 * logs), 4 * found.spread[np.ix_(places, places)], True, math.inf)
+        return cls(np.exp(2 * logs), 4 * found.spread[np.ix_(places, places)], found.drifts, math.inf)
 
     @classmethod
     def usual(cls) -> DriftRates:
@@ -98,7 +96,8 @@ class DriftRates:
             else (f"as windows of {self.seconds:.3g} s show it beside the noise of poses")
         )
         if self.seconds == math.inf:
-            origin = "as whole logs show it beside all else that errs"
+            seen = "show it" if self.shown else "leave it open"
+            origin = f"as whole logs {seen} beside all else that errs"
         elif not self.shown and self.seconds is not None:
             seen = "do not show" if self.shown is False else "neither show nor rule out"
             origin = f"which windows {seen}, as far as whole logs leave it open beside the noise of poses"

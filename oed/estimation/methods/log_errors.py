@@ -65,6 +65,8 @@ VAGUE = 3.0
 """Standard deviation of the logarithms of sizes about their first guess: a factor of 20."""
 USUALLY = 0.75
 """The same of drift about the usual one: a factor of 2."""
+BEYOND_DOUBT = 2 * np.log(1000.0)
+"""Twice the logarithm of the odds from which on there is no drift [Kass, Raftery: Bayes factors, 1995]."""
 FARTHEST = 6.0
 """How far the logarithm of a size may be from its first guess."""
 RATES = ("ahead_per_metre", "sideways_per_metre", "heading_per_metre", "heading_per_radian")

@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from oed.estimation.methods.bands import form
-from oed.estimation.methods.drift_rates import BEYOND_DOUBT, USUAL, USUAL_SPREAD, without_drift
+from oed.estimation.methods.drift_rates import USUAL, USUAL_SPREAD, without_drift
 from oed.estimation.methods.fit import ScoreParts
+from oed.estimation.methods.log_errors import BEYOND_DOUBT
 from oed.estimation.methods.window_noise import FIRST, OF_POSES, TIMING, Course, Likelihood
 from oed.estimation.methods.windows import Windows, pose_variances
 from oed.estimation.setup.unknowns import Knowledge

@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.log_errors import FARTHEST, SIZES, WHITE, ErrorSizes
+from oed.estimation.methods.log_errors import BEYOND_DOUBT, DRIFT, FARTHEST, SIZES, WHITE, ErrorSizes
 from oed.estimation.methods.log_filter import POSE, LogFilter
 from oed.estimation.methods.smoothing import smoothed
 from oed.estimation.prediction.layout import cut
@@ -55,6 +55,7 @@ class Likeliest(NamedTuple):
         logs: logarithms of the sizes, by their names.
         spread: covariance of these, (13, 13).
         degrees: of freedom, for how unsure the sizes leave the standard errors.
+        drifts: whether drift shows; False where none is likelier beyond doubt, None where logs leave it open.
     """
 
     fit: Fit
@@ -62,6 +63,7 @@ class Likeliest(NamedTuple):
     logs: Array
     spread: Array
     degrees: float
+    drifts: bool | None
 
     @property
     def sizes(self) -> dict[str, float]:
@@ -117,7 +119,7 @@ class WholeLogs:
         spread = last.spread(errors, logs)
         degrees = last.degrees(logs, spread)
         fit = replace(self._as_fit(last, logs, values, paths), converged=arrived)
-        return Likeliest(fit, last.step(logs)[1], logs, spread, degrees)
+        return Likeliest(fit, last.step(logs)[1], logs, spread, degrees, last.drifts(errors, logs))
 
     def planned(self, sizes: Mapping[str, float]) -> Array:
         """F^-1 (q, q) where the fit is of a planned drive, under errors of these sizes."""
@@ -318,6 +320,13 @@ class _Told:
         inverse = (vectors / np.maximum(values, least)) @ vectors.T
         found[np.ix_(free, free)] = inverse
         return found
+
+    def drifts(self, errors: ErrorSizes, logs: Array) -> bool | None:
+        # Against the most likely sizes of all else without it.
+        none = errors.without(DRIFT)
+        begin = np.where(none.free, logs, none.guess)
+        odds = self.surprise(errors, logs)[0] - self.surprise(none, self.likeliest(none, begin))[0]
+        return None if 0 < odds < BEYOND_DOUBT else bool(odds <= 0)
 
     def degrees(self, logs: Array, spread: Array) -> float:
         # Student's, with the kurtosis that errors have whose variance is as unsure as the sizes make it.
