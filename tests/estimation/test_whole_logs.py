@@ -35,9 +35,12 @@ from oed.estimation.methods.whole_logs import WholeLogs
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
 from oed.logs.log import Log
+from oed.report.estimate import write_estimate
 from oed.robots.sensors import Poses
 from oed.robots.sensors.drift import AT_REST, Drift
 from oed.robots.sensors.poses import AbsoluteNoise
+from oed.workflow.estimate_logs import estimate
+from oed.workflow.studies import parse_study
 
 TRUE = truth_of(ROBOT, **TRUTH)
 NOISE = (0.0005, 0.003)
@@ -269,3 +272,29 @@ def test_maximises_the_likelihood_that_designs_are_simulated_with():
     errors = np.sqrt(np.diag(expected.covariance))
     assert np.all(np.abs(found.fit.values - expected.values) < 0.01 * errors)
     np.testing.assert_allclose(found.covariance, expected.covariance, rtol=0.02)
+
+
+def test_the_page_says_what_errs_and_how_sure_that_is(tmp_path):
+    study = parse_study(
+        "format: 1\nname: Drifting\nrobot: {kind: differential_drive, wheel_radius: 5 cm, track: 20 cm}\n"
+        "measurement: {kind: poses, noise: {position: 2 mm, heading: 0.3 deg}}\n"
+        "calibration: {method: likelihood, sensor_place: [], clock_offset: false}\n"
+    )
+    log, rows = driven(0, 20.0), []
+    held = np.vstack([log.inputs_between(log.pose_times), np.zeros(2)])
+    for time, inputs, pose in zip(log.pose_times, held, log.poses, strict=True):
+        rows.append(",".join(map(str, [time, *inputs, *pose])))
+    text = "t,wheel_speed_right,wheel_speed_left,x,y,heading\n" + "\n".join(rows) + "\n"
+    (tmp_path / "log.csv").write_text(text)
+    found = estimate(study, [tmp_path / "log.csv"])
+    assert [one.name for one in found.log_errors] == list(SIZES)
+    assert all(one.interval[0] <= one.size <= one.interval[1] for one in found.log_errors)
+    page = (write_estimate(found, tmp_path).parent / "estimate.md").read_text()
+    assert "estimated by the most likely path of whole logs" in page
+    assert "Standard errors are those of F⁻¹ under drift" in page
+    assert "| noise of readings | position |" in page
+    assert "| drift | heading, after 1 rad of turning |" in page
+    # Innovations are about normal, of one size.
+    (own,) = (one for one in found.residuals if one.quantity == "heading")
+    noise = next(one.at_rest for one in found.noise if one.about == "heading")
+    assert np.std([value for value in own.value if value is not None]) == pytest.approx(noise, rel=0.25)
