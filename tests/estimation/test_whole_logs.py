@@ -160,6 +160,15 @@ def test_readings_taken_together_say_nearly_as_much():
     np.testing.assert_allclose(pairs, each, rtol=0.1)
 
 
+def test_a_robot_may_turn_by_more_than_half_a_turn_between_poses():
+    drive = drifting(course(seconds=120.0, period=0.1, seed=2), TRUE, np.array(USUALLY), 2)
+    log = log_of(drive, noise=NOISE, every=20, seed=2)
+    assert np.abs(np.diff(log.poses[:, 2])).max() > np.pi
+    found = WholeLogs(fit_of([log], seconds=4.0)).found()
+    assert found.fit.converged
+    assert np.abs((found.fit.values - TRUE) / np.sqrt(np.diag(found.covariance))).max() < 3.5
+
+
 def driven(seed: int, seconds: float, factor: float = 1.0, errs: tuple[float, float] | None = None) -> Log:
     """A log of a robot that drifts `factor` times as far as usual, with errors that last of a size [m] for
     some seconds.
