@@ -160,6 +160,16 @@ def test_readings_taken_together_say_nearly_as_much():
     np.testing.assert_allclose(pairs, each, rtol=0.1)
 
 
+def test_many_readings_taken_together_say_no_more_than_each():
+    # Of 50 in a second the robot drifts by more within a step than what their mean is sure of.
+    drift = {**dict.fromkeys((*PASSING[:3], *LASTING[:2]), 1e-9), **dict(zip(DRIFT, USUALLY, strict=True))}
+    fit = fit_of([log_of(course(seconds=20.0, period=0.02), noise=NOISE)])
+    each = np.sqrt(np.diag(WholeLogs(fit, together=1).planned({**ERRORS, **drift})))
+    for count, share in ((8, 0.02), (25, 0.05)):
+        some = np.sqrt(np.diag(WholeLogs(fit, together=count).planned({**ERRORS, **drift})))
+        np.testing.assert_allclose(some, each, rtol=share)
+
+
 def test_a_robot_may_turn_by_more_than_half_a_turn_between_poses():
     drive = drifting(course(seconds=120.0, period=0.1, seed=2), TRUE, np.array(USUALLY), 2)
     log = log_of(drive, noise=NOISE, every=20, seed=2)
