@@ -27,6 +27,7 @@ from simulated import (
 from windowed import drifting
 
 from oed.estimation import calibrate
+from oed.estimation.methods.drift_rates import DriftRates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.log_errors import DRIFT, LASTING, PASSING, SIZES, ErrorSizes
 from oed.estimation.methods.nonlinear import Nonlinear
@@ -34,6 +35,8 @@ from oed.estimation.methods.whole_logs import WholeLogs
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
 from oed.logs.log import Log
+from oed.records.calibration_outcome import estimate_of
+from oed.report.estimate.fit import error_bars
 from oed.robots.sensors import Poses
 from oed.robots.sensors.drift import AT_REST, Drift
 from oed.robots.sensors.poses import AbsoluteNoise
@@ -254,6 +257,16 @@ def test_says_what_errs():
     assert found.fit.layout.count == 1
 
 
+def test_what_the_study_states_is_said_to_be_stated():
+    found = calibrate(logged_problem(), [driven(0, 8.0)], options(method="likelihood", noise="stated"))
+    assert {name for name, size in found.log_errors.sizes.items() if not size} == {*PASSING, *LASTING}
+    (table,) = (
+        one for one in error_bars(estimate_of(found)).tables if one.columns[-1].title == "95 % interval"
+    )
+    assert [row[0] for row in table.rows] == ["noise of readings"] * 2 + ["drift"] * 4
+    assert [row[-1] == "as stated" for row in table.rows] == [True] * 2 + [False] * 4
+
+
 def test_maximises_the_likelihood_that_designs_are_simulated_with():
     # The same readings, of a drive that was planned, and of a log of it.
     drift = Drift(
@@ -276,3 +289,4 @@ def test_maximises_the_likelihood_that_designs_are_simulated_with():
     errors = np.sqrt(np.diag(expected.covariance))
     assert np.all(np.abs(found.fit.values - expected.values) < 0.01 * errors)
     np.testing.assert_allclose(found.covariance, expected.covariance, rtol=0.02)
+    assert DriftRates.of_whole_logs(found).words.startswith("drift, as the study states it: ")

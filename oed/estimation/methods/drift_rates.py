@@ -98,7 +98,8 @@ class DriftRates:
             else (f"as windows of {self.seconds:.3g} s show it beside the noise of poses")
         )
         if self.seconds == math.inf:
-            origin = "as whole logs show it beside all else that errs"
+            found = np.any(self.spread)
+            origin = "as whole logs show it beside all else that errs" if found else "as the study states it"
         elif not self.shown and self.seconds is not None:
             seen = "do not show" if self.shown is False else "neither show nor rule out"
             origin = f"which windows {seen}, as far as whole logs leave it open beside the noise of poses"

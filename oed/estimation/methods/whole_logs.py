@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.log_errors import FARTHEST, SIZES, WHITE, ErrorSizes
+from oed.estimation.methods.log_errors import FARTHEST, NONE, SIZES, WHITE, ErrorSizes
 from oed.estimation.methods.log_filter import POSE, LogFilter
 from oed.estimation.methods.smoothing import smoothed
 from oed.estimation.prediction.layout import FULL_TURN, SegmentLayout, cut
@@ -66,7 +66,8 @@ class Likeliest(NamedTuple):
     @property
     def sizes(self) -> dict[str, float]:
         """Sizes of the errors by their names, SI; 0 of none."""
-        return {name: float(np.exp(one)) for name, one in zip(SIZES, self.logs, strict=True)}
+        sizes = np.where(self.logs > NONE, np.exp(self.logs), 0.0)
+        return {name: float(one) for name, one in zip(SIZES, sizes, strict=True)}
 
 
 def whole_flaw(fit: Fit) -> str | None:
