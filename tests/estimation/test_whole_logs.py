@@ -248,6 +248,19 @@ def test_refuses_what_it_is_not_for():
         calibrate(logged_problem(), logs, options(method="likelihood", covariance="bootstrap"))
 
 
+def test_logs_whose_noise_lasts_are_not_refused():
+    # Other methods find by themselves that it does.
+    logs = [
+        lasting(log_of(course(seconds=40.0, seed=seed), noise=NOISE, name=str(seed)), 0.01, 5.0, seed)
+        for seed in (0, 1)
+    ]
+    assert calibrate(logged_problem(), logs, options()).fit.correlated is not None
+    found = calibrate(logged_problem(), logs, options(method="likelihood"))
+    assert found.log_errors.sizes["lasting_position"] == pytest.approx(0.01, rel=0.5)
+    with pytest.raises(ProblemError, match="looks for errors that last itself, not noise: correlated"):
+        calibrate(logged_problem(), logs[:1], options(method="likelihood", noise="correlated"))
+
+
 def test_says_what_errs():
     found = calibrate(logged_problem(), [driven(0, 20.0)], options(method="likelihood"))
     assert found.covariances[0].name == "information"
