@@ -35,7 +35,9 @@ from oed.estimation.methods.whole_logs import WholeLogs
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
 from oed.logs.log import Log
+from oed.records.calibration_outcome import estimate_of
 from oed.report.estimate import write_estimate
+from oed.report.estimate.fit import error_bars
 from oed.robots.sensors import Poses
 from oed.robots.sensors.drift import AT_REST, Drift
 from oed.robots.sensors.poses import AbsoluteNoise
@@ -164,6 +166,25 @@ def test_readings_taken_together_say_nearly_as_much():
     np.testing.assert_allclose(pairs, each, rtol=0.1)
 
 
+def test_many_readings_taken_together_say_no_more_than_each():
+    # Of 50 in a second the robot drifts by more within a step than what their mean is sure of.
+    drift = {**dict.fromkeys((*PASSING[:3], *LASTING[:2]), 1e-9), **dict(zip(DRIFT, USUALLY, strict=True))}
+    fit = fit_of([log_of(course(seconds=20.0, period=0.02), noise=NOISE)])
+    each = np.sqrt(np.diag(WholeLogs(fit, together=1).planned({**ERRORS, **drift})))
+    for count, share in ((8, 0.02), (25, 0.05)):
+        some = np.sqrt(np.diag(WholeLogs(fit, together=count).planned({**ERRORS, **drift})))
+        np.testing.assert_allclose(some, each, rtol=share)
+
+
+def test_a_robot_may_turn_by_more_than_half_a_turn_between_poses():
+    drive = drifting(course(seconds=120.0, period=0.1, seed=2), TRUE, np.array(USUALLY), 2)
+    log = log_of(drive, noise=NOISE, every=20, seed=2)
+    assert np.abs(np.diff(log.poses[:, 2])).max() > np.pi
+    found = WholeLogs(fit_of([log], seconds=4.0)).found()
+    assert found.fit.converged
+    assert np.abs((found.fit.values - TRUE) / np.sqrt(np.diag(found.covariance))).max() < 3.5
+
+
 def driven(seed: int, seconds: float, factor: float = 1.0, errs: tuple[float, float] | None = None) -> Log:
     """A log of a robot that drifts `factor` times as far as usual, with errors that last of a size [m] for
     some seconds.
@@ -241,6 +262,19 @@ def test_refuses_what_it_is_not_for():
         calibrate(logged_problem(), logs, options(method="likelihood", covariance="bootstrap"))
 
 
+def test_logs_whose_noise_lasts_are_not_refused():
+    # Other methods find by themselves that it does.
+    logs = [
+        lasting(log_of(course(seconds=40.0, seed=seed), noise=NOISE, name=str(seed)), 0.01, 5.0, seed)
+        for seed in (0, 1)
+    ]
+    assert calibrate(logged_problem(), logs, options()).fit.correlated is not None
+    found = calibrate(logged_problem(), logs, options(method="likelihood"))
+    assert found.log_errors.sizes["lasting_position"] == pytest.approx(0.01, rel=0.5)
+    with pytest.raises(ProblemError, match="looks for errors that last itself, not noise: correlated"):
+        calibrate(logged_problem(), logs[:1], options(method="likelihood", noise="correlated"))
+
+
 def test_says_what_errs():
     found = calibrate(logged_problem(), [driven(0, 20.0)], options(method="likelihood"))
     assert found.covariances[0].name == "information"
@@ -248,6 +282,16 @@ def test_says_what_errs():
     assert found.drift.words.startswith("drift, as whole logs show it beside all else that errs: ")
     assert [one.name for one in found.diagnostics] == ["whiteness", "outliers"] * 2
     assert found.fit.layout.count == 1
+
+
+def test_what_the_study_states_is_said_to_be_stated():
+    found = calibrate(logged_problem(), [driven(0, 8.0)], options(method="likelihood", noise="stated"))
+    assert {name for name, size in found.log_errors.sizes.items() if not size} == {*PASSING, *LASTING}
+    (table,) = (
+        one for one in error_bars(estimate_of(found)).tables if one.columns[-1].title == "95 % interval"
+    )
+    assert [row[0] for row in table.rows] == ["noise of readings"] * 2 + ["drift"] * 4
+    assert [row[-1] == "as stated" for row in table.rows] == [True] * 2 + [False] * 4
 
 
 def test_maximises_the_likelihood_that_designs_are_simulated_with():
@@ -272,6 +316,7 @@ def test_maximises_the_likelihood_that_designs_are_simulated_with():
     errors = np.sqrt(np.diag(expected.covariance))
     assert np.all(np.abs(found.fit.values - expected.values) < 0.01 * errors)
     np.testing.assert_allclose(found.covariance, expected.covariance, rtol=0.02)
+    assert DriftRates.of_whole_logs(found).words.startswith("drift, as the study states it: ")
 
 
 def test_the_page_says_what_errs_and_how_sure_that_is(tmp_path):

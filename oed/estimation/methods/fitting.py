@@ -227,9 +227,10 @@ class Fitting:
         return self.options.method == "gls" and set(logs[0].quantities) == {"x", "y"}
 
     def _may_last(self, layout: SegmentLayout) -> bool:
-        # Whether noise that lasts is looked for.
+        # Whether noise that lasts is looked for. Likelihood looks for it itself, beside drift.
         options = self.options
-        return options.loss == "linear" and options.noise != "stated" and has_lasting_form(layout.quantities)
+        free = options.loss == "linear" and options.noise != "stated" and options.method != "likelihood"
+        return free and has_lasting_form(layout.quantities)
 
     def _correlated(self, fit: Fit, unknowns: Unknowns) -> Fit:
         # With noise that lasts, where it is asked for.

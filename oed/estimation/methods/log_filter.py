@@ -15,7 +15,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from oed.estimation.methods.log_errors import SECONDS, SIZES
+from oed.estimation.methods.log_errors import DRIFT, SECONDS, SIZES
 from oed.estimation.methods.smoothing import Passed
 from oed.estimation.prediction.log_steps import Stretch
 from oed.foundation.arrays import Array
@@ -26,7 +26,7 @@ POSE, STATES = 3, 9
 last."""
 CHUNK = 50
 """Steps that one call takes."""
-STEP = ("onward", "moved", "effect", "amounts", "seconds", "seen", "read", "weights", "direction")
+STEP = ("onward", "moved", "effect", "amounts", "seconds", "seen", "read", "within", "weights", "direction")
 
 
 class Told(NamedTuple):
@@ -155,7 +155,7 @@ class LogFilter:
 
     @property
     def _functions(self) -> tuple[DirectCall, DirectCall, DirectCall]:
-        return _chunk(self._width, self.quantities)
+        return _chunk(self._width, self.quantities, bool(self.stretch.within.any()))
 
     @cached_property
     def _chunks(self) -> list[list[Array]]:
@@ -178,6 +178,7 @@ class LogFilter:
             "seconds": one.amounts[:, 2, None, None],
             "seen": one.seen,
             "read": placed(one.read),
+            "within": one.within,
             "weights": self.weights[:, :, None],
             "direction": np.stack([np.cos(one.headings), np.sin(one.headings)], axis=-1)[..., None],
         }
@@ -211,10 +212,12 @@ def _at_begin(logs: Array) -> Array:
 
 
 @lru_cache(maxsize=8)
-def _chunk(width: int, quantities: tuple[str, ...]) -> tuple[DirectCall, DirectCall, DirectCall]:
+def _chunk(
+    width: int, quantities: tuple[str, ...], within: bool
+) -> tuple[DirectCall, DirectCall, DirectCall]:
     # (D, P, logarithms of sizes, steps' numbers) -> D, P, square, volume; the same backwards; all on the way.
     count = len(quantities)
-    step = _step(width, quantities)
+    step = _step(width, quantities, within)
     slopes, spreads = ca.MX.sym("D", STATES, width), ca.MX.sym("P", STATES, STATES)
     logs = ca.MX.sym("logs", len(SIZES))
     shapes = _shapes(width, count)
@@ -231,7 +234,7 @@ def _chunk(width: int, quantities: tuple[str, ...]) -> tuple[DirectCall, DirectC
         "back", [*names, "adj:Dn", "adj:Pn", "adj:F", "adj:L"], ["adj:D", "adj:P", "adj:logs"]
     )
     # Of a column of the state: what becomes of it, and of what is read.
-    unity = _step(STATES, quantities).map(CHUNK)
+    unity = _step(STATES, quantities, within).map(CHUNK)
     before = ca.horzcat(spreads, every[1][:, :-STATES])
     eyes = ca.DM(np.tile(np.eye(STATES), CHUNK))
     alone = [one if name not in ("moved", "read") else None for name, one in zip(STEP, given, strict=True)]
@@ -256,19 +259,25 @@ def _shapes(width: int, count: int) -> dict[str, tuple[int, int]]:
         "seconds": (1, 1),
         "seen": (count, POSE),
         "read": (count, width),
+        "within": (count, 2),
         "weights": (count, 1),
         "direction": (2, 1),
     }
 
 
 @lru_cache(maxsize=8)
-def _step(width: int, quantities: tuple[str, ...]) -> ca.Function:
+def _step(width: int, quantities: tuple[str, ...], within: bool) -> ca.Function:
     # (D, P, logarithms of sizes, a step's numbers) -> D, P at the next one, whitened innovations, log s.
+    # Means of readings within a step see its drift: a share of it, and besides what wanders to and fro.
     shapes = _shapes(width, len(quantities))
     begin, spread = ca.SX.sym("D", STATES, width), ca.SX.sym("P", STATES, STATES)
     logs, given = ca.SX.sym("logs", len(SIZES)), {name: ca.SX.sym(name, *shapes[name]) for name in STEP}
     # By its upper half, lest rounding bend it.
     slopes, covariance, rows, volume = begin, ca.triu2symm(ca.triu(spread)), [], ca.SX(0)
+    if within:
+        drift = _drift(logs, given)
+        slopes = ca.vertcat(slopes, ca.SX(2 * POSE, width))
+        covariance = ca.diagcat(covariance, drift, drift)
     cosine, sine = ca.vertsplit(given["direction"])
     beside = {
         "x": (cosine, -sine, 0, 1, 0, 0),
@@ -279,6 +288,9 @@ def _step(width: int, quantities: tuple[str, ...]) -> ca.Function:
         size = logs[SIZES.index("heading" if name == "heading" else "position")]
         weight = given["weights"][place] / ca.exp(size)
         through = weight * ca.horzcat(given["seen"][place, :], *beside[name])
+        if within:
+            drifted = weight * given["seen"][place, :] @ given["effect"]
+            through = ca.horzcat(through, *(one * drifted for one in ca.horzsplit(given["within"][place, :])))
         gained = covariance @ through.T
         variance = 1 + through @ gained
         root = ca.sqrt(variance)
@@ -291,16 +303,21 @@ def _step(width: int, quantities: tuple[str, ...]) -> ca.Function:
     return ca.Function("step", [begin, spread, logs, *given.values()], [*map(ca.cse, results)])
 
 
+def _drift(logs: ca.SX, given: dict[str, ca.SX]) -> ca.SX:
+    # Variances of the motion's errors in the step.
+    ahead, sideways, by_path, by_turning = (ca.exp(2 * logs[SIZES.index(name)]) for name in DRIFT)
+    length, turning = ca.vertsplit(given["amounts"])
+    return ca.diag(ca.vertcat(ahead * length, sideways * length, by_path * length + by_turning * turning))
+
+
 def _moved(slopes: ca.SX, covariance: ca.SX, logs: ca.SX, given: dict[str, ca.SX]) -> tuple[ca.SX, ca.SX]:
-    # After the step.
+    # After the step, of whose drift the state may have what readings say.
     square = {name: ca.exp(2 * logs[place]) for place, name in enumerate(SIZES)}
     time = {name: ca.exp(logs[SIZES.index(name)]) for name in SECONDS}
-    length, turning = ca.vertsplit(given["amounts"])
+    turning = given["amounts"][1]
     passing, lasting = (ca.exp(-given["seconds"] / time[name]) for name in SECONDS)
     left = ca.vertcat(passing, passing, passing, lasting, lasting, lasting)
     onward = ca.diagcat(given["onward"], ca.diag(left))
-    turn = square["turn_by_path"] * length + square["turn_by_turning"] * turning
-    drift = ca.diag(ca.vertcat(square["ahead"] * length, square["sideways"] * length, turn))
     stays, lasts = 1 - passing**2, 1 - lasting**2
     added = ca.vertcat(
         stays * square["passing_ahead"],
@@ -310,6 +327,11 @@ def _moved(slopes: ca.SX, covariance: ca.SX, logs: ca.SX, given: dict[str, ca.SX
         lasts * square["lasting_position"],
         lasts * square["lasting_heading"],
     )
-    noise = ca.diagcat(given["effect"] @ drift @ given["effect"].T, ca.diag(added))
+    noise = ca.diagcat(ca.SX(POSE, POSE), ca.diag(added))
+    effect = ca.vertcat(given["effect"], ca.SX(STATES - POSE, POSE))
+    if slopes.shape[0] > STATES:
+        onward = ca.horzcat(onward, effect, ca.SX(STATES, POSE))
+    else:
+        noise += effect @ _drift(logs, given) @ effect.T
     through = ca.vertcat(given["moved"], ca.SX(STATES - POSE, slopes.shape[1]))
     return onward @ slopes + through, onward @ covariance @ onward.T + noise

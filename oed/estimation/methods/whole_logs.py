@@ -17,10 +17,10 @@ import numpy as np
 import scipy
 
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.log_errors import BEYOND_DOUBT, DRIFT, FARTHEST, SIZES, WHITE, ErrorSizes
+from oed.estimation.methods.log_errors import BEYOND_DOUBT, DRIFT, FARTHEST, NONE, SIZES, WHITE, ErrorSizes
 from oed.estimation.methods.log_filter import POSE, LogFilter
 from oed.estimation.methods.smoothing import smoothed
-from oed.estimation.prediction.layout import cut
+from oed.estimation.prediction.layout import FULL_TURN, SegmentLayout, cut
 from oed.estimation.prediction.log_steps import LogSteps
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.noise import LEAST, group_of
@@ -68,7 +68,8 @@ class Likeliest(NamedTuple):
     @property
     def sizes(self) -> dict[str, float]:
         """Sizes of the errors by their names, SI; 0 of none."""
-        return {name: float(np.exp(one)) for name, one in zip(SIZES, self.logs, strict=True)}
+        sizes = np.where(self.logs > NONE, np.exp(self.logs), 0.0)
+        return {name: float(one) for name, one in zip(SIZES, sizes, strict=True)}
 
 
 def whole_flaw(fit: Fit) -> str | None:
@@ -147,13 +148,12 @@ class WholeLogs:
         # As the segments have them.
         fit, steps = self.fit, self._steps
         readings = LoggedReadings.of(fit.layout, fit.unknowns, fit.offsets)
-        known = readings.path(fit.values, fit.starts)[..., :POSE]
+        known = _continued(fit.layout, readings.path(fit.values, fit.starts)[..., :POSE])
         found = []
         for row, begins in enumerate(steps.begins):
             own = fit.layout.owner == steps.whole.owner[row]
             times, first = np.unique(fit.layout.times[own], return_index=True)
             poses = known[own].reshape(-1, POSE)[first]
-            poses[:, 2] = np.unwrap(poses[:, 2])
             at = steps.whole.times[row, begins]
             found.append(np.column_stack([np.interp(at, times, column) for column in poses.T]))
         return found
@@ -237,6 +237,18 @@ class WholeLogs:
         pose = np.stack([path[..., 0] + arm.real, path[..., 1] + arm.imag, path[..., 2] + place[2]], axis=-1)
         known = dict(zip(("x", "y", "heading"), np.moveaxis(pose, -1, 0), strict=True))
         return np.stack([known[name] for name in self.fit.layout.quantities], axis=-1)
+
+
+def _continued(layout: SegmentLayout, paths: Array) -> Array:
+    # Paths (S, n + 1, 3) of segments with the headings at which those before end, where these are the same:
+    # within a segment a robot may turn by more than half a turn between times.
+    found = paths.copy()
+    for row in range(1, layout.count):
+        end = layout.last[row - 1]
+        if layout.owner[row] == layout.owner[row - 1] and layout.times[row, 0] == layout.times[row - 1, end]:
+            turns = (found[row - 1, end, 2] - found[row, 0, 2]) / FULL_TURN
+            found[row, :, 2] += FULL_TURN * np.rint(turns)
+    return found
 
 
 @dataclass(frozen=True)
@@ -324,6 +336,9 @@ class _Told:
 
     def drifts(self, errors: ErrorSizes, logs: Array) -> bool | None:
         # Against the most likely sizes of all else without it.
+        places = [SIZES.index(name) for name in DRIFT]
+        if not np.any(errors.free[places]):
+            return None
         none = errors.without(DRIFT)
         begin = np.where(none.free, logs, none.guess)
         odds = self.surprise(errors, logs)[0] - self.surprise(none, self.likeliest(none, begin))[0]

@@ -35,6 +35,8 @@ class Stretch(NamedTuple):
         amounts: path [m], turning [rad] and time [s] of each step, (K, 3).
         seen: of what is read by the step's begin, (K, k, 3), SI.
         read: of what is read directly, (K, k, q + 1), SI.
+        within: share of the step's drift that each sees, and deviation of what it sees of the drift besides,
+            in that of the whole, (K, k, 2); 0 where it is read at the begin.
         counts: how many readings each is the mean of, (K, k); 0 of none.
         headings: at the steps' begins, (K,).
     """
@@ -47,6 +49,7 @@ class Stretch(NamedTuple):
     amounts: Array
     seen: Array
     read: Array
+    within: Array
     counts: Array
     headings: Array
 
@@ -100,6 +103,7 @@ class LogSteps:
                 amounts[own_rows],
                 seen[own_rows],
                 read[own_rows],
+                self._within[own_rows],
                 counts[own_rows].astype(float),
                 path[:, 2],
             )
@@ -137,6 +141,19 @@ class LogSteps:
     @cached_property
     def _readings(self) -> LoggedReadings:
         return LoggedReadings.of(self._layout, self.unknowns, self.offsets)
+
+    @cached_property
+    def _within(self) -> Array:
+        # Drift within a step is a random walk in time. The mean of its values at shares f of the step has the
+        # slope mean f by its value at the end, and the variance mean min(f, f') in all.
+        times, valid = self._layout.times, self._layout.valid
+        lasting = times[:, -1:] - times[:, :1]
+        passed = (times - times[:, :1]) / np.where(lasting > 0, lasting, 1.0)
+        each = valid / np.maximum(valid.sum(axis=1, keepdims=True), 1)
+        share = np.einsum("sn,snk->sk", passed, each)
+        both = np.minimum(passed[:, :, None], passed[:, None, :])
+        whole = np.einsum("snk,snm,smk->sk", each, both, each)
+        return np.stack([share, np.sqrt(np.maximum(whole - share**2, 0.0))], axis=-1)
 
     def _states(self, values: Array, starts: Array) -> tuple[Array, Array, Array]:
         # Where the robot's origin is at the steps' ends, (K, 3), and derivatives by the unknowns, of which

@@ -15,7 +15,7 @@ from oed.foundation.text import (
     slug,
     words,
 )
-from oed.records.stored.estimate import EstimateRecord, TriedLength
+from oed.records.stored.estimate import EstimateRecord, FoundError, TriedLength
 from oed.records.stored.parts import Column as Numbers
 from oed.report.figures import calibration as figures
 from oed.report.figures.calibration import Residuals, residuals_of
@@ -97,9 +97,14 @@ def _errors(record: EstimateRecord) -> Table | None:
         Column("", cell=lambda one: SAY("kind", one.kind)),
         Column("of", cell=lambda one: one.about),
         Column("size", cell=lambda one: _size(one.size, one.unit)),
-        Column("95 % interval", cell=lambda one: " to ".join(_size(end, one.unit) for end in one.interval)),
+        Column("95 % interval", cell=_size_interval),
     )
-    return Table.of(record.log_errors, columns, SAY("errors_table"))
+    return Table.of([one for one in record.log_errors if one.size], columns, SAY("errors_table"))
+
+
+def _size_interval(one: FoundError) -> str:
+    low, high = one.interval
+    return "as stated" if low == high else " to ".join(_size(end, one.unit) for end in (low, high))
 
 
 def _size(size: float | None, unit: str) -> str:
