@@ -224,6 +224,8 @@ def test_refuses_what_it_is_not_for():
     logs = [log_of(course(seconds=8.0), noise=NOISE)]
     with pytest.raises(ProblemError, match="F\\^-1 of all that errs: omit it"):
         calibrate(logged_problem(), logs, options(method="likelihood", covariance="bootstrap"))
+    with pytest.raises(ProblemError, match="likelihood takes whole logs: omit it"):
+        calibrate(logged_problem(), logs, options(method="likelihood", segment=5.0))
 
 
 def test_says_what_errs():
