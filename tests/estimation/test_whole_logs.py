@@ -260,6 +260,8 @@ def test_refuses_what_it_is_not_for():
     logs = [log_of(course(seconds=8.0), noise=NOISE)]
     with pytest.raises(ProblemError, match="F\\^-1 of all that errs: omit it"):
         calibrate(logged_problem(), logs, options(method="likelihood", covariance="bootstrap"))
+    with pytest.raises(ProblemError, match="likelihood takes whole logs: omit it"):
+        calibrate(logged_problem(), logs, options(method="likelihood", segment=5.0))
 
 
 def test_logs_whose_noise_lasts_are_not_refused():
@@ -335,11 +337,7 @@ def test_the_page_says_what_errs_and_how_sure_that_is(tmp_path):
     assert [one.name for one in found.log_errors] == list(SIZES)
     assert all(one.interval[0] <= one.size <= one.interval[1] for one in found.log_errors)
     page = (write_estimate(found, tmp_path).parent / "estimate.md").read_text()
-    assert "estimated by the most likely path of whole logs" in page
+    assert "estimated by the likelihood of whole logs" in page
     assert "Standard errors are those of F⁻¹ under drift" in page
     assert "| noise of readings | position |" in page
     assert "| drift | heading, after 1 rad of turning |" in page
-    # Innovations are about normal, of one size.
-    (own,) = (one for one in found.residuals if one.quantity == "heading")
-    noise = next(one.at_rest for one in found.noise if one.about == "heading")
-    assert np.std([value for value in own.value if value is not None]) == pytest.approx(noise, rel=0.25)

@@ -360,6 +360,37 @@ def test_residuals_are_drawn_in_units_that_suit_them():
     assert np.all(np.diff(found) >= 0)
 
 
+def likeliest(**changes: object) -> Data:
+    error = {
+        "name": "position",
+        "kind": "noise",
+        "about": "position",
+        "unit": "m",
+        "size": 2e-5,
+        "interval": [1e-6, 4e-4],
+    }
+    return {**estimate(), "method": "likelihood", "log_errors": [error], **changes}
+
+
+def test_distances_from_the_likeliest_path_are_not_held_against_the_white_noise_alone():
+    (position, _) = residuals_of(read(likeliest()))
+    rms = np.sqrt(np.mean(position.everything.values**2))
+    assert position.size(np.zeros(1), np.zeros(1)) == pytest.approx(rms)
+    said = section(likeliest(), "Does the fit hold")
+    assert "The figures show all that parts readings from the most likely path" in " ".join(said.paragraphs)
+    assert "their size in all" in said.pictures[0].caption
+    assert "correlation of innovations with those" in said.pictures[0].caption
+
+
+@pytest.mark.parametrize("chosen", [True, False])
+def test_the_likeliest_path_is_said_to_be_what_was_fitted(chosen: bool):
+    segments = {"seconds": None, "count": 2, "chosen": chosen, "drifts": True, "tried": []}
+    sections = estimate_sections(read(likeliest(segments=segments)))
+    said = " ".join(text for one in sections for text in one.paragraphs)
+    assert "estimated by the likelihood of whole logs" in said
+    assert "What is fitted is the most likely path of whole logs" in said
+
+
 @pytest.mark.parametrize(
     ("error", "decimals"), [(0.013, 3), (0.0996, 2), (41.0, 0), (0.0, None), (None, None), (math.inf, None)]
 )

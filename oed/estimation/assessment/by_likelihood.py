@@ -30,6 +30,9 @@ def likeliest(plain: Fit, options: CalibrationOptions, measurement: Measurement)
     if options.covariance not in ("auto", "information"):
         text = "likelihood has F^-1 of all that errs: omit it, or use method: joint"
         raise ProblemError.about(("calibration", "covariance"), text)
+    if options.segment not in ("auto", "log"):
+        text = "likelihood takes whole logs: omit it, or use method: joint"
+        raise ProblemError.about(("calibration", "segment"), text)
     # Where the study states noise it states what there is.
     stated = _stated(plain, measurement) if options.noise == "stated" else None
     return WholeLogs(plain, stated).found()

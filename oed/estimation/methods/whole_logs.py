@@ -23,7 +23,7 @@ from oed.estimation.methods.smoothing import smoothed
 from oed.estimation.prediction.layout import FULL_TURN, SegmentLayout, cut
 from oed.estimation.prediction.log_steps import LogSteps
 from oed.estimation.prediction.logged_readings import LoggedReadings
-from oed.estimation.setup.noise import LEAST, group_of
+from oed.estimation.setup.noise import LEAST
 from oed.foundation.arrays import Array, Places
 from oed.robots.sensors.logged import Noise
 
@@ -213,8 +213,7 @@ class WholeLogs:
             values=values,
             starts=np.stack([one[0] for one in paths]),
             layout=layout,
-            # As large as noise alone would make them: what errs besides is known by then, as far as it is.
-            residuals=white * np.array([sizes[group_of(name)] for name in plain.layout.quantities]),
+            residuals=off,
             white=white,
             weights=np.ones(white.shape),
             redundancy=(counts > 0).astype(float),

@@ -62,6 +62,7 @@ class Residuals:
         at_rest, per_speed, per_yaw_rate: the noise, None or 0 where it is not known.
         correlations: with later residuals.
         bound: of 95 % of white ones' correlations, None where it is not known.
+        filtered: whether these correlations are those of a filter's innovations.
     """
 
     about: str
@@ -72,6 +73,7 @@ class Residuals:
     per_yaw_rate: float
     correlations: Array
     bound: float | None
+    filtered: bool = False
 
     @property
     def numbered(self) -> bool:
@@ -141,8 +143,9 @@ def _group(record: EstimateRecord, about: str, group: Sequence[StoredResiduals])
     if len(values) < 2:
         return None
     shown, factor = unit_for([float(np.sqrt(np.mean(values**2)))], group[0].unit or "")
-    # Of motion over windows the poses' noise is but a part.
-    noises = [] if record.by_windows else record.noise
+    # Of motion over windows, and of what is off the most likely path, the poses' noise is but a part.
+    filtered = bool(record.log_errors)
+    noises = [] if record.by_windows or filtered else record.noise
     noise = next((one for one in noises if one.about == about), FoundNoise(about=about))
     unknown = Correlations(about=about, values=[])
     tested = next((one for one in record.correlations if one.about == about), unknown)
@@ -158,6 +161,7 @@ def _group(record: EstimateRecord, about: str, group: Sequence[StoredResiduals])
         per_yaw_rate=(noise.per_yaw_rate or 0.0) * factor,
         correlations=np.array(tested.values, dtype=float),
         bound=tested.bound,
+        filtered=filtered,
     )
 
 
