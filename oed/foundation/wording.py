@@ -135,6 +135,9 @@ def sentence(detail: ErrorDetails, root: type[BaseModel] = BaseModel) -> str:
 
 
 def _unknown_key(key: str, known: Sequence[str]) -> str:
+    if key in known:
+        # Of another form than the keys beside it.
+        return "does not go with the keys beside it: leave out this one or those"
     hint = did_you_mean(key, known)
     return (
         f"unknown key{hint}{'' if hint else ';'} known here: {', '.join(known)}" if known else "unknown key"

@@ -105,6 +105,8 @@ class _Refinement:
     def after(self, first: Solution) -> Solution:
         best, spline, why = self._scored(first), self.problem.design.spline.first, ""
         self.levels.append(_level(spline, best))
+        if first.status is Status.INTERRUPTED:
+            return self._ended(best, "the search ended before it was refined")
         for finer in finer_splines(self.problem) if self.options.refines else ():
             found = self._on(finer, best)
             if found.trajectory is None:
@@ -118,6 +120,9 @@ class _Refinement:
                 break
         else:
             why = self._why_no_finer
+        return self._ended(best, why)
+
+    def _ended(self, best: Solution, why: str) -> Solution:
         detail = f"{best.detail} {self._said(why)}".strip()
         return replace(best, levels=tuple(self.levels), detail=detail)
 

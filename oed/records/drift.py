@@ -20,7 +20,7 @@ def drift_of(folder: Path) -> Drift:
     except RecordError as error:
         raise ProblemError([Flaw((), "; ".join(map(str, error.flaws)))]) from None
     if found is None:
-        text = "expected an estimate that says how much its logs drift: of poses by method joint"
+        text = "expected an estimate that says how much its logs drift: of poses, by joint or likelihood"
         raise ProblemError([Flaw((), text)])
     return Drift(
         ahead_per_metre=found.ahead,

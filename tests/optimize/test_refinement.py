@@ -159,6 +159,19 @@ def test_a_search_that_ends_while_it_refines_keeps_the_levels_before(found):
         assert made.evaluation.objective == found.levels[0].objective
 
 
+def test_a_search_that_was_interrupted_on_the_first_spline_goes_on_no_finer(found):
+    def first_only(options, problem, context):
+        assert problem.design.spline.count == found.levels[0].coefficients
+        return replace(searched, status=Status.INTERRUPTED)
+
+    problem = found.problem
+    searched = solve(on_spline(problem, problem.design.spline.first), QUICK, seed=0)
+    ended = refined(QUICK, problem, Context(0), first_only)
+    assert ended.status is Status.INTERRUPTED
+    assert [one.coefficients for one in ended.levels] == [found.levels[0].coefficients]
+    assert ended.detail.endswith("were searched; the search ended before it was refined.")
+
+
 def test_a_level_that_is_worse_is_not_taken(found):
     worse = on_spline(problem(), Spline(coefficients=29)).design.trajectory(np.zeros((29, 2)), np.zeros(3))
     made = after_first(found, replace(found, trajectory=worse))
@@ -190,8 +203,8 @@ def test_a_robust_design_is_refined_and_still_keeps_its_limits():
 @pytest.mark.parametrize("starts", [1, "auto"])
 def test_drives_of_every_sort_are_refined(parts, starts):
     made = problem(**parts)
-    fewer = {"iterations": 40} if starts == "auto" else {"perturbations": 0}
-    options = Ipopt(starts=starts, **fewer)
+    own = {"iterations": 40} if starts == "auto" else {"perturbations": 0}
+    options = Ipopt(starts=starts, **own)
     found = solve(made, options, seed=1, workers=1)
     assert found.status.usable
     assert len(found.levels) > 1

@@ -70,7 +70,7 @@ def test_the_page_says_what_drift_does(drifted):
     assert "Standard errors with drift and without" in text
     # What starts of that search came to is of another problem.
     assert "A without drift" in text
-    assert "Left out: starts of Design 2, which sought another criterion" in text
+    assert "Left out: starts of Design 2, which sought something else" in text
 
 
 def test_what_does_not_drift_has_no_such_section(tmp_path):

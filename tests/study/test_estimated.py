@@ -125,6 +125,10 @@ def test_drift_is_numbers_a_record_or_usual(tmp_path: Path):
     file = tmp_path / "study.yaml"
     for text, expected in (
         ("{record: nowhere}", "drift.record: .*nowhere"),
+        (
+            "{record: logs, ahead_per_metre: 5 mm}",
+            "drift.ahead_per_metre: does not go with the keys beside it",
+        ),
         ("{ahead_per_meter: 5 mm}", "drift.ahead_per_meter: .*ahead_per_metre"),
         ("{ahead_per_metre: 5 deg}", "drift.ahead_per_metre: .*length"),
         ("{heading_per_metre: -1 deg}", "drift.heading_per_metre"),

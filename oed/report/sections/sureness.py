@@ -67,7 +67,7 @@ class _Search:
         ends: what its starts ended with, those that compare with the study's designs.
         failed: starts without a feasible design.
         looser: starts under limits that were not tight enough yet.
-        elsewhere: whether they sought another criterion.
+        elsewhere: whether they sought something else: another criterion, or no drift.
     """
 
     result: Result
