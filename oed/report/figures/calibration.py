@@ -260,7 +260,7 @@ def _against_normal(one: Residuals) -> spec.Panel:
     height = 1.05 * max(reach, float(np.abs(found).max()))
     diagonal = spec.Line([-reach, reach], [-reach, reach], {**EXPECTED, "zorder": 3})
     x = spec.Axis("normal quantile", ends=(-1.05 * reach, 1.05 * reach))
-    y = spec.Axis("residual / noise", ends=(-height, height))
+    y = spec.Axis("residual / size" if one.at_rest is None else "residual / noise", ends=(-height, height))
     return spec.Panel([diagonal, spec.Dots(normal, found, SHADES[0], 2.4)], x, y)
 
 
