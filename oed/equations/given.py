@@ -13,6 +13,7 @@ from pydantic import Discriminator, PlainSerializer, Tag
 from oed.equations.dimensions import Dimension, quantity
 from oed.foundation.component import Component
 from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.shown import written
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 
@@ -23,7 +24,13 @@ Quantity = float | str
 
 
 def pairs(given: Any) -> Any:
-    """What is given by name as pairs, which can be hashed; anything else as it is."""
+    """What is given by name as pairs, which can be hashed; pairs as they are.
+
+    Raises:
+        ValueError: a word or a number.
+    """
+    if isinstance(given, str | int | float):
+        raise ValueError(f"expected names, each with its value, got {written(given)}")
     return tuple(given.items()) if isinstance(given, Mapping) else given
 
 

@@ -15,7 +15,7 @@ from oed.equations.limits import InputRange
 from oed.equations.outputs import Outputs, Rates
 from oed.equations.several import SeveralOutputs
 from oed.equations.system import Equations
-from oed.foundation.errors import ProblemError
+from oed.foundation.errors import PartError, ProblemError
 from oed.kernel.criteria import D
 from oed.kernel.dynamics.signals import PiecewiseConstant
 from oed.kernel.dynamics.space import SignalSpace
@@ -166,6 +166,10 @@ class TestFlaws:
         with pytest.raises(ProblemError, match=said) as refused:
             problem_of(SENSOR.model_copy(update={"diffusion": tuple(given.items())}))
         assert refused.value.flaws[0].key == ("measurement", "diffusion", name)
+
+    def test_a_word_is_no_diffusion(self):
+        with pytest.raises(PartError, match="diffusion: expected names, each with its value, got 'usual'"):
+            type(SENSOR)(noise={"reading": "1 V"}, diffusion="usual")
 
     def test_readings_of_whole_periods_do_not_go_with_it(self):
         beside = Rates(noise={"also": "0.1 V"}, start=SENSOR.start)

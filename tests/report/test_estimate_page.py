@@ -16,7 +16,7 @@ from oed.foundation.text import decimals_of, error_text, size_text, to_error
 from oed.report import write_estimate
 from oed.report.estimate import estimate_sections
 from oed.report.estimate.parameters import estimate_lines, estimate_rows, gains, warnings
-from oed.report.figures.calibration import residuals_of
+from oed.report.figures.calibration import residuals, residuals_of
 from oed.report.figures.reckoned import LOOKS, errors
 from oed.report.parts.section import Section, Table, lasting, span_text
 
@@ -376,6 +376,7 @@ def test_distances_from_the_likeliest_path_are_not_held_against_the_white_noise_
     (position, _) = residuals_of(read(likeliest()))
     rms = np.sqrt(np.mean(position.everything.values**2))
     assert position.size(np.zeros(1), np.zeros(1)) == pytest.approx(rms)
+    assert "residual / size" in [panel.y.title for panel in residuals(position).panels]
     said = section(likeliest(), "Does the fit hold")
     assert "The figures show all that parts readings from the most likely path" in " ".join(said.paragraphs)
     assert "their size in all" in said.pictures[0].caption
