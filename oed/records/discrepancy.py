@@ -30,6 +30,10 @@ def discrepancy_of(folder: Path) -> Discrepancy:
         found = load_estimate(folder)
     except RecordError as error:
         raise ProblemError([Flaw((), "; ".join(map(str, error.flaws)))]) from None
+    if found.log_errors:
+        # What a model cannot say is taken up by drift and errors that pass.
+        text = "expected an estimate by method joint: the path that likelihood finds follows the readings"
+        raise ProblemError([Flaw((), text)])
     values = dict[str, float]()
     for name in dict.fromkeys(QUANTITIES.values()):
         own = [one for one in found.residuals if QUANTITIES.get(one.quantity) == name and one.yaw_rate]

@@ -88,6 +88,20 @@ def test_an_estimate_of_a_pilot_drive_gives_the_numbers(tmp_path: Path):
     assert echo == pytest.approx(found.model_dump())
 
 
+def test_residuals_of_a_path_that_follows_the_readings_are_no_discrepancy(tmp_path: Path):
+    text = (PROBLEMS / "room_robot.yaml").read_text() + "\ncalibration: {method: likelihood}\n"
+    oed.estimate(parse_study(text), [PROBLEMS / "logs" / "room_robot.csv"], out=tmp_path / "pilot")
+    file = tmp_path / "study.yaml"
+    file.write_text(with_discrepancy("discrepancy: {record: pilot}"))
+    with pytest.raises(StudyError, match=r"discrepancy.record: expected an estimate by method joint"):
+        load_study(file)
+    # Its drift is what designs are to have.
+    file.write_text(with_drift("{record: pilot}"))
+    found = load_study(file).problem.measurement.process_noise
+    reported = load_estimate(tmp_path / "pilot").drift
+    assert found.heading_per_radian == pytest.approx(reported.turn_by_turning)
+
+
 def test_what_is_wrong_is_named_by_file_line_and_key(tmp_path: Path):
     file = tmp_path / "study.yaml"
     file.write_text(with_discrepancy("discrepancy: {record: nowhere}"))
