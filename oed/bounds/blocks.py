@@ -9,7 +9,7 @@ import numpy as np
 from oed.foundation.arrays import Array, Places
 
 WAYS = 4
-"""Paths of every m-th reading that are told apart, about; of others the longest steps of several count."""
+"""Paths of every m-th reading that are kept apart, about; of others the longest steps of several count."""
 
 
 @dataclass(frozen=True)

@@ -111,11 +111,11 @@ class _Search:
     def _of(self, ways: int, floor: float, passes: int, rough: float) -> float:
         # Every share bounds all classes; the least of them counts for each.
         key = (float(self.course.count), float(ways))
-        shares = list(FIRST) if (told := self.effort.known_centres(key)) is None else list(told)
+        shares = list(FIRST) if (known := self.effort.known_centres(key)) is None else list(known)
         tables: dict[float, Array] = {}
-        self.effort.progress.begin(STAGE, passes if told is None else len(told))
+        self.effort.progress.begin(STAGE, passes if known is None else len(known))
         while len(tables) < passes and not self.effort.spent:
-            share = shares.pop(0) if shares else None if told is not None else _next(tables)
+            share = shares.pop(0) if shares else None if known is not None else _next(tables)
             if share is None:
                 break
             found = Classes(self.course, ways, share, floor - self._prior(share)).largest()

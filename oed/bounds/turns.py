@@ -29,7 +29,7 @@ PLACES = 24
 FINER = 4
 """Ranges of the distance to the middle in one of these."""
 ALTERNATIONS = 4
-"""Times that kinds alternate that are told apart: so many, and more."""
+"""Times that kinds alternate that are kept apart: so many, and more."""
 
 
 @dataclass(frozen=True)

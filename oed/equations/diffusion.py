@@ -16,8 +16,7 @@ from oed.equations.given import Readable
 from oed.foundation.errors import Flaw
 from oed.foundation.text import did_you_mean, listing, words
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import System
-from oed.kernel.measurement.process_noise import ProcessNoise
+from oed.kernel.measurement.process_noise import Period, ProcessNoise
 
 Rates = Sequence[tuple[str, str | float]]
 """Deviations after 1 s with their units, by the states' names."""
@@ -46,32 +45,18 @@ class Diffusion(ProcessNoise):
         """One for each state that wanders."""
         return len(self.sizes)
 
-    def covariance(
-        self,
-        system: System,
-        state: Expression,
-        inputs: Expression,
-        parameters: Expression,
-        period: Expression,
-    ) -> Expression:
+    def covariance(self, period: Period) -> Expression:
         """sigma^2 T of each."""
-        return period * ca.DM(np.diag([size**2 for _, size, _ in self.sizes]))
+        return period.duration * ca.DM(np.diag([size**2 for _, size, _ in self.sizes]))
 
-    def step(
-        self,
-        system: System,
-        state: Expression,
-        inputs: Expression,
-        parameters: Expression,
-        period: Expression,
-        errors: Expression,
-    ) -> Expression:
+    def step(self, period: Period, errors: Expression) -> Expression:
         """As the system steps, from a state with half of the errors; and the other half."""
+        system, state, *rest = period
         table = np.zeros((len(system.states), self.size))
         for place, (name, *_) in enumerate(self.sizes):
             table[system.states.index(name), place] = 0.5
         half = ca.sparsify(ca.DM(table)) @ errors
-        return system.step(state + half, inputs, parameters, period) + half
+        return system.step(state + half, *rest) + half
 
     @property
     def text(self) -> str:

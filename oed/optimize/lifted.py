@@ -23,7 +23,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.measurement import Nuisance
-from oed.kernel.measurement.process_noise import ProcessNoise
+from oed.kernel.measurement.process_noise import Period, ProcessNoise
 from oed.kernel.measurement.sensor import Moment, Sensor, Start, When, joined
 from oed.kernel.pace import PACE
 from oed.kernel.problem import Problem
@@ -122,37 +122,21 @@ class LiftedNoise(ProcessNoise):
         """As the system's."""
         return self.inner.text
 
-    def covariance(
-        self,
-        system: System,
-        state: Expression,
-        inputs: Expression,
-        parameters: Expression,
-        period: Expression,
-    ) -> Expression:
+    def covariance(self, period: Period) -> Expression:
         """As the system's."""
-        return self.inner.covariance(*_unlifted(system, state, inputs, parameters, period))
+        return self.inner.covariance(_unlifted(period))
 
-    def step(
-        self,
-        system: System,
-        state: Expression,
-        inputs: Expression,
-        parameters: Expression,
-        period: Expression,
-        errors: Expression,
-    ) -> Expression:
+    def step(self, period: Period, errors: Expression) -> Expression:
         """As the system's."""
-        return self.inner.step(*_unlifted(system, state, inputs, parameters, period), errors)
+        return self.inner.step(_unlifted(period), errors)
 
 
-def _unlifted(
-    system: System, state: Expression, inputs: Expression, parameters: Expression, period: Expression
-) -> tuple[System, Expression, Expression, Expression, Expression]:
+def _unlifted(period: Period) -> Period:
     # What the system itself knows.
+    system, state, inputs, parameters, duration = period
     assert isinstance(system, Lifted)
     own = inputs[: len(system.inner.inputs)]
-    return system.inner, state, own, parameters, system.taken(inputs, period)
+    return Period(system.inner, state, own, parameters, system.taken(inputs, duration))
 
 
 class LiftedSensor(Sensor):

@@ -1,4 +1,4 @@
-"""What a local search is told, and what it hands back."""
+"""What a local search is given, and what it hands back."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from oed.estimation.methods.log_errors import DRIFT, RATES
 from oed.foundation.errors import Flaw, ProblemError, RecordError
 from oed.records.record import load_estimate
 from oed.study.estimated import Drift
@@ -22,9 +23,4 @@ def drift_of(folder: Path) -> Drift:
     if found is None:
         text = "expected an estimate that says how much its logs drift: of poses, by joint or likelihood"
         raise ProblemError([Flaw((), text)])
-    return Drift(
-        ahead_per_metre=found.ahead,
-        sideways_per_metre=found.sideways,
-        heading_per_metre=found.turn_by_path,
-        heading_per_radian=found.turn_by_turning,
-    )
+    return Drift(**{rate: getattr(found, name) for name, rate in zip(DRIFT, RATES, strict=True)})

@@ -15,6 +15,7 @@ from oed.estimation.assessment.drift import drift
 from oed.estimation.methods.drift_rates import DriftRates
 from oed.estimation.methods.fitting import Fitting
 from oed.estimation.methods.gauss_markov import GaussMarkov
+from oed.estimation.methods.log_errors import DRIFT
 from oed.estimation.methods.whole_logs import WholeLogs
 from oed.estimation.methods.window_noise import drift_in_words
 from oed.foundation.arrays import Array
@@ -91,7 +92,7 @@ def _lasting_in_words(found: EstimateRecord) -> str:
 def _rates(found: EstimateRecord) -> DriftRates:
     one = found.drift
     assert one is not None
-    sizes = np.array([one.ahead, one.sideways, one.turn_by_path, one.turn_by_turning], dtype=float)
+    sizes = np.array([getattr(one, name) for name in DRIFT], dtype=float)
     return DriftRates(sizes**2, np.zeros((len(sizes), len(sizes))))
 
 

@@ -151,11 +151,11 @@ def test_slopes_of_the_likelihood_are_its_differences():
         known=loosely(unknowns_of(place=("sensor_x",), clocks=2)),
     )
     search, errors = WholeLogs(fit), ErrorSizes.of({"position": 0.001, "heading": 0.002}, 4.0)
-    told, logs_of = search._about(fit.values, search._first_paths), errors.guess + 0.1
-    _, slope = told.surprise(errors, logs_of)
+    linear, logs_of = search._about(fit.values, search._first_paths), errors.guess + 0.1
+    _, slope = linear.surprise(errors, logs_of)
     for place in range(len(SIZES)):
         off = 1e-4 * np.eye(len(SIZES))[place]
-        both = [told.surprise(errors, logs_of + way * off)[0] for way in (1, -1)]
+        both = [linear.surprise(errors, logs_of + way * off)[0] for way in (1, -1)]
         assert slope[place] == pytest.approx((both[0] - both[1]) / 2e-4, rel=1e-5, abs=1e-4)
 
 

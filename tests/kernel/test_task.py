@@ -58,7 +58,7 @@ def test_where_a_task_starts_and_how_parameters_are_scaled_do_not_matter():
 
 
 def test_a_straight_task_needs_no_track():
-    # Straight drives are told by drives that leave the track unknown: here by straight ones.
+    # Straight tasks need drives that leave the track unknown: here straight ones.
     straight = TaskDrive(inputs=[(5, 5)] * 6, period=0.2)
     problem = problem_of(measurement=POSES, criterion=I(task=[straight]))
     drive = random_drive(problem, 4)

@@ -137,8 +137,8 @@ def _outliers(fit: Fit, group: str, places: list[int]) -> Diagnostic:
     passed = bool(count <= max(5 * expected, 3))
     share = count / z.size
     text = f"{100 * share:.2f} % of the {group} residuals lie beyond {FAR:g} standard deviations"
-    robust = "the loss" if (fit.weights < 1).any() else "a robust loss (loss: huber)"
-    robust = "a robust loss (loss: huber, method: joint)" if fit.innovations else robust
+    asked = "loss: huber, method: joint" if fit.innovations else "loss: huber"
+    robust = "the loss" if (fit.weights < 1).any() else f"a robust loss ({asked})"
     text += "" if passed else f": outliers; {robust} bounds what they do"
     return Diagnostic("outliers", group, share, None, passed, text)
 

@@ -10,12 +10,9 @@ import numpy as np
 
 from oed.estimation.assessment.covariance import Covariance, white_scores
 from oed.estimation.methods.drift_rates import DriftRates
-from oed.estimation.methods.fit import Fit, ScoreParts
+from oed.estimation.methods.fit import Fit, ScoreParts, degrees_of
 from oed.estimation.prediction.logged_readings import POSE, LoggedReadings
 from oed.foundation.arrays import Array
-
-SUREST = 1e6
-"""Degrees of freedom of what is as good as known."""
 
 
 def drift(fit: Fit, rates: DriftRates) -> Covariance:
@@ -33,16 +30,14 @@ def drift_of_motions(fit: Fit) -> Covariance:
 
 
 def _by_parts(fit: Fit, white: Array, parts: ScoreParts) -> Covariance:
-    # Intervals are those of Student's t with the kurtosis that errors have whose variance is as unsure as the
-    # parts make it, its logarithm normal: e^(s^2) = (d - 2) / (d - 4) for that logarithm's deviation s and d
-    # degrees of freedom.
+    # Intervals are as wide as the parts leave the variance unsure.
     matrix = fit.response @ (white + parts.matrices.sum(axis=0)) @ fit.response
     own = slice(len(fit.unknowns.parameters))
     each = np.einsum("ua,kab,ub->ku", fit.response[own], parts.matrices, fit.response[own])
     # How much the logarithm of a variance changes with those of the parts.
     shares = each / np.maximum(np.diag(matrix)[own], np.finfo(float).tiny)
     unsure = np.einsum("ku,kl,lu->u", shares, parts.spread, shares).max()
-    return Covariance(matrix, float(4 + 2 / max(np.expm1(unsure), 2 / SUREST)), "drift")
+    return Covariance(matrix, degrees_of(unsure), "drift")
 
 
 def drifting_scores(fit: Fit) -> Array:

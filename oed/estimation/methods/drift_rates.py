@@ -12,7 +12,7 @@ import numpy as np
 
 from oed.estimation.methods.faint_drift import faint_drift
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.log_errors import BEYOND_DOUBT, DRIFT, SIZES
+from oed.estimation.methods.log_errors import DRIFT, RATES, SIZES, USUALLY, drift_shows
 from oed.estimation.methods.whole_logs import Likeliest
 from oed.estimation.methods.window_noise import (
     OF_POSES,
@@ -31,20 +31,10 @@ from oed.kernel.dynamics.system import follows_state
 from oed.logs.log import Log
 from oed.robots.sensors import drift as usual_drift
 
-USUAL = (
-    np.array(
-        [
-            usual_drift.USUAL.ahead_per_metre,
-            usual_drift.USUAL.sideways_per_metre,
-            usual_drift.USUAL.heading_per_metre,
-            usual_drift.USUAL.heading_per_radian,
-        ]
-    )
-    ** 2
-)
+USUAL = np.square([getattr(usual_drift.USUAL, rate) for rate in RATES])
 """Rates that are usual: ahead and sideways per path [m^2/m], turn per path [rad^2/m] and per turning
 [rad^2/rad]; designs take the same for usual."""
-USUAL_SPREAD = 1.5
+USUAL_SPREAD = 2 * USUALLY
 """Standard deviation of their logarithms: of a drift after 1 m a factor of 2."""
 POSE_SPREAD = 1.0
 """The same of the variance of poses, about that of the fit's residuals."""
@@ -121,7 +111,7 @@ def drift_rates(fit: Fit) -> DriftRates | None:
     assert likelihood.prior is not None
     found = likelihood.greatest()
     odds = likelihood.surprise(found)[0] - without_drift(likelihood)[2]
-    shown = None if 0 < odds < BEYOND_DOUBT else bool(odds <= 0)
+    shown = drift_shows(odds)
     if not shown:
         means, spread = faint_drift(fit, layout.logs, USUAL)
         return DriftRates(means * USUAL, spread, shown, layout.seconds)

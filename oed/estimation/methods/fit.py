@@ -17,6 +17,19 @@ from oed.foundation.presenting import Brief
 from oed.logs.log import Log
 from oed.robots.sensors.logged import Noise
 
+SUREST = 1e6
+"""Degrees of freedom of what is as good as known."""
+
+
+def degrees_of(unsure: float) -> float:
+    """Degrees of freedom of a Student's t with the kurtosis that errors have whose variance is as unsure, its
+    logarithm normal: e^(s^2) = (d - 2) / (d - 4).
+
+    Args:
+        unsure: variance s^2 of that logarithm.
+    """
+    return float(4 + 2 / max(np.expm1(min(unsure, 50.0)), 2 / SUREST))
+
 
 class ScoreParts(NamedTuple):
     """Covariance of scores by independent parts of the noise, whose sizes are not known for sure.

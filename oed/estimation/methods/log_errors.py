@@ -150,6 +150,15 @@ class ErrorSizes:
         return float(off @ off), slope
 
 
+def drift_shows(odds: float) -> bool | None:
+    """Whether drift shows: False where none is likelier beyond doubt, None where that is open.
+
+    Args:
+        odds: -2 times the logarithm of the likelihood with drift, less that without.
+    """
+    return None if 0 < odds < BEYOND_DOUBT else bool(odds <= 0)
+
+
 def of_rates(drift: Drift) -> bool:
     """Whether it is by `RATES` alone."""
     given = {name for name, value in drift if value}

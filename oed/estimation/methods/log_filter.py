@@ -29,8 +29,8 @@ CHUNK = 50
 STEP = ("onward", "moved", "effect", "amounts", "seconds", "seen", "read", "within", "weights", "direction")
 
 
-class Told(NamedTuple):
-    """What a stretch tells of its n unknowns at given sizes of the errors.
+class NormalEquations(NamedTuple):
+    """Of a stretch's n unknowns, at given sizes of the errors.
 
     Attributes:
         square: sum of e'e / s of all innovations by (unknowns, start, 1), (n + 4, n + 4).
@@ -57,16 +57,16 @@ class LogFilter:
     quantities: tuple[str, ...]
     weights: Array
 
-    def told(self, logs: Array) -> Told:
+    def normal_equations(self, logs: Array) -> NormalEquations:
         """At logarithms of sizes (13,)."""
         _, square, volume = self._forward(logs)
-        return Told(square, volume)
+        return NormalEquations(square, volume)
 
     def alone(self, logs: Array) -> tuple[Array, Array]:
         """Square (n + 1, n + 1) of the unknowns and 1 where the start is what fits best, and innovations
         (K, k) in units of their deviations, whatever the unknowns' part in them.
         """
-        square, first = self.told(logs).square, len(self.columns)
+        square, first = self.normal_equations(logs).square, len(self.columns)
         start = slice(first, first + POSE)
         rest = [*range(first), self._width - 1]
         across = square[start][:, rest]
@@ -79,7 +79,7 @@ class LogFilter:
 
     def slope(self, logs: Array, by_square: Array) -> Array:
         """Derivative (13,) by the logarithms of what has derivatives `by_square` (n + 4, n + 4) by the square
-        that is told, and 1 by the volume.
+        of the normal equations, and 1 by their volume.
         """
         begins, function, width = self._forward(logs)[0], self._functions[1], self._width
         adjoint, total = (np.zeros((width, STATES)), np.zeros((STATES, STATES))), np.zeros(len(SIZES))
@@ -237,9 +237,8 @@ def _chunk(
     unity = _step(STATES, quantities, within).map(CHUNK)
     before = ca.horzcat(spreads, every[1][:, :-STATES])
     eyes = ca.DM(np.tile(np.eye(STATES), CHUNK))
-    alone = [one if name not in ("moved", "read") else None for name, one in zip(STEP, given, strict=True)]
     nothing = {name: ca.DM.zeros(shapes[name][0], STATES * CHUNK) for name in ("moved", "read")}
-    filled = [one if one is not None else nothing[name] for name, one in zip(STEP, alone, strict=True)]
+    filled = [nothing.get(name, one) for name, one in zip(STEP, given, strict=True)]
     onward, _, seen, _ = unity(eyes, before, ca.repmat(logs, 1, CHUNK), *filled)
     whole = ca.Function("whole", inputs, [*map(ca.densify, (every[0], every[1], every[2], onward, seen))])
     return DirectCall(_dense(forward)), DirectCall(_dense(back)), DirectCall(whole)

@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy
 
-from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.log_errors import BEYOND_DOUBT, DRIFT, FARTHEST, NONE, SIZES, WHITE, ErrorSizes
+from oed.estimation.methods.fit import Fit, degrees_of
+from oed.estimation.methods.log_errors import DRIFT, FARTHEST, NONE, SIZES, WHITE, ErrorSizes, drift_shows
 from oed.estimation.methods.log_filter import POSE, LogFilter
 from oed.estimation.methods.smoothing import smoothed
 from oed.estimation.prediction.layout import FULL_TURN, SegmentLayout, cut
@@ -42,15 +42,14 @@ STEP = 0.05
 """Of logarithms of sizes, for second derivatives of the likelihood."""
 LINEAR = 1e-6
 """How much a loss may bend to count as least squares."""
-SUREST = 1e6
-"""Degrees of freedom of what is as good as known."""
 
 
 class Likeliest(NamedTuple):
     """What whole logs say.
 
     Attributes:
-        fit: the solution: its segments are the logs' stretches, its residuals innovations.
+        fit: the solution: its segments are the logs' stretches, its residuals off the smoothed path, those in
+            units of the noise innovations.
         covariance: F^-1 of the unknowns under errors of these sizes, (q, q), SI.
         logs: logarithms of the sizes, by their names.
         spread: covariance of these, (13, 13).
@@ -73,9 +72,9 @@ class Likeliest(NamedTuple):
 
 
 def whole_flaw(fit: Fit) -> str | None:
-    """Why the errors of a fit's logs may not be told apart; None where they may.
+    """Why the errors of a fit's logs cannot be separated; None where they may.
 
-    They may of poses that are read whole, of a robot that is moved by its inputs alone.
+    They can of poses that are read whole, of a robot that is moved by its inputs alone.
     """
     layout = fit.layout
     if layout.sensors or layout.relative or set(layout.quantities) != set(READ):
@@ -106,12 +105,12 @@ class WholeLogs:
         values, paths, errors = self.fit.values.copy(), self._first_paths, self._errors
         logs, near, arrived = errors.guess.copy(), False, False
         for _ in range(ROUNDS):
-            told = self._about(values, paths)
+            linear = self._about(values, paths)
             # Sizes hardly depend on where it is linear, and would lead the unknowns to and fro.
-            logs = logs if near else told.likeliest(errors, logs)
-            step, covariance = told.step(logs)
+            logs = logs if near else linear.likeliest(errors, logs)
+            step, covariance = linear.step(logs)
             values = values + step[: len(values)]
-            paths = told.smoothed(logs, step, paths)
+            paths = linear.smoothed(logs, step, paths)
             change = np.abs(step[: len(values)]) / np.sqrt(np.diag(covariance))
             near, arrived = near or bool(change.max() <= NEAR), bool(change.max() <= CLOSE)
             if arrived:
@@ -158,7 +157,7 @@ class WholeLogs:
             found.append(np.column_stack([np.interp(at, times, column) for column in poses.T]))
         return found
 
-    def _about(self, values: Array, paths: list[Array]) -> _Told:
+    def _about(self, values: Array, paths: list[Array]) -> _Linear:
         unknowns, quantities = self.fit.unknowns, self.fit.layout.quantities
         common, filters = range(unknowns.size - unknowns.clocks), []
         for stretch in self._steps.about(values, paths):
@@ -168,27 +167,17 @@ class WholeLogs:
         begun = self.fit
         pull = begun.scores.sum(axis=0) + begun.knowledge @ (values - begun.values)
         none = np.zeros_like(pull)
-        return _Told(tuple(filters), begun, begun.knowledge, pull if np.any(begun.knowledge) else none)
+        return _Linear(tuple(filters), begun, begun.knowledge, pull if np.any(begun.knowledge) else none)
 
-    def _as_fit(self, told: _Told, logs: Array, values: Array, paths: list[Array]) -> Fit:
+    def _as_fit(self, linear: _Linear, logs: Array, values: Array, paths: list[Array]) -> Fit:
         steps, plain = self._steps, self.fit
-        whole, longest = steps.whole, max(map(len, paths))
-
-        def padded(each: Sequence[Array], edge: bool = False) -> Array:
-            further = [(0, 0)] * (each[0].ndim - 1)
-            return np.stack(
-                [
-                    np.pad(one, [(0, longest - len(one)), *further], mode="edge" if edge else "constant")
-                    for one in each
-                ]
-            )
-
-        stretches = [one.stretch for one in told.filters]
-        counts = padded([one.counts for one in stretches])
+        whole = steps.whole
+        stretches = [one.stretch for one in linear.filters]
+        counts = _padded([one.counts for one in stretches])
         # What is read is the mean of a step's readings, at its begin.
-        off = padded([-one.read[..., -1] for one in stretches])
-        times = padded([whole.times[row, begins] for row, begins in enumerate(steps.begins)], edge=True)
-        path = padded([np.asarray(one) for one in paths], edge=True)
+        off = _padded([-one.read[..., -1] for one in stretches])
+        times = _padded([whole.times[row, begins] for row, begins in enumerate(steps.begins)], edge=True)
+        path = _padded([np.asarray(one) for one in paths], edge=True)
         layout = replace(
             whole,
             times=times,
@@ -198,16 +187,16 @@ class WholeLogs:
             averaged=np.maximum(counts, 1.0),
             cut_at=(),
         )
-        each = [one.alone(logs) for one in told.filters]
+        each = [one.alone(logs) for one in linear.filters]
         rates = zip(*steps.rates(values, paths), strict=True)
-        speeds, yaw_rates = (padded([np.asarray(one) for one in part]) for part in rates)
+        speeds, yaw_rates = (_padded([np.asarray(one) for one in part]) for part in rates)
         size, sizes = plain.unknowns.size, dict(zip(SIZES, np.exp(logs), strict=True))
         information, scores = np.zeros((len(each), size, size)), np.zeros((len(each), size))
-        for row, (one, (square, _)) in enumerate(zip(told.filters, each, strict=True)):
+        for row, (one, (square, _)) in enumerate(zip(linear.filters, each, strict=True)):
             own = list(one.columns)
             information[row][np.ix_(own, own)] = square[:-1, :-1]
             scores[row, own] = -square[:-1, -1]
-        white = padded([-innovations for _, innovations in each])
+        white = _padded([-innovations for _, innovations in each])
         return replace(
             plain,
             values=values,
@@ -234,8 +223,16 @@ class WholeLogs:
         place = self.fit.unknowns.parts(values)[1]
         arm = complex(*place[:2]) * np.exp(1j * path[..., 2])
         pose = np.stack([path[..., 0] + arm.real, path[..., 1] + arm.imag, path[..., 2] + place[2]], axis=-1)
-        known = dict(zip(("x", "y", "heading"), np.moveaxis(pose, -1, 0), strict=True))
+        known = dict(zip(READ, np.moveaxis(pose, -1, 0), strict=True))
         return np.stack([known[name] for name in self.fit.layout.quantities], axis=-1)
+
+
+def _padded(each: Sequence[Array], edge: bool = False) -> Array:
+    # Stretches of equal length, filled up with 0, or with what they end with.
+    longest = max(map(len, each))
+    filled = [[(0, longest - len(one)), *[(0, 0)] * (one.ndim - 1)] for one in each]
+    mode: Literal["edge", "constant"] = "edge" if edge else "constant"
+    return np.stack([np.pad(one, widths, mode=mode) for one, widths in zip(each, filled, strict=True)])
 
 
 def _continued(layout: SegmentLayout, paths: Array) -> Array:
@@ -251,8 +248,8 @@ def _continued(layout: SegmentLayout, paths: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class _Told:
-    # What all stretches tell, about paths.
+class _Linear:
+    # All stretches, linear about paths.
     filters: tuple[LogFilter, ...]
     fit: Fit
     known: Array
@@ -286,14 +283,11 @@ class _Told:
     def surprise(self, errors: ErrorSizes, logs: Array) -> tuple[float, Array]:
         # Twice the negative logarithm of the restricted likelihood, but for a constant, and its slope.
         square, volume = self._square(logs)
-        matrix, pull = square[:-1, :-1], square[:-1, -1]
-        inverse = (
-            np.linalg.inv(matrix * self._scale[:, None] * self._scale) * self._scale[:, None] * self._scale
-        )
+        inverse, more = self._inverse(square)
+        pull = square[:-1, -1]
         best = inverse @ pull
-        scaled = np.linalg.slogdet(matrix * self._scale[:, None] * self._scale)[1]
         before, slope = errors.surprise(logs)
-        value = volume + float(square[-1, -1] - pull @ best) + scaled + before
+        value = volume + more + float(square[-1, -1] - pull @ best) + before
         by_square = np.zeros_like(square)
         by_square[:-1, :-1] = inverse + np.outer(best, best)
         by_square[:-1, -1] = by_square[-1, :-1] = -best
@@ -305,9 +299,16 @@ class _Told:
     def step(self, logs: Array) -> tuple[Array, Array]:
         # Of the unknowns and all starts; and the covariance of the unknowns.
         square, _ = self._square(logs)
-        inverse = np.linalg.inv(square[:-1, :-1] * self._scale[:, None] * self._scale)
-        inverse *= self._scale[:, None] * self._scale
-        return np.asarray(-inverse @ square[:-1, -1]), np.asarray(inverse[: self.size, : self.size])
+        inverse, _ = self._inverse(square)
+        return np.asarray(-inverse @ square[:-1, -1]), inverse[: self.size, : self.size]
+
+    def _inverse(self, square: Array) -> tuple[Array, float]:
+        # Of the normal matrix, in units in which unknowns and starts compare; and the logarithm of its
+        # determinant in these.
+        units = np.append(self.fit.unknowns.scale, np.ones(POSE * len(self.filters)))
+        scale = np.outer(units, units)
+        scaled = square[:-1, :-1] * scale
+        return np.linalg.inv(scaled) * scale, float(np.linalg.slogdet(scaled)[1])
 
     def smoothed(self, logs: Array, step: Array, paths: Sequence[Array]) -> list[Array]:
         found, whole = [], np.append(step, 1.0)
@@ -341,10 +342,10 @@ class _Told:
         none = errors.without(DRIFT)
         begin = np.where(none.free, logs, none.guess)
         odds = self.surprise(errors, logs)[0] - self.surprise(none, self.likeliest(none, begin))[0]
-        return None if 0 < odds < BEYOND_DOUBT else bool(odds <= 0)
+        return drift_shows(odds)
 
     def degrees(self, logs: Array, spread: Array) -> float:
-        # Student's, with the kurtosis that errors have whose variance is as unsure as the sizes make it.
+        # Of intervals, by how unsure the sizes leave the variances.
         parameters = len(self.fit.unknowns.parameters)
         slopes = np.zeros((len(logs), parameters))
         for place in np.flatnonzero(np.diag(spread)):
@@ -353,16 +354,16 @@ class _Told:
             each = (np.log(np.diag(self.step(logs + way * off)[1])[:parameters]) for way in (1, -1))
             slopes[place] = np.subtract(*each) / (2 * STEP)
         unsure = float(np.einsum("ku,kl,lu->u", slopes, spread, slopes).max(initial=0.0))
-        return float(4 + 2 / max(np.expm1(min(unsure, 50.0)), 2 / SUREST))
+        return degrees_of(unsure)
 
     def _square(self, logs: Array) -> tuple[Array, float]:
         # Of all unknowns, starts and 1; what is known from before included.
         width = self.size + POSE * len(self.filters) + 1
         total, volume = np.zeros((width, width)), 0.0
         for one, places in zip(self.filters, self._places, strict=True):
-            told = one.told(logs)
-            total[np.ix_(places, places)] += told.square
-            volume += told.volume
+            equations = one.normal_equations(logs)
+            total[np.ix_(places, places)] += equations.square
+            volume += equations.volume
         total[: self.size, : self.size] += self.known
         total[: self.size, -1] += self.pull
         total[-1, : self.size] += self.pull
@@ -376,8 +377,3 @@ class _Told:
             last = self.size + POSE * len(self.filters)
             found.append(np.array([*one.columns, *range(first, first + POSE), last]))
         return found
-
-    @cached_property
-    def _scale(self) -> Array:
-        # What makes unknowns and starts comparable.
-        return np.append(self.fit.unknowns.scale, np.ones(POSE * len(self.filters)))

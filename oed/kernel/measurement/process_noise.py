@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import casadi as ca
 
@@ -19,6 +19,30 @@ from oed.kernel.dynamics.system import System
 
 if TYPE_CHECKING:
     from oed.kernel.measurement.sensor import Sensor
+
+
+class Period(NamedTuple):
+    """A period of a system, SI.
+
+    Attributes:
+        system: that is driven.
+        state: at the period's begin, (states,).
+        inputs: held in it, (inputs,).
+        parameters: values, (p,).
+        duration: [s].
+    """
+
+    system: System
+    state: Expression
+    inputs: Expression
+    parameters: Expression
+    duration: Expression
+
+    @classmethod
+    def symbols(cls, system: System) -> Period:
+        """Of symbols (SX)."""
+        sizes = {"state": system.states, "inputs": system.inputs, "p": system.parameters, "period": [""]}
+        return cls(system, *(ca.SX.sym(name, len(entries)) for name, entries in sizes.items()))
 
 
 class ProcessNoise(ABC):
@@ -36,34 +60,11 @@ class ProcessNoise(ABC):
     walks: ClassVar[str] = "Its state is a random walk"
 
     @abstractmethod
-    def covariance(
-        self,
-        system: System,
-        state: Expression,
-        inputs: Expression,
-        parameters: Expression,
-        period: Expression,
-    ) -> Expression:
-        """Q (m, m) of a period's errors, smooth in all its arguments.
-
-        Args:
-            system: that is driven.
-            state: at the period's begin, (states,), SI.
-            inputs: held in it, (inputs,), SI.
-            parameters: values, (p,), SI.
-            period: its duration [s].
-        """
+    def covariance(self, period: Period) -> Expression:
+        """Q (m, m) of a period's errors, smooth in all that the period depends on."""
 
     @abstractmethod
-    def step(
-        self,
-        system: System,
-        state: Expression,
-        inputs: Expression,
-        parameters: Expression,
-        period: Expression,
-        errors: Expression,
-    ) -> Expression:
+    def step(self, period: Period, errors: Expression) -> Expression:
         """The state (states,) after a period with `errors` (m,); with none of them the system's own step."""
 
     @property
@@ -113,27 +114,14 @@ def process_noise_of(sensors: Sequence[Sensor]) -> ProcessNoise | None:
 @lru_cache(maxsize=16)
 def erring(noise: ProcessNoise, system: System) -> ca.Function:
     """The function (state, inputs, parameters, period, errors) -> next state."""
-    given = _symbols(noise, system)
-    state, inputs, parameters, period, errors = given
-    return ca.Function("erring", given, [noise.step(system, state, inputs, parameters, period, errors)])
+    period, errors = Period.symbols(system), ca.SX.sym("errors", noise.size)
+    return ca.Function("erring", [*period[1:], errors], [noise.step(period, errors)])
 
 
 @lru_cache(maxsize=16)
 def spread(noise: ProcessNoise, system: System) -> ca.Function:
     """The function (state, inputs, parameters, period) -> G (states, m) = dx+/dw without errors, Q (m, m)."""
-    state, inputs, parameters, period, errors = _symbols(noise, system)
-    following = noise.step(system, state, inputs, parameters, period, errors)
-    effect = ca.substitute(ca.jacobian(following, errors), errors, ca.SX.zeros(noise.size))
-    covariance = noise.covariance(system, state, inputs, parameters, period)
-    given = [state, inputs, parameters, period]
-    return ca.Function("spread", given, [ca.sparsify(effect), ca.sparsify(covariance)])
-
-
-def _symbols(noise: ProcessNoise, system: System) -> list[ca.SX]:
-    return [
-        ca.SX.sym("state", len(system.states)),
-        ca.SX.sym("inputs", len(system.inputs)),
-        ca.SX.sym("p", len(system.parameters)),
-        ca.SX.sym("period"),
-        ca.SX.sym("errors", noise.size),
-    ]
+    period, errors = Period.symbols(system), ca.SX.sym("errors", noise.size)
+    effect = ca.jacobian(noise.step(period, errors), errors)
+    effect = ca.substitute(effect, errors, ca.SX.zeros(noise.size))
+    return ca.Function("spread", [*period[1:]], [ca.sparsify(effect), ca.sparsify(noise.covariance(period))])

@@ -36,7 +36,7 @@ class Kernel:
     """
 
     def __init__(self, cell: Cell, layout: PieceLayout, reads: Array) -> None:
-        """Take the parts; `reads` says what a piece's samples are told of readings, (..., samples)."""
+        """Take the parts; `reads` says what a piece's samples know of readings, (..., samples)."""
         self.cell, self.layout = cell, layout
         self.states, self.inputs = cell.states, layout.inputs
         self.size = self.states + layout.own

@@ -151,7 +151,7 @@ def varied_starts(
 
 
 def _about_middle(design: DesignExpressions, rng: np.random.Generator) -> Array:
-    # Inputs that cannot be negative have their zero at an end of their range, where little can be told apart.
+    # Inputs that cannot be negative have their zero at an end of their range, where little can be separated.
     low, high = design.coefficient_bounds.T
     middle, share = (low + high) / 2, rng.uniform(SMALL, 1.0)
     drawn = middle + share * (rng.uniform(low, high) - middle)

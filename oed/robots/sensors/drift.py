@@ -16,7 +16,7 @@ from oed.foundation.quantities import Angle, Length, require_covariance
 from oed.foundation.text import given_text, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
-from oed.kernel.measurement.process_noise import ProcessNoise
+from oed.kernel.measurement.process_noise import Period, ProcessNoise
 from oed.kernel.measurement.sensor import Sensor
 from oed.robots.models.arcs import after_arc
 from oed.robots.models.model import Model, robot_of
@@ -90,35 +90,21 @@ class Drift(Component, ProcessNoise):
         """3."""
         return len(ERRORS)
 
-    def covariance(
-        self,
-        system: System,
-        state: Expression,
-        inputs: Expression,
-        parameters: Expression,
-        period: Expression,
-    ) -> Expression:
+    def covariance(self, period: Period) -> Expression:
         """Variances by the mean twist of the period: per metre of |V| T, per radian of |Omega| T, per T."""
         if self.covariance_rate is not None:
-            return period * ca.DM(self.covariance_rate)
-        return ca.diag(ca.DM(self.rates) @ _amounts(system, state, inputs, parameters, period))
+            return period.duration * ca.DM(self.covariance_rate)
+        return ca.diag(ca.DM(self.rates) @ _amounts(period))
 
-    def step(
-        self,
-        system: System,
-        state: Expression,
-        inputs: Expression,
-        parameters: Expression,
-        period: Expression,
-        errors: Expression,
-    ) -> Expression:
+    def step(self, period: Period, errors: Expression) -> Expression:
         """The pose on the arc of the twist with errors / T; what is towed follows, own speeds are kept."""
+        system, state, inputs, parameters, duration = period
         robot = robot_of(system)
-        twist, further = robot.motion(state, inputs, parameters, period)
-        moved = twist + errors / period
+        twist, further = robot.motion(state, inputs, parameters, duration)
+        moved = twist + errors / duration
         if robot.towed is not None:
-            further = robot.internal_step(state, moved, parameters, period)
-        return after_arc(state, moved, further, period, robot.integration)
+            further = robot.internal_step(state, moved, parameters, duration)
+        return after_arc(state, moved, further, duration, robot.integration)
 
     def flaws(self, system: System) -> list[Flaw]:
         """Of what is no robot."""
@@ -146,22 +132,16 @@ def amounts_of(robot: System) -> ca.Function:
     """The function (state, inputs, parameters, period) -> path [m], turning [rad] and time [s] of a period,
     (3,), which the variances of drift are in proportion to.
     """
-    given = [
-        ca.SX.sym("state", len(robot.states)),
-        ca.SX.sym("inputs", len(robot.inputs)),
-        ca.SX.sym("p", len(robot.parameters)),
-        ca.SX.sym("period"),
-    ]
-    return ca.Function("amounts", given, [ca.densify(_amounts(robot, *given))])
+    period = Period.symbols(robot)
+    return ca.Function("amounts", [*period[1:]], [ca.densify(_amounts(period))])
 
 
-def _amounts(
-    system: System, state: Expression, inputs: Expression, parameters: Expression, period: Expression
-) -> Expression:
-    twist = system.signals(state, inputs, parameters, period)["twist"]
+def _amounts(period: Period) -> Expression:
+    system, *given = period
+    twist = system.signals(*given)["twist"]
     square = AT_REST**2
     speed = ca.sqrt(twist[0] ** 2 + twist[1] ** 2 + square)
-    return period * ca.vertcat(speed, ca.sqrt(twist[2] ** 2 + square), 1)
+    return period.duration * ca.vertcat(speed, ca.sqrt(twist[2] ** 2 + square), 1)
 
 
 def _sized(name: str, size: float) -> str:
