@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from simulated import (
 from windowed import drifting
 
 from oed.estimation import calibrate
+from oed.estimation.assessment.diagnostics import diagnostics
 from oed.estimation.methods.drift_rates import DriftRates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.log_errors import DRIFT, LASTING, PASSING, SIZES, ErrorSizes
@@ -294,6 +296,17 @@ def test_what_the_study_states_is_said_to_be_stated():
     )
     assert [row[0] for row in table.rows] == ["noise of readings"] * 2 + ["drift"] * 4
     assert [row[-1] == "as stated" for row in table.rows] == [True] * 2 + [False] * 4
+
+
+def test_innovations_that_are_correlated_are_no_error_that_is_allowed_for():
+    log = driven(0, 20.0)
+    fit = WholeLogs(fit_of([log], seconds=4.0)).found().fit
+    # Each with half of the one before.
+    white = fit.white + 0.5 * np.roll(fit.white, 1, axis=1)
+    found = diagnostics(replace(fit, white=white), {})
+    said = [one.message for one in found if one.name == "whiteness" and not one.passed]
+    assert said
+    assert all("not all that errs is in the model" in one and "allowed for" not in one for one in said)
 
 
 def test_maximises_the_likelihood_that_designs_are_simulated_with():

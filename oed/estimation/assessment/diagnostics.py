@@ -126,7 +126,9 @@ def _whiteness(fit: Fit, group: str, places: list[int]) -> Diagnostic:
 
 
 def _after_not_white(fit: Fit) -> str:
-    if fit.correlated is not None or fit.innovations:
+    if fit.innovations:
+        return ": not all that errs is in the model, and F^-1 may be too small or too large"
+    if fit.correlated is not None:
         return ", beside errors that last, which are allowed for"
     return ": F^-1 is too small; trust the bootstrap, the sandwich or drift"
 
