@@ -14,7 +14,7 @@ from oed.kernel.dynamics.direct_call import DirectCall
 from oed.kernel.dynamics.enclosures import Enclosure, enclosed
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.intervals import ONE, Interval, number
-from oed.kernel.dynamics.rollout import Instant, roll_out
+from oed.kernel.dynamics.rollout import Instant, instant_of
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Rows
 
@@ -64,19 +64,17 @@ class Excess:
         ]
         state, held, own, slopes, period = self._given
         asked, fraction = ca.SX.sym("asked", inputs), ca.SX.sym("fraction")
-        drive = roll_out(
+        instant = instant_of(
             system,
-            inputs=held.T,
-            start=state,
+            state=state,
+            held=held,
             parameters=own,
-            period=fraction * period,
-            input_values=asked.T,
-            motion_inputs=asked.T,
+            period=period,
+            asked=asked,
+            fraction=fraction,
+            sensitivities=ca.reshape(slopes, states, -1) if sensitive else None,
+            run=run,
         )
-        # The drive from the period's begin ends at the instant.
-        last = {"path": drive.path[-1, :], "motion": drive.motion[-1, :], "first_run": run}
-        begun = ca.reshape(slopes, states, -1) if sensitive else None
-        instant = Instant(**vars(drive) | last, begin_sensitivities=begun)
         rows = rows_of(instant)
         self._inputs = inputs
         self.size, excess = rows.size, ca.cse(exceeded(rows))

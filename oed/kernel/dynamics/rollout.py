@@ -317,6 +317,45 @@ class Instant(Drive):
         return carry(self.begin_sensitivities, state, inputs, self.parameters, self.period)
 
 
+def instant_of(
+    system: System,
+    *,
+    state: Expression,
+    held: Expression,
+    parameters: Expression,
+    period: Expression,
+    asked: Expression,
+    fraction: Expression,
+    sensitivities: Expression | None = None,
+    run: int = 0,
+) -> Instant:
+    """The instant at a fraction of a period.
+
+    Args:
+        system: that is driven.
+        state: at the period's begin, (states,).
+        held: inputs in it, (inputs,).
+        parameters: of the system, (p,).
+        period: sample period T [s].
+        asked: what the inputs' splines ask for at the instant, (inputs,).
+        fraction: of the period that has passed.
+        sensitivities: of the state at its begin, (states, p + states), where anybody asks for them.
+        run: in which this is.
+    """
+    drive = roll_out(
+        system,
+        inputs=held.T,
+        start=state,
+        parameters=parameters,
+        period=fraction * period,
+        input_values=asked.T,
+        motion_inputs=asked.T,
+    )
+    # The drive from the period's begin ends at the instant.
+    last = {"path": drive.path[-1, :], "motion": drive.motion[-1, :], "first_run": run}
+    return Instant(**vars(drive) | last, begin_sensitivities=sensitivities)
+
+
 def _refined(table: Expression, step: ca.Function, begins: Sequence[Expression], drive: Drive) -> Expression:
     # A table's columns at the samples, and between them what a step of a fraction of each period leads to,
     # from what is known where the periods begin.
