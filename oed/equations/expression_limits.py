@@ -78,7 +78,13 @@ class ExpressionLimit(Limit):
         return quantity(side)[1].text
 
     def values(self, drive: Drive, states: Expression, inputs: Expression) -> Expression:
-        """The expression's values (n, 1) in states (n, states) with inputs (n, inputs)."""
+        """The expression's values (n, 1).
+
+        Args:
+            drive: of the system.
+            states: (n, states).
+            inputs: (n, inputs).
+        """
         function = _function(drive.system, self.of)
         found = function.map(states.shape[0])(states.T, inputs.T, drive.parameters)
         return ca.vec(found)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.text import excess_text, words
+from oed.optimize.exchange import Exchange
+from oed.optimize.terms.slots import Chosen
 from oed.optimize.transcription.design import DesignExpressions
-from oed.optimize.transcription.program import Program
+from oed.optimize.transcription.program import Outcome, Program
 
 NEGLIGIBLE = 1e-4
 """Relaxation, as a share of a limit's size, below which the limit counts as satisfied."""
@@ -32,7 +35,10 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
         relaxing=True,
         options={"ipopt.max_iter": 150},
     )
-    needed = [_relaxed_alone(program, design, starts, index) for index in range(len(design.terms.rows))]
+    exchange = Exchange(design.problem, design.terms)
+    needed = [
+        _relaxed_alone(program, exchange, design, starts, index) for index in range(len(design.terms.rows))
+    ]
     if any(amount is not None and amount < NEGLIGIBLE for amount in needed):
         return ""
     limits = design.problem.limits
@@ -52,7 +58,7 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
 
 
 def _relaxed_alone(
-    program: Program, design: DesignExpressions, starts: Sequence[Array], index: int
+    program: Program, exchange: Exchange, design: DesignExpressions, starts: Sequence[Array], index: int
 ) -> float | None:
     # A small relaxation of one limit with the others satisfied, from the first start that finds one.
     count = len(design.terms.rows)
@@ -60,9 +66,29 @@ def _relaxed_alone(
     upper[index] = np.inf
     for start in starts:
         initial = np.where(upper > 0, 1.0, 0.0)
-        outcome = program.solve(start, initial, auxiliary_lower=np.zeros(count), auxiliary_upper=upper)
+        solve = partial(_solve, program, initial, upper)
+        outcome, _ = exchange.solved(solve, start, None, exchange.begun(), design.trajectory)
         # Wherever Ipopt stopped: if all other limits hold there, it is a witness.
         _, violations = design.score_many(outcome.unknowns[None, :])
         if np.delete(violations[0], index).max(initial=0.0) < NEGLIGIBLE:
             return float(violations[0, index])
     return None
+
+
+def _solve(
+    program: Program,
+    relaxed: Array,
+    upper: Array,
+    begin: Array,
+    after: Outcome | None,
+    chosen: Chosen | None,
+    loosely: bool,
+) -> Outcome:
+    return program.solve(
+        begin,
+        relaxed if after is None else after.auxiliary,
+        auxiliary_lower=np.zeros(len(upper)),
+        auxiliary_upper=upper,
+        after=after,
+        chosen=chosen,
+    )

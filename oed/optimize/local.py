@@ -1,4 +1,4 @@
-"""One local search: Ipopt from one start, repeated with tightened limits until the fine grid is satisfied."""
+"""One local search: Ipopt from one start, and again with more instants of limits until all are kept."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -15,12 +15,15 @@ import numpy as np
 from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate
+from oed.kernel.limit import PathLimit
 from oed.kernel.measurement.square_root import SQUARED
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Status
+from oed.optimize.exchange import Exchange, Instants
 from oed.optimize.local_results import Local, Settings, Sketch
-from oed.optimize.terms.needs import asked_of
+from oed.optimize.terms.slots import Chosen
 from oed.optimize.transcription.chain import SLIGHT
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.design import objective_of
@@ -29,8 +32,8 @@ from oed.optimize.transcription.program import Outcome, Program
 Round: TypeAlias = tuple[Outcome, Evaluation]
 Stage = Literal["program", "second"]
 
-TIGHTENINGS = 6
-"""Times that limits exceeded between the samples are tightened before the search is given up."""
+ROUNDS = 6
+"""Solves that are judged at all times, each closer to what all limits and samples ask than the one before."""
 HOPELESS = 0.1
 """Excess, as a share of a limit's size, that no tightening mends where Ipopt has not converged either: the
 search has not found the inside.
@@ -41,6 +44,8 @@ MISLED = 1e-5
 """Share of the objective by which a coarse grid may see a design otherwise than all samples do."""
 ROUNDING = 1e-9
 """Share of the objective that a design must be better by to replace one found before (or after)."""
+LOOSE = 1e-4
+"""Tolerance of solves after which more instants may be added."""
 SLIPPED = 0.02
 """Excess between the points of a path, as a share of a limit's size, from which more points are asked."""
 FINER, FINEST = 4, 64
@@ -62,8 +67,8 @@ _STATUS = {
 class LocalSearch:
     """The compiled programs of one problem: the criterion's, and the second stage's.
 
-    Limits on the path hold at `refine` points per sample. Where a design slips through between them, as
-    across a wall that is thinner than a step, the search goes on with more.
+    Limits on instants hold at those that the search has come across. Of a robust problem, limits on the path
+    hold at `refine` points per sample; where a design slips through between them, the search goes on with more.
     """
 
     def __init__(self, problem: Problem, settings: Settings, refine: int = 1) -> None:
@@ -76,6 +81,7 @@ class LocalSearch:
         self.scale = self.design.scale
         self._robots = [[matrix / self.scale for matrix in own] for own in self.grid.robots]
         self._objective = objective_of(problem, self._robots)
+        self.exchange = Exchange(problem, self.design.terms)
         # Constants of a solve, though Ipopt is told of them as unknowns that are fixed.
         self._auxiliary = ca.vertcat(self._objective.variables, self.grid.corrections)
 
@@ -123,14 +129,45 @@ class LocalSearch:
         nothing = self.grid.no_correction
         floors = np.zeros(self._objective.floors.shape[0])
         loose = max(tolerance, self.settings.tolerance)
+        given = {"floors": floors, "barrier": barrier, "tolerance": loose}
         try:
-            outcome = self.solved(self.program, unknowns, nothing, floors, barrier=barrier, tolerance=loose)
+            outcome, _ = self.exchanged(self.program, unknowns, nothing, **given)
         except NotFinite:
             return Sketch(unknowns, -np.inf, 1)
         _, violations = self.design.score_many(outcome.unknowns[None, :])
         value = float(self.design.objective(self.grid.matrices_of(outcome.unknowns, nothing)))
         kept = violations.max(initial=0.0) <= TOLERANCE and np.isfinite(value)
         return Sketch(outcome.unknowns, value if kept else -np.inf, max(outcome.iterations, 1))
+
+    def exchanged(
+        self,
+        program: Program,
+        unknowns: Array,
+        corrections: Array,
+        instants: Instants | None = None,
+        after: Outcome | None = None,
+        **given: Any,
+    ) -> tuple[Outcome, Instants]:
+        """Solve from a start with ever more instants of limits, until it keeps them: where that ends, and those.
+
+        Args:
+            program: that is solved.
+            unknowns: z to begin at.
+            corrections: of the grid.
+            instants: to begin with; as every search does by default.
+            after: the solve that it goes on from.
+            given: further arguments of `solved`.
+        """
+        known = self.exchange.begun() if instants is None else instants
+
+        def solve(begin: Array, before: Outcome | None, chosen: Chosen | None, loosely: bool) -> Outcome:
+            tolerance = given.get("tolerance")
+            if loosely:
+                tolerance = max(tolerance or 0.0, LOOSE)
+            how = {**given, "tolerance": tolerance}
+            return self.solved(program, begin, corrections, after=before, chosen=chosen, **how)
+
+        return self.exchange.solved(solve, unknowns, after, known, self.grid.trajectory)
 
     def maximise(self, unknowns: Array, barrier: float | None = None) -> Local:
         """Maximise the criterion from a start; the start itself if that is better than where this ends.
@@ -223,12 +260,14 @@ class LocalSearch:
         # Solves under limits tightened again and again, each with what its end is worth.
         program = self.program if stage == "program" else self._second
         backoff = np.zeros(len(self.problem.limits))
-        after: Outcome | None = None
-        for _ in range(TIGHTENINGS):
-            outcome = self.solved(program, unknowns, corrections, floors, backoff, after, barrier)
+        after, instants = None, self.exchange.begun()
+        for _ in range(ROUNDS):
+            given = {"floors": floors, "backoff": backoff, "after": after, "barrier": barrier}
+            outcome, instants = self.exchanged(program, unknowns, corrections, instants, **given)
             # Limits and corrections change little from round to round: each goes on from the one before.
             unknowns, after = outcome.unknowns, outcome if outcome.succeeded else None
-            evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
+            drive = self.grid.trajectory(unknowns)
+            evaluation = evaluate(self.problem, drive)
             yield outcome, evaluation
             excess = self._excess(evaluation)
             # A second stage that fails under tighter limits has no room left to choose in.
@@ -238,10 +277,25 @@ class LocalSearch:
             if outcome.succeeded and self._slips(excess):
                 yield from self._finer._rounds(stage, unknowns, floors, corrections)
                 return
-            before, backoff = backoff, np.minimum(backoff + 1.1 * excess, NARROWEST)
-            if excess.any() and np.array_equal(before, backoff):
+            before, more = backoff, self._missed(instants, drive, excess)
+            backoff = np.where(self._by_instants, 0.0, np.minimum(backoff + 1.1 * excess, NARROWEST))
+            instants = instants.joined(more)
+            stuck = np.array_equal(before, backoff) and not len(more) and not self.grid.coarse
+            if excess.any() and stuck:
                 break
             corrections = self.grid.correction(unknowns)
+
+    def _missed(self, instants: Instants, drive: Trajectory, excess: Array) -> Instants:
+        # Instants between the times looked at, where limits are exceeded: as across a thin wall.
+        finer, more = 1, instants.some(np.zeros(len(instants), dtype=bool))
+        while excess[self._by_instants].any() and not len(more) and finer <= FINEST:
+            more = self.exchange.more(instants, drive, finer)
+            finer *= FINER
+        return more
+
+    @cached_property
+    def _by_instants(self) -> Bools:
+        return np.isin(np.arange(len(self.problem.limits)), self.design.terms.instants.limits)
 
     def _slips(self, excess: Array) -> bool:
         # Whether a design that keeps the limits on the path at all points asked is far beyond them between.
@@ -249,8 +303,9 @@ class LocalSearch:
 
     @cached_property
     def _on_path(self) -> Bools:
-        found = (asked_of(self.problem, limit) for limit in self.problem.limits)
-        return np.array([asked is not None and asked.first for asked in found])
+        # Of a robust problem.
+        own = np.array([isinstance(limit, PathLimit) for limit in self.problem.limits])
+        return own & ~self._by_instants
 
     def solved(
         self,
@@ -262,6 +317,7 @@ class LocalSearch:
         after: Outcome | None = None,
         barrier: float | None = None,
         tolerance: float | None = None,
+        chosen: Chosen | None = None,
     ) -> Outcome:
         """One call of Ipopt from a start, with the grid's corrections.
 
@@ -274,6 +330,7 @@ class LocalSearch:
             after: the solve that it goes on from.
             barrier: as of `Program.solve`.
             tolerance: as of `Program.solve`.
+            chosen: as of `Program.solve`.
         """
         begun = self.initial(unknowns, corrections)
         free = np.full(len(begun), np.inf)
@@ -287,6 +344,7 @@ class LocalSearch:
             after=after,
             barrier=barrier,
             tolerance=tolerance,
+            chosen=chosen,
         )
 
     def _misled(self, unknowns: Array, corrections: Array, evaluation: Evaluation) -> bool:

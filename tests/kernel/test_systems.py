@@ -18,6 +18,7 @@ import oed
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import InputLimit, PathLimit, Rows
+from oed.optimize.exchange import ENOUGH
 from oed.optimize.terms import terms_of
 from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
@@ -163,7 +164,7 @@ class TestLag:
         assert found.evaluation.feasible
         margin = next(one for one in found.evaluation.margins if one.name == "brim")
         assert margin.certain
-        assert found.evaluation.states[:, 0].max() <= 1.2 * (1 + 1e-6)
+        assert found.evaluation.states[:, 0].max() <= 1.2 * (1 + ENOUGH)
 
     @pytest.mark.slow
     def test_its_start_may_be_chosen(self):

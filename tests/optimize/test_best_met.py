@@ -16,6 +16,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Status
 from oed.optimize import Genetic, Ipopt, genetic, local, solve
+from oed.optimize.exchange import Instants
 from oed.optimize.local import LocalSearch
 from oed.optimize.local_results import Settings
 from oed.optimize.solver import Context
@@ -85,13 +86,14 @@ def ending(points: list[Any]) -> Any:
     """A search whose rounds end at these points, one after the other."""
     left = list(points)
 
-    def solved(self: LocalSearch, *_: Any, **__: Any) -> Outcome:
+    def exchanged(self: LocalSearch, *_: Any, **__: Any) -> tuple[Outcome, Instants]:
         point = left.pop(0) if len(left) > 1 else left[0]
         nothing = np.zeros(0)
         gains = np.zeros(len(self.problem.limits))
-        return Outcome(point, nothing, "Solve_Succeeded", 1, 1, nothing, nothing, 1.0, gains)
+        found = Outcome(point, nothing, "Solve_Succeeded", 1, 1, nothing, nothing, 1.0, gains)
+        return found, self.exchange.begun()
 
-    return solved
+    return exchanged
 
 
 def drives(problem: Problem) -> tuple[LocalSearch, Any, Any, Any]:
@@ -110,7 +112,7 @@ def test_of_all_rounds_the_best_feasible_end_counts(monkeypatch: pytest.MonkeyPa
     problem = small()
     search, poor, good, outside = drives(problem)
     # Rounds go on while the limits are exceeded: the feasible end is met in the middle on a misled grid.
-    monkeypatch.setattr(LocalSearch, "solved", ending([good, poor, outside]))
+    monkeypatch.setattr(LocalSearch, "exchanged", ending([good, poor, outside]))
     monkeypatch.setattr(LocalSearch, "_misled", lambda *_: True)
     found = search.maximise(0.01 * poor)
     np.testing.assert_array_equal(found.unknowns, good)
@@ -123,12 +125,12 @@ def test_of_all_rounds_the_best_feasible_end_counts(monkeypatch: pytest.MonkeyPa
 def test_a_start_that_is_better_than_every_end_is_returned(monkeypatch: pytest.MonkeyPatch):
     search, poor, good, outside = drives(small())
     for end in (poor, outside):
-        monkeypatch.setattr(LocalSearch, "solved", ending([end]))
+        monkeypatch.setattr(LocalSearch, "exchanged", ending([end]))
         found = search.maximise(good)
         np.testing.assert_array_equal(found.unknowns, good)
         assert found.status is Status.UNIMPROVED
         assert found.evaluation.feasible
-    monkeypatch.setattr(LocalSearch, "solved", ending([good]))
+    monkeypatch.setattr(LocalSearch, "exchanged", ending([good]))
     assert search.maximise(poor).status is Status.CONVERGED
 
 
@@ -142,14 +144,14 @@ def test_what_information_squared_takes_for_nothing_counts_too(monkeypatch: pyte
     scores = [evaluate(problem, search.grid.trajectory(one)).objective for one in (poor, good)]
     matrices = search.grid.matrices_of(good, search.grid.no_correction)
     assert search.design.objective(matrices) == 0 < scores[0] < scores[1]
-    monkeypatch.setattr(LocalSearch, "solved", ending([poor]))
+    monkeypatch.setattr(LocalSearch, "exchanged", ending([poor]))
     np.testing.assert_array_equal(search.maximise(good).unknowns, good)
 
 
 @pytest.mark.slow
 def test_standing_still_is_no_drive_to_return(monkeypatch: pytest.MonkeyPatch):
     search, _, _, outside = drives(small())
-    monkeypatch.setattr(LocalSearch, "solved", ending([outside]))
+    monkeypatch.setattr(LocalSearch, "exchanged", ending([outside]))
     found = search.maximise(np.zeros(search.design.terms.size))
     assert (found.evaluation, found.status) == (None, Status.FAILED)
 
@@ -158,7 +160,7 @@ def test_standing_still_is_no_drive_to_return(monkeypatch: pytest.MonkeyPatch):
 def test_where_every_search_fails_the_best_screened_drive_is_returned(monkeypatch: pytest.MonkeyPatch):
     problem = small()
     _, _, _, outside = drives(problem)
-    monkeypatch.setattr(LocalSearch, "solved", ending([outside]))
+    monkeypatch.setattr(LocalSearch, "exchanged", ending([outside]))
     # No start is feasible: all are as far outside.
     monkeypatch.setattr("oed.optimize.multi_start.starting_points", lambda *_: [outside] * QUICK.starts)
     solution = solve(problem, QUICK, seed=0, workers=1)
@@ -205,7 +207,7 @@ def refusing(drives: list[Any], search: LocalSearch) -> Any:
 
 def test_a_feasible_start_of_a_search_that_ends_not_finite_is_returned(monkeypatch: pytest.MonkeyPatch):
     search, poor, _, outside = drives(small())
-    monkeypatch.setattr(LocalSearch, "solved", ending([outside]))
+    monkeypatch.setattr(LocalSearch, "exchanged", ending([outside]))
     monkeypatch.setattr(local, "evaluate", refusing([outside], search))
     found = search.maximise(poor)
     np.testing.assert_array_equal(found.unknowns, poor)
@@ -224,7 +226,7 @@ def test_rounds_before_one_that_is_not_finite_count(monkeypatch: pytest.MonkeyPa
         (search.maximise, "program"),
         (lambda one: search.second_stage(one, 0.9), "second"),
     ):
-        monkeypatch.setattr(LocalSearch, "solved", ending([good, outside]))
+        monkeypatch.setattr(LocalSearch, "exchanged", ending([good, outside]))
         found = search_from(poor)
         np.testing.assert_array_equal(found.unknowns, good, err_msg=stage)
         assert (found.status, found.reason) == (Status.ACCEPTABLE, "")
@@ -232,7 +234,7 @@ def test_rounds_before_one_that_is_not_finite_count(monkeypatch: pytest.MonkeyPa
 
 def test_rounds_with_more_points_that_are_not_finite_take_nothing(monkeypatch: pytest.MonkeyPatch):
     search, poor, good, outside = drives(small())
-    monkeypatch.setattr(LocalSearch, "solved", ending([good, outside]))
+    monkeypatch.setattr(LocalSearch, "exchanged", ending([good, outside]))
     monkeypatch.setattr(LocalSearch, "_misled", lambda *_: True)
     monkeypatch.setattr(LocalSearch, "_slips", lambda own, _: own is search)
     monkeypatch.setattr(local, "evaluate", refusing([outside], search))

@@ -66,6 +66,8 @@ LARGER: dict[str, tuple[Limit, Limit, float]] = {
     ),
 }
 """Limits by name, each with the same one a little wider, and by how much in its SI unit."""
+SEEDS = {"end_heading": 2}
+"""Of searches whose best drive is held by the limit, where the usual one's is not."""
 
 
 def limited(limit: Limit, **parts: Any) -> Problem:
@@ -75,7 +77,7 @@ def limited(limit: Limit, **parts: Any) -> Problem:
 
 def begun(problem: Problem) -> tuple[LocalSearch, Array]:
     """A search, and where its best start ended."""
-    found = solve(problem, ONE, seed=1, workers=1)
+    found = solve(problem, ONE, seed=SEEDS.get(problem.limits[-1].name, 0), workers=1)
     search = LocalSearch(problem, SETTINGS)
     return search, search.design.unknowns_of(found.trajectory)
 
@@ -83,13 +85,13 @@ def begun(problem: Problem) -> tuple[LocalSearch, Array]:
 def require_gained(problem: Problem, wider: Problem, name: str, step: float, rel: float = 0.02) -> float:
     """That a search says what the best drive near its end gains in a wider problem; returns that share."""
     search, unknowns = begun(problem)
-    found = search.solved(search.program, unknowns, search.grid.correction(unknowns))
+    found, instants = search.exchanged(search.program, unknowns, search.grid.correction(unknowns))
     gains = search.gains(found)
     assert set(gains) == {one.name for one in problem.limits}
     drive = search.grid.trajectory(found.unknowns)
     other = LocalSearch(wider, SETTINGS)
     begin = other.design.unknowns_of(drive)
-    larger = other.solved(other.program, begin, other.grid.correction(begin), after=found)
+    larger, _ = other.exchanged(other.program, begin, other.grid.correction(begin), instants, found)
     before, after = (
         evaluate(problem, one).objective for one in (drive, other.grid.trajectory(larger.unknowns))
     )
@@ -129,7 +131,11 @@ def test_gains_of_a_search_on_fewer_samples_are_those_of_all():
     search, unknowns = begun(problem)
     fewer = LocalSearch(problem, replace(SETTINGS, search_samples=40))
     assert fewer.grid.coarse
-    both = [one.solved(one.program, unknowns, one.grid.correction(unknowns)) for one in (search, fewer)]
+    # Close to where the first search ended.
+    both = [
+        one.exchanged(one.program, unknowns, one.grid.correction(unknowns), barrier=1e-3)[0]
+        for one in (search, fewer)
+    ]
     whole, own = (one.gains(end)["workspace"] for one, end in zip((search, fewer), both, strict=True))
     assert own == pytest.approx(whole, rel=0.05)
 

@@ -1,4 +1,4 @@
-"""Local searches: what the fine grid finds exceeded between the samples is mended."""
+"""Local searches: of limits at all times they look at ever more instants, until all are kept."""
 
 from __future__ import annotations
 
@@ -33,13 +33,14 @@ def feasible_starts(solution: Solution) -> int:
 
 
 @pytest.mark.slow
-def test_limits_exceeded_between_the_samples_are_tightened(coarse: Problem):
+def test_instants_between_the_samples_are_added(coarse: Problem):
     solution = solve(coarse, OPTIONS, seed=0, workers=1)
     assert feasible_starts(solution) >= 3
     assert evaluate(coarse, solution.trajectory).feasible
 
 
 @pytest.mark.slow
-def test_without_tightening_hardly_a_search_would_end_inside(coarse: Problem, monkeypatch):
-    monkeypatch.setattr("oed.optimize.local.TIGHTENINGS", 1)
+def test_of_the_first_instants_alone_hardly_a_search_would_end_inside(coarse: Problem, monkeypatch):
+    monkeypatch.setattr("oed.optimize.exchange.EXCHANGES", 1)
+    monkeypatch.setattr("oed.optimize.local.ROUNDS", 1)
     assert feasible_starts(solve(coarse, OPTIONS, seed=0, workers=1)) <= 1

@@ -11,17 +11,17 @@ import casadi as ca
 import numpy as np
 import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, input_limits, problem_of
+from some_instants import SLOTS, numbers_of
 
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Spline
-from oed.kernel.dynamics.system import follows_state
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
 from oed.optimize.terms.layout import PieceLayout, divisible
-from oed.optimize.terms.needs import Asked, asked_of, needs_of
+from oed.optimize.terms.needs import by_instants, needs_of
 from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
 from oed.robots.limits import (
@@ -310,49 +310,44 @@ def test_so_do_pieces_limited_between_the_samples(overrides: dict[str, Any]):
 def agree(problem: Problem, pieces: Pieces, whole: Unrolled) -> None:
     rng = np.random.default_rng(0)
     assert (pieces.size, pieces.sizes) == (whole.size, whole.sizes)
-    if follows_state(problem.system):
-        # A sample by itself does not know that its state is linear in earlier inputs.
-        assert np.all(np.array(whole.linear)[pieces.linear])
-    else:
-        assert pieces.linear == whole.linear
+    assert pieces.linear == whole.linear
     for found, expected in zip(pieces.rows, whole.rows, strict=True):
         np.testing.assert_array_equal(found.lower, expected.lower)
         np.testing.assert_array_equal(found.upper, expected.upper)
         assert (found.size, found.unit) == (expected.size, expected.unit)
     z = rng.uniform(-0.8, 0.8, whole.size)
-    for found, expected in zip(pieces.values(z), whole.values(z), strict=True):
+    for found, expected in zip(pieces.scores(z), whole.scores(z), strict=True):
         assert_close(found, expected)
-    for found, expected in zip(pieces.jacobian(z), whole.jacobian(z), strict=True):
+    numbers = numbers_of(pieces, rng)
+    own, others = pieces.functions(SLOTS), whole.functions(SLOTS)
+    for found, expected in zip(own.values(z, numbers), others.values(z, numbers), strict=True):
         assert_close(found, expected)
-    assert pieces.jacobian.sparsity_out(1) == whole.jacobian.sparsity_out(1)
-    rows = sum(len(one.lower) for one in whole.rows)
-    weights = rng.normal(size=whole.entry_count), rng.normal(size=rows) * bool(rows)
-    assert_close(pieces.hessian(z, *weights), whole.hessian(z, *weights))
-    alone = weights[0], np.zeros(rows)
-    assert_close(pieces.hessian(z, *alone), whole.hessian(z, *alone))
-    alone = np.zeros(whole.entry_count), weights[1]
-    assert_close(pieces.hessian(z, *alone), whole.hessian(z, *alone))
+    for found, expected in zip(own.jacobian(z, numbers), others.jacobian(z, numbers), strict=True):
+        assert_close(found, expected)
+    rows = SLOTS + sum(len(one.lower) for one in whole.rows)
+    weights = rng.normal(size=whole.entry_count), rng.normal(size=rows)
+    for entries in (0, 1):
+        for limits in (0, 1):
+            given = numbers, entries * weights[0], limits * weights[1]
+            assert_close(own.hessian(z, *given), others.hessian(z, *given))
 
 
 def test_a_limit_is_asked_of_what_it_looks_at():
     problem = small_problem(
         limits=(*OWN, EndHeading(at="start"), Unsaid(), Steps(), Splines(), Held(), Product())
     )
-    needs = needs_of(problem, terms_of(problem).bounding, 3)
+    needs = needs_of(problem, terms_of(problem).bounding)
     names = [limit.name for limit in problem.limits]
     assert [names[place] for place in needs.tables] == ["wheel_speed", "sum"]
-    assert {names[place]: asked for place, asked in needs.asked.items()} == {
-        "bend": Asked(2, 3, first=True),
-        "power": Asked(1, 1, first=False),
-        "workspace": Asked(2, 3, first=True),
-    }
+    assert [names[place] for place in needs.instants] == ["bend", "power", "workspace"]
     whole = [names[place] for place in needs.whole]
     assert whole == ["end_heading", "unsaid", "steps", "splines", "held", "product"]
 
 
 def test_a_lag_has_two_motions_in_a_sample():
     lag = small_problem(**PROBLEMS["lag"])
-    assert asked_of(lag, Power()) == Asked(2, 1, first=False)
+    assert by_instants(lag, Power())
+    assert terms_of(lag).instants.asking is False
 
 
 @pytest.mark.parametrize("limit", [EndPosition(at="start"), PathLength(bounds=3), Unsaid(), Bend()])
@@ -416,7 +411,7 @@ def test_building_does_not_grow_with_the_samples(measurement, more):
         assert isinstance(terms, Pieces)
         counts.append(terms.hessian.n_nodes())
     assert counts[1] <= counts[0] + 20
-    assert len(terms.rows[2].lower) == 2 * 2000
+    assert (len(terms.rows[2].lower), terms.instants.count) == (0, 2 if not more else terms.instants.count)
 
 
 def test_wheels_that_cannot_reach_full_speed_are_scaled_alike():

@@ -52,8 +52,10 @@ def found_by(solver: Ipopt | Genetic, seed: int, thickness: float, width: float)
 @pytest.fixture
 def at_few_points(monkeypatch: pytest.MonkeyPatch) -> None:
     """Searches never ask for more points than they begin with."""
-    for module in ("local", "genetic"):
-        monkeypatch.setattr(f"oed.optimize.{module}.FINEST", 1)
+    monkeypatch.setattr("oed.optimize.genetic.FINEST", 1)
+    monkeypatch.setattr("oed.optimize.local.FINEST", 1)
+    monkeypatch.setattr("oed.optimize.exchange.FINE", 1)
+    monkeypatch.setattr("oed.optimize.exchange.TIMES", 1)
 
 
 @pytest.mark.slow

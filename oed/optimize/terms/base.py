@@ -3,30 +3,103 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Array, Bools, Places
-from oed.kernel.dynamics.embedding import DIGITS, Bounding, embedding_of
+from oed.foundation.arrays import Array, Places
+from oed.kernel.dynamics.embedding import Bounding, embedding_of
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, roll_out
-from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
+from oed.optimize.terms.instants import InstantRows
+from oed.optimize.terms.row_bounds import RowBounds
+from oed.optimize.terms.slots import Begun, Slots
+from oed.optimize.terms.small_drives import splines_of
+
+
+class Swept(ABC):
+    """The terms at z as expressions (MX).
+
+    Attributes:
+        z: the unknowns.
+        entries: of the matrices (their upper halves, stacked).
+        rows: of limits, (rows,).
+        entry_slopes: derivatives of the entries by z, dense.
+        row_slopes: those of the rows, sparse.
+    """
+
+    z: Expression
+
+    @property
+    @abstractmethod
+    def entries(self) -> Expression:
+        """The matrices' entries."""
+
+    @property
+    @abstractmethod
+    def rows(self) -> Expression:
+        """The limits' rows."""
+
+    @property
+    @abstractmethod
+    def entry_slopes(self) -> Expression:
+        """Derivatives of the entries by z."""
+
+    @property
+    @abstractmethod
+    def row_slopes(self) -> Expression:
+        """Derivatives of the rows by z."""
+
+    @abstractmethod
+    def begun(self, samples: Expression) -> Begun:
+        """What is known at the begins of some samples (1, K), counted through all runs."""
+
+    @abstractmethod
+    def curvature(
+        self, entries: Expression, rows: Expression, states: Sequence[tuple[Begun, Expression]]
+    ) -> Expression:
+        """Second derivatives (size, size) by z of the weighted sum of entries, rows and states (states, K)."""
 
 
 @dataclass(frozen=True)
-class RowBounds:
-    """One limit's rows without their expression: bounds (rows,), size and unit as in `Rows`."""
+class Functions:
+    """A search's functions of z, and of the numbers that say which rows the slots are of, if there are any.
 
-    lower: Array
-    upper: Array
-    size: float
-    unit: str
+    Attributes:
+        values: (z, numbers) -> entries of the matrices, rows, those of the slots behind all others.
+        jacobian: (z, numbers) -> derivatives of the entries (dense), and of the rows.
+        hessian: (z, numbers, weights of the entries, of the rows) -> second derivatives of the weighted sum,
+            on and above the diagonal.
+    """
+
+    values: ca.Function
+    jacobian: ca.Function
+    hessian: ca.Function
+
+
+def _functions_of(terms: Terms, count: int) -> Functions:
+    sweep, slots = terms.sweep(), terms.slots(count)
+    given, rows, slopes = [sweep.z], sweep.rows, sweep.row_slopes
+    weights = [ca.MX.sym("entries", terms.entry_count), ca.MX.sym("rows", rows.shape[0] + count)]
+    fixed, own = ca.vertsplit(weights[1], [0, rows.shape[0], weights[1].shape[0]])
+    states, more = list[tuple[Begun, Expression]](), ca.MX(terms.size, terms.size)
+    if count:
+        numbers = ca.MX.sym("numbers", slots.width)
+        begun = sweep.begun(slots.split(numbers)[0])
+        around = slots.around(sweep.z, begun, numbers, terms.size)
+        given.append(numbers)
+        rows, slopes = ca.vertcat(rows, around.values), ca.vertcat(slopes, around.slopes)
+        states, more = [(begun, around.on_states(own))], around.curvature(own)
+    curvature = ca.triu(sweep.curvature(weights[0], fixed, states) + more)
+    return Functions(
+        ca.Function("terms", given, [sweep.entries, rows]),
+        ca.Function("slopes", given, [sweep.entry_slopes, slopes]),
+        ca.Function("curvature", [*given, *weights], [curvature]),
+    )
 
 
 class Terms(ABC):
@@ -35,6 +108,9 @@ class Terms(ABC):
     The unknowns are those of the inputs (free spline coefficients, or what signals have), in units of each
     input's largest speed, and the start states where they are free. Positions are limited at `refine` points
     per sample.
+
+    Limits on instants have no rows but those of instants that are given with each call, in slots; of all other
+    limits there are all rows.
 
     Attributes:
         size: of z; the first `coefficient_count` are of the inputs.
@@ -116,7 +192,7 @@ class Terms(ABC):
     @property
     @abstractmethod
     def rows(self) -> list[RowBounds]:
-        """Bounds of every limit's rows, without rows that no unknown moves."""
+        """Bounds of every limit's rows, without rows that no unknown moves; none of limits on instants."""
 
     @property
     @abstractmethod
@@ -125,37 +201,53 @@ class Terms(ABC):
 
     @property
     @abstractmethod
-    def values(self) -> ca.Function:
-        """Z -> entries of the matrices (their upper halves, stacked), rows (stacked)."""
-
-    @property
-    @abstractmethod
-    def jacobian(self) -> ca.Function:
-        """Z -> derivatives of the entries (dense), and of the rows."""
-
-    @property
-    @abstractmethod
-    def hessian(self) -> ca.Function:
-        """(z, weights of the entries, weights of the rows) -> second derivatives of the weighted sum, on
-        and above the diagonal.
+    def scores(self) -> ca.Function:
+        """Z -> entries of the matrices, and for every limit its largest violation at the samples over its
+        size.
         """
+
+    @property
+    @abstractmethod
+    def instants(self) -> InstantRows:
+        """The rows of an instant."""
+
+    @abstractmethod
+    def sweep(self) -> Swept:
+        """The terms at z as expressions."""
+
+    def slots(self, count: int) -> Slots:
+        """So many slots for rows of instants."""
+        return Slots(self.instants, self.embedding, count)
+
+    @cached_property
+    def _functions(self) -> dict[int, Functions]:
+        return {}
+
+    def functions(self, slots: int = 0) -> Functions:
+        """The terms' functions, with so many slots."""
+        if slots not in self._functions:
+            self._functions[slots] = _functions_of(self, slots)
+        return self._functions[slots]
+
+    @property
+    def values(self) -> ca.Function:
+        """Those without slots."""
+        return self.functions().values
+
+    @property
+    def jacobian(self) -> ca.Function:
+        """Those without slots."""
+        return self.functions().jacobian
+
+    @property
+    def hessian(self) -> ca.Function:
+        """Those without slots."""
+        return self.functions().hessian
 
     @property
     def entry_count(self) -> int:
         """Entries of all matrices together."""
         return sum(size * (size + 1) // 2 for size in self.sizes)
-
-    @cached_property
-    def scores(self) -> ca.Function:
-        """Z -> entries of the matrices, and for every limit its largest violation over its size."""
-        z = ca.MX.sym("z", self.size)
-        entries, stacked = self.values(z)
-        worst, first = [], 0
-        for rows in self.rows:
-            own = stacked[first : first + len(rows.lower)]
-            first += len(rows.lower)
-            worst.append(ca.fmax(0, ca.fmax(_above(own, rows.upper), _above(-own, -rows.lower))) / rows.size)
-        return ca.Function("scores", [z], [entries, ca.vertcat(*worst)])
 
     @cached_property
     def bounded_unknowns(self) -> tuple[Places, Places, Array, Array]:
@@ -173,129 +265,3 @@ class Terms(ABC):
         own = place[single]
         constants = np.array(self.values(nothing)[1]).ravel()[single]
         return single, columns[own], np.array(slope.nonzeros())[own], constants
-
-
-class Smooth:
-    """An expression (k,) of symbols (n,), and its derivatives, as functions (SX).
-
-    Attributes:
-        size: k.
-    """
-
-    def __init__(self, symbols: Expression, expression: Expression) -> None:
-        """Take both; functions are made when first used."""
-        self._symbols, self._expression, self.size = symbols, expression, int(expression.shape[0])
-
-    @cached_property
-    def values(self) -> ca.Function:
-        """Symbols -> expression."""
-        return ca.Function("values", [self._symbols], [self._expression])
-
-    @cached_property
-    def slope(self) -> ca.Function:
-        """Symbols -> its derivatives (k, n), dense."""
-        slope = ca.jacobian(self._expression, self._symbols)
-        return ca.Function("slope", [self._symbols], [ca.densify(slope)])
-
-    @cached_property
-    def curvature(self) -> ca.Function:
-        """(symbols, weights (k,)) -> first, dense, and second derivatives of the weighted sum."""
-        weights = ca.SX.sym("weights", self.size)
-        curvature, slope = ca.hessian(ca.dot(weights, self._expression), self._symbols)
-        return ca.Function("curvature", [self._symbols, weights], [ca.densify(slope), curvature])
-
-
-def small_drive(problem: Problem, held: Expression, start: Expression, refine: int = 1) -> Drive:
-    """The drive of a few samples with `held` inputs (n, inputs) from a state.
-
-    Args:
-        problem: whose robot drives.
-        held: inputs, (n, inputs).
-        start: state, (states,).
-        refine: points of the path per sample.
-    """
-    return roll_out(
-        problem.system,
-        inputs=held,
-        start=start,
-        parameters=ca.SX(ca.DM(problem.system.nominal)),
-        period=ca.SX(problem.design.period),
-        refine=refine,
-    )
-
-
-def splines_of(drive: Drive, bounding: Bounding) -> Drive:
-    """The drive with what bounds its inputs and their derivatives at all times."""
-    return replace(
-        drive, input_values=bounding.values, input_rates=bounding.rates, input_jerks=bounding.jerks
-    )
-
-
-def said_once(slopes: Array, constants: Array, rows: RowBounds | Rows) -> Bools:
-    """Which of rows slopes @ z + constants, between bounds, say what none before them does.
-
-    Args:
-        slopes: (rows, size).
-        constants: (rows,).
-        rows: with the bounds.
-    """
-    size = np.abs(slopes).max(axis=1, initial=0.0)
-    table = np.column_stack([slopes, constants, rows.lower, rows.upper])
-    keys = np.round(table / np.where(size > 0, size, 1.0)[:, None], DIGITS) + 0.0
-    kept = np.zeros(len(table), dtype=bool)
-    kept[np.unique(keys, axis=0, return_index=True)[1]] = True
-    return kept
-
-
-def _above(values: Expression, upper: Array) -> Expression:
-    # The most by which values exceed their bounds; far below 0 where there are none.
-    bounded = np.isfinite(upper)
-    if not bounded.any():
-        return -1e20
-    kept, bounds = values[np.flatnonzero(bounded).tolist()], upper[bounded]
-    if (bounds == bounds[0]).all():
-        # As most limits are: one subtraction instead of one for every row.
-        return ca.mmax(kept) - bounds[0]
-    return ca.mmax(kept - ca.DM(bounds))
-
-
-def upper_half(matrix: Expression) -> Expression:
-    """The entries on and above the diagonal, column by column, (p (p + 1) / 2,)."""
-    size = matrix.shape[0]
-    return ca.vertcat(*(matrix[row, column] for column in range(size) for row in range(column + 1)))
-
-
-def upper_halves(matrices: Iterable[Expression]) -> Expression:
-    """Those of several matrices, stacked."""
-    return ca.vertcat(*map(upper_half, matrices))
-
-
-def symmetric(entries: Expression, size: int) -> Expression:
-    """The symmetric matrix (p, p) with these entries on and above its diagonal."""
-    rows: list[list[Any]] = [[None] * size for _ in range(size)]
-    places = ((row, column) for column in range(size) for row in range(column + 1))
-    for index, (row, column) in enumerate(places):
-        rows[row][column] = rows[column][row] = entries[index]
-    return ca.blockcat(rows)
-
-
-def symmetric_all(entries: Expression, sizes: Sequence[int]) -> list[Expression]:
-    """The symmetric matrices of these sizes whose upper halves are stacked."""
-    edges = np.cumsum([0, *(size * (size + 1) // 2 for size in sizes)]).tolist()
-    return [
-        symmetric(entries[first:last], size)
-        for first, last, size in zip(edges[:-1], edges[1:], sizes, strict=True)
-    ]
-
-
-def stacks(entries: Array, sizes: Sequence[int]) -> list[Array]:
-    """Numeric matrices (K, p, p) of stacked entries (sum of p (p + 1) / 2, K), one for each size p."""
-    found, first = [], 0
-    for size in sizes:
-        columns, rows = np.tril_indices(size)
-        matrix = np.empty((entries.shape[1], size, size))
-        own = entries[first : first + len(rows)].T
-        matrix[:, rows, columns] = matrix[:, columns, rows] = own
-        found.append(matrix)
-        first += len(rows)
-    return found

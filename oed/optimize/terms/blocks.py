@@ -54,18 +54,11 @@ def _entries(matrix: Expression) -> Expression:
     return ca.vec(matrix.nz[:]) if isinstance(matrix, ca.MX) else ca.vertcat(*matrix.nonzeros())
 
 
-def pull(first: Packed, second: Packed, width: int) -> ca.Function:
-    """(entries of two matrices, weights of the rows of both) -> weights of their first `width` columns.
-
-    Args:
-        first: the first matrix.
-        second: the second one.
-        width: columns.
-    """
-    pairs = [packed.symbol("matrix") for packed in (first, second)]
-    weights = [ca.SX.sym("weights", matrix.shape[0]) for matrix, _ in pairs]
-    total = pairs[0][0][:, :width].T @ weights[0] + pairs[1][0][:, :width].T @ weights[1]
-    return ca.Function("pull", [pairs[0][1], pairs[1][1], *weights], [ca.densify(total)])
+def pull(matrix: Packed, width: int) -> ca.Function:
+    """(entries of a matrix, weights of its rows) -> weights of its first `width` columns."""
+    whole, entries = matrix.symbol("matrix")
+    weights = ca.SX.sym("weights", whole.shape[0])
+    return ca.Function("pull", [entries, weights], [ca.densify(whole[:, :width].T @ weights)])
 
 
 def begins(begin: Expression, following: Expression, each: int, width: int = 1) -> Expression:

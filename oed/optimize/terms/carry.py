@@ -16,7 +16,7 @@ import casadi as ca
 
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.matrices import posterior
-from oed.optimize.terms.base import symmetric, upper_half
+from oed.optimize.terms.matrices import symmetric, upper_half
 
 Step = Callable[[Expression, Expression], tuple[Expression, Expression, Expression]]
 """From S and P at a part's start to both at its end, and the information that it adds."""

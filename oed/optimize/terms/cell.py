@@ -1,4 +1,4 @@
-"""One sample of a drive: where it leads, what it gathers, its limit rows, and their derivatives.
+"""One sample of a drive: where it leads, what it gathers, and the derivatives of both.
 
 The formulas are those of every drive, applied to a drive of a single sample.
 """
@@ -6,7 +6,6 @@ The formulas are those of every drive, applied to a drive of a single sample.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +13,6 @@ import casadi as ca
 
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.filter_rows import memories_of
 from oed.kernel.measurement.innovations import Filter, filter_of
 from oed.kernel.measurement.measurement import Cuts
@@ -22,10 +20,10 @@ from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.measurement.sensor import joint_readings
 from oed.kernel.measurement.update import Update
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import small_drive, upper_half
+from oed.optimize.terms.matrices import upper_half
+from oed.optimize.terms.small_drives import small_drive
 from oed.optimize.terms.blocks import Packed, pull
 from oed.optimize.terms.carry import Carry
-from oed.optimize.terms.needs import Asked
 
 FEW = 8
 """Numbers read in a period up to which derivatives are shorter by what each of them changes."""
@@ -41,32 +39,20 @@ class Cell:
         states: of the robot.
         width: of x.
         carry: how the sensitivities are handed on.
-        limits: those on instants.
-        asked: how each of them is asked.
-        rows: of each of them.
         scale: what an input of 1 stands for, (inputs,).
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        limits: Sequence[tuple[Limit, Asked]],
-        scale: Sequence[float],
-        refine: int = 1,
-    ) -> None:
-        """Write the sample; its path is limited at `refine` points."""
+    def __init__(self, problem: Problem, scale: Sequence[float]) -> None:
+        """Write the sample."""
         robot, self.states = problem.system, len(problem.system.states)
-        self.limits, self.asked = [limit for limit, _ in limits], [asked for _, asked in limits]
         self._state, self._inputs = ca.SX.sym("state", self.states), ca.SX.sym("inputs", len(robot.inputs))
         sensors = problem.measurement.joint_sensors
         self.scale = tuple(scale)
         self._reads = ca.SX.sym("reads", len(sensors) + len(memories_of(sensors)))
-        drive = small_drive(problem, (ca.DM(list(scale)) * self._inputs).T, self._state, refine)
+        drive = small_drive(problem, (ca.DM(list(scale)) * self._inputs).T, self._state)
         following, added = self._carried_on(problem, drive)
         self.width = self.states + len(self.carry.moving)
-        self.rows = [limit.rows(replace(drive, path=drive.path[1:, :])) for limit in self.limits]
-        rows = ca.vertcat(ca.SX(0, 1), *(ca.densify(one.expression) for one in self.rows))
-        self._lifted = ca.cse([ca.vertcat(drive.states[-1, :].T, following), added, rows])
+        self._lifted = ca.cse([ca.vertcat(drive.states[-1, :].T, following), added])
         self._parts: list[Expression] = ca.cse(self._written_out(self._lifted))
         self._begin = ca.vertcat(self._state, self.carry.carried)
         self._arguments = [self._begin, self._inputs, self._reads]
@@ -93,11 +79,6 @@ class Cell:
         """Entries of the information (SX)."""
         return self._parts[1]
 
-    @property
-    def row_count(self) -> int:
-        """Limit rows."""
-        return int(self._parts[2].shape[0])
-
     @cached_property
     def step(self) -> ca.Function:
         """(state, inputs) -> next state."""
@@ -105,12 +86,12 @@ class Cell:
 
     @cached_property
     def values(self) -> ca.Function:
-        """(x, inputs, which sensors read) -> x at the end, what is gathered, limit rows."""
+        """(x, inputs, which sensors read) -> x at the end, what is gathered."""
         return ca.Function("cell", self._arguments, self._parts)
 
     @cached_property
     def _slopes(self) -> list[Expression]:
-        # Of the three parts; with an update, then of all that is bent where that is not some of the unknowns.
+        # Of both parts; with an update, then of all that is bent where that is not some of the unknowns.
         update, unknowns = self._update, self._unknowns
         if update is None:
             return list(ca.cse([ca.jacobian(part, unknowns) for part in self._lifted]))
@@ -123,13 +104,13 @@ class Cell:
 
     @cached_property
     def slopes(self) -> list[Packed]:
-        """Derivatives of the same three by (x, inputs)."""
-        return [Packed(part) for part in self._slopes[:3]]
+        """Derivatives of the same two by (x, inputs)."""
+        return [Packed(part) for part in self._slopes[:2]]
 
     @cached_property
     def bent_slopes(self) -> list[Packed]:
         """Derivatives of what is `bent` and `beside` by (x, inputs); [] where it is some of these."""
-        return [Packed(part) for part in self._slopes[3:]]
+        return [Packed(part) for part in self._slopes[2:]]
 
     @cached_property
     def jacobian(self) -> ca.Function:
@@ -143,8 +124,8 @@ class Cell:
 
     @cached_property
     def pull(self) -> ca.Function:
-        """(entries of the slopes of what is gathered and of the rows, weights of both) -> weights of x."""
-        return pull(self.slopes[1], self.slopes[2], self.width)
+        """(entries of the slopes of what is gathered, weights of that) -> weights of x."""
+        return pull(self.slopes[1], self.width)
 
     @cached_property
     def _bending(self) -> tuple[list[Expression], Expression]:
@@ -190,27 +171,10 @@ class Cell:
 
     @cached_property
     def curvature(self) -> ca.Function:
-        """(x, inputs, which sensors read, weights of the three) -> entries of `inner`."""
+        """(x, inputs, which sensors read, weights of both parts) -> entries of `inner`."""
         return ca.Function(
             "cell_curvature", [*self._arguments, *self._bending[0]], [one.entries for one in self.inner]
         )
-
-    @cached_property
-    def depends(self) -> tuple[ca.Sparsity, ca.Sparsity]:
-        """Which of (end state, rows) depend on the state, and on the inputs."""
-        both = ca.vertcat(self._parts[0][: self.states], self._parts[2])
-        return ca.jacobian_sparsity(both, self._state), ca.jacobian_sparsity(both, self._inputs)
-
-    @cached_property
-    def linear(self) -> list[bool]:
-        """Whether each limit's rows are linear in the inputs, and moved by nothing else."""
-        return [self._linear(asked, rows) for asked, rows in zip(self.asked, self.rows, strict=True)]
-
-    def _linear(self, asked: Asked, rows: Rows) -> bool:
-        expression = ca.densify(rows.expression)
-        if asked.first or ca.depends_on(expression, self._state):
-            return False
-        return not any(ca.which_depends(expression, self._inputs, 2, True))
 
 
 class _Step:

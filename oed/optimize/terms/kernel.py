@@ -49,23 +49,17 @@ class Kernel:
         information[self.informed] = self.symbols[moving:]
         self.gathered = ca.vertcat(cell.carry.lasting(self.symbols[:moving]), information)
 
-    @property
-    def row_count(self) -> int:
-        """Limit rows of a piece, sample by sample."""
-        return self.cell.row_count * self.layout.samples
-
     @cached_property
     def patterns(self) -> list[Bools]:
-        """What depends on the start state: the end of what is handed on, information, the limit rows."""
-        onward, gathered, rows = (np.array(ca.DM(one.pattern, 1.0)) != 0 for one in self.cell.slopes[:3])
+        """What depends on the start state: the end of what is handed on, information."""
+        onward, gathered = (np.array(ca.DM(one.pattern, 1.0)) != 0 for one in self.cell.slopes)
         width, states = self.cell.width, self.states
         found = np.eye(width, states, dtype=bool)
         ever = found
         for _ in range(self.layout.samples):
             found = onward[:, :width] @ found
             ever = ever | found
-        each = np.tile(rows[:, :width] @ ever, (self.layout.samples, 1))
-        return [found, gathered[self.informed, :width] @ ever, each]
+        return [found, gathered[self.informed, :width] @ ever]
 
     @cached_property
     def held_slopes(self) -> ca.DM:
@@ -78,14 +72,14 @@ class Kernel:
 
     def roll(self, first: Expression, inputs: Expression) -> tuple[Expression, ...]:
         """What is handed on at every sample's begin (width, samples), the states that pieces end with, what
-        pieces gather that changes, their rows; from states that runs begin with, by every sample's inputs.
+        pieces gather that changes; from states that runs begin with, by every sample's inputs.
         """
         cell, count, space = self.cell, self.layout.count, self.layout.space
         ends = (np.arange(1, count + 1) * self.layout.samples - 1).tolist()
         if not cell.carry.moving:
             # Without sensitivities, which every piece begins anew, a run is a single pass.
             along = cell.values.mapaccum(space.samples).map(space.runs)
-            following, gathered, rows = along(first, inputs, self.reads)
+            following, gathered = along(first, inputs, self.reads)
             points = begins(first, following, space.samples)
             states = following[:, ends]
         else:
@@ -94,10 +88,10 @@ class Kernel:
             starts = begins(first, states, self.layout.each)
             begin = ca.vertcat(starts, ca.repmat(ca.MX(cell.carry.begin), 1, count))
             along = cell.values.mapaccum(self.layout.samples).map(count)
-            following, gathered, rows = along(begin, inputs, self.reads)
+            following, gathered = along(begin, inputs, self.reads)
             points = begins(begin, following, self.layout.samples)
         total = ca.vertcat(following[self.states :, ends], self._added(gathered[self.informed, :]))
-        return points, states, total, ca.reshape(rows, -1, count)
+        return points, states, total
 
     def _added(self, each: Expression) -> Expression:
         # Sums over the samples of every piece.
@@ -106,7 +100,7 @@ class Kernel:
         return each @ ca.DM(pattern, 1.0)
 
     def sample_slopes(self, points: Expression, inputs: Expression) -> tuple[Expression, ...]:
-        """Entries of every sample's slopes (of what is handed on, gathered, of rows; by that and inputs)."""
+        """Entries of every sample's slopes (of what is handed on, of what is gathered; by that and inputs)."""
         found: tuple[Expression, ...] = self.cell.jacobian.map(self._count)(points, inputs, self.reads)
         return found
 
@@ -143,16 +137,13 @@ class Kernel:
         whole = ca.Function("informed", [slopes, entries], [total[:, self.informed]])
         return whole.map(self.layout.count)(steps, gathered)
 
-    def row_slopes(self, steps: Expression, rows: Expression) -> Expression:
-        """Derivatives (size, rows) of every piece's rows."""
-        return ca.densify(self.cell.slopes[2].chained(steps, rows))
-
     def curvature(
         self,
         given: Sequence[Expression],
         steps: Expression,
         slopes: Sequence[Expression],
         weights: Sequence[Expression],
+        more: Expression | None,
     ) -> Expression:
         """Second derivatives (size, size) of every piece's weighted sum.
 
@@ -160,7 +151,8 @@ class Kernel:
             given: what is handed on, and the inputs, at every sample.
             steps: derivatives of what is handed on and of the inputs at every sample's begin.
             slopes: of the samples.
-            weights: of the pieces' ends (states,), of what they gather (only what changes), of their rows.
+            weights: of the pieces' ends (states,), of what they gather (only what changes).
+            more: what else weighs what is handed on at every sample's begin, (width, samples), if anything.
         """
         cell, count, samples = self.cell, self.layout.count, self.layout.samples
         moving = len(cell.carry.moving)
@@ -168,14 +160,14 @@ class Kernel:
         information = ca.MX(cell.gathered.numel(), count)
         information[self.informed, :] = weights[1][moving:, :]
         added = ca.densify(information)[:, np.repeat(np.arange(count), samples).tolist()]
-        rows = ca.reshape(weights[2], cell.row_count, self._count)
-        pulled = cell.pull.map(self._count)(*slopes[1:], added, rows)
+        pulled = cell.pull.map(self._count)(slopes[1], added)
+        pulled = pulled if more is None else pulled + more
         # Of every sample's end: what its piece's end weighs, and what later samples add.
         onward = backwards(slopes[0], samples)
         back = cell.slopes[0].back().mapaccum(samples).map(count)
         earlier = back(last, onward, backwards(pulled, samples))
         ends = backwards(begins(last, earlier, samples), samples)
-        bent = cell.curvature.map(self._count)(*given, self.reads, ends, added, rows)
+        bent = cell.curvature.map(self._count)(*given, self.reads, ends, added)
         if not cell.bent_slopes:
             width = cell.width + self.inputs
             columns = np.arange(self._count)[:, None] * width + np.array(cell.bent, dtype=int)

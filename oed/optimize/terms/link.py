@@ -54,7 +54,7 @@ class Link:
         ends = ca.MX.sym("ends", kernel.size, kernel.cell.width)
         gathered = ca.MX.sym("gathered", kernel.size, len(kernel.informed))
         parts = [
-            _masked(one, pattern) for one, pattern in zip((ends, gathered), kernel.patterns[:2], strict=True)
+            _masked(one, pattern) for one, pattern in zip((ends, gathered), kernel.patterns, strict=True)
         ]
         return [parts[0][:states, :], ca.vertcat(parts[0][states:, :], parts[1])], [ends, gathered]
 
@@ -107,27 +107,9 @@ class Link:
         return ca.Function("link_slopes", [*self._symbols, *slopes], results)
 
     @cached_property
-    def rows_by_begin(self) -> Packed:
-        """The limit rows by the begin of what is handed on."""
-        return Packed(ca.horzcat(self._rows[0], ca.SX(self.kernel.row_count, len(self.carry.moving))))
-
-    @cached_property
-    def _rows(self) -> tuple[Expression, Expression]:
-        # The limit rows by the start state, and symbols for the same, transposed and dense.
-        entries = ca.SX.sym("rows", self.states, self.kernel.row_count)
-        return _masked(entries, self.kernel.patterns[2]), entries
-
-    @cached_property
-    def row_slopes(self) -> ca.Function:
-        """A piece's slopes (states, rows) of the rows by its start state -> entries of `rows_by_begin`."""
-        return ca.Function("row_slopes", [self._rows[1]], [self.rows_by_begin.entries])
-
-    @cached_property
     def pull(self) -> ca.Function:
-        """(entries of `added_by_begin`, of `rows_by_begin`, weights of the added, of the rows) -> weights
-        that they give the begin.
-        """
-        return pull(self.added_by_begin, self.rows_by_begin, self.width)
+        """(entries of `added_by_begin`, weights of the added) -> weights that they give the begin."""
+        return pull(self.added_by_begin, self.width)
 
     @cached_property
     def _weighted(self) -> tuple[Expression, Expression, Expression]:

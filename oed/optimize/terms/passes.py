@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,14 +13,15 @@ from oed.foundation.arrays import Array
 from oed.kernel.dynamics.embedding import without_zeros
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import Smooth, Terms, symmetric
+from oed.optimize.terms.base import Terms
+from oed.optimize.terms.matrices import symmetric
 from oed.optimize.terms.blocks import begins
 from oed.optimize.terms.cell import read_end
 from oed.optimize.terms.condensing import Condensing
 from oed.optimize.terms.kernel import Kernel
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.link import Link
-from oed.optimize.terms.piece_rows import PieceRows
+from oed.optimize.terms.slots import Begun, gathered, scattered
 from oed.optimize.terms.totals import Totals
 
 
@@ -71,7 +72,6 @@ class Plan:
         kernel: one of them.
         link: what it hands on.
         total: what they add up to.
-        rows: the limits' rows.
     """
 
     terms: Terms
@@ -79,7 +79,6 @@ class Plan:
     kernel: Kernel
     link: Link
     total: Totals
-    rows: PieceRows
 
     @cached_property
     def condensing(self) -> Condensing:
@@ -94,11 +93,6 @@ class Plan:
             if self.total.sensors
             else None
         )
-
-    @cached_property
-    def first(self) -> Smooth:
-        """Rows of a run's first instant, of its start state."""
-        return Smooth(self.rows.start_symbol, self.rows.first)
 
 
 class Sweep:
@@ -116,8 +110,8 @@ class Sweep:
         self._count, self._runs = plan.layout.count, plan.layout.space.runs
 
     @cached_property
-    def _inputs(self) -> Expression:
-        # Held in every sample, (inputs, samples), in units of their scale.
+    def inputs(self) -> Expression:
+        """Held in every sample, (inputs, samples), in units of their scale."""
         embedding = self.plan.terms.embedding
         return embedding.by_runs([without_zeros(one) for one in embedding.own_held], self.z).T
 
@@ -138,7 +132,7 @@ class Sweep:
     @cached_property
     def _states(self) -> Expression:
         # Of every piece the begin, then the runs' ends.
-        return self._with_ends(self._starts, self._rolled[1])
+        return self._with_ends(self._starts, self.rolled[1])
 
     def _with_ends(self, begin: Expression, following: Expression) -> Expression:
         each = self.plan.layout.each
@@ -146,9 +140,9 @@ class Sweep:
         return ca.horzcat(begins(begin, following, each), last)
 
     @cached_property
-    def _rolled(self) -> tuple[Expression, ...]:
-        # What is handed on at every sample's begin, the pieces' end states, what they gather, their rows.
-        return self._kernel.roll(self._starts, self._inputs)
+    def rolled(self) -> tuple[Expression, ...]:
+        """What is handed on at every sample's begin, the pieces' end states, what they gather."""
+        return self._kernel.roll(self._starts, self.inputs)
 
     @cached_property
     def _carried(self) -> Expression:
@@ -158,16 +152,16 @@ class Sweep:
             return ca.MX(0, self._count + self._runs)
         begin = ca.repmat(ca.MX(link.carry.begin), 1, self._runs)
         follow = link.follow.mapaccum(layout.each).map(self._runs)
-        return self._with_ends(begin, follow(begin, self._rolled[2]))
+        return self._with_ends(begin, follow(begin, self.rolled[2]))
 
     @cached_property
     def _arguments(self) -> list[Expression]:
-        return [self._carried[:, : self._count], self._rolled[2]]
+        return [self._carried[:, : self._count], self.rolled[2]]
 
     @cached_property
     def _end_arguments(self) -> list[Expression]:
         # Of the runs' ends: state handed on, inputs held until then.
-        held = self._inputs[:, [self.plan.layout.space.samples * (run + 1) - 1 for run in range(self._runs)]]
+        held = self.inputs[:, [self.plan.layout.space.samples * (run + 1) - 1 for run in range(self._runs)]]
         return [ca.vertcat(self._states, self._carried)[:, self._count :], held]
 
     @cached_property
@@ -194,31 +188,19 @@ class Sweep:
         """The matrices' entries."""
         return self.plan.total.finish.values(self._sums)
 
-    @property
-    def rows(self) -> Expression:
-        """The limits' rows."""
-        first = self.plan.first.values.map(self._runs)(self._starts)
-        return self.plan.rows.values(self.z, first, self._rolled[3])
-
     @cached_property
     def _sample_slopes(self) -> tuple[Expression, ...]:
-        return self._kernel.sample_slopes(self._rolled[0], self._inputs)
+        return self._kernel.sample_slopes(self.rolled[0], self.inputs)
 
     @cached_property
-    def _steps(self) -> tuple[Expression, Expression]:
+    def steps(self) -> tuple[Expression, Expression]:
+        """By the pieces' own unknowns, as of `Kernel.steps`."""
         return self._kernel.steps(self._sample_slopes[0])
 
     @cached_property
     def _piece_slopes(self) -> list[Expression]:
         # Of what pieces hand on, and of their information.
-        return [self._steps[1], self._kernel.gathered_slopes(self._steps[0], self._sample_slopes[1])]
-
-    @cached_property
-    def _piece_rows(self) -> tuple[Expression, Expression]:
-        # Slopes of the pieces' rows by start state (entries) and by own coefficients.
-        slopes = self._kernel.row_slopes(self._steps[0], self._sample_slopes[2])
-        states = self._kernel.states
-        return self._link.row_slopes.map(self._count)(slopes[:states, :]), slopes[states:, :]
+        return [self.steps[1], self._kernel.gathered_slopes(self.steps[0], self._sample_slopes[1])]
 
     @cached_property
     def _link_slopes(self) -> tuple[Expression, ...]:
@@ -232,7 +214,8 @@ class Sweep:
         return self._join.slopes(ca.MX(ca.DM(np.hstack(self._start_slopes))), onward, moved)
 
     @property
-    def _begin_slopes(self) -> Expression:
+    def begin_slopes(self) -> Expression:
+        """Derivatives of what is handed on at every piece's begin by z, (size, width * pieces)."""
         return self._slopes[:, : self._link.width * self._count]
 
     @cached_property
@@ -247,7 +230,7 @@ class Sweep:
     def _group_slopes(self) -> Expression:
         _, _, begin, own = self._link_slopes
         link, join = self._link, self._join
-        added = link.added_by_begin.chained(self._begin_slopes, begin)
+        added = link.added_by_begin.chained(self.begin_slopes, begin)
         added = ca.densify(added + join.spread(own, link.added))
         total = ca.reshape(added, self._size * link.added, self._count) @ self.plan.total.membership
         ending = self.plan.ending
@@ -265,46 +248,43 @@ class Sweep:
         """Derivatives of the entries by z."""
         return self.plan.total.finish.slope(self._sums) @ self._sum_slopes.T
 
-    @property
-    def row_slopes(self) -> Expression:
-        """Derivatives of the rows by z."""
-        begin, own = self._piece_rows
-        rows = self._link.rows_by_begin.chained(self._begin_slopes, begin)
-        rows = ca.densify(rows + self._join.spread(own, self._kernel.row_count))
-        slopes = self.plan.first.slope.map(self._runs)(self._starts)
-        first = [start @ self._of_run(slopes, run).T for run, start in self._starts_by_unknowns]
-        return self.plan.rows.slopes(ca.horzcat(*first), rows)
+    def curvature(
+        self, entries: Expression, states: Sequence[tuple[BegunInPieces, Expression]] = ()
+    ) -> Expression:
+        """Second derivatives by z of the weighted sum of entries and of states at some samples' begins.
 
-    @property
-    def _starts_by_unknowns(self) -> Iterable[tuple[int, ca.DM]]:
-        # Derivatives of every run's start state by z, (size, states).
-        return enumerate(map(ca.DM, self.plan.terms.start_slopes.transpose(0, 2, 1)))
-
-    def _of_run(self, table: Expression, run: int) -> Expression:
-        # A run's columns, by its start state.
-        states = self._kernel.states
-        return table[:, run * states : (run + 1) * states]
-
-    def curvature(self, entries: Expression, rows: Expression) -> Expression:
-        """Second derivatives by z of the weighted sum of entries and rows."""
+        Args:
+            entries: weights of the entries.
+            states: samples, and weights (states, K) of their states.
+        """
         plan, link, join, count = self.plan, self._link, self._join, self._count
         weights, bent = plan.total.finish.curvature(self._sums, entries)
         total = self._sum_slopes @ bent @ self._sum_slopes.T if bent.nnz() else 0
         groups, square = plan.total.weights(self._groups, weights)
         if square is not None:
             total += plan.total.bent(self._group_slopes, square)
-        first, own_rows = plan.rows.weights(rows)
         last, more = self._end_curvature(groups)
         added = groups[:, plan.total.group.tolist()]
-        begin, begin_rows = self._link_slopes[2], self._piece_rows[0]
-        pulled = link.pull.map(count)(begin, begin_rows, added, own_rows)
+        pulled = link.pull.map(count)(self._link_slopes[2], added)
+        on_begins, on_samples = self._weighed(states)
+        pulled = pulled if on_begins is None else pulled + on_begins
         ends = join.weights(last, self._link_slopes[0], pulled)
-        states, carried = ends[: self._kernel.states, :], ends[self._kernel.states :, :]
-        gathered = link.pull_gathered.map(count)(*self._arguments, carried, added)
-        given, steps = [self._rolled[0], self._inputs], self._steps[0]
-        own = self._kernel.curvature(given, steps, self._sample_slopes, [states, gathered, own_rows])
+        following, carried = ends[: self._kernel.states, :], ends[self._kernel.states :, :]
+        weighed = link.pull_gathered.map(count)(*self._arguments, carried, added)
+        given, steps = [self.rolled[0], self.inputs], self.steps[0]
+        own = self._kernel.curvature(given, steps, self._sample_slopes, [following, weighed], on_samples)
         parts = link.hessian.map(count)(*self._arguments, carried, added, *self._piece_slopes, own)
-        return total + more + self._first_curvature(first) + join.curvature(self._begin_slopes, *parts)
+        return total + more + join.curvature(self.begin_slopes, *parts)
+
+    def _weighed(
+        self, states: Sequence[tuple[BegunInPieces, Expression]]
+    ) -> tuple[Expression | None, Expression | None]:
+        # What such weights add to those of the pieces' begins, and of the samples'.
+        found: tuple[Expression | None, Expression | None] = None, None
+        for begun, weights in states:
+            more = begun.weighed(weights)
+            found = tuple(b if a is None else a + b for a, b in zip(found, more, strict=True))  # type: ignore[assignment]
+        return found
 
     def _end_curvature(self, groups: Expression) -> tuple[Expression, Expression]:
         # Weights of what the runs end with, and second derivatives of what is read there.
@@ -314,9 +294,81 @@ class Sweep:
         weights, parts = ending.curvature.map(self._runs)(*self._end_arguments, *self._end_slopes, groups)
         return weights, sum(ca.horzsplit(parts, self._size))
 
-    def _first_curvature(self, weights: Expression) -> Expression:
-        if not self.plan.rows.first.numel():
-            return 0
-        _, bent = self.plan.first.curvature.map(self._runs)(self._starts, weights)
-        parts = (start @ self._of_run(bent, run) @ start.T for run, start in self._starts_by_unknowns)
-        return sum(parts)
+    def begun(self, samples: Expression) -> BegunInPieces:
+        """What is known at the begins of some samples (1, K), counted through all runs."""
+        return BegunInPieces(self, samples)
+
+
+class BegunInPieces(Begun):
+    """What a sweep knows at the begins of some samples.
+
+    Args:
+        sweep: through the pieces.
+        samples: which, (1, K).
+    """
+
+    def __init__(self, sweep: Sweep, samples: Expression) -> None:
+        """Take both."""
+        self._sweep, self._samples, self._count = sweep, samples, samples.shape[1]
+        plan = sweep.plan
+        self._kernel, self._layout, self._link = plan.kernel, plan.layout, plan.link
+        self._states, self._inputs = self._kernel.states, self._kernel.inputs
+        self._piece = ca.floor(samples / self._layout.samples)
+        self.states = gathered(sweep.rolled[0], self._places(self._kernel.cell.width, self._states))
+        self.held = gathered(sweep.inputs, self._places(self._inputs, self._inputs))
+
+    def _places(self, width: int, rows: int, first: int = 0, blocks: Expression | None = None) -> Expression:
+        # Of the first entries of each sample's (or other blocks') columns, (rows, K).
+        base = ca.repmat(width * (self._samples if blocks is None else blocks) + first, rows, 1)
+        return base + ca.repmat(ca.DM(np.arange(rows)[:, None]), 1, self._count)
+
+    @cached_property
+    def _steps(self) -> Expression:
+        # Derivatives of states and inputs held by what their piece begins with and its own unknowns,
+        # (size of a piece, (states + inputs) K).
+        kernel = self._kernel
+        size, width = kernel.size, kernel.cell.width
+        columns = [*range(self._states), *range(width, width + self._inputs)]
+        inner = ca.DM((np.array(columns)[:, None] * size + np.arange(size)).ravel())
+        base = size * (width + self._inputs) * self._samples
+        places = ca.repmat(base, inner.shape[0], 1) + ca.repmat(inner, 1, self._count)
+        return ca.reshape(gathered(self._sweep.steps[0], places), size, -1)
+
+    @cached_property
+    def slopes(self) -> Expression:
+        """Derivatives by z."""
+        terms, kernel, each = self._sweep.plan.terms, self._kernel, self._states + self._inputs
+        begins = self._places(self._link.width, self._states, blocks=self._piece)
+        columns = terms.size * ca.repmat(ca.vec(begins).T, terms.size, 1)
+        columns += ca.repmat(ca.DM(np.arange(terms.size)[:, None]), 1, columns.shape[1])
+        begin = gathered(self._sweep.begin_slopes, columns)
+        by_begin, own = self._steps[: self._states, :], self._steps[self._states :, :]
+        left, right = ca.MX.sym("left", terms.size, self._states), ca.MX.sym("right", self._states, each)
+        through = ca.Function("through", [left, right], [left @ right]).map(self._count)
+        acting = self._layout.places.shape[1]
+        places = gathered(ca.DM(self._layout.places.T), self._places(acting, acting, blocks=self._piece))
+        target = ca.repmat(places, each, 1) + ca.DM(
+            np.repeat(terms.size * np.arange(each), acting)[:, None]
+            + each * terms.size * np.arange(self._count)
+        )
+        spread = scattered(ca.vec(own), ca.vec(target), terms.size * each * self._count)
+        assert own.shape[0] == acting == kernel.size - self._states
+        return through(begin, by_begin) + ca.reshape(spread, terms.size, -1)
+
+    def weighed(self, weights: Expression) -> tuple[Expression, Expression]:
+        """What weights (states, K) of the states add to those of what pieces begin with, and samples."""
+        width, cell = self._link.width, self._kernel.cell.width
+        each = self._states + self._inputs
+        columns = (np.arange(self._count)[:, None] * each + np.arange(self._states)).ravel().tolist()
+        matrix, weight = ca.MX.sym("matrix", self._states, self._states), ca.MX.sym("weight", self._states)
+        back = ca.Function("back", [matrix, weight], [matrix @ weight]).map(self._count)
+        begins = back(self._steps[: self._states, columns], weights)
+        layout = self._layout
+        found = []
+        for values, size, blocks, count in (
+            (begins, width, self._piece, layout.count),
+            (weights, cell, self._samples, layout.count * layout.samples),
+        ):
+            places = self._places(size, self._states, blocks=blocks)
+            found.append(ca.reshape(scattered(ca.vec(values), ca.vec(places), size * count), size, count))
+        return found[0], found[1]

@@ -6,23 +6,31 @@ derivatives are short.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 
+from oed.foundation.arrays import Bools
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.system import stepper
 from oed.kernel.measurement.filter_rows import reads_of
 from oed.kernel.measurement.sensor import start_nuisances
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import RowBounds, Terms
+from oed.optimize.terms.base import Swept, Terms
 from oed.optimize.terms.cell import Cell, carry_of
+from oed.optimize.terms.fixed_rows import FixedRows, FixedSweep
+from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.kernel import Kernel
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.link import Link
 from oed.optimize.terms.needs import needs_of
-from oed.optimize.terms.passes import Plan, Sweep
-from oed.optimize.terms.piece_rows import PieceRows
+from oed.optimize.terms.passes import BegunInPieces, Plan, Sweep
+from oed.optimize.terms.row_bounds import RowBounds, violation
+from oed.optimize.terms.slots import Begun
 from oed.optimize.terms.totals import Totals
-from oed.optimize.terms.whole_rows import Formulas, WholeRows, WholeSweep
+from oed.optimize.terms.whole_rows import Formulas, WholeRows
 
 
 class Pieces(Terms):
@@ -31,27 +39,37 @@ class Pieces(Terms):
     def __init__(self, problem: Problem, layout: PieceLayout, refine: int = 1) -> None:
         """Write a piece and what joins the pieces; functions are compiled when first used."""
         super().__init__(problem, refine)
-        needs = self._needs = needs_of(problem, self.bounding, refine)
-        formulas = Formulas(self, needs.whole) if needs.whole else None
-        asked = [(problem.limits[place], asked) for place, asked in needs.asked.items()]
-        if formulas is not None and formulas.states is not None:
-            asked.append((formulas.states, formulas.states.asked))
-        cell = Cell(problem, asked, self.input_scale.tolist(), refine)
+        needs = needs_of(problem, self.bounding)
+        cell = Cell(problem, self.input_scale.tolist())
         sensors = problem.measurement.joint_sensors
         kernel = Kernel(cell, layout, reads_of(sensors, layout.samples)[:, : layout.samples])
         started = bool(start_nuisances(sensors, problem.system))
         link = Link(kernel, carry_of(problem, kernel.gathered, started=started))
-        rows = PieceRows(self, layout, cell, needs)
-        self._plan = Plan(self, layout, kernel, link, Totals(self, layout, link.added), rows)
-        self._whole = None if formulas is None else WholeRows(formulas, rows.states_moved)
+        self._plan = Plan(self, layout, kernel, link, Totals(self, layout, link.added))
+        self._instants = InstantRows(problem, needs.instants, self.input_scale)
+        whole = WholeRows(Formulas(self, needs.whole), self._moved) if needs.whole else None
+        self._fixed = FixedRows(self, needs, whole, self._instants.without)
 
-    @cached_property
-    def _sweep(self) -> Sweep:
-        return Sweep(self._plan)
-
-    @cached_property
-    def _all_rows(self) -> Sweep | WholeSweep:
-        return self._sweep if self._whole is None else WholeSweep(self._sweep, self._whole, self._needs)
+    @property
+    def _moved(self) -> Bools:
+        # Which unknowns move the states at all samples' begins, (samples, states, size).
+        layout, robot = self._plan.layout, self.problem.system
+        state, held = ca.SX.sym("state", len(robot.states)), ca.SX.sym("held", len(robot.inputs))
+        after = stepper(robot)(state, held, ca.DM(robot.nominal), self.problem.design.period)
+        by_state, by_held = (
+            np.array(ca.DM(ca.jacobian_sparsity(after, one), 1.0)) != 0 for one in (state, held)
+        )
+        found = np.zeros((layout.count * layout.samples, len(robot.states), self.size), dtype=bool)
+        acting = layout.basis != 0
+        for place in range(len(found)):
+            piece, sample = divmod(place, layout.samples)
+            run, own = divmod(piece, layout.each)
+            if own == sample == 0:
+                moved = self.start_slopes[run] != 0
+            found[place] = moved
+            moved = by_state @ moved
+            moved[:, layout.places[piece]] |= by_held @ acting[own, sample]
+        return found
 
     @property
     def operations(self) -> int:
@@ -63,35 +81,76 @@ class Pieces(Terms):
         """The size of every matrix."""
         return self._plan.total.sizes
 
-    @cached_property
+    @property
     def rows(self) -> list[RowBounds]:
-        """Bounds of every limit's rows."""
-        whole = [] if self._whole is None else self._whole.bounds
-        return self._needs.in_order(self._plan.rows.bounds, whole)
+        """Bounds of every limit's rows, without those of instants."""
+        return self._fixed.bounds
 
-    @cached_property
+    @property
     def linear(self) -> list[bool]:
         """Whether each limit's rows are linear in z."""
-        whole = [] if self._whole is None else self._whole.formulas.linear
-        return self._needs.in_order(self._plan.rows.linear, whole)
+        return self._fixed.linear
+
+    @property
+    def instants(self) -> InstantRows:
+        """The rows of an instant."""
+        return self._instants
+
+    def sweep(self) -> PiecesSweep:
+        """The terms at z."""
+        return PiecesSweep(Sweep(self._plan), self._fixed)
 
     @cached_property
-    def values(self) -> ca.Function:
-        """Z -> entries of the matrices, rows."""
-        return ca.Function("terms", [self._sweep.z], [self._sweep.entries, self._all_rows.rows])
+    def scores(self) -> ca.Function:
+        """Z -> entries, the limits' largest violations at the samples."""
+        swept = Sweep(self._plan)
+        fixed, first, worst = FixedSweep(swept, self._fixed).rows, 0, []
+        seen = self._seen(swept)
+        for place, rows in enumerate(self.rows):
+            own = fixed[first : first + len(rows.lower)]
+            first += len(rows.lower)
+            instants = np.flatnonzero(self._instants.owner == place).tolist()
+            worst.append(ca.fmax(0, ca.mmax(seen[instants, :])) if instants else violation(own, rows))
+        return ca.Function("scores", [swept.z], [swept.entries, ca.vertcat(*worst)])
 
-    @cached_property
-    def jacobian(self) -> ca.Function:
-        """Z -> derivatives of the entries, and of the rows."""
-        results = [self._sweep.entry_slopes, self._all_rows.row_slopes]
-        return ca.Function("slopes", [self._sweep.z], results)
+    def _seen(self, sweep: Sweep) -> Expression:
+        # Excess (rows of an instant, all points) at the samples' ends and points between.
+        rows, samples = self._instants, self.problem.design.all_samples
+        if not rows.count:
+            return ca.MX(0, 1)
+        states = sweep.rolled[0][: len(self.problem.system.states), :]
+        asked = [sweep.inputs] if rows.asking else []
+        given = ca.vertcat(states, sweep.inputs, *asked)
+        fractions = np.arange(1, self.refine + 1) / self.refine
+        times = ca.DM(np.repeat(self.problem.design.period * fractions, samples)[None, :])
+        found = rows.all_rows.map(samples * self.refine)(ca.repmat(given, 1, self.refine), times)
+        if self.problem.design.start_is_free:
+            # Where a run begins is chosen as well.
+            begins = list(range(0, samples, self.problem.design.samples))
+            first = rows.all_rows.map(len(begins))(given[:, begins], ca.DM.zeros(1, len(begins)))
+            found = ca.horzcat(found, first)
+        return rows.exceeded(found)
 
-    @cached_property
-    def hessian(self) -> ca.Function:
-        """(z, weights of the entries, weights of the rows) -> second derivatives of the weighted sum."""
-        weights = [
-            ca.MX.sym("entries", self.entry_count),
-            ca.MX.sym("rows", sum(len(one.lower) for one in self.rows)),
-        ]
-        curvature = ca.triu(self._all_rows.curvature(*weights))
-        return ca.Function("curvature", [self._sweep.z, *weights], [curvature])
+
+class PiecesSweep(Swept):
+    """The terms at z: what a sweep through the pieces finds, and the rows around it."""
+
+    def __init__(self, sweep: Sweep, rows: FixedRows) -> None:
+        """Take both."""
+        self._sweep, self._rows, self.z = sweep, FixedSweep(sweep, rows), sweep.z
+
+    entries = property(lambda self: self._sweep.entries)
+    entry_slopes = property(lambda self: self._sweep.entry_slopes)
+    rows = property(lambda self: self._rows.rows)
+    row_slopes = property(lambda self: self._rows.row_slopes)
+
+    def begun(self, samples: Expression) -> BegunInPieces:
+        """What is known at some samples' begins."""
+        return self._sweep.begun(samples)
+
+    def curvature(
+        self, entries: Expression, rows: Expression, states: Sequence[tuple[Begun, Expression]]
+    ) -> Expression:
+        """Second derivatives by z."""
+        around, more = self._rows.curvature(rows)
+        return self._sweep.curvature(entries, [*states, *more]) + around

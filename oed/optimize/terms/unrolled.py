@@ -5,6 +5,7 @@ It serves every problem, at a cost of building that grows with the samples.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -16,7 +17,12 @@ from oed.foundation.arrays import Bools
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import RowBounds, Terms, said_once, upper_half
+from oed.optimize.terms.base import Swept, Terms
+from oed.optimize.terms.instants import InstantRows
+from oed.optimize.terms.matrices import upper_half
+from oed.optimize.terms.needs import by_instants
+from oed.optimize.terms.row_bounds import RowBounds, said_once, violation
+from oed.optimize.terms.slots import Begun, gathered, scattered
 
 
 class Unrolled(Terms):
@@ -44,9 +50,28 @@ class Unrolled(Terms):
         ]
 
     @cached_property
+    def instants(self) -> InstantRows:
+        """The rows of an instant."""
+        places = [
+            place for place, one in enumerate(self.problem.limits) if by_instants(self.problem, one)
+        ]
+        return InstantRows(self.problem, places, self.input_scale)
+
+    @cached_property
+    def _fixed(self) -> list[Rows]:
+        # Of every limit the rows that a program has without slots.
+        none = self.instants.without
+        return [
+            Rows(ca.SX(0, 1), none[place].lower, none[place].upper, one.size, one.unit)
+            if place in none
+            else one
+            for place, one in enumerate(self.limits)
+        ]
+
+    @cached_property
     def rows(self) -> list[RowBounds]:
-        """Bounds of every limit's rows."""
-        return [RowBounds(one.lower, one.upper, one.size, one.unit) for one in self.limits]
+        """Bounds of every limit's rows, without those of instants."""
+        return [RowBounds(one.lower, one.upper, one.size, one.unit) for one in self._fixed]
 
     @property
     def sizes(self) -> list[int]:
@@ -54,43 +79,119 @@ class Unrolled(Terms):
         return [matrix.shape[0] for matrix in self.matrices]
 
     @cached_property
+    def linear(self) -> list[bool]:
+        """Whether each limit's rows are linear in z."""
+        return [not any(ca.which_depends(rows.expression, self.unknowns, 2, True)) for rows in self._fixed]
+
+    @cached_property
     def entries(self) -> Expression:
-        """The upper halves of all matrices, stacked."""
+        """The upper halves of all matrices, stacked (SX)."""
         return ca.vertcat(*(upper_half(matrix) for matrix in self.matrices))
 
     @cached_property
-    def stacked_rows(self) -> Expression:
-        """The rows of all limits, stacked."""
-        return ca.vertcat(*(rows.expression for rows in self.limits))
+    def scores(self) -> ca.Function:
+        """Z -> entries, the limits' largest violations."""
+        worst = [violation(one.expression, one) for one in self.limits]
+        return ca.Function("scores", [self.unknowns], [self.entries, ca.vertcat(*worst)])
+
+    def sweep(self) -> UnrolledSweep:
+        """The terms at z."""
+        return UnrolledSweep(self, ca.vertcat(*(one.expression for one in self._fixed)))
+
+
+class UnrolledSweep(Swept):
+    """The terms at z: functions of what is written out (SX).
+
+    Args:
+        terms: written out.
+        rows: of the limits (SX), stacked.
+    """
+
+    def __init__(self, terms: Unrolled, rows: Expression) -> None:
+        """Begin with z."""
+        self.terms, self._rows, self.z = terms, rows, ca.MX.sym("z", terms.size)
 
     @cached_property
-    def values(self) -> ca.Function:
-        """Z -> entries of the matrices, rows."""
-        return ca.Function("terms", [self.unknowns], [self.entries, self.stacked_rows])
+    def _values(self) -> list[Expression]:
+        function = ca.Function("unrolled", [self.terms.unknowns], [self.terms.entries, self._rows])
+        return list(function(self.z))
+
+    entries = property(lambda self: self._values[0])
+    rows = property(lambda self: self._values[1])
 
     @cached_property
-    def jacobian(self) -> ca.Function:
-        """Z -> derivatives of the entries, and of the rows."""
-        both = ca.vertcat(self.entries, self.stacked_rows)
-        slope = ca.jacobian(both, self.unknowns)
-        count = self.entries.shape[0]
-        return ca.Function("slopes", [self.unknowns], [ca.densify(slope[:count, :]), slope[count:, :]])
+    def _slopes(self) -> list[Expression]:
+        both = ca.vertcat(self.terms.entries, self._rows)
+        slope = ca.jacobian(both, self.terms.unknowns)
+        count = self.terms.entries.shape[0]
+        parts = [ca.densify(slope[:count, :]), slope[count:, :]]
+        return list(ca.Function("unrolled_slopes", [self.terms.unknowns], parts)(self.z))
+
+    entry_slopes = property(lambda self: self._slopes[0])
+    row_slopes = property(lambda self: self._slopes[1])
 
     @cached_property
-    def hessian(self) -> ca.Function:
-        """(z, weights of the entries, weights of the rows) -> second derivatives of the weighted sum."""
-        entries = ca.SX.sym("entries", self.entries.shape[0])
-        rows = ca.SX.sym("rows", self.stacked_rows.shape[0])
-        weighted = ca.dot(entries, self.entries) + ca.dot(rows, self.stacked_rows)
-        gradient = ca.gradient(weighted, self.unknowns)
+    def begins(self) -> Expression:
+        """States and inputs held at all samples' begins, those in units of their scale (SX), (samples, each)."""
+        drive, scale = self.terms.drive, ca.DM(1 / self.terms.input_scale)
+        return ca.horzcat(drive.states[drive.begins, :], self.terms.held @ ca.diag(scale))
+
+    def begun(self, samples: Expression) -> BegunUnrolled:
+        """What is known at some samples' begins."""
+        return BegunUnrolled(self, samples)
+
+    def curvature(
+        self, entries: Expression, rows: Expression, states: Sequence[tuple[Begun, Expression]]
+    ) -> Expression:
+        """Second derivatives by z."""
+        parts, given = [self.terms.entries, self._rows], [entries, rows]
+        if states:
+            own = self.begins[:, : len(self.terms.problem.system.states)].T
+            parts.append(ca.vec(own))
+            given.append(sum(begun.weighed(weights) for begun, weights in states))  # type: ignore[attr-defined]
+        symbols = [ca.SX.sym("weights", one.shape[0]) for one in parts]
+        weighted = sum(ca.dot(*both) for both in zip(symbols, map(ca.densify, parts), strict=True))
+        gradient = ca.gradient(weighted, self.terms.unknowns)
         # Every unknown meets every other somewhere: finding that out would take longer than using it.
-        curvature = ca.jtimes(gradient, self.unknowns, ca.SX.eye(self.size))
-        return ca.Function("curvature", [self.unknowns, entries, rows], [ca.triu(curvature)])
+        curvature = ca.jtimes(gradient, self.terms.unknowns, ca.SX.eye(self.terms.size))
+        function = ca.Function("unrolled_curvature", [self.terms.unknowns, *symbols], [curvature])
+        return function(self.z, *given)
+
+
+class BegunUnrolled(Begun):
+    """What is known at the begins of some samples of a drive that is written out.
+
+    Args:
+        sweep: of the drive.
+        samples: which, (1, K).
+    """
+
+    def __init__(self, sweep: UnrolledSweep, samples: Expression) -> None:
+        """Take both."""
+        self._sweep, self._samples = sweep, samples
+        self._each = sweep.begins.shape[1]
+        self._states = len(sweep.terms.problem.system.states)
+        whole = ca.Function("begins", [sweep.terms.unknowns], [ca.densify(sweep.begins.T)])(sweep.z)
+        both = gathered(whole, self._places(self._each, self._each))
+        self.states, self.held = both[: self._states, :], both[self._states :, :]
+
+    def _places(self, width: int, rows: int) -> Expression:
+        base = ca.repmat(width * self._samples, rows, 1)
+        return base + ca.repmat(ca.DM(np.arange(rows)[:, None]), 1, self._samples.shape[1])
 
     @cached_property
-    def linear(self) -> list[bool]:
-        """Whether each limit's rows are linear in z."""
-        return [not any(ca.which_depends(rows.expression, self.unknowns, 2, True)) for rows in self.limits]
+    def slopes(self) -> Expression:
+        """Derivatives by z."""
+        terms, begins = self._sweep.terms, self._sweep.begins
+        slope = ca.densify(ca.jacobian(ca.vec(begins.T), terms.unknowns).T)
+        whole = ca.Function("begins_slopes", [terms.unknowns], [slope])(self._sweep.z)
+        width = terms.size * self._each
+        return ca.reshape(gathered(whole, self._places(width, width)), terms.size, -1)
+
+    def weighed(self, weights: Expression) -> Expression:
+        """Weights (states, K) of the states as those of all samples' states, (states * samples,)."""
+        places = self._places(self._states, self._states)
+        return scattered(ca.vec(weights), ca.vec(places), self._states * self._sweep.begins.shape[0])
 
 
 class OtherRobots:

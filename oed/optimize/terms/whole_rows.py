@@ -1,49 +1,25 @@
 """Rows of limits that need whole runs, around the states and inputs of all samples.
 
-The states are known, with their derivatives, as rows of the pieces; the limits' own formulas are
-differentiated along the columns of these, so that writing them takes as long for many unknowns as for few.
+The states are known, with their derivatives, where samples begin; the limits' own formulas are differentiated
+along the columns of these, so that writing them takes as long for many unknowns as for few.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Bools
+from oed.foundation.arrays import Bools, Places
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.rollout import Drive, roll_out
-from oed.kernel.limit import Limit, Rows
-from oed.optimize.terms.base import RowBounds, Terms, splines_of
-from oed.optimize.terms.needs import Asked, Needs
-from oed.optimize.terms.passes import Sweep
-
-
-class SampleStates(Limit):
-    """The states at the samples' ends, as rows without bounds: what limits on whole runs are written in.
-
-    Attributes:
-        columns: which of the states.
-    """
-
-    name: ClassVar[str] = "states"
-    looks_at: ClassVar = "state"
-    columns: tuple[int, ...]
-
-    def rows(self, drive: Drive) -> Rows:
-        """Every state at the end."""
-        states = drive.states[-1, list(self.columns)].T
-        unbounded = np.full(len(self.columns), np.inf)
-        return Rows(states, -unbounded, unbounded, 1.0, "")
-
-    @property
-    def asked(self) -> Asked:
-        """Once a sample."""
-        return Asked(len(self.columns), 1, first=False)
+from oed.kernel.dynamics.rollout import roll_out
+from oed.kernel.dynamics.system import stepper
+from oed.optimize.terms.base import Terms
+from oed.optimize.terms.row_bounds import RowBounds
+from oed.optimize.terms.small_drives import splines_of
+from oed.optimize.terms.passes import BegunInPieces, Sweep
 
 
 class Formulas:
@@ -51,7 +27,9 @@ class Formulas:
 
     Attributes:
         rows: of every limit (SX).
-        states: those that they look at, at the samples' ends; None where they look at none.
+        states: how many there are at all samples' begins.
+        samples: at whose begins they look at states, counted through all runs, (K,).
+        needed: what they look at, as places in (states at all samples' begins, inputs held, z).
         linear: whether each limit's rows are linear in the unknowns.
     """
 
@@ -59,33 +37,51 @@ class Formulas:
         """Write them, of the limits at these places among the problem's."""
         problem = terms.problem
         space, robot = problem.design, problem.system
-        after = ca.SX.sym("after", space.all_samples, len(robot.states))
+        begun = ca.SX.sym("begun", space.all_samples, len(robot.states))
         held = ca.SX.sym("held", space.all_samples, len(robot.inputs))
-        ends = ca.vertsplit(after, space.samples)
+        parameters, period = ca.SX(ca.DM(robot.nominal)), ca.SX(space.period)
+        states = []
+        for run in range(space.runs):
+            own = begun[run * space.samples : (run + 1) * space.samples, :]
+            # The first is where the run begins; behind the last one there is no sample.
+            known = ca.vertcat(terms.starts[run, :], own[1:, :])
+            last = held[(run + 1) * space.samples - 1, :]
+            end = stepper(robot)(known[-1, :].T, last.T, parameters, period)
+            states.append(ca.horzcat(known.T, end))
         drive = roll_out(
             robot,
             inputs=held,
             runs=space.runs,
-            states=[ca.horzcat(terms.starts[run, :].T, end.T) for run, end in enumerate(ends)],
-            parameters=ca.SX(ca.DM(robot.nominal)),
-            period=ca.SX(space.period),
+            states=states,
+            parameters=parameters,
+            period=period,
             refine=terms.refine,
         )
         drive = splines_of(drive, terms.bounding)
         self.rows = [problem.limits[place].rows(drive) for place in limits]
         self.stacked = ca.vertcat(*(ca.densify(one.expression) for one in self.rows))
-        self.states = _looked_at(self.stacked, after)
-        columns = list(self.states.columns) if self.states is not None else []
-        given = ca.veccat(after[:, columns], held, terms.unknowns)
-        self.needed = np.flatnonzero(ca.which_depends(self.stacked, given, 1, False)).tolist()
+        given = ca.veccat(begun, held, terms.unknowns)
+        self.needed: list[int] = np.flatnonzero(ca.which_depends(self.stacked, given, 1, False)).tolist()
         self.given = picked(given, self.needed)
+        self.states, self._samples = int(begun.numel()), space.all_samples
+        self.samples: Places = np.unique(self._of_begins % space.all_samples)
         by_unknowns = ca.veccat(terms.held, terms.unknowns)
         self.affine = ca.evalf(ca.jacobian(by_unknowns, terms.unknowns))
-        self.linear = [self._linear(one.expression, after) for one in self.rows]
+        self.linear = [self._linear(one.expression, begun) for one in self.rows]
 
-    def _linear(self, rows: Expression, after: Expression) -> bool:
+    @cached_property
+    def of_states(self) -> tuple[Places, Places]:
+        """Which states they need, and at which of the samples, (n,) each."""
+        places, count = self._of_begins, self._samples
+        return places // count, np.searchsorted(self.samples, places % count)
+
+    @property
+    def _of_begins(self) -> Places:
+        return np.array([one for one in self.needed if one < self.states], dtype=np.int64)
+
+    def _linear(self, rows: Expression, begun: Expression) -> bool:
         rows = ca.densify(rows)
-        return not (ca.depends_on(rows, ca.vec(after)) or any(ca.which_depends(rows, self.given, 2, True)))
+        return not (ca.depends_on(rows, ca.vec(begun)) or any(ca.which_depends(rows, self.given, 2, True)))
 
     @cached_property
     def pattern(self) -> ca.Sparsity:
@@ -124,117 +120,106 @@ class Formulas:
         return ca.Function("whole_bent", [self.given, weights, direction], [bent])
 
 
-def _looked_at(rows: Expression, after: Expression) -> SampleStates | None:
-    any_sample = np.reshape(ca.which_depends(rows, ca.vec(after), 1, False), after.shape, order="F")
-    columns = np.flatnonzero(any_sample.any(axis=0)).tolist()
-    return SampleStates(columns=tuple(columns)) if columns else None
-
-
 def picked(table: Expression, rows: Sequence[int]) -> Expression:
     """Some rows of a table; none of them is a table too."""
     return table[list(rows), :] if len(rows) else type(table)(0, table.shape[1])
 
 
-@dataclass(frozen=True)
 class WholeRows:
     """Which of the rows there are, and their bounds.
 
     Attributes:
         formulas: the rows.
-        moved: which unknowns move which of the states, (states, size).
+        pattern: which unknowns move which row.
+        kept: rows that some unknown moves.
+        bounds: of every limit's rows.
     """
 
-    formulas: Formulas
-    moved: Bools
+    def __init__(self, formulas: Formulas, moved: Bools) -> None:
+        """Leave out rows that nothing moves.
 
-    @cached_property
-    def pattern(self) -> ca.Sparsity:
-        """Which unknowns move which row."""
-        affine = ca.DM(self.formulas.affine.sparsity(), 1.0)
-        given = ca.vertcat(ca.sparsify(ca.DM(self.moved.astype(float))), affine)
-        return (ca.DM(self.formulas.pattern, 1.0) @ picked(given, self.formulas.needed)).sparsity()
-
-    @cached_property
-    def kept(self) -> list[int]:
-        """Rows that some unknown moves."""
-        return sorted(set(self.pattern.row()))
-
-    @cached_property
-    def bounds(self) -> list[RowBounds]:
-        """The bounds of every limit's rows."""
+        Args:
+            formulas: the rows.
+            moved: which unknowns move the states at all samples' begins, (samples, states, size).
+        """
+        self.formulas = formulas
+        affine = ca.DM(formulas.affine.sparsity(), 1.0)
+        by_states = moved.transpose(1, 0, 2).reshape(-1, moved.shape[2])
+        given = ca.vertcat(ca.sparsify(ca.DM(by_states.astype(float))), affine)
+        self.pattern = (ca.DM(formulas.pattern, 1.0) @ picked(given, formulas.needed)).sparsity()
+        self.kept: list[int] = sorted(set(self.pattern.row()))
         kept = np.zeros(self.pattern.size1(), dtype=bool)
         kept[self.kept] = True
-        edges = np.cumsum([len(rows.lower) for rows in self.formulas.rows[:-1]], dtype=int)
-        return [
+        edges = np.cumsum([len(rows.lower) for rows in formulas.rows[:-1]], dtype=int)
+        self.bounds = [
             RowBounds(rows.lower[own], rows.upper[own], rows.size, rows.unit)
-            for rows, own in zip(self.formulas.rows, np.split(kept, edges), strict=True)
+            for rows, own in zip(formulas.rows, np.split(kept, edges), strict=True)
         ]
 
 
 class WholeSweep:
-    """A sweep through the pieces whose states go into the limits on whole runs: rows of all limits."""
+    """Those rows at the z of a sweep through the pieces, which knows the states."""
 
-    def __init__(self, sweep: Sweep, whole: WholeRows, needs: Needs) -> None:
-        """Take the parts; needs are those of the limits."""
+    def __init__(self, sweep: Sweep, whole: WholeRows) -> None:
+        """Take both."""
         self._sweep, self._whole, self._formulas = sweep, whole, whole.formulas
-        bounds = sweep.plan.rows.bounds
-        counts = [len(one.lower) for one in (*bounds, *whole.bounds)]
-        self._own = sum(len(one.lower) for one in bounds)
-        places = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
-        # Where the rows of all limits, in their order, stand among those of the pieces and of whole runs.
-        order = needs.in_order(places[: len(bounds)], places[len(bounds) :])
-        self._order = np.concatenate(order).tolist()
 
     @cached_property
-    def _parts(self) -> list[Expression]:
-        # Rows of the pieces' limits, states.
-        return self._split(self._sweep.rows)
+    def _begun(self) -> BegunInPieces | None:
+        samples = self._formulas.samples
+        return self._sweep.begun(ca.DM(samples.astype(float)).T) if len(samples) else None
 
-    @cached_property
-    def _slopes(self) -> list[Expression]:
-        return self._split(self._sweep.row_slopes)
-
-    def _split(self, rows: Expression) -> list[Expression]:
-        return list(ca.vertsplit(rows, [0, self._own, rows.shape[0]]))
+    @property
+    def _others(self) -> list[int]:
+        # Of what is needed, places in (inputs held, z).
+        return [one - self._formulas.states for one in self._formulas.needed if one >= self._formulas.states]
 
     @cached_property
     def _given(self) -> Expression:
-        # What the formulas need, and its derivatives by z.
-        both = ca.vertcat(self._parts[1], self._formulas.affine @ self._sweep.z)
-        return picked(ca.densify(both), self._formulas.needed)
+        # What the formulas need.
+        others = picked(self._formulas.affine @ self._sweep.z, self._others)
+        if self._begun is None:
+            return others
+        state, place = self._formulas.of_states
+        count = self._begun.states.shape[0]
+        return ca.vertcat(ca.vec(self._begun.states)[(place * count + state).tolist()], others)
 
     @cached_property
     def _given_slopes(self) -> Expression:
-        return ca.densify(picked(ca.vertcat(self._slopes[1], self._formulas.affine), self._formulas.needed))
+        # Its derivatives by z.
+        others = ca.densify(picked(ca.MX(self._formulas.affine), self._others))
+        if self._begun is None:
+            return others
+        state, place = self._formulas.of_states
+        each = self._begun.states.shape[0] + self._begun.held.shape[0]
+        return ca.vertcat(self._begun.slopes[:, (place * each + state).tolist()].T, others)
 
     @property
     def rows(self) -> Expression:
         """The limits' rows."""
-        whole = picked(self._formulas.values(self._given), self._whole.kept)
-        return ca.vertcat(self._parts[0], whole)[self._order]
+        return picked(self._formulas.values(self._given), self._whole.kept)
 
     @property
     def row_slopes(self) -> Expression:
         """Derivatives of the rows by z, sparse."""
         along = self._formulas.along.map("along", "serial", self._sweep.z.shape[0], [0], [])
         dense = along(self._given, self._given_slopes)
-        whole = picked(ca.project(dense, self._whole.pattern), self._whole.kept)
-        return ca.vertcat(self._slopes[0], whole)[self._order, :]
+        return picked(ca.project(dense, self._whole.pattern), self._whole.kept)
 
-    def curvature(self, entries: Expression, rows: Expression) -> Expression:
-        """Second derivatives by z of the weighted sum of entries and rows."""
-        own, kept = self._split(rows[np.argsort(self._order).tolist()])
+    def curvature(self, weights: Expression) -> tuple[Expression, list[tuple[BegunInPieces, Expression]]]:
+        """Second derivatives by z of the weighted sum, but for those of the states; these and their weights."""
         # Rows that no unknown moves have weights as well.
-        weights = _spread(kept, self._whole.kept, self._whole.pattern.size1())
+        weights = _spread(weights, self._whole.kept, self._whole.pattern.size1())
         bent = self._formulas.bent.map("bent", "serial", self._sweep.z.shape[0], [0, 1], [])
         across = self._given_slopes
         around = across.T @ bent(self._given, weights, across)
-        # What the rows' weights give the states.
-        count, needed = self._parts[1].shape[0], np.array(self._formulas.needed, dtype=int)
-        own_states = np.flatnonzero(needed < count)
-        gradient = picked(self._formulas.gradient(self._given, weights), own_states.tolist())
-        states = _spread(gradient, needed[own_states].tolist(), count)
-        return self._sweep.curvature(entries, ca.vertcat(own, states)) + around
+        if self._begun is None:
+            return around, []
+        state, place = self._formulas.of_states
+        gradient = picked(self._formulas.gradient(self._given, weights), range(len(state)))
+        count = self._begun.states.shape[0]
+        own = _spread(gradient, (place * count + state).tolist(), self._begun.states.numel())
+        return around, [(self._begun, ca.reshape(own, *self._begun.states.shape))]
 
 
 def _spread(entries: Expression, places: Sequence[int], count: int) -> Expression:

@@ -10,19 +10,12 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.optimize.terms.base import Terms
+from oed.optimize.terms.instants import LINEAR_WEIGHT
+from oed.optimize.terms.slots import Chosen
 from oed.optimize.terms.unrolled import OtherRobots
 from oed.optimize.transcription.design import DesignExpressions
 
 Interval = tuple[Array, Array]
-
-LINEAR_WEIGHT = 20.0
-"""Factor on rows that are linear in z (speeds, accelerations), against 1 for the others (positions).
-
-Ipopt gives every row the same first multiplier, so a row's weight is how strongly it repels early on.
-Searches held away from saturated accelerations first end in better optima: on the per-sample form the
-mean over starts rises from 67 to 76 (of at most 85.8).
-"""
-
 
 NARROWED = 0.9
 """Share of the way between two bounds that tightening may take away at most."""
@@ -34,12 +27,14 @@ class Frame:
     """How a program sees the limits: bounds of single unknowns as bounds, all others as weighted rows.
 
     Bounds of single unknowns that contradict each other stay rows, for those Ipopt calls infeasible. With
-    `relaxing` every row stays a row, twice: lowered, and raised, by its limit's relaxation.
+    `relaxing` every row stays a row, twice: lowered, and raised, by its limit's relaxation. Behind the rows
+    that there always are stand those of so many slots.
     """
 
-    def __init__(self, terms: Terms, *, relaxing: bool) -> None:
+    def __init__(self, terms: Terms, *, relaxing: bool, slots: int = 0) -> None:
         """Sort the rows."""
         self.size, self.relaxing, self._own = terms.size, relaxing, terms.own_bounds
+        self.slots, self._instants = terms.slots(slots), terms.instants
         self._sizes = np.array([rows.size for rows in terms.rows])
         self._owner = np.repeat(np.arange(len(terms.rows)), [len(rows.lower) for rows in terms.rows])
         self._lower = np.concatenate([rows.lower for rows in terms.rows])
@@ -55,40 +50,66 @@ class Frame:
 
     @property
     def choice(self) -> ca.DM:
-        """The matrix (kept, rows) that picks and weights rows."""
-        kept = len(self._rest)
-        return ca.DM.triplet(range(kept), self._rest.tolist(), self._weights, kept, len(self._owner))
+        """The matrix (kept and slots, rows and slots) that picks and weights rows."""
+        kept, slots = len(self._rest), np.arange(self.slots.count)
+        rows, columns = np.append(np.arange(kept), kept + slots), np.append(self._rest, len(self._owner) + slots)
+        weights = np.append(self._weights, np.ones(len(slots)))
+        shape = kept + len(slots), len(self._owner) + len(slots)
+        return ca.DM.triplet(rows.tolist(), columns.tolist(), weights, *shape)
 
-    @property
-    def relaxations(self) -> ca.DM:
-        """The matrix (rows, limits) that says which limit each row belongs to."""
-        count = len(self._owner)
-        return ca.DM.triplet(range(count), self._owner.tolist(), np.ones(count), count, len(self._sizes))
+    def relaxations(self, numbers: Expression) -> Expression:
+        """The matrix (kept and slots, limits) that says which limit each row belongs to.
 
-    def bounds(self, backoff: Array) -> tuple[Interval, Interval]:
-        """Bounds of z and of the rows, with each limit tightened by that share of its size."""
+        Args:
+            numbers: which rows the slots are of.
+        """
+        count, limits = len(self._owner), len(self._sizes)
+        fixed = ca.DM.triplet(range(count), self._owner.tolist(), np.ones(count), count, limits)
+        if not self.slots.count:
+            return ca.MX(fixed)
+        # Of every row of an instant its limit, and what that's size is there.
+        owners = np.zeros((limits, self._instants.count))
+        owners[self._instants.owner, np.arange(self._instants.count)] = self._instants.weight
+        return ca.vertcat(fixed, (ca.DM(owners) @ self.slots.split(numbers)[-1]).T)
+
+    def bounds(self, backoff: Array, chosen: Chosen | None = None) -> tuple[Interval, Interval]:
+        """Bounds of z and of the rows, with each limit tightened by that share of its size.
+
+        Args:
+            backoff: the shares; of limits on instants none.
+            chosen: rows of instants.
+        """
         shift = (backoff * self._sizes)[self._owner]
         # Something is left between two bounds, however narrow: a robot may all but fill its room.
         shift = np.minimum(shift, NARROWED * (self._upper - self._lower) / 2)
         lower, upper = self._lower + shift, self._upper - shift
         low, high = self._unknowns_within(lower, upper)
         least, most = lower[self._rest] * self._weights, upper[self._rest] * self._weights
+        if chosen is not None:
+            own = chosen.bounds(self.slots.count)
+            least, most = np.concatenate([least, own[0]]), np.concatenate([most, own[1]])
         if self.relaxing:
             unbounded = np.full(len(least), np.inf)
             least, most = np.concatenate([-unbounded, least]), np.concatenate([most, unbounded])
         return (low, high), (least, most)
 
-    def gains(self, backoff: Array, multipliers: Array) -> Array:
+    def gains(self, backoff: Array, multipliers: Array, chosen: Chosen | None = None) -> Array:
         """What the maximum gains, to first order, where each limit alone is wider: per share of its size.
 
         Args:
             backoff: share of its size by which each limit was tightened.
             multipliers: Lagrange's, of the bounds of z and of the rows, above 0 where an upper one holds.
+            chosen: rows of instants.
         """
+        own, rest = np.zeros(len(self._sizes)), multipliers
+        if chosen is not None:
+            count = self.slots.count
+            rest, slots = multipliers[:-count], np.abs(multipliers[-count:][: len(chosen)])
+            np.add.at(own, self._instants.owner[chosen.row], slots * self._instants.weight[chosen.row])
         steps = SLIGHT * np.eye(len(self._sizes))
-        now = self._ends(backoff, multipliers)
-        wider = [self._ends(backoff - step, multipliers) - now for step in steps]
-        return np.array([multipliers @ one for one in wider]) / SLIGHT
+        now = self._ends(backoff, rest)
+        wider = [self._ends(backoff - step, rest) - now for step in steps]
+        return own + np.array([rest @ one for one in wider]) / SLIGHT
 
     def _ends(self, backoff: Array, multipliers: Array) -> Array:
         # Of z and of every row the bound on the side that holds it; 0 where there is none.
@@ -139,12 +160,19 @@ class ChainRule:
         """Write the program; the terms are differentiated where no program did so before."""
         self._design, self._frame = design, frame
         self._around = _Around([design.terms.unknowns, design.entries, auxiliary], -objective, conditions)
-        self._x, self._p = ca.MX.sym("x", design.terms.size + auxiliary.shape[0]), ca.MX.sym("p", 0)
+        self._functions = design.terms.functions(frame.slots.count)
+        self._x = ca.MX.sym("x", design.terms.size + auxiliary.shape[0])
+        self._p = ca.MX.sym("p", frame.slots.width)
         self._z, self._auxiliary = self._x[: design.terms.size], self._x[design.terms.size :]
         self._entries, rows = self._values()
         self._f = self._of(self._around.target)
         self._g = ca.vertcat(self._of(self._around.conditions), self._framed(rows))
-        self.program = {"x": self._x, "f": self._f, "g": self._g}
+        self.program = {"x": self._x, "p": self._p, "f": self._f, "g": self._g}
+
+    @property
+    def _given(self) -> list[Expression]:
+        # z, and which rows the slots are of.
+        return [self._z, *([self._p] if self._frame.slots.count else [])]
 
     def _of(self, function: ca.Function, *further: Expression) -> Any:
         # Of z, entries and auxiliary unknowns. Most criteria are asked for by these last alone: then nothing
@@ -159,7 +187,7 @@ class ChainRule:
         return {"grad_f": self._gradient(), "jac_g": self._jacobian(), "hess_lag": self._hessian()}
 
     def _values(self) -> tuple[Expression, Expression]:
-        nominal, rows = self._design.terms.values(self._z)
+        nominal, rows = self._functions.values(*self._given)
         others = [(place, robots.values(*given)) for place, robots, given in self._others()]
         return self._stacked(nominal, others), rows
 
@@ -184,24 +212,24 @@ class ChainRule:
         kept = self._frame.choice @ rows
         if not self._frame.relaxing:
             return kept
-        relaxed = self._frame.relaxations @ self._auxiliary
+        relaxed = self._frame.relaxations(self._p) @ self._auxiliary
         return ca.vertcat(kept - relaxed, kept + relaxed)
 
     def _gradient(self) -> ca.Function:
         by_z, by_entries, by_auxiliary = self._of(self._around.gradient)
         if self._around.gradient.nnz_out(1):
-            nominal, _ = self._design.terms.jacobian(self._z)
+            nominal, _ = self._functions.jacobian(*self._given)
             by_z += self._entry_slopes(nominal).T @ by_entries
         gradient = ca.densify(ca.vertcat(by_z, by_auxiliary))
         return ca.Function("grad_f", [self._x, self._p], [self._f, gradient])
 
     def _jacobian(self) -> ca.Function:
-        nominal, rows = self._design.terms.jacobian(self._z)
+        nominal, rows = self._functions.jacobian(*self._given)
         by_z, by_entries, by_auxiliary = self._of(self._around.jacobian)
         framed, count = self._frame.choice @ rows, self._auxiliary.shape[0]
         relaxed = ca.MX(framed.shape[0], count)
         if self._frame.relaxing:
-            relaxed = ca.MX(self._frame.relaxations)
+            relaxed = self._frame.relaxations(self._p)
             framed, relaxed = ca.vertcat(framed, framed), ca.vertcat(-relaxed, relaxed)
         own = ca.horzcat(by_z + by_entries @ self._entry_slopes(nominal), by_auxiliary)
         whole = ca.vertcat(own, ca.horzcat(framed, relaxed))
@@ -220,12 +248,12 @@ class ChainRule:
         places = {place for place, *_ in self._design.others}
         for place, weight in enumerate(each):
             on_nominal = on_nominal if place in places else on_nominal + weight
-        upper = terms.hessian(self._z, ca.densify(on_nominal), self._frame.choice.T @ rest)
+        upper = self._functions.hessian(*self._given, ca.densify(on_nominal), self._frame.choice.T @ rest)
         for place, robots, given in self._others():
             upper += robots.hessian(*given, each[place])
         corner = ca.triu2symm(upper) + zz
         if around.bent:
-            nominal, _ = terms.jacobian(self._z)
+            nominal, _ = self._functions.jacobian(*self._given)
             slope = self._entry_slopes(nominal)
             mixed = ze @ slope
             corner += slope.T @ ee @ slope + mixed + mixed.T

@@ -23,7 +23,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import stacks, symmetric_all, upper_half
+from oed.optimize.terms.matrices import stacks, symmetric_all, upper_half
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives
 

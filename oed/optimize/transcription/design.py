@@ -16,7 +16,8 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
-from oed.optimize.terms.base import Terms, stacks, symmetric_all
+from oed.optimize.terms.base import Terms
+from oed.optimize.terms.matrices import stacks, symmetric_all
 from oed.optimize.terms.unrolled import OtherRobots, Unrolled
 from oed.optimize.transcription.compiled import compiled
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
+from oed.optimize.terms.slots import Chosen
 from oed.optimize.transcription.chain import ChainRule, Frame
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.solver_calls import interrupts_kept, one_thread
@@ -62,6 +63,10 @@ IPOPT_OPTIONS: dict[str, Any] = {
     "ipopt.sb": "yes",
     # Bounds are not to be exceeded at all, or a design could seem to beat a bound that is proved.
     "ipopt.bound_relax_factor": 0.0,
+    # Rows of few instants are dense: looking for a better order and scaling takes longer than it saves.
+    "ipopt.mumps_permuting_scaling": 0,
+    "ipopt.mumps_scaling": 0,
+    "ipopt.mumps_pivot_order": 0,
 }
 
 WARM_OPTIONS: dict[str, Any] = {
@@ -83,8 +88,37 @@ LED_NOWHERE = (
     "Diverging_Iterates",
 )
 """How such a solve ends that is better begun anew."""
+SLOTS = 32
+"""Rows of instants that a program has room for, or a multiple of that."""
 WARM_ITERATIONS = 100
 """After which the multipliers it goes on from have misled it: where they help, a dozen do."""
+
+
+class _Written:
+    # A program with a number of slots, and its solvers.
+
+    def __init__(self, chain: ChainRule, frame: Frame, options: dict[str, Any]) -> None:
+        self.frame, self._program = frame, chain.program
+        self._options = {**IPOPT_OPTIONS, **chain.derivatives, **options}
+        self._solvers: dict[tuple[float | None, float | None], ca.Function] = {}
+        self._warm: dict[float | None, ca.Function] = {}
+
+    def solver(self, barrier: float | None, tolerance: float | None) -> ca.Function:
+        key = barrier, tolerance
+        if key not in self._solvers:
+            asked = {"ipopt.mu_init": barrier, "ipopt.tol": tolerance}
+            own = {name: value for name, value in asked.items() if value is not None}
+            self._solvers[key] = ca.nlpsol("design", "ipopt", self._program, {**self._options, **own})
+        return self._solvers[key]
+
+    def warm(self, tolerance: float | None) -> ca.Function:
+        most = min(WARM_ITERATIONS, self._options.get("ipopt.max_iter", WARM_ITERATIONS))
+        if tolerance not in self._warm:
+            options = {**self._options, **WARM_OPTIONS, "ipopt.max_iter": most}
+            if tolerance is not None:
+                options["ipopt.tol"] = tolerance
+            self._warm[tolerance] = ca.nlpsol("design", "ipopt", self._program, options)
+        return self._warm[tolerance]
 
 
 class Program:
@@ -113,29 +147,20 @@ class Program:
         relaxing: bool = False,
         options: dict[str, Any] | None = None,
     ) -> None:
-        """Build the solver and its derivatives."""
+        """Take the parts; what is solved is written when first called."""
         self.design = design
         self._equalities, self._floors = equalities.shape[0], floors.shape[0]
-        self._frame = Frame(design.terms, relaxing=relaxing)
-        chain = ChainRule(design, self._frame, objective, auxiliary, ca.vertcat(equalities, floors))
-        self._program = chain.program
-        self._options = {**IPOPT_OPTIONS, **chain.derivatives, **(options or {})}
+        self._around = objective, auxiliary, ca.vertcat(equalities, floors)
+        self._relaxing, self._options = relaxing, options or {}
+        self._with_slots: dict[int, _Written] = {}
 
-        self._solvers: dict[tuple[float | None, float | None], ca.Function] = {}
-
-    def _solver(self, barrier: float | None, tolerance: float | None = None) -> ca.Function:
-        key = barrier, tolerance
-        if key not in self._solvers:
-            asked = {"ipopt.mu_init": barrier, "ipopt.tol": tolerance}
-            own = {name: value for name, value in asked.items() if value is not None}
-            self._solvers[key] = ca.nlpsol("design", "ipopt", self._program, {**self._options, **own})
-        return self._solvers[key]
-
-    @cached_property
-    def _warm_solver(self) -> ca.Function:
-        most = min(WARM_ITERATIONS, self._options.get("ipopt.max_iter", WARM_ITERATIONS))
-        options = {**self._options, **WARM_OPTIONS, "ipopt.max_iter": most}
-        return ca.nlpsol("design", "ipopt", self._program, options)
+    def _written(self, slots: int) -> _Written:
+        # With so many slots for rows of instants.
+        if slots not in self._with_slots:
+            frame = Frame(self.design.terms, relaxing=self._relaxing, slots=slots)
+            chain = ChainRule(self.design, frame, *self._around)
+            self._with_slots[slots] = _Written(chain, frame, self._options)
+        return self._with_slots[slots]
 
     def solve(
         self,
@@ -149,6 +174,7 @@ class Program:
         after: Outcome | None = None,
         barrier: float | None = None,
         tolerance: float | None = None,
+        chosen: Chosen | None = None,
     ) -> Outcome:
         """Solve from a start. `backoff` tightens each limit by that share of its size.
 
@@ -165,9 +191,12 @@ class Program:
             after: the solve that it goes on from.
             barrier: Ipopt's first barrier parameter, instead of its 0.1; a small one stays near the start.
             tolerance: of Ipopt, instead of the program's own.
+            chosen: rows of instants that hold beside all others.
         """
+        slots = 0 if chosen is None else -(-len(chosen) // SLOTS) * SLOTS
+        written = self._written(slots)
         shares = np.zeros(len(self.design.terms.rows)) if backoff is None else backoff
-        (low, high), (row_low, row_high) = self._frame.bounds(shares)
+        (low, high), (row_low, row_high) = written.frame.bounds(shares, chosen)
         zero, open_side = np.zeros(self._equalities), np.full(self._floors, np.inf)
         least = np.zeros(self._floors) if floors is None else floors
         unbounded = np.full(len(auxiliary), np.inf)
@@ -178,28 +207,33 @@ class Program:
             "lbx": np.concatenate([low, -unbounded if auxiliary_lower is None else auxiliary_lower]),
             "ubx": np.concatenate([high, unbounded if auxiliary_upper is None else auxiliary_upper]),
         }
-        outcome = self._solved(given, after, barrier, tolerance)
-        if not outcome.succeeded:
+        if chosen is not None:
+            given["p"] = chosen.numbers(slots)
+        outcome = self._solved(written, given, after, barrier, tolerance)
+        if not outcome.succeeded or self._relaxing:
             # Of no optimum multipliers say nothing.
             return outcome
         rows, bounds = outcome.row_multipliers, outcome.bound_multipliers
         multipliers = np.concatenate([bounds[: len(low)], rows[self._equalities + self._floors :]])
-        return replace(outcome, gains=self._frame.gains(shares, multipliers))
+        return replace(outcome, gains=written.frame.gains(shares, multipliers, chosen))
 
     def _solved(
         self,
+        written: _Written,
         given: dict[str, Array],
         after: Outcome | None,
         barrier: float | None,
         tolerance: float | None,
     ) -> Outcome:
         if after is None:
-            return self._called(self._solver(barrier, tolerance), given)
-        multipliers = {"lam_g0": after.row_multipliers, "lam_x0": after.bound_multipliers}
-        warm = self._called(self._warm_solver, {**given, **multipliers})
+            return self._called(written.solver(barrier, tolerance), given)
+        # Rows that have come since had no multipliers.
+        rows = np.pad(after.row_multipliers, (0, len(given["lbg"]) - len(after.row_multipliers)))
+        multipliers = {"lam_g0": rows, "lam_x0": after.bound_multipliers}
+        warm = self._called(written.warm(tolerance), {**given, **multipliers})
         if warm.return_status not in LED_NOWHERE:
             return warm
-        cold = self._called(self._solver(None), given)
+        cold = self._called(written.solver(None, None), given)
         iterations, evaluations = warm.iterations + cold.iterations, warm.evaluations + cold.evaluations
         return replace(cold, iterations=iterations, evaluations=evaluations)
 

@@ -1,0 +1,249 @@
+"""Limits at all times by few rows: those of the instants at which a search would leave them.
+
+A limit on every instant is infinitely many conditions. A search begins with few of them; where the drive that
+it ends on exceeds a limit on a fine grid of times, the worst instants of every such stretch are added, and it
+goes on from there, until nothing is left to add [Blankenship and Falk, "Infinitely constrained optimization
+problems", Journal of Optimization Theory and Applications 19, 1976].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from oed.foundation.arrays import Array, Bools, Places
+from oed.kernel.between.periods import periods_of
+from oed.kernel.dynamics import spline
+from oed.kernel.dynamics.embedding import OneSpline
+from oed.kernel.dynamics.rollout import FINE
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.problem import Problem
+from oed.optimize.terms.base import Terms
+from oed.optimize.terms.slots import Chosen
+from oed.optimize.transcription.program import Outcome
+
+PER_UNKNOWN = 2.0
+"""Instants per unknown of an input that a search begins with in a run."""
+LEAST, MOST = 10, 32
+"""Instants of a run that it begins with at least, and at most: more make every iteration slower than they save."""
+ENOUGH = 1e-4
+"""Share of a limit's size by which a drive exceeds it where nothing is added any more."""
+EXCHANGES = 10
+"""Times that a search goes on with more instants before it is judged as it is."""
+TIMES = 2000
+"""Times of a run at which limits are looked at, at least."""
+
+
+@dataclass(frozen=True)
+class Instants:
+    """Rows of instants.
+
+    Attributes:
+        row: which of an instant's rows, (K,).
+        run: of the drive, (K,).
+        time: on the run's clock [s], (K,).
+    """
+
+    row: Places
+    run: Places
+    time: Array
+
+    def __len__(self) -> int:
+        """K."""
+        return len(self.row)
+
+    def joined(self, other: Instants) -> Instants:
+        """These and others."""
+        parts = zip((self.row, self.run, self.time), (other.row, other.run, other.time), strict=True)
+        return Instants(*map(np.concatenate, parts))
+
+    def some(self, which: Bools) -> Instants:
+        """Some of them."""
+        return Instants(self.row[which], self.run[which], self.time[which])
+
+    def near(self, other: Instants, apart: float) -> Bools:
+        """Which are of a row that the other ones have less than some time apart [s], (K,)."""
+        same = (self.row[:, None] == other.row) & (self.run[:, None] == other.run)
+        return (same & (np.abs(self.time[:, None] - other.time) < apart)).any(axis=1)
+
+
+class Exchange:
+    """Which instants a search looks at, of one problem.
+
+    Args:
+        problem: all of whose samples count.
+        terms: of the search, on all samples or on fewer.
+    """
+
+    def __init__(self, problem: Problem, terms: Terms) -> None:
+        """Take both."""
+        self._problem, self._terms = problem, terms
+        self._rows, self._own = terms.instants, terms.problem
+        self.needed = self._rows.count > 0
+        """Whether any limit is on instants."""
+        self.fine = max(FINE, -(-TIMES // problem.design.samples))
+        """Times of a period at which limits are looked at."""
+
+    def begun(self) -> Instants:
+        """Those to begin with, evenly spread over each run."""
+        space, rows = self._problem.design, self._rows.count
+        count = int(np.clip(PER_UNKNOWN * max(self._terms.embedding.counts, default=0), LEAST, MOST))
+        times = space.duration * np.arange(1, count + 1) / count
+        grid = np.meshgrid(np.arange(rows), np.arange(space.runs), times, indexing="ij")
+        row, run, time = (one.ravel() for one in grid)
+        return Instants(row, run, time)
+
+    def exceeded(self, drive: Trajectory, share: float, fine: int) -> Instants:
+        """The worst instants of a drive: of every row the highest in each stretch where it is exceeded.
+
+        Args:
+            drive: of the problem.
+            share: of a limit's size by which it is exceeded at least.
+            fine: times of a period that are looked at.
+        """
+        table, times = self._table(drive, fine)
+        excess = self._rows.excess(table)
+        runs, _ = times.shape
+        # Of every row and run its course over time, (rows, runs, times).
+        courses = excess.reshape(runs, -1, self._rows.count).transpose(2, 0, 1)
+        wide = np.pad(courses, ((0, 0), (0, 0), (1, 1)), constant_values=-np.inf)
+        before, after = wide[:, :, :-2], wide[:, :, 2:]
+        peaks = (courses > share) & (courses >= before) & (courses > after)
+        row, run, place = np.nonzero(peaks)
+        left, here, right = (one[peaks] for one in (before, courses, after))
+        # The vertex of the parabola through the highest point and its neighbours.
+        with np.errstate(invalid="ignore", divide="ignore"):
+            shift = 0.5 * (left - right) / (left - 2 * here + right)
+        inside = (place > 0) & (place < times.shape[1] - 1) & (np.abs(shift) <= 0.5)
+        step = drive.period / fine
+        return Instants(row, run, times[run, place] + np.where(inside, shift, 0.0) * step)
+
+    def chosen(self, instants: Instants, drive: Trajectory) -> Chosen:
+        """Instants as rows of the search's program, at a drive of the problem close to which it looks.
+
+        On fewer samples than all a row has another value there; its bounds are moved by that.
+
+        Args:
+            instants: of the problem's drives.
+            drive: of all samples.
+        """
+        lower, upper = self._rows.lower[instants.row], self._rows.upper[instants.row]
+        space = self._own.design
+        if space.samples != self._problem.design.samples:
+            coarse = replace(drive, samples=space.all_samples)
+            shift = self._at(coarse, instants) - self._at(drive, instants)
+            lower, upper = lower + shift, upper + shift
+        sample, elapsed = _within(instants, space.samples, space.period)
+        basis, places = self._basis(instants)
+        return Chosen(sample, elapsed, instants.row, basis, places, lower, upper, self._rows.count)
+
+    def violations(self, instants: Instants, drive: Trajectory) -> Array:
+        """By how much a drive exceeds the rows of instants, in shares of their limits' sizes, (K,).
+
+        Args:
+            instants: of the problem's drives.
+            drive: of all samples.
+        """
+        rows, own = self._at(drive, instants), instants.row
+        above = np.maximum(rows - self._rows.upper[own], self._rows.lower[own] - rows)
+        return np.asarray(above / self._rows.weight[own])
+
+    def _basis(self, instants: Instants) -> tuple[Array, Places]:
+        # Values of the basis functions that are not 0, and the first input's unknowns that they are of.
+        embedding, space = self._terms.embedding, self._own.design
+        if not self._rows.asking:
+            return np.zeros((0, len(instants))), np.zeros((0, len(instants)), dtype=int)
+        assert isinstance(embedding, OneSpline)
+        degree = space.own_spline.degree
+        band = spline.basis(space.own_knots, degree, instants.time)
+        column = instants.run * (space.all_coefficients // space.runs) + band.first
+        every = column[:, None] + np.arange(degree + 1)
+        # Of coefficients that rest fixes there is no unknown.
+        place = np.full(space.all_coefficients, -1)
+        place[embedding.free] = np.arange(len(embedding.free))
+        found = place[every]
+        return np.where(found < 0, 0.0, band.entries).T, np.maximum(found, 0).T
+
+    def _table(self, drive: Trajectory, fine: int) -> tuple[Array, Array]:
+        # Rows (instants, R) at so many times of every period, run by run, and those times (runs, instants).
+        samples = drive.samples // drive.runs
+        steps = np.arange(0 if self._problem.design.start_is_free else 1, samples * fine + 1)
+        times = np.tile(drive.period * steps / fine, (drive.runs, 1))
+        run = np.repeat(np.arange(drive.runs), len(steps))
+        sample = np.minimum(np.tile(np.maximum(steps - 1, 0) // fine, drive.runs), samples - 1)
+        elapsed = times.ravel() - drive.period * sample
+        return self._rows_of(drive, run * samples + sample, elapsed, run, times.ravel()), times
+
+    def _at(self, drive: Trajectory, instants: Instants) -> Array:
+        # Each one's own row.
+        place, elapsed = _within(instants, drive.samples // drive.runs, drive.period)
+        table = self._rows_of(drive, place, elapsed, instants.run, instants.time)
+        return table[np.arange(len(instants)), instants.row]
+
+    def _rows_of(self, drive: Trajectory, place: Places, elapsed: Array, run: Places, time: Array) -> Array:
+        system, scale = self._problem.system, self._terms.input_scale
+        periods = periods_of(system, drive, np.array([system.nominal]), drive.starts[None])
+        parts = [periods.states[place], drive.inputs[place] / scale]
+        if self._rows.asking:
+            asked = np.empty_like(parts[1])
+            for number, one in enumerate(drive.each):
+                own = run == number
+                asked[own] = one.inputs_at(time[own]) / scale
+            parts.append(asked)
+        return self._rows.table(np.hstack(parts), elapsed)
+
+    def solved(
+        self,
+        solve: Callable[[Array, Outcome | None, Chosen | None, bool], Outcome],
+        unknowns: Array,
+        after: Outcome | None,
+        instants: Instants,
+        trajectory: Callable[[Array], Trajectory],
+    ) -> tuple[Outcome, Instants]:
+        """Solve, and go on with more instants until none is exceeded.
+
+        Args:
+            solve: from unknowns, after a solve, with rows of instants, loosely or to the end.
+            unknowns: to begin at.
+            after: the solve that it goes on from.
+            instants: to begin with.
+            trajectory: the drive of unknowns.
+        """
+        if not self.needed:
+            return solve(unknowns, after, None, False), instants
+        # What comes before more instants are known need not be exact.
+        iterations, evaluations, loosely = 0, 0, after is None
+        for _ in range(EXCHANGES):
+            chosen = self.chosen(instants, trajectory(unknowns))
+            outcome = solve(unknowns, after, chosen, loosely)
+            iterations, evaluations = iterations + outcome.iterations, evaluations + outcome.evaluations
+            unknowns, after = outcome.unknowns, outcome if outcome.succeeded else None
+            more = self.more(instants, trajectory(unknowns))
+            instants = instants.joined(more)
+            if not len(more):
+                if not loosely:
+                    break
+                loosely = False
+        return replace(outcome, iterations=iterations, evaluations=evaluations), instants
+
+    def more(self, instants: Instants, drive: Trajectory, finer: int = 1) -> Instants:
+        """The worst instants of a drive that are not among those, to half a step of the fine grid.
+
+        Args:
+            instants: that are looked at.
+            drive: of the problem.
+            finer: factor on the times that are looked at.
+        """
+        if not np.isfinite(drive.coefficients).all():
+            return instants.some(np.zeros(len(instants), dtype=bool))
+        fine = finer * self.fine
+        found = self.exceeded(drive, ENOUGH, fine)
+        return found.some(~found.near(instants, drive.period / (2 * fine)))
+
+
+def _within(instants: Instants, samples: int, period: float) -> tuple[Places, Array]:
+    # The sample that each is in, counted through all runs, and the time since that began [s].
+    own = np.clip(np.ceil(instants.time / period).astype(int) - 1, 0, samples - 1)
+    return instants.run * samples + own, instants.time - period * own

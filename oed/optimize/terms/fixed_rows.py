@@ -1,0 +1,103 @@
+"""The rows that a program in pieces always has: of limits on splines, linear in z, and on whole runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+import numpy as np
+
+from oed.foundation.arrays import Array
+from oed.kernel.dynamics.embedding import without_zeros
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.limit import Rows
+from oed.optimize.terms.base import Terms
+from oed.optimize.terms.row_bounds import RowBounds, said_once
+from oed.optimize.terms.needs import Needs
+from oed.optimize.terms.passes import BegunInPieces, Sweep
+from oed.optimize.terms.whole_rows import WholeRows, WholeSweep
+
+
+class FixedRows:
+    """Those rows: their bounds, and how they are put together.
+
+    Attributes:
+        bounds: of every limit's rows; none of limits on instants.
+        linear: whether each limit's rows are linear in z.
+        slope: of the linear ones, (rows, size).
+        constant: of the same.
+        whole: the others; None where there are none.
+        order: where the rows, limit by limit, stand among the linear ones and the others behind them.
+    """
+
+    def __init__(
+        self, terms: Terms, needs: Needs, whole: WholeRows | None, without: Mapping[int, RowBounds]
+    ) -> None:
+        """Sort them.
+
+        Args:
+            terms: what z is.
+            needs: of the limits.
+            whole: rows of limits on whole runs, if there are any.
+            without: what the other limits are, which have none of these rows.
+        """
+        self.whole = whole
+        tables = {place: self._table(terms, rows) for place, rows in needs.tables.items()}
+        self.slope = np.concatenate([np.zeros((0, terms.size)), *(one for one, _, _ in tables.values())])
+        self.constant = np.concatenate([np.zeros(0), *(one for _, one, _ in tables.values())])
+        known = {place: (bounds, True) for place, (_, _, bounds) in tables.items()}
+        if whole is not None:
+            own = zip(whole.bounds, whole.formulas.linear, strict=True)
+            known |= dict(zip(needs.whole, own, strict=True))
+        counts = [len(known[place][0].lower) for place in (*tables, *(needs.whole if whole else ()))]
+        stand = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1]) if counts else []
+        placed = dict(zip((*tables, *(needs.whole if whole else ())), stand, strict=True))
+        self.order = np.concatenate([np.zeros(0, dtype=int), *(placed[one] for one in sorted(placed))]).tolist()
+        known |= {place: (one, True) for place, one in without.items()}
+        self.bounds, self.linear = map(list, zip(*(known[place] for place in sorted(known)), strict=True))
+
+    @staticmethod
+    def _table(terms: Terms, rows: Rows) -> tuple[Array, Array, RowBounds]:
+        # Slopes and constants of rows that some unknown moves, each once, and their bounds.
+        expression = ca.densify(rows.expression)
+        both = ca.Function("rows", [terms.unknowns], [ca.densify(ca.jacobian(expression, terms.unknowns)), expression])
+        slope, constant = map(np.array, both(np.zeros(terms.size)))
+        slope, constant = slope.reshape(-1, terms.size), constant.ravel()
+        moved = np.array(ca.DM(ca.jacobian_sparsity(expression, terms.unknowns), 1.0)) != 0
+        kept = moved.reshape(-1, terms.size).any(axis=1)
+        if terms.embedding.repeats:
+            kept &= said_once(slope, constant, rows)
+        bounds = RowBounds(rows.lower[kept], rows.upper[kept], rows.size, rows.unit)
+        return slope[kept], constant[kept], bounds
+
+
+class FixedSweep:
+    """Those rows at the z of a sweep as expressions (MX)."""
+
+    def __init__(self, sweep: Sweep, rows: FixedRows) -> None:
+        """Take both."""
+        self._sweep, self._rows = sweep, rows
+        self._whole = None if rows.whole is None else WholeSweep(sweep, rows.whole)
+
+    @property
+    def rows(self) -> Expression:
+        """All of them."""
+        linear = without_zeros(self._rows.slope) @ self._sweep.z + ca.DM(self._rows.constant)
+        return ca.vertcat(linear, *([] if self._whole is None else [self._whole.rows]))[self._rows.order]
+
+    @property
+    def row_slopes(self) -> Expression:
+        """Derivatives of the rows by z, sparse."""
+        linear = ca.MX(without_zeros(self._rows.slope))
+        whole = [] if self._whole is None else [self._whole.row_slopes]
+        return ca.vertcat(linear, *whole)[self._rows.order, :]
+
+    def curvature(self, weights: Expression) -> tuple[Expression, Sequence[tuple[BegunInPieces, Expression]]]:
+        """Second derivatives by z of the weighted sum, but for those of states at samples' begins, and
+        these with their weights.
+        """
+        if self._whole is None:
+            return 0, ()
+        own = weights[np.argsort(self._rows.order).tolist()][len(self._rows.constant) :]
+        return self._whole.curvature(own)
+

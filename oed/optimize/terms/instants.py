@@ -1,0 +1,164 @@
+"""Limits on instants as rows of one instant, at any time of a period: for those that a search chooses.
+
+Few of all instants are near a limit. A program holds rows of those alone, given with each call: which
+sample, how long after its begin, which row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property, lru_cache
+
+import casadi as ca
+import numpy as np
+
+from oed.foundation.arrays import Array
+from oed.kernel.dynamics.direct_call import DirectCall
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.rollout import instant_of
+from oed.kernel.problem import Problem
+from oed.optimize.terms.row_bounds import RowBounds
+
+LINEAR_WEIGHT = 20.0
+"""Factor on rows that are linear in z (speeds, accelerations), against 1 for the others (positions).
+
+Ipopt gives every row the same first multiplier, so a row's weight is how strongly it repels early on.
+Searches held away from saturated accelerations first end in better optima: on the per-sample form the
+mean over starts rises from 67 to 76 (of at most 85.8).
+"""
+
+
+class InstantRows:
+    """The rows that limits have of one instant: of a state, of what is held, of what the splines ask for.
+
+    Rows are in shares of their limit's size, times `LINEAR_WEIGHT` where they are linear in the inputs.
+
+    Attributes:
+        limits: places of these limits among the problem's.
+        owner: of each row its limit's place, (R,).
+        lower: bounds of the rows, (R,).
+        upper: bounds of the rows, (R,).
+        weight: what 1 is in a limit's size, (R,).
+        without: sizes and units of these limits, by their places.
+        asking: whether rows look at what the splines ask for at the instant.
+        size: of (state, inputs held, inputs asked for if rows look at them).
+        bent: places in these that enter anything but linearly.
+    """
+
+    def __init__(self, problem: Problem, limits: Sequence[int], scale: Array) -> None:
+        """Write them; functions are made when first used.
+
+        Args:
+            problem: whose limits they are.
+            limits: their places.
+            scale: what an input of 1 stands for, (inputs,).
+        """
+        system, space = problem.system, problem.design
+        self.limits = tuple(limits)
+        state, held, asked = (
+            ca.SX.sym(name, count)
+            for name, count in (
+                ("state", len(system.states)),
+                ("held", len(system.inputs)),
+                ("asked", len(system.inputs)),
+            )
+        )
+        self._elapsed = ca.SX.sym("elapsed")
+        # Steps ask for what they hold.
+        splines = not space.own_signals and space.own_spline.degree > 0
+        instant = instant_of(
+            system,
+            state=state,
+            held=ca.DM(scale) * held,
+            parameters=ca.SX(ca.DM(system.nominal)),
+            period=self._elapsed,
+            asked=ca.DM(scale) * (asked if splines else held),
+            fraction=ca.SX(1),
+        )
+        each = [problem.limits[place].rows(instant) for place in limits]
+        own = [ca.densify(ca.vec(one.expression)) / one.size for one in each]
+        rows = ca.vertcat(ca.SX(0, 1), *own)
+        self.owner = np.repeat(np.array(limits, dtype=int), [len(one.lower) for one in each])
+        self.asking = splines and bool(ca.depends_on(rows, asked))
+        self._given = [state, held, *([asked] if self.asking else [])]
+        self._unknowns = ca.vertcat(*self._given)
+        self.size = int(self._unknowns.shape[0])
+        self.weight = np.array([self._weight(row, state) for row in ca.vertsplit(rows)])
+        self._rows = ca.cse(ca.DM(self.weight) * rows) if len(self.weight) else rows
+        self.without = {
+            place: RowBounds(np.zeros(0), np.zeros(0), one.size, one.unit)
+            for place, one in zip(limits, each, strict=True)
+        }
+        sizes = np.repeat([one.size for one in each], [len(one.lower) for one in each])
+        lower, upper = (
+            np.concatenate([np.zeros(0), *(getattr(one, side) for one in each)]) for side in ("lower", "upper")
+        )
+        self.lower, self.upper = self.weight * lower / sizes, self.weight * upper / sizes
+        chosen, factor = ca.SX.sym("chosen", len(self.weight)), ca.SX.sym("factor")
+        self._chosen, self._factor = chosen, factor
+        self._row = ca.dot(chosen, self._rows)
+        whole, self._slope = ca.hessian(self._row, self._unknowns)
+        self.bent: list[int] = sorted(set(whole.sparsity().row()))
+        self._curvature = factor * whole[self.bent, self.bent]
+
+    def _weight(self, row: ca.SX, state: ca.SX) -> float:
+        held = self._unknowns[state.shape[0] :]
+        bent = ca.depends_on(row, state) or any(ca.which_depends(row, held, 2, True))
+        return 1.0 if bent else LINEAR_WEIGHT
+
+    @property
+    def count(self) -> int:
+        """R."""
+        return len(self.weight)
+
+    @property
+    def _arguments(self) -> list[ca.SX]:
+        return [self._unknowns, self._elapsed, self._chosen]
+
+    @cached_property
+    def values(self) -> ca.Function:
+        """(unknowns, time since the period's begin [s], how much of each row (R,)) -> that much."""
+        return ca.Function("instant", self._arguments, [ca.densify(self._row)])
+
+    @cached_property
+    def slopes(self) -> ca.Function:
+        """(the same) -> derivatives (size,) by the unknowns."""
+        return ca.Function("instant_slopes", self._arguments, [ca.densify(self._slope)])
+
+    @cached_property
+    def curvature(self) -> ca.Function:
+        """(the same, a factor) -> second derivatives by the unknowns that are bent, times the factor."""
+        arguments = [*self._arguments, self._factor]
+        return ca.Function("instant_curvature", arguments, [ca.densify(self._curvature)])
+
+    @cached_property
+    def all_rows(self) -> ca.Function:
+        """(unknowns, time since the period's begin [s]) -> every row, (R,)."""
+        return ca.Function("instant_rows", self._arguments[:2], [ca.densify(self._rows)])
+
+    def table(self, unknowns: Array, elapsed: Array) -> Array:
+        """Every row of instants, (K, R).
+
+        Args:
+            unknowns: of each, (K, size).
+            elapsed: time since its period's begin [s], (K,).
+        """
+        (found,) = _mapped(self.all_rows, len(elapsed))(unknowns, elapsed)
+        return found.reshape(len(elapsed), self.count)
+
+    def exceeded(self, rows: Expression) -> Expression:
+        """By how much rows (R, K) are exceeded, in shares of their limits' sizes."""
+        upper, lower, weight = (
+            ca.repmat(ca.DM(one), 1, rows.shape[1]) for one in (self.upper, self.lower, self.weight)
+        )
+        return ca.fmax(rows - upper, lower - rows) / weight
+
+    def excess(self, rows: Array) -> Array:
+        """By how much rows (..., R) are exceeded, in shares of their limits' sizes."""
+        return np.asarray(np.maximum(rows - self.upper, self.lower - rows) / self.weight)
+
+
+@lru_cache(maxsize=32)
+def _mapped(function: ca.Function, count: int) -> DirectCall:
+    return DirectCall(function.map(count))
+

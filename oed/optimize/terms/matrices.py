@@ -1,0 +1,85 @@
+"""Matrices by the entries on and above their diagonals, and smooth expressions with their derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from oed.foundation.arrays import Array
+from oed.kernel.dynamics.expression import Expression
+
+
+class Smooth:
+    """An expression (k,) of symbols (n,), and its derivatives, as functions (SX).
+
+    Attributes:
+        size: k.
+    """
+
+    def __init__(self, symbols: Expression, expression: Expression) -> None:
+        """Take both; functions are made when first used."""
+        self._symbols, self._expression, self.size = symbols, expression, int(expression.shape[0])
+
+    @cached_property
+    def values(self) -> ca.Function:
+        """Symbols -> expression."""
+        return ca.Function("values", [self._symbols], [self._expression])
+
+    @cached_property
+    def slope(self) -> ca.Function:
+        """Symbols -> its derivatives (k, n), dense."""
+        slope = ca.jacobian(self._expression, self._symbols)
+        return ca.Function("slope", [self._symbols], [ca.densify(slope)])
+
+    @cached_property
+    def curvature(self) -> ca.Function:
+        """(symbols, weights (k,)) -> first, dense, and second derivatives of the weighted sum."""
+        weights = ca.SX.sym("weights", self.size)
+        curvature, slope = ca.hessian(ca.dot(weights, self._expression), self._symbols)
+        return ca.Function("curvature", [self._symbols, weights], [ca.densify(slope), curvature])
+
+
+def upper_half(matrix: Expression) -> Expression:
+    """The entries on and above the diagonal, column by column, (p (p + 1) / 2,)."""
+    size = matrix.shape[0]
+    return ca.vertcat(*(matrix[row, column] for column in range(size) for row in range(column + 1)))
+
+
+def upper_halves(matrices: Iterable[Expression]) -> Expression:
+    """Those of several matrices, stacked."""
+    return ca.vertcat(*map(upper_half, matrices))
+
+
+def symmetric(entries: Expression, size: int) -> Expression:
+    """The symmetric matrix (p, p) with these entries on and above its diagonal."""
+    rows: list[list[Any]] = [[None] * size for _ in range(size)]
+    places = ((row, column) for column in range(size) for row in range(column + 1))
+    for index, (row, column) in enumerate(places):
+        rows[row][column] = rows[column][row] = entries[index]
+    return ca.blockcat(rows)
+
+
+def symmetric_all(entries: Expression, sizes: Sequence[int]) -> list[Expression]:
+    """The symmetric matrices of these sizes whose upper halves are stacked."""
+    edges = np.cumsum([0, *(size * (size + 1) // 2 for size in sizes)]).tolist()
+    return [
+        symmetric(entries[first:last], size)
+        for first, last, size in zip(edges[:-1], edges[1:], sizes, strict=True)
+    ]
+
+
+def stacks(entries: Array, sizes: Sequence[int]) -> list[Array]:
+    """Numeric matrices (K, p, p) of stacked entries (sum of p (p + 1) / 2, K), one for each size p."""
+    found, first = [], 0
+    for size in sizes:
+        columns, rows = np.tril_indices(size)
+        matrix = np.empty((entries.shape[1], size, size))
+        own = entries[first : first + len(rows)].T
+        matrix[:, rows, columns] = matrix[:, columns, rows] = own
+        found.append(matrix)
+        first += len(rows)
+    return found
