@@ -109,12 +109,27 @@ class Genetic(PopulationSearch):
         from pymoo.operators.crossover.pntx import TwoPointCrossover
         from pymoo.operators.crossover.sbx import SBX
         from pymoo.operators.crossover.ux import UniformCrossover
-        from pymoo.operators.mutation.gauss import GaussianMutation
         from pymoo.operators.mutation.pm import PM
 
         crossovers = {"sbx": SBX, "uniform": UniformCrossover, "two_point": TwoPointCrossover}
-        mutations = {"polynomial": PM, "gaussian": GaussianMutation}
+        mutations = {"polynomial": PM, "gaussian": _gaussian}
         return Operators(crossovers[self.crossover](), mutations[self.mutation](), searched)
+
+
+def _gaussian() -> Any:
+    from pymoo.operators.mutation.gauss import GaussianMutation
+    from pymoo.operators.repair.bounds_repair import repair_random_init
+
+    class Seeded(GaussianMutation):  # type: ignore[misc]
+        # Pymoo's own puts back what leaves the bounds by random numbers without a seed.
+        def _do(self, problem: Any, X: Array, random_state: Any = None, **_: Any) -> Array:
+            moved = random_state.random(X.shape) < self.get_prob_var(problem, size=(len(X), 1))
+            spread = np.broadcast_to(self.sigma.get() * (problem.xu - problem.xl), X.shape)
+            found = np.array(X, dtype=float)
+            found[moved] = random_state.normal(X[moved], spread[moved])
+            return np.asarray(repair_random_init(found, X, problem.xl, problem.xu, random_state=random_state))
+
+    return Seeded()
 
 
 class DifferentialEvolution(PopulationSearch):

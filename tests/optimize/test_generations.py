@@ -10,6 +10,7 @@ from pymoo.algorithms.soo.nonconvex.ga import GA
 from pymoo.core.duplicate import DefaultDuplicateElimination
 from pymoo.core.population import Population
 from pymoo.core.problem import Problem as PymooProblem
+from pymoo.operators.mutation.gauss import GaussianMutation
 from pymoo.termination import get_termination
 
 from oed.foundation.arrays import Array
@@ -81,7 +82,7 @@ def assert_the_same(ours: OnArrays, algorithm: GA, own: Bowl, theirs: Bowl) -> i
 
 @pytest.mark.slow
 @pytest.mark.parametrize("population", [4, 21, 40])
-@pytest.mark.parametrize("mutation", ["polynomial"])
+@pytest.mark.parametrize("mutation", ["polynomial", "gaussian"])
 @pytest.mark.parametrize("crossover", ["sbx", "uniform", "two_point"])
 def test_generations_are_pymoos(crossover: str, mutation: str, population: int):
     options = Genetic(population=population, generations=GENERATIONS, crossover=crossover, mutation=mutation)
@@ -112,6 +113,28 @@ def test_they_end_where_mating_gives_nothing_new():
         operators.mutation.prob.set(-1.0)
     assert assert_the_same(*searches) == 2
     assert searches[2].scored_sizes == [4]
+
+
+class TestGaussianMutation:
+    """As pymoo's, but that the search's random numbers draw what it puts back within the bounds, too."""
+
+    def mutated(self, mutation: GaussianMutation, spread: float) -> Array:
+        candidates = np.random.default_rng(2).uniform(-spread, spread, (200, SIZE))
+        mutation.prob_var = 0.4
+        rng = np.random.default_rng(6)
+        return np.array([mutation._do(Bowl(), candidates, random_state=rng), rng.random(candidates.shape)])
+
+    def test_it_is_pymoos_where_nothing_leaves_the_bounds(self):
+        own = self.mutated(Genetic(mutation="gaussian").operators(None).mutation, 0.1)
+        np.testing.assert_array_equal(own, self.mutated(GaussianMutation(), 0.1))
+        assert np.abs(own[0]).max() < 1
+
+    def test_the_same_random_numbers_put_the_same_back(self):
+        first, again = (self.mutated(Genetic(mutation="gaussian").operators(None).mutation, 1) for _ in "ab")
+        np.testing.assert_array_equal(first, again)
+        theirs = self.mutated(GaussianMutation(), 1)
+        assert 0 < np.count_nonzero(first[0] != theirs[0]) < 100
+        assert (first[0] >= -1).all()
 
 
 class TestSame:
