@@ -47,8 +47,10 @@ samples take 0.02 s: they are scored here.
 """
 THREADS = 4
 """Threads that score a generation here, at most: the more there are, the less each adds."""
-COMPILED = 30.0
-"""Time [s] of all that is to be scored from which compiling first is faster."""
+COMPILED = 0.5
+"""Time [s] of all that is still to be scored from which generated C is thought of."""
+SPARED = 0.6
+"""Share of that time that it spares."""
 
 
 class PopulationSearch(Solver):
@@ -182,15 +184,18 @@ class Population:
         """Criterion (K,) and relative violation of each limit (K, limits) of candidates (K, size)."""
         if self._workers != 1 and self._seconds * len(candidates) > WORTH:
             return self._shared(candidates)
-        # Compiling, on the first call, is not to be taken for scoring.
-        self._design.terms.scores  # noqa: B018
+        # Writing the drive out, on the first call, is not to be taken for scoring.
+        self._design.terms.scores_written_out  # noqa: B018
         began = time.perf_counter()
         threads = min(self._workers, THREADS) if isinstance(self._workers, int) else 1
         scores = self._design.score_many(candidates, threads)
         self._seconds = (time.perf_counter() - began) / len(candidates)
-        if not self._compiled and self._seconds * self._expected >= COMPILED:
-            self._design.compile_scores()
+        left = self._seconds * (self._expected - len(candidates))
+        if not self._compiled and left >= COMPILED:
+            self._design.compile_scores(SPARED * left)
             self._compiled = True
+            # To be found out again.
+            self._seconds = 0.0
         return scores
 
     def _shared(self, candidates: Array) -> Scored:
@@ -211,7 +216,7 @@ class _Part:
 
 def _scored(part: _Part) -> Scored:
     # The terms are written once in each process.
-    return DesignExpressions(part.problem, part.refine, differentiated=False).score_many(part.candidates)
+    return DesignExpressions(part.problem, part.refine).score_many(part.candidates)
 
 
 def _as_pymoo(design: DesignExpressions, population: Population) -> Any:
@@ -267,7 +272,7 @@ class _Run:
         # Again with more points of the path, as long as all that is found slips through between them.
         rng, refine = self.context.rng(3), REFINE
         while True:
-            self.grid = Grid(self.problem, refine=refine, differentiated=False)
+            self.grid = Grid(self.problem, refine=refine)
             self.design = self.grid.design
             self.refused.clear()
             status = self._generations(rng, refine)

@@ -200,7 +200,7 @@ def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(genetic, "run_tasks", counting)
     monkeypatch.setattr(genetic, "WORTH", 0.0)
     problem = problem_of()
-    design = DesignExpressions(problem, refine=2, differentiated=False)
+    design = DesignExpressions(problem, refine=2)
     candidates = random_drives(design, np.linspace(0.1, 1, 11), np.random.default_rng(0))
     scored = Population(design, 2, 3)
     for _ in range(2):
@@ -214,7 +214,7 @@ def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
 
 def test_a_quick_population_is_scored_here(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(genetic, "run_tasks", None)
-    design = DesignExpressions(problem_of(), refine=2, differentiated=False)
+    design = DesignExpressions(problem_of(), refine=2)
     candidates = random_drives(design, np.full(5, 0.5), np.random.default_rng(0))
     scored = Population(design, 2, 2)
     for _ in range(2):

@@ -154,8 +154,19 @@ class Terms(ABC):
         for rows in self.rows:
             own = stacked[first : first + len(rows.lower)]
             first += len(rows.lower)
-            worst.append(ca.fmax(0, ca.fmax(_above(own, rows.upper), _above(-own, -rows.lower))) / rows.size)
+            beyond = ca.fmax(_above(own, rows.upper), _below(own, rows.lower))
+            worst.append(ca.fmax(0, beyond) / rows.size)
         return ca.Function("scores", [z], [entries, ca.vertcat(*worst)])
+
+    @property
+    def scores_written_out(self) -> ca.Function:
+        """Z -> what `scores` gives, to the last bit, in less time where no C is generated."""
+        return self.scores
+
+    @property
+    @abstractmethod
+    def written(self) -> int:
+        """Operations that generated C of the values writes out."""
 
     @cached_property
     def bounded_unknowns(self) -> tuple[Places, Places, Array, Array]:
@@ -249,14 +260,29 @@ def said_once(slopes: Array, constants: Array, rows: RowBounds | Rows) -> Bools:
 
 def _above(values: Expression, upper: Array) -> Expression:
     # The most by which values exceed their bounds; far below 0 where there are none.
-    bounded = np.isfinite(upper)
-    if not bounded.any():
+    bounded, same = _bounded(values, upper)
+    if bounded is None:
         return -1e20
-    kept, bounds = values[np.flatnonzero(bounded).tolist()], upper[bounded]
-    if (bounds == bounds[0]).all():
-        # As most limits are: one subtraction instead of one for every row.
-        return ca.mmax(kept) - bounds[0]
-    return ca.mmax(kept - ca.DM(bounds))
+    # As most limits are: one subtraction instead of one for every row.
+    return ca.mmax(bounded) - same[0] if len(same) == 1 else ca.mmax(bounded - ca.DM(same))
+
+
+def _below(values: Expression, lower: Array) -> Expression:
+    # The most by which they fall short of them.
+    bounded, same = _bounded(values, lower)
+    if bounded is None:
+        return -1e20
+    return same[0] - ca.mmin(bounded) if len(same) == 1 else ca.mmax(ca.DM(same) - bounded)
+
+
+def _bounded(values: Expression, bounds: Array) -> tuple[Expression | None, Array]:
+    # Those of the values that have a bound, or None, and their bounds: one where all have the same.
+    kept = np.isfinite(bounds)
+    if not kept.any():
+        return None, bounds
+    own = bounds[kept]
+    chosen = values if kept.all() else values[np.flatnonzero(kept).tolist()]
+    return chosen, own[:1] if (own == own[0]).all() else own
 
 
 def upper_half(matrix: Expression) -> Expression:

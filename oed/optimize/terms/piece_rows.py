@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools, Places
+from oed.kernel.dynamics.embedding import without_zeros
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
 from oed.optimize.terms.base import RowBounds, Terms, said_once, small_drive
@@ -168,7 +169,7 @@ class PieceRows:
             first: rows of the first instants (first, runs).
             rows: of the pieces (rows, pieces).
         """
-        own = ca.DM(self._pool.slope) @ z + ca.DM(self._pool.constant)
+        own = without_zeros(self._pool.slope) @ z + ca.DM(self._pool.constant)
         return ca.vertcat(own, ca.vec(first), ca.vec(rows))[self._source.tolist()]
 
     def slopes(self, first: Expression, rows: Expression) -> Expression:

@@ -24,6 +24,11 @@ from oed.optimize.terms.piece_rows import PieceRows
 from oed.optimize.terms.totals import Totals
 from oed.optimize.terms.whole_rows import Formulas, WholeRows, WholeSweep
 
+LONG = 500_000
+"""Operations of a drive from which it is not written out: some 40 MB, and 0.2 s."""
+JOINING = 1000
+"""Operations to which what joins samples amounts in generated C."""
+
 
 class Pieces(Terms):
     """Information and limit rows put together from pieces of the drive."""
@@ -54,9 +59,29 @@ class Pieces(Terms):
         return self._sweep if self._whole is None else WholeSweep(self._sweep, self._whole, self._needs)
 
     @property
+    def written(self) -> int:
+        """Operations of a sample, and what joins the samples."""
+        return JOINING + int(self._plan.kernel.cell.values.n_instructions())
+
+    @property
     def operations(self) -> int:
         """Operations of a whole drive, one after the other."""
         return int(self._plan.kernel.cell.values.n_instructions()) * self.problem.design.all_samples
+
+    @cached_property
+    def scores_written_out(self) -> ca.Function:
+        """Z -> what `scores` gives, to the last bit, by one long list of operations: calling a sample's
+        function takes as long as what it computes. Drives that are too long for that stay as they are.
+        """
+        if self.operations > LONG:
+            return self.scores
+        # Simplified, some operations would round otherwise.
+        simplified = ca.GlobalOptions.getSimplificationOnTheFly()
+        ca.GlobalOptions.setSimplificationOnTheFly(False)
+        try:
+            return self.scores.expand("scores")
+        finally:
+            ca.GlobalOptions.setSimplificationOnTheFly(simplified)
 
     @property
     def sizes(self) -> list[int]:

@@ -68,6 +68,11 @@ class Unrolled(Terms):
         """Z -> entries of the matrices, rows."""
         return ca.Function("terms", [self.unknowns], [self.entries, self.stacked_rows])
 
+    @property
+    def written(self) -> int:
+        """Operations of a whole drive."""
+        return int(self.values.n_instructions())
+
     @cached_property
     def jacobian(self) -> ca.Function:
         """Z -> derivatives of the entries, and of the rows."""

@@ -20,6 +20,8 @@ from oed.optimize.terms.base import Terms, stacks, symmetric_all
 from oed.optimize.terms.unrolled import OtherRobots, Unrolled
 from oed.optimize.transcription.compiled import compiled
 
+COMPILING = 3e-4
+"""Time [s] that a compiler takes for one operation written out."""
 UNSOUND = 1e3
 """Violation of every limit, as a share of its size, of a drive that is not finite."""
 
@@ -33,13 +35,10 @@ class DesignExpressions:
         entries: those symbols, stacked.
     """
 
-    def __init__(self, problem: Problem, refine: int = 1, *, differentiated: bool = True) -> None:
-        """Write the expressions; positions are limited at `refine` points per sample.
-
-        With `differentiated` False they serve for values alone.
-        """
+    def __init__(self, problem: Problem, refine: int = 1) -> None:
+        """Write the expressions; positions are limited at `refine` points per sample."""
         self.problem = problem
-        self.terms: Terms = terms_of(problem, refine, differentiated=differentiated)
+        self.terms: Terms = terms_of(problem, refine)
         self.sizes = self.terms.sizes
         count = self.terms.entry_count
         symbols = [ca.SX.sym("entries", count) for _ in problem.judged_systems]
@@ -138,11 +137,18 @@ class DesignExpressions:
 
     @cached_property
     def _scores(self) -> ca.Function:
-        return self.terms.scores
+        return self.terms.scores_written_out
 
-    def compile_scores(self) -> None:
-        """Let generated C score candidates, where there is a compiler; the numbers stay the same."""
-        self._scores = compiled(self.terms.scores)
+    def compile_scores(self, spared: float = np.inf) -> None:
+        """Let generated C score candidates, where there is a compiler; the numbers stay the same.
+
+        Args:
+            spared: time [s] that this would spare; where compiling takes longer, only what was compiled
+                before is taken.
+        """
+        found = compiled(self.terms.scores, anew=spared >= COMPILING * self.terms.written)
+        if found is not self.terms.scores:
+            self._scores = found
 
     def _judged(self, candidates: Array, threads: int = 1) -> tuple[list[list[Array]], Array]:
         # For every robot its matrices (K, p, p); relative violations (K, limits).
