@@ -221,37 +221,33 @@ def winners(standing: Standing, matings: int, rng: np.random.Generator) -> Place
 
 def repeated(candidates: Array) -> Bools:
     """Which candidates (K,) of (K, size) are the same as one before them."""
-    found = np.zeros(len(candidates), dtype=bool)
-    suspects = np.flatnonzero(_neighbours(candidates, candidates) > 1)
-    if len(suspects):
-        before = np.arange(len(candidates)) < suspects[:, None]
-        found[suspects] = (_same(candidates[suspects], candidates) & before).any(axis=1)
-    return found
+    later, former = _alike(candidates, candidates)
+    return _marked(len(candidates), later[former < later])
 
 
 def known(candidates: Array, others: Array) -> Bools:
     """Which candidates (K,) of (K, size) are the same as one of others (L, size)."""
-    found = np.zeros(len(candidates), dtype=bool)
-    suspects = np.flatnonzero(_neighbours(candidates, others))
-    if len(suspects):
-        found[suspects] = _same(candidates[suspects], others).any(axis=1)
+    return _marked(len(candidates), _alike(candidates, others)[0])
+
+
+def _marked(count: int, places: Places) -> Bools:
+    found = np.zeros(count, dtype=bool)
+    found[places] = True
     return found
 
 
-def _same(candidates: Array, others: Array) -> Bools:
-    # Loaded only when it is needed.
-    from scipy.spatial.distance import cdist
-
-    return np.asarray(cdist(candidates, others) <= APART)
-
-
-def _neighbours(candidates: Array, others: Array) -> Places:
-    # How many others each candidate may be the same as: by one weighted sum of the unknowns, in order, which
-    # is far less than all distances.
+def _alike(candidates: Array, others: Array) -> tuple[Places, Places]:
+    # Pairs of a candidate and another that are the same: of those alike by one weighted sum of the unknowns,
+    # in order, which are far fewer than all.
     if not len(candidates) or not len(others):
-        return np.zeros(len(candidates), dtype=np.int64)
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     weights = 1.0 + np.arange(candidates.shape[1])
     slack = 1e-12 * (1.0 + max(np.abs(table).max() for table in (candidates, others))) * weights.sum()
-    sums, order = candidates @ weights, np.sort(others @ weights)
-    first = np.searchsorted(order, sums - slack)
-    return np.asarray(np.searchsorted(order, sums + slack, side="right") - first)
+    sums, theirs = candidates @ weights, others @ weights
+    order = np.argsort(theirs)
+    last = np.searchsorted(theirs[order], sums + slack, side="right")
+    count = last - np.searchsorted(theirs[order], sums - slack)
+    one = np.repeat(np.arange(len(candidates)), count)
+    other = order[np.arange(len(one)) + np.repeat(last - np.cumsum(count), count)]
+    apart = np.linalg.norm(candidates[one] - others[other], axis=1)
+    return one[apart <= APART], other[apart <= APART]
