@@ -47,6 +47,17 @@ PROBLEMS: dict[str, dict[str, Any]] = {
             PathLength(bounds=0.3),
         ),
     },
+    "limits on instants": {
+        "design": DesignSpace(**SPACE, runs=2, start="free"),
+        "measurement": Displacements(segments=4),
+        "limits": (
+            SPEED,
+            BOX,
+            BodySpeed(bounds=(-0.3, 0.4)),
+            Obstacles(shapes=(CircularObstacle(kind="circle", x=0.5, y=0.5, radius=0.2),)),
+            ACCELERATION,
+        ),
+    },
     "robust": {
         **SPACE,
         "measurement": Displacements(segments=4),
@@ -124,6 +135,11 @@ def test_violations_are_those_of_the_rows(overrides: dict[str, Any]):
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
     assert (violations > 0).any(axis=1).all()
     assert first == len(values[1])
+
+
+def test_a_sample_is_looked_at_as_a_whole_where_all_its_rows_count():
+    rows = terms_of(problem_of(**PROBLEMS["limits on instants"]), refine=2)._plan.rows
+    assert [one.tolist() for one in rows.whole_samples] == [list(range(120))] * 3
 
 
 def test_long_drives_are_not_written_out(monkeypatch: pytest.MonkeyPatch):

@@ -154,9 +154,8 @@ class Terms(ABC):
         for rows in self.rows:
             own = stacked[first : first + len(rows.lower)]
             first += len(rows.lower)
-            beyond = ca.fmax(_above(own, rows.upper), _below(own, rows.lower))
-            worst.append(ca.fmax(0, beyond) / rows.size)
-        return ca.Function("scores", [z], [entries, ca.vertcat(*worst)])
+            worst.append(ca.fmax(0, excess(own, rows)) / rows.size)
+        return scores_of(z, entries, worst)
 
     @property
     def scores_written_out(self) -> ca.Function:
@@ -256,6 +255,23 @@ def said_once(slopes: Array, constants: Array, rows: RowBounds | Rows) -> Bools:
     kept = np.zeros(len(table), dtype=bool)
     kept[np.unique(keys, axis=0, return_index=True)[1]] = True
     return kept
+
+
+def scores_of(unknowns: Expression, entries: Expression, worst: Sequence[Expression]) -> ca.Function:
+    """The function from unknowns to entries and violations, both dense.
+
+    Args:
+        unknowns: z (MX).
+        entries: of the matrices.
+        worst: of every limit the largest violation over its size.
+    """
+    both = [ca.densify(entries), ca.densify(ca.vertcat(ca.MX(0, 1), *worst))]
+    return ca.Function("scores", [unknowns], both)
+
+
+def excess(values: Expression, rows: RowBounds | Rows) -> Expression:
+    """The most by which values (rows,) are beyond their bounds; below 0 where none is."""
+    return ca.fmax(_above(values, rows.upper), _below(values, rows.lower))
 
 
 def _above(values: Expression, upper: Array) -> Expression:

@@ -22,7 +22,7 @@ from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.measurement.sensor import joint_readings
 from oed.kernel.measurement.update import Update
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import small_drive, upper_half
+from oed.optimize.terms.base import excess, small_drive, upper_half
 from oed.optimize.terms.blocks import Packed, pull
 from oed.optimize.terms.carry import Carry
 from oed.optimize.terms.needs import Asked
@@ -107,6 +107,16 @@ class Cell:
     def values(self) -> ca.Function:
         """(x, inputs, which sensors read) -> x at the end, what is gathered, limit rows."""
         return ca.Function("cell", self._arguments, self._parts)
+
+    @cached_property
+    def scored(self) -> ca.Function:
+        """(x, inputs, which sensors read) -> x at the end, what is gathered, every limit's excess."""
+        each, first = [], 0
+        for rows in self.rows:
+            count = rows.expression.shape[0]
+            each.append(excess(self._parts[2][first : first + count], rows))
+            first += count
+        return ca.Function("cell", self._arguments, [*self._parts[:2], ca.vertcat(ca.SX(0, 1), *each)])
 
     @cached_property
     def _slopes(self) -> list[Expression]:

@@ -76,15 +76,20 @@ class Kernel:
         table[:, :, self.states :] = basis.reshape(self._count, self.inputs, layout.own)
         return ca.DM(table.reshape(-1, self.size).T)
 
-    def roll(self, first: Expression, inputs: Expression) -> tuple[Expression, ...]:
+    def roll(self, values: ca.Function, first: Expression, inputs: Expression) -> tuple[Expression, ...]:
         """What is handed on at every sample's begin (width, samples), the states that pieces end with, what
-        pieces gather that changes, their rows; from states that runs begin with, by every sample's inputs.
+        pieces gather that changes, the samples' rows, or what else stands for them (rows, samples).
+
+        Args:
+            values: the cell's function that says so of a sample.
+            first: states that runs begin with, (states, runs).
+            inputs: of every sample, (inputs, samples).
         """
         cell, count, space = self.cell, self.layout.count, self.layout.space
         ends = (np.arange(1, count + 1) * self.layout.samples - 1).tolist()
         if not cell.carry.moving:
             # Without sensitivities, which every piece begins anew, a run is a single pass.
-            along = cell.values.mapaccum(space.samples).map(space.runs)
+            along = values.mapaccum(space.samples).map(space.runs)
             following, gathered, rows = along(first, inputs, self.reads)
             points = begins(first, following, space.samples)
             states = following[:, ends]
@@ -93,11 +98,11 @@ class Kernel:
             states = step(first, inputs)[:, ends]
             starts = begins(first, states, self.layout.each)
             begin = ca.vertcat(starts, ca.repmat(ca.MX(cell.carry.begin), 1, count))
-            along = cell.values.mapaccum(self.layout.samples).map(count)
+            along = values.mapaccum(self.layout.samples).map(count)
             following, gathered, rows = along(begin, inputs, self.reads)
             points = begins(begin, following, self.layout.samples)
         total = ca.vertcat(following[self.states :, ends], self._added(gathered[self.informed, :]))
-        return points, states, total, ca.reshape(rows, -1, count)
+        return points, states, total, rows
 
     def _added(self, each: Expression) -> Expression:
         # Sums over the samples of every piece.

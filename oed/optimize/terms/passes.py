@@ -108,9 +108,9 @@ class Sweep:
         z: the unknowns.
     """
 
-    def __init__(self, plan: Plan) -> None:
-        """Begin with z."""
-        self.plan, self.z = plan, ca.MX.sym("z", plan.terms.size)
+    def __init__(self, plan: Plan, *, scoring: bool = False) -> None:
+        """Begin with z; `scoring` for `entries` and `worst` alone."""
+        self.plan, self.z, self._scoring = plan, ca.MX.sym("z", plan.terms.size), scoring
         self._kernel, self._link, self._join = plan.kernel, plan.link, plan.condensing
         self._size = plan.terms.size
         self._count, self._runs = plan.layout.count, plan.layout.space.runs
@@ -148,7 +148,8 @@ class Sweep:
     @cached_property
     def _rolled(self) -> tuple[Expression, ...]:
         # What is handed on at every sample's begin, the pieces' end states, what they gather, their rows.
-        return self._kernel.roll(self._starts, self._inputs)
+        cell = self._kernel.cell
+        return self._kernel.roll(cell.scored if self._scoring else cell.values, self._starts, self._inputs)
 
     @cached_property
     def _carried(self) -> Expression:
@@ -197,8 +198,16 @@ class Sweep:
     @property
     def rows(self) -> Expression:
         """The limits' rows."""
-        first = self.plan.first.values.map(self._runs)(self._starts)
-        return self.plan.rows.values(self.z, first, self._rolled[3])
+        return self.plan.rows.values(self.z, self._first, ca.reshape(self._rolled[3], -1, self._count))
+
+    @property
+    def _first(self) -> Expression:
+        return self.plan.first.values.map(self._runs)(self._starts)
+
+    @property
+    def worst(self) -> list[Expression]:
+        """The excess of every limit's rows, where `whole_samples` count."""
+        return self.plan.rows.excesses(self.z, self._first, self._rolled[3])
 
     @cached_property
     def _sample_slopes(self) -> tuple[Expression, ...]:

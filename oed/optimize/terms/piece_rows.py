@@ -13,7 +13,7 @@ from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.embedding import without_zeros
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
-from oed.optimize.terms.base import RowBounds, Terms, said_once, small_drive
+from oed.optimize.terms.base import RowBounds, Terms, excess, said_once, small_drive
 from oed.optimize.terms.cell import Cell
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.needs import Needs
@@ -117,17 +117,18 @@ class PieceRows:
     def _sort(self, needs: Needs) -> None:
         self.bounds: list[RowBounds] = []
         self.linear: list[bool] = []
-        source: list[Places] = []
+        self._sources: list[Places] = []
         for rows, places, linear in self._served(needs):
             kept = self._pool.moved[places].any(axis=1)
             if self._repeats and len(places) and places[-1] < len(self._pool.constant):
                 kept &= said_once(self._pool.slope[places], self._pool.constant[places], rows)
-            source.append(places[kept])
+            self._sources.append(places[kept])
             self.bounds.append(RowBounds(rows.lower[kept], rows.upper[kept], rows.size, rows.unit))
             self.linear.append(linear)
         more = [self._per_sample(index)[1] for index in range(len(needs.asked), len(self._cell.limits))]
-        self._source = np.concatenate([np.zeros(0, dtype=np.int64), *source, *more])
-        count = sum(map(len, source))
+        self._source = np.concatenate([np.zeros(0, dtype=np.int64), *self._sources, *more])
+        count = sum(map(len, self._sources))
+        self._cell_limits = [sorted([*needs.tables, *needs.asked]).index(limit) for limit in needs.asked]
         self.states_moved = self._pool.moved[self._source[count:]]
 
     def _served(self, needs: Needs) -> Iterator[tuple[Rows, Places, bool]]:
@@ -169,8 +170,50 @@ class PieceRows:
             first: rows of the first instants (first, runs).
             rows: of the pieces (rows, pieces).
         """
-        own = without_zeros(self._pool.slope) @ z + ca.DM(self._pool.constant)
-        return ca.vertcat(own, ca.vec(first), ca.vec(rows))[self._source.tolist()]
+        return ca.vertcat(self._tables(z), ca.vec(first), ca.vec(rows))[self._source.tolist()]
+
+    @property
+    def _before(self) -> int:
+        # Rows of the pool before those of samples.
+        return len(self._pool.constant) + self._layout.space.runs * self._pool.of_first
+
+    @cached_property
+    def whole_samples(self) -> list[Places] | None:
+        """Samples whose rows of each of the cell's limits count; None where of some of them only a part does.
+
+        A sample's rows of one limit may then be looked at together, as `Cell.scored` does.
+        """
+        found = []
+        for rows, limit in zip(self._cell.rows, self._cell_limits, strict=True):
+            places = self._sources[limit]
+            samples = (places[places >= self._before] - self._before) // self._of_sample
+            kept, counts = np.unique(samples, return_counts=True)
+            if (counts != rows.expression.shape[0]).any():
+                return None
+            found.append(kept)
+        return found
+
+    def excesses(self, z: Expression, first: Expression, each: Expression) -> list[Expression]:
+        """Of every limit the most by which its rows are beyond their bounds.
+
+        Args:
+            z: the unknowns.
+            first: rows of the first instants (first, runs).
+            each: of the samples' rows of each of the cell's limits the same (limits, samples).
+        """
+        assert self.whole_samples is not None
+        pool = ca.vertcat(self._tables(z), ca.vec(first))
+        found = []
+        for places, bounds in zip(self._sources, self.bounds, strict=True):
+            alone = places < self._before
+            sides = replace(bounds, lower=bounds.lower[alone], upper=bounds.upper[alone])
+            found.append(excess(pool[places[alone].tolist()], sides))
+        for index, (limit, samples) in enumerate(zip(self._cell_limits, self.whole_samples, strict=True)):
+            found[limit] = ca.fmax(found[limit], ca.mmax(each[index, samples.tolist()]))
+        return found
+
+    def _tables(self, z: Expression) -> Expression:
+        return without_zeros(self._pool.slope) @ z + ca.DM(self._pool.constant)
 
     def slopes(self, first: Expression, rows: Expression) -> Expression:
         """Derivatives of all rows (sparse), from those (size, rows * number) of instants and of pieces."""

@@ -13,7 +13,7 @@ import casadi as ca
 from oed.kernel.measurement.filter_rows import reads_of
 from oed.kernel.measurement.sensor import start_nuisances
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import RowBounds, Terms
+from oed.optimize.terms.base import RowBounds, Terms, scores_of
 from oed.optimize.terms.cell import Cell, carry_of
 from oed.optimize.terms.kernel import Kernel
 from oed.optimize.terms.layout import PieceLayout
@@ -67,6 +67,17 @@ class Pieces(Terms):
     def operations(self) -> int:
         """Operations of a whole drive, one after the other."""
         return int(self._plan.kernel.cell.values.n_instructions()) * self.problem.design.all_samples
+
+    @cached_property
+    def scores(self) -> ca.Function:
+        """Z -> entries of the matrices, and for every limit its largest violation over its size: of samples
+        at once where that is all that is asked, for then no row need be kept.
+        """
+        if self._whole is not None or self._plan.rows.whole_samples is None:
+            return super().scores
+        sweep = Sweep(self._plan, scoring=True)
+        worst = [ca.fmax(0, one) / rows.size for one, rows in zip(sweep.worst, self.rows, strict=True)]
+        return scores_of(sweep.z, sweep.entries, worst)
 
     @cached_property
     def scores_written_out(self) -> ca.Function:

@@ -11,6 +11,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.criteria.criterion import lifted
+from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.square_root import SquareRoot
@@ -154,12 +155,12 @@ class DesignExpressions:
         # For every robot its matrices (K, p, p); relative violations (K, limits).
         count = len(candidates)
         several = ("thread", min(threads, count)) if min(threads, count) > 1 else ()
-        nominal, violations = map(np.array, self._scores.map(count, *several)(candidates.T))
-        found = [stacks(nominal, self.sizes)] * len(self.robots)
+        nominal, violations = direct_call(self._scores.map(count, *several), candidates)
+        found = [stacks(nominal.reshape(count, -1).T, self.sizes)] * len(self.robots)
         for place, parameters, shift in self.others:
             other = self.other_robots.values.map("robots", "serial", count, [1, 2], [])
             found[place] = stacks(np.array(other(candidates.T, parameters, shift)), self.sizes)
-        return _finite(found, violations.T.reshape(count, -1))
+        return _finite(found, violations.reshape(count, -1))
 
 
 def _finite(robots: list[list[Array]], violations: Array) -> tuple[list[list[Array]], Array]:
