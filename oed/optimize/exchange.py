@@ -27,7 +27,7 @@ from oed.optimize.transcription.program import Outcome
 PER_UNKNOWN = 2.0
 """Instants per unknown of an input that a search begins with in a run."""
 LEAST, MOST = 10, 32
-"""Instants of a run that it begins with at least, and at most: more make every iteration slower than they save."""
+"""Instants of a run that it begins with at least, and at most: more cost more than they save."""
 ENOUGH = 1e-4
 """Share of a limit's size by which a drive exceeds it where nothing is added any more."""
 EXCHANGES = 10
@@ -56,8 +56,11 @@ class Instants:
 
     def joined(self, other: Instants) -> Instants:
         """These and others."""
-        parts = zip((self.row, self.run, self.time), (other.row, other.run, other.time), strict=True)
-        return Instants(*map(np.concatenate, parts))
+        return Instants(
+            np.concatenate([self.row, other.row]),
+            np.concatenate([self.run, other.run]),
+            np.concatenate([self.time, other.time]),
+        )
 
     def some(self, which: Bools) -> Instants:
         """Some of them."""
@@ -66,7 +69,8 @@ class Instants:
     def near(self, other: Instants, apart: float) -> Bools:
         """Which are of a row that the other ones have less than some time apart [s], (K,)."""
         same = (self.row[:, None] == other.row) & (self.run[:, None] == other.run)
-        return (same & (np.abs(self.time[:, None] - other.time) < apart)).any(axis=1)
+        close = np.abs(self.time[:, None] - other.time) < apart
+        return np.asarray((same & close).any(axis=1))
 
 
 class Exchange:
@@ -91,9 +95,9 @@ class Exchange:
         space, rows = self._problem.design, self._rows.count
         count = int(np.clip(PER_UNKNOWN * max(self._terms.embedding.counts, default=0), LEAST, MOST))
         times = space.duration * np.arange(1, count + 1) / count
-        grid = np.meshgrid(np.arange(rows), np.arange(space.runs), times, indexing="ij")
-        row, run, time = (one.ravel() for one in grid)
-        return Instants(row, run, time)
+        row = np.repeat(np.arange(rows), space.runs * count)
+        run = np.tile(np.repeat(np.arange(space.runs), count), rows)
+        return Instants(row, run, np.tile(times, rows * space.runs))
 
     def exceeded(self, drive: Trajectory, share: float, fine: int) -> Instants:
         """The worst instants of a drive: of every row the highest in each stretch where it is exceeded.

@@ -25,13 +25,12 @@ from oed.foundation.work.parallel import Workers, at_once, run_tasks
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Status
+from oed.optimize.generations import Generations, OfPymoo, OnArrays, Operators, Scored, Standing
 from oed.optimize.solver import Context, Solver
 from oed.optimize.standing import announce_drive
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives, start_bounds
-
-Scores = tuple[Array, Array]
 
 REFINE = 2
 """Path points per sample that the population is checked at; the best are re-scored at all times."""
@@ -44,12 +43,14 @@ WORTH = 0.5
 """Time [s] of scoring a generation here from which it is sent to workers.
 
 Sending one costs 15 ms here and 0.1 s on a cluster, starting processes some seconds. 200 drives of 200
-samples take 0.02 s: they are scored here.
+samples take 3 to 8 ms: they are scored here.
 """
 THREADS = 4
 """Threads that score a generation here, at most: the more there are, the less each adds."""
-COMPILED = 30.0
-"""Time [s] of all that is to be scored from which compiling first is faster."""
+COMPILED = 0.5
+"""Time [s] of all that is still to be scored from which generated C is thought of."""
+SPARED = 0.6
+"""Share of that time that it spares."""
 
 
 class PopulationSearch(Solver):
@@ -68,8 +69,21 @@ class PopulationSearch(Solver):
     time_limit: Annotated[Duration, Field(gt=0)] | None = None
 
     @abstractmethod
-    def algorithm(self, sampling: Array) -> Any:
-        """The pymoo algorithm, beginning with the unknowns `sampling` (population, size)."""
+    def begun(self, searched: Any, sampling: Array, seed: int) -> Generations:
+        """The search's generations.
+
+        Args:
+            searched: the problem as one of pymoo's.
+            sampling: unknowns to begin with, (population, size).
+            seed: of all random numbers.
+        """
+
+    def _of_pymoo(self, algorithm: Any, searched: Any, seed: int) -> Generations:
+        from pymoo.termination import get_termination
+
+        termination = get_termination("n_gen", self.generations)
+        algorithm.setup(searched, termination=termination, seed=seed, verbose=False)
+        return OfPymoo(algorithm)
 
     def search(self, problem: Problem, context: Context) -> Solution:
         """The best design of all generations; interrupted, the best so far."""
@@ -88,23 +102,36 @@ class Genetic(PopulationSearch):
     crossover: Literal["sbx", "uniform", "two_point"] = "sbx"
     mutation: Literal["polynomial", "gaussian"] = "polynomial"
 
-    def algorithm(self, sampling: Array) -> Any:
-        """Pymoo's GA with the operators chosen."""
-        from pymoo.algorithms.soo.nonconvex.ga import GA
+    def begun(self, searched: Any, sampling: Array, seed: int) -> Generations:
+        """Those of pymoo's GA with the operators chosen."""
+        return OnArrays(self.operators(searched), searched.scored, sampling, self.generations, seed)
+
+    def operators(self, searched: Any) -> Operators:
+        """Pymoo's operators chosen, for a problem of pymoo's."""
         from pymoo.operators.crossover.pntx import TwoPointCrossover
         from pymoo.operators.crossover.sbx import SBX
         from pymoo.operators.crossover.ux import UniformCrossover
-        from pymoo.operators.mutation.gauss import GaussianMutation
         from pymoo.operators.mutation.pm import PM
 
         crossovers = {"sbx": SBX, "uniform": UniformCrossover, "two_point": TwoPointCrossover}
-        mutations = {"polynomial": PM, "gaussian": GaussianMutation}
-        return GA(
-            pop_size=self.population,
-            sampling=sampling,
-            crossover=crossovers[self.crossover](),
-            mutation=mutations[self.mutation](),
-        )
+        mutations = {"polynomial": PM, "gaussian": _gaussian}
+        return Operators(crossovers[self.crossover](), mutations[self.mutation](), searched)
+
+
+def _gaussian() -> Any:
+    from pymoo.operators.mutation.gauss import GaussianMutation
+    from pymoo.operators.repair.bounds_repair import repair_random_init
+
+    class Seeded(GaussianMutation):  # type: ignore[misc]
+        # Pymoo's own puts back what leaves the bounds by random numbers without a seed.
+        def _do(self, problem: Any, X: Array, random_state: Any = None, **_: Any) -> Array:
+            moved = random_state.random(X.shape) < self.get_prob_var(problem, size=(len(X), 1))
+            spread = np.broadcast_to(self.sigma.get() * (problem.xu - problem.xl), X.shape)
+            found = np.array(X, dtype=float)
+            found[moved] = random_state.normal(X[moved], spread[moved])
+            return np.asarray(repair_random_init(found, X, problem.xl, problem.xu, random_state=random_state))
+
+    return Seeded()
 
 
 class DifferentialEvolution(PopulationSearch):
@@ -113,11 +140,12 @@ class DifferentialEvolution(PopulationSearch):
     kind: Literal["differential_evolution"] = "differential_evolution"
     variant: Annotated[str, Field(pattern=r"^DE/(best|rand)/\d/(bin|exp)$")] = "DE/best/1/bin"
 
-    def algorithm(self, sampling: Array) -> Any:
-        """Pymoo's DE."""
+    def begun(self, searched: Any, sampling: Array, seed: int) -> Generations:
+        """Those of pymoo's DE."""
         from pymoo.algorithms.soo.nonconvex.de import DE
 
-        return DE(pop_size=self.population, sampling=sampling, variant=self.variant)
+        algorithm = DE(pop_size=self.population, sampling=sampling, variant=self.variant)
+        return self._of_pymoo(algorithm, searched, seed)
 
 
 class CmaEs(PopulationSearch):
@@ -127,12 +155,13 @@ class CmaEs(PopulationSearch):
     population: Annotated[int, Field(ge=4, le=1_000_000)] = 40
     sigma: Annotated[float, Field(gt=0, lt=1)] = 0.05
 
-    def algorithm(self, sampling: Array) -> Any:
-        """Pymoo's CMA-ES from the gentlest drive of the sampling."""
+    def begun(self, searched: Any, sampling: Array, seed: int) -> Generations:
+        """Those of pymoo's CMA-ES from the gentlest drive of the sampling."""
         from pymoo.algorithms.soo.nonconvex.cmaes import CMAES
 
         gentlest = sampling[np.argmin(np.abs(sampling).max(axis=1))]
-        return CMAES(x0=gentlest, sigma=self.sigma, pop_size=self.population)
+        algorithm = CMAES(x0=gentlest, sigma=self.sigma, pop_size=self.population)
+        return self._of_pymoo(algorithm, searched, seed)
 
 
 class Population:
@@ -151,25 +180,29 @@ class Population:
         self._design, self._refine, self._workers = design, refine, workers
         self._seconds = 0.0
 
-    def score(self, candidates: Array) -> Scores:
+    def score(self, candidates: Array) -> Scored:
         """Criterion (K,) and relative violation of each limit (K, limits) of candidates (K, size)."""
         if self._workers != 1 and self._seconds * len(candidates) > WORTH:
             return self._shared(candidates)
-        # Compiling, on the first call, is not to be taken for scoring.
-        self._design.terms.scores  # noqa: B018
+        # Writing the drive out, on the first call, is not to be taken for scoring.
+        self._design.terms.scores_written_out  # noqa: B018
         began = time.perf_counter()
         threads = min(self._workers, THREADS) if isinstance(self._workers, int) else 1
         scores = self._design.score_many(candidates, threads)
         self._seconds = (time.perf_counter() - began) / len(candidates)
-        if not self._compiled and self._seconds * self._expected >= COMPILED:
-            self._design.compile_scores()
+        left = self._seconds * (self._expected - len(candidates))
+        if not self._compiled and left >= COMPILED:
+            self._design.compile_scores(SPARED * left)
             self._compiled = True
+            # To be found out again.
+            self._seconds = 0.0
         return scores
 
-    def _shared(self, candidates: Array) -> Scores:
+    def _shared(self, candidates: Array) -> Scored:
         parts = np.array_split(candidates, at_once(self._workers))
-        tasks = [_Part(self._design.problem, self._refine, part) for part in parts if len(part)]
-        found: dict[int, Scores] = {}
+        problem, refine = self._design.problem, self._refine
+        tasks = [_Part(problem, refine, part, self._compiled) for part in parts if len(part)]
+        found: dict[int, Scored] = {}
         run_tasks(_scored, tasks, self._workers, found.__setitem__)
         values, violations = zip(*(found[index] for index in range(len(tasks))), strict=True)
         return np.concatenate(values), np.concatenate(violations)
@@ -180,11 +213,15 @@ class _Part:
     problem: Problem
     refine: int
     candidates: Array
+    compiled: bool
 
 
-def _scored(part: _Part) -> Scores:
-    # The terms are written once in each process.
-    return DesignExpressions(part.problem, part.refine, differentiated=False).score_many(part.candidates)
+def _scored(part: _Part) -> Scored:
+    # The terms are written once in each process; what was compiled is taken where it is kept.
+    design = DesignExpressions(part.problem, part.refine)
+    if part.compiled:
+        design.compile_scores(spared=0.0)
+    return design.score_many(part.candidates)
 
 
 def _as_pymoo(design: DesignExpressions, population: Population) -> Any:
@@ -204,6 +241,9 @@ def _as_pymoo(design: DesignExpressions, population: Population) -> Any:
                 xl=bounds[:, 0],
                 xu=bounds[:, 1],
             )
+
+        def scored(self, candidates: Array) -> Scored:
+            return population.score(candidates)
 
         def _evaluate(self, x: Array, out: dict[str, Any], *_: Any, **__: Any) -> None:
             values, violations = population.score(x)
@@ -237,7 +277,7 @@ class _Run:
         # Again with more points of the path, as long as all that is found slips through between them.
         rng, refine = self.context.rng(3), REFINE
         while True:
-            self.grid = Grid(self.problem, refine=refine, differentiated=False)
+            self.grid = Grid(self.problem, refine=refine)
             self.design = self.grid.design
             self.refused.clear()
             status = self._generations(rng, refine)
@@ -252,23 +292,19 @@ class _Run:
         return limit is not None and self.evaluations >= limit
 
     def _generations(self, rng: np.random.Generator, refine: int) -> Status:
-        from pymoo.termination import get_termination
-
         options, before = self.options, self.evaluations
         amplitudes = rng.uniform(0.05, 1.0, options.population)
         sampling = random_drives(self.design, amplitudes, rng)
-        algorithm = options.algorithm(sampling)
-        termination = get_termination("n_gen", options.generations)
         seed = int(rng.integers(2**31))
         expected = options.population * options.generations
         expected = min(expected, options.evaluations or expected)
         population = Population(self.design, refine, self.context.workers, expected)
-        algorithm.setup(_as_pymoo(self.design, population), termination=termination, seed=seed, verbose=False)
+        generations = options.begun(_as_pymoo(self.design, population), sampling, seed)
         self.context.progress.begin(options.kind, options.generations)
-        while algorithm.has_next():
-            algorithm.next()
-            self.evaluations = before + int(algorithm.evaluator.n_eval)
-            self._keep_best(algorithm)
+        while not generations.ended:
+            generations.advance()
+            self.evaluations = before + generations.evaluations
+            self._keep_best(generations.standing)
             kind = self.problem.criterion.kind
             note = "" if self.best is None else f"best by {kind}: {self.best[1].objective:.4g}"
             self.context.progress.advance(note)
@@ -277,11 +313,11 @@ class _Run:
             if self._enough:
                 break
         if self.best is None:
-            self._keep_best(algorithm, last=True)
+            self._keep_best(generations.standing, last=True)
         return Status.SEARCHED
 
-    def _keep_best(self, algorithm: Any, *, last: bool = False) -> None:
-        for value, unknowns in islice(self._fresh(algorithm.pop), None if last else RESCORED):
+    def _keep_best(self, standing: Standing, *, last: bool = False) -> None:
+        for value, unknowns in islice(self._fresh(standing), None if last else RESCORED):
             if value <= self.standing:
                 return
             # A drive that is not finite keeps no limit.
@@ -292,14 +328,14 @@ class _Run:
                     return
             self.refused.add(unknowns.tobytes())
 
-    def _fresh(self, population: Any) -> Iterator[tuple[float, Array]]:
+    def _fresh(self, standing: Standing) -> Iterator[tuple[float, Array]]:
         # Drives that keep the limits where the population is checked, the best first, but those that do not
         # keep them between: surviving from generation to generation, they would be in the others' way.
-        values = -np.array([one.F[0] for one in population])
-        for index in np.argsort(-values, kind="stable"):
-            unknowns = np.asarray(population[index].X, dtype=float)
-            if population[index].feas and unknowns.tobytes() not in self.refused:
-                yield float(values[index]), unknowns
+        feasible = standing.feasible
+        for index in np.argsort(standing.costs, kind="stable"):
+            unknowns = standing.unknowns[index]
+            if feasible[index] and unknowns.tobytes() not in self.refused:
+                yield -float(standing.costs[index]), unknowns
 
     def _keep(self, value: float, unknowns: Array, evaluation: Evaluation) -> None:
         self.standing = value

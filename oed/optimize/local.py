@@ -68,7 +68,7 @@ class LocalSearch:
     """The compiled programs of one problem: the criterion's, and the second stage's.
 
     Limits on instants hold at those that the search has come across. Of a robust problem, limits on the path
-    hold at `refine` points per sample; where a design slips through between them, the search goes on with more.
+    hold at `refine` points per sample; where a design slips through between them, it goes on with more.
     """
 
     def __init__(self, problem: Problem, settings: Settings, refine: int = 1) -> None:
@@ -129,7 +129,7 @@ class LocalSearch:
         nothing = self.grid.no_correction
         floors = np.zeros(self._objective.floors.shape[0])
         loose = max(tolerance, self.settings.tolerance)
-        given = {"floors": floors, "barrier": barrier, "tolerance": loose}
+        given: dict[str, Any] = {"floors": floors, "barrier": barrier, "tolerance": loose}
         try:
             outcome, _ = self.exchanged(self.program, unknowns, nothing, **given)
         except NotFinite:
@@ -148,7 +148,7 @@ class LocalSearch:
         after: Outcome | None = None,
         **given: Any,
     ) -> tuple[Outcome, Instants]:
-        """Solve from a start with ever more instants of limits, until it keeps them: where that ends, and those.
+        """Solve from a start with ever more instants, until limits are kept: where that ends, and those.
 
         Args:
             program: that is solved.
@@ -260,10 +260,11 @@ class LocalSearch:
         # Solves under limits tightened again and again, each with what its end is worth.
         program = self.program if stage == "program" else self._second
         backoff = np.zeros(len(self.problem.limits))
-        after, instants = None, self.exchange.begun()
+        after: Outcome | None = None
+        instants = self.exchange.begun()
         for _ in range(ROUNDS):
-            given = {"floors": floors, "backoff": backoff, "after": after, "barrier": barrier}
-            outcome, instants = self.exchanged(program, unknowns, corrections, instants, **given)
+            given: dict[str, Any] = {"floors": floors, "backoff": backoff, "barrier": barrier}
+            outcome, instants = self.exchanged(program, unknowns, corrections, instants, after, **given)
             # Limits and corrections change little from round to round: each goes on from the one before.
             unknowns, after = outcome.unknowns, outcome if outcome.succeeded else None
             drive = self.grid.trajectory(unknowns)

@@ -24,6 +24,7 @@ from oed.foundation.work import parallel
 from oed.foundation.work.parallel import BREAKDOWNS, run_tasks
 from oed.optimize import genetic
 from oed.optimize.genetic import Population
+from oed.optimize.transcription.compiled import compiler
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives
 from oed.records.record import load_record
@@ -200,7 +201,7 @@ def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(genetic, "run_tasks", counting)
     monkeypatch.setattr(genetic, "WORTH", 0.0)
     problem = problem_of()
-    design = DesignExpressions(problem, refine=2, differentiated=False)
+    design = DesignExpressions(problem, refine=2)
     candidates = random_drives(design, np.linspace(0.1, 1, 11), np.random.default_rng(0))
     scored = Population(design, 2, 3)
     for _ in range(2):
@@ -212,9 +213,35 @@ def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
     assert counts == [3]
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
+def test_workers_take_what_was_compiled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    taken = []
+
+    def watching(function: Any, tasks: list[Any], workers: Any, take: Any) -> None:
+        run_tasks(function, tasks, 1, take)
+        taken.append([task.compiled for task in tasks])
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(genetic, "run_tasks", watching)
+    for name in ("oed.optimize.genetic.WORTH", "oed.optimize.genetic.COMPILED"):
+        monkeypatch.setattr(name, 0.0)
+    monkeypatch.setattr("oed.optimize.transcription.design.COMPILING", 0.0)
+    design = DesignExpressions(problem_of(), refine=2)
+    candidates = random_drives(design, np.linspace(0.1, 1, 11), np.random.default_rng(0))
+    expected = DesignExpressions(problem_of(), refine=2).score_many(candidates)
+    scored = Population(design, 2, 3, expected=1000)
+    for _ in range(3):
+        for found, other in zip(scored.score(candidates), expected, strict=True):
+            np.testing.assert_array_equal(found, other)
+    # Here first, and again when compiled; one library, which the workers take.
+    assert taken == [[True] * 3]
+    assert len(list((tmp_path / "oed").iterdir())) == 1
+
+
 def test_a_quick_population_is_scored_here(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(genetic, "run_tasks", None)
-    design = DesignExpressions(problem_of(), refine=2, differentiated=False)
+    design = DesignExpressions(problem_of(), refine=2)
     candidates = random_drives(design, np.full(5, 0.5), np.random.default_rng(0))
     scored = Population(design, 2, 2)
     for _ in range(2):

@@ -1,4 +1,4 @@
-"""Rows of instants for a program's slots, at random: of which the formulas of pieces and whole drives agree."""
+"""Rows of instants for a program's slots, at random."""
 
 from __future__ import annotations
 

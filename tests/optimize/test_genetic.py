@@ -289,6 +289,7 @@ def test_generated_c_changes_no_design(monkeypatch, tmp_path):
     plain = solve(PROBLEM, options, seed=1, workers=1)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr("oed.optimize.genetic.COMPILED", 0.0)
+    monkeypatch.setattr("oed.optimize.transcription.design.COMPILING", 0.0)
     quick = solve(PROBLEM, options, seed=1, workers=1)
     assert list((tmp_path / "oed").iterdir())
     np.testing.assert_array_equal(quick.trajectory.coefficients, plain.trajectory.coefficients)
@@ -296,7 +297,7 @@ def test_generated_c_changes_no_design(monkeypatch, tmp_path):
 
 
 def test_threads_change_no_score():
-    design = DesignExpressions(PROBLEM, 2, differentiated=False)
+    design = DesignExpressions(PROBLEM, 2)
     drives = np.random.default_rng(0).uniform(-0.3, 0.3, (7, design.terms.size))
     for alone, shared in zip(design.score_many(drives), design.score_many(drives, threads=3), strict=True):
         assert np.array_equal(alone, shared)

@@ -388,11 +388,6 @@ def test_other_drives_are_written_out(overrides: dict[str, Any]):
     assert isinstance(terms_of(problem), Unrolled)
 
 
-def test_so_are_those_that_nobody_differentiates():
-    assert isinstance(terms_of(small_problem(), refine=2, differentiated=False), Unrolled)
-    assert isinstance(terms_of(small_problem(), refine=2), Pieces)
-
-
 @pytest.mark.parametrize("measurement", [Displacements(segments=10), POSES], ids=["segments", "poses"])
 @pytest.mark.parametrize(
     "more",

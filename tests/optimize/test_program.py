@@ -19,7 +19,7 @@ from oed.optimize.terms.instants import LINEAR_WEIGHT
 from oed.optimize.transcription import program
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.program import Outcome, Program
-from oed.robots.limits import EndPosition, PathLength, Rectangle, WheelSpeed, YawRate
+from oed.robots.limits import PathLength, Rectangle, WheelSpeed, YawRate
 from oed.robots.models import SkidSteer
 from oed.robots.sensors import Displacements
 from oed.robots.space import DesignSpace

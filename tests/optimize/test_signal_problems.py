@@ -26,7 +26,6 @@ from oed.kernel.dynamics.signals import (
     SplineSignal,
 )
 from oed.kernel.limit import Limit, Rows
-from oed.optimize.terms import terms_of
 from oed.optimize.terms.layout import divisible
 from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
@@ -292,13 +291,6 @@ def test_gains_are_those_of_wider_ranges():
         more = oed.solve(replace(problem, limits=tuple(wider)), ipopt, seed=0, workers=1)
         gain = problem.objective.change(more.evaluation.objective, found.evaluation.objective, 2) / step
         assert found.gains[name] == pytest.approx(gain, rel=1e-2, abs=1e-4), pair
-
-
-def test_long_drives_are_not_written_out_for_values_alone():
-    problem = problem_of(samples=960)
-    values = terms_of(problem, differentiated=False)
-    assert isinstance(values, Pieces)
-    assert isinstance(terms_of(problem_of(), differentiated=False), Unrolled)
 
 
 def fishing(samples: int = 480, pieces: int = 48) -> oed.Problem:

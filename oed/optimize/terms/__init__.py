@@ -21,21 +21,15 @@ _KEPT: list[tuple[tuple[Any, ...], Terms]] = []
 """Terms written in this process with what they are of, the newest first."""
 _MOST = 2
 """Terms held at once: of all samples and of the search's fewer."""
-LONG = 500_000
-"""Operations of a drive from which it is not written out for values alone: some 0.3 GB, and 5 s."""
 
 
-def terms_of(problem: Problem, refine: int = 1, *, differentiated: bool = True) -> Terms:
+def terms_of(problem: Problem, refine: int = 1) -> Terms:
     """The terms of a problem, written once in a process for all criteria of the same matrices: from pieces
     where its drives can be cut into them, else unrolled.
-
-    Values alone, without derivatives, are found faster by unrolled ones, unless signals act in drives so long
-    that writing these out takes longer than it saves.
 
     Args:
         problem: whose terms they are.
         refine: points of the path per sample.
-        differentiated: whether derivatives are wanted.
     """
     criterion = problem.criterion
     same = (
@@ -50,20 +44,12 @@ def terms_of(problem: Problem, refine: int = 1, *, differentiated: bool = True) 
         criterion.scaling,
         criterion.subset,
         refine,
-        differentiated,
     )
     for key, terms in _KEPT:
         if key == same:
             return terms
-    terms = _written(problem, refine, differentiated=differentiated)
+    layout = divisible(problem)
+    terms = Unrolled(problem, refine) if layout is None else Pieces(problem, layout, refine)
     _KEPT.insert(0, (same, terms))
     del _KEPT[_MOST:]
     return terms
-
-
-def _written(problem: Problem, refine: int, *, differentiated: bool) -> Terms:
-    layout = divisible(problem) if differentiated or problem.design.own_signals else None
-    if layout is None:
-        return Unrolled(problem, refine)
-    pieces = Pieces(problem, layout, refine)
-    return pieces if differentiated or pieces.operations > LONG else Unrolled(problem, refine)

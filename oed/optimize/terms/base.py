@@ -62,7 +62,7 @@ class Swept(ABC):
     def curvature(
         self, entries: Expression, rows: Expression, states: Sequence[tuple[Begun, Expression]]
     ) -> Expression:
-        """Second derivatives (size, size) by z of the weighted sum of entries, rows and states (states, K)."""
+        """Second derivatives (size, size) by z of the weighted sum of entries, rows and states."""
 
 
 @dataclass(frozen=True)
@@ -109,8 +109,8 @@ class Terms(ABC):
     input's largest speed, and the start states where they are free. Positions are limited at `refine` points
     per sample.
 
-    Limits on instants have no rows but those of instants that are given with each call, in slots; of all other
-    limits there are all rows.
+    Limits on instants have no rows but those of instants that are given with each call, in slots; of all
+    other limits there are all rows.
 
     Attributes:
         size: of z; the first `coefficient_count` are of the inputs.
@@ -205,6 +205,16 @@ class Terms(ABC):
         """Z -> entries of the matrices, and for every limit its largest violation at the samples over its
         size.
         """
+
+    @property
+    def scores_written_out(self) -> ca.Function:
+        """Z -> what `scores` gives, to the last bit, in less time where no C is generated."""
+        return self.scores
+
+    @property
+    @abstractmethod
+    def written(self) -> int:
+        """Operations that generated C of the scores writes out."""
 
     @property
     @abstractmethod

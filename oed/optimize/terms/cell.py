@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
@@ -20,10 +21,11 @@ from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.measurement.sensor import joint_readings
 from oed.kernel.measurement.update import Update
 from oed.kernel.problem import Problem
-from oed.optimize.terms.matrices import upper_half
-from oed.optimize.terms.small_drives import small_drive
 from oed.optimize.terms.blocks import Packed, pull
 from oed.optimize.terms.carry import Carry
+from oed.optimize.terms.instants import InstantRows
+from oed.optimize.terms.matrices import upper_half
+from oed.optimize.terms.small_drives import small_drive
 
 FEW = 8
 """Numbers read in a period up to which derivatives are shorter by what each of them changes."""
@@ -88,6 +90,21 @@ class Cell:
     def values(self) -> ca.Function:
         """(x, inputs, which sensors read) -> x at the end, what is gathered."""
         return ca.Function("cell", self._arguments, self._parts)
+
+    def scored(self, instants: InstantRows, times: Sequence[float]) -> ca.Function:
+        """(x, inputs, which sensors read) -> x at the end, what is gathered, the most by which limits on
+        instants are exceeded at those times, each in shares of its size.
+
+        Args:
+            instants: rows of the limits.
+            times: since the sample's begin [s].
+        """
+        given = ca.vertcat(self._state, self._inputs, *([self._inputs] if instants.asking else []))
+        found = [instants.exceeded(instants.all_rows(given, time)) for time in times]
+        table = ca.horzcat(*found)
+        own = [np.flatnonzero(instants.owner == place).tolist() for place in instants.limits]
+        each = [ca.mmax(table[rows, :]) for rows in own]
+        return ca.Function("cell", self._arguments, ca.cse([*self._parts, ca.vertcat(ca.SX(0, 1), *each)]))
 
     @cached_property
     def _slopes(self) -> list[Expression]:

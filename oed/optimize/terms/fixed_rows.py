@@ -12,9 +12,9 @@ from oed.kernel.dynamics.embedding import without_zeros
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
 from oed.optimize.terms.base import Terms
-from oed.optimize.terms.row_bounds import RowBounds, said_once
 from oed.optimize.terms.needs import Needs
 from oed.optimize.terms.passes import BegunInPieces, Sweep
+from oed.optimize.terms.row_bounds import RowBounds, said_once
 from oed.optimize.terms.whole_rows import WholeRows, WholeSweep
 
 
@@ -49,10 +49,8 @@ class FixedRows:
         if whole is not None:
             own = zip(whole.bounds, whole.formulas.linear, strict=True)
             known |= dict(zip(needs.whole, own, strict=True))
-        counts = [len(known[place][0].lower) for place in (*tables, *(needs.whole if whole else ()))]
-        stand = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1]) if counts else []
-        placed = dict(zip((*tables, *(needs.whole if whole else ())), stand, strict=True))
-        self.order = np.concatenate([np.zeros(0, dtype=int), *(placed[one] for one in sorted(placed))]).tolist()
+        owner = np.repeat(list(known), [len(bounds.lower) for bounds, _ in known.values()])
+        self.order: list[int] = np.argsort(owner, kind="stable").tolist()
         known |= {place: (one, True) for place, one in without.items()}
         self.bounds, self.linear = map(list, zip(*(known[place] for place in sorted(known)), strict=True))
 
@@ -60,7 +58,8 @@ class FixedRows:
     def _table(terms: Terms, rows: Rows) -> tuple[Array, Array, RowBounds]:
         # Slopes and constants of rows that some unknown moves, each once, and their bounds.
         expression = ca.densify(rows.expression)
-        both = ca.Function("rows", [terms.unknowns], [ca.densify(ca.jacobian(expression, terms.unknowns)), expression])
+        steep = ca.densify(ca.jacobian(expression, terms.unknowns))
+        both = ca.Function("rows", [terms.unknowns], [steep, expression])
         slope, constant = map(np.array, both(np.zeros(terms.size)))
         slope, constant = slope.reshape(-1, terms.size), constant.ravel()
         moved = np.array(ca.DM(ca.jacobian_sparsity(expression, terms.unknowns), 1.0)) != 0
@@ -100,4 +99,3 @@ class FixedSweep:
             return 0, ()
         own = weights[np.argsort(self._rows.order).tolist()][len(self._rows.constant) :]
         return self._whole.curvature(own)
-

@@ -90,9 +90,8 @@ class InstantRows:
             for place, one in zip(limits, each, strict=True)
         }
         sizes = np.repeat([one.size for one in each], [len(one.lower) for one in each])
-        lower, upper = (
-            np.concatenate([np.zeros(0), *(getattr(one, side) for one in each)]) for side in ("lower", "upper")
-        )
+        lower = np.concatenate([np.zeros(0), *(one.lower for one in each)])
+        upper = np.concatenate([np.zeros(0), *(one.upper for one in each)])
         self.lower, self.upper = self.weight * lower / sizes, self.weight * upper / sizes
         chosen, factor = ca.SX.sym("chosen", len(self.weight)), ca.SX.sym("factor")
         self._chosen, self._factor = chosen, factor
@@ -161,4 +160,3 @@ class InstantRows:
 @lru_cache(maxsize=32)
 def _mapped(function: ca.Function, count: int) -> DirectCall:
     return DirectCall(function.map(count))
-

@@ -70,16 +70,21 @@ class Kernel:
         table[:, :, self.states :] = basis.reshape(self._count, self.inputs, layout.own)
         return ca.DM(table.reshape(-1, self.size).T)
 
-    def roll(self, first: Expression, inputs: Expression) -> tuple[Expression, ...]:
+    def roll(self, values: ca.Function, first: Expression, inputs: Expression) -> tuple[Expression, ...]:
         """What is handed on at every sample's begin (width, samples), the states that pieces end with, what
-        pieces gather that changes; from states that runs begin with, by every sample's inputs.
+        pieces gather that changes, and what else is said of every sample.
+
+        Args:
+            values: the cell's function that says so of a sample.
+            first: states that runs begin with, (states, runs).
+            inputs: of every sample, (inputs, samples).
         """
         cell, count, space = self.cell, self.layout.count, self.layout.space
         ends = (np.arange(1, count + 1) * self.layout.samples - 1).tolist()
         if not cell.carry.moving:
             # Without sensitivities, which every piece begins anew, a run is a single pass.
-            along = cell.values.mapaccum(space.samples).map(space.runs)
-            following, gathered = along(first, inputs, self.reads)
+            along = values.mapaccum(space.samples).map(space.runs)
+            following, gathered, *more = along(first, inputs, self.reads)
             points = begins(first, following, space.samples)
             states = following[:, ends]
         else:
@@ -87,11 +92,11 @@ class Kernel:
             states = step(first, inputs)[:, ends]
             starts = begins(first, states, self.layout.each)
             begin = ca.vertcat(starts, ca.repmat(ca.MX(cell.carry.begin), 1, count))
-            along = cell.values.mapaccum(self.layout.samples).map(count)
-            following, gathered = along(begin, inputs, self.reads)
+            along = values.mapaccum(self.layout.samples).map(count)
+            following, gathered, *more = along(begin, inputs, self.reads)
             points = begins(begin, following, self.layout.samples)
         total = ca.vertcat(following[self.states :, ends], self._added(gathered[self.informed, :]))
-        return points, states, total
+        return points, states, total, *more
 
     def _added(self, each: Expression) -> Expression:
         # Sums over the samples of every piece.
@@ -100,7 +105,7 @@ class Kernel:
         return each @ ca.DM(pattern, 1.0)
 
     def sample_slopes(self, points: Expression, inputs: Expression) -> tuple[Expression, ...]:
-        """Entries of every sample's slopes (of what is handed on, of what is gathered; by that and inputs)."""
+        """Entries of every sample's slopes (of what is handed on, of what is gathered; by both)."""
         found: tuple[Expression, ...] = self.cell.jacobian.map(self._count)(points, inputs, self.reads)
         return found
 

@@ -67,7 +67,7 @@ def _on_splines(problem: Problem, limit: Limit, bounding: Bounding) -> Rows | No
 
 
 def by_instants(problem: Problem, limit: Limit) -> bool:
-    """Whether a limit's rows are those of every instant by itself, as it says, for the nominal robot alone."""
+    """Whether a limit's rows are those of every instant by itself, of the nominal robot alone."""
     if limit.looks_at != "state" or (problem.robust is not None and isinstance(limit, PathLimit)):
         return False
     drive = _numbers(problem)

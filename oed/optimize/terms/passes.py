@@ -14,13 +14,13 @@ from oed.kernel.dynamics.embedding import without_zeros
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import Terms
-from oed.optimize.terms.matrices import symmetric
 from oed.optimize.terms.blocks import begins
 from oed.optimize.terms.cell import read_end
 from oed.optimize.terms.condensing import Condensing
 from oed.optimize.terms.kernel import Kernel
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.link import Link
+from oed.optimize.terms.matrices import symmetric
 from oed.optimize.terms.slots import Begun, gathered, scattered
 from oed.optimize.terms.totals import Totals
 
@@ -102,9 +102,10 @@ class Sweep:
         z: the unknowns.
     """
 
-    def __init__(self, plan: Plan) -> None:
-        """Begin with z."""
+    def __init__(self, plan: Plan, values: ca.Function | None = None) -> None:
+        """Begin with z; `values` may be the cell's function that says more of every sample than its own."""
         self.plan, self.z = plan, ca.MX.sym("z", plan.terms.size)
+        self._values = plan.kernel.cell.values if values is None else values
         self._kernel, self._link, self._join = plan.kernel, plan.link, plan.condensing
         self._size = plan.terms.size
         self._count, self._runs = plan.layout.count, plan.layout.space.runs
@@ -116,8 +117,8 @@ class Sweep:
         return embedding.by_runs([without_zeros(one) for one in embedding.own_held], self.z).T
 
     @cached_property
-    def _starts(self) -> Expression:
-        # Of the runs, (states, runs).
+    def starts(self) -> Expression:
+        """Of the runs, (states, runs)."""
         terms, states = self.plan.terms, self._kernel.states
         constant = ca.evalf(ca.substitute(terms.starts.T, terms.unknowns, ca.DM.zeros(self._size)))
         moved = without_zeros(terms.start_slopes.reshape(-1, self._size)) @ self.z
@@ -132,7 +133,7 @@ class Sweep:
     @cached_property
     def _states(self) -> Expression:
         # Of every piece the begin, then the runs' ends.
-        return self._with_ends(self._starts, self.rolled[1])
+        return self._with_ends(self.starts, self.rolled[1])
 
     def _with_ends(self, begin: Expression, following: Expression) -> Expression:
         each = self.plan.layout.each
@@ -141,8 +142,8 @@ class Sweep:
 
     @cached_property
     def rolled(self) -> tuple[Expression, ...]:
-        """What is handed on at every sample's begin, the pieces' end states, what they gather."""
-        return self._kernel.roll(self._starts, self.inputs)
+        """What is handed on at every sample's begin, the pieces' end states, what they gather, and more."""
+        return self._kernel.roll(self._values, self.starts, self.inputs)
 
     @cached_property
     def _carried(self) -> Expression:
@@ -283,7 +284,7 @@ class Sweep:
         found: tuple[Expression | None, Expression | None] = None, None
         for begun, weights in states:
             more = begun.weighed(weights)
-            found = tuple(b if a is None else a + b for a, b in zip(found, more, strict=True))  # type: ignore[assignment]
+            found = tuple(b if a is None else a + b for a, b in zip(found, more, strict=True))
         return found
 
     def _end_curvature(self, groups: Expression) -> tuple[Expression, Expression]:

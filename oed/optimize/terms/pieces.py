@@ -27,10 +27,15 @@ from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.link import Link
 from oed.optimize.terms.needs import needs_of
 from oed.optimize.terms.passes import BegunInPieces, Plan, Sweep
-from oed.optimize.terms.row_bounds import RowBounds, violation
+from oed.optimize.terms.row_bounds import RowBounds, scores_of, violation
 from oed.optimize.terms.slots import Begun
 from oed.optimize.terms.totals import Totals
 from oed.optimize.terms.whole_rows import Formulas, WholeRows
+
+LONG = 500_000
+"""Operations of a drive from which it is not written out: some 40 MB, and 0.2 s."""
+JOINING = 1000
+"""Operations to which what joins samples amounts in generated C."""
 
 
 class Pieces(Terms):
@@ -100,36 +105,54 @@ class Pieces(Terms):
         """The terms at z."""
         return PiecesSweep(Sweep(self._plan), self._fixed)
 
+    @property
+    def written(self) -> int:
+        """Operations of a sample, and what joins the samples."""
+        return JOINING + int(self._plan.kernel.cell.values.n_instructions())
+
     @cached_property
     def scores(self) -> ca.Function:
-        """Z -> entries, the limits' largest violations at the samples."""
-        swept = Sweep(self._plan)
+        """Z -> entries, the limits' largest violations at the samples' ends and points between."""
+        instants = self._instants
+        times = self.problem.design.period * np.arange(1, self.refine + 1) / self.refine
+        swept = Sweep(self._plan, self._plan.kernel.cell.scored(instants, times.tolist()))
         fixed, first, worst = FixedSweep(swept, self._fixed).rows, 0, []
-        seen = self._seen(swept)
+        seen = ca.horzcat(swept.rolled[3], *self._at_starts(swept))
         for place, rows in enumerate(self.rows):
             own = fixed[first : first + len(rows.lower)]
             first += len(rows.lower)
-            instants = np.flatnonzero(self._instants.owner == place).tolist()
-            worst.append(ca.fmax(0, ca.mmax(seen[instants, :])) if instants else violation(own, rows))
-        return ca.Function("scores", [swept.z], [swept.entries, ca.vertcat(*worst)])
+            if place in instants.limits:
+                worst.append(ca.fmax(0, ca.mmax(seen[instants.limits.index(place), :])))
+            else:
+                worst.append(violation(own, rows))
+        return scores_of(swept.z, swept.entries, worst)
 
-    def _seen(self, sweep: Sweep) -> Expression:
-        # Excess (rows of an instant, all points) at the samples' ends and points between.
-        rows, samples = self._instants, self.problem.design.all_samples
-        if not rows.count:
-            return ca.MX(0, 1)
-        states = sweep.rolled[0][: len(self.problem.system.states), :]
-        asked = [sweep.inputs] if rows.asking else []
-        given = ca.vertcat(states, sweep.inputs, *asked)
-        fractions = np.arange(1, self.refine + 1) / self.refine
-        times = ca.DM(np.repeat(self.problem.design.period * fractions, samples)[None, :])
-        found = rows.all_rows.map(samples * self.refine)(ca.repmat(given, 1, self.refine), times)
-        if self.problem.design.start_is_free:
-            # Where a run begins is chosen as well.
-            begins = list(range(0, samples, self.problem.design.samples))
-            first = rows.all_rows.map(len(begins))(given[:, begins], ca.DM.zeros(1, len(begins)))
-            found = ca.horzcat(found, first)
-        return rows.exceeded(found)
+    def _at_starts(self, sweep: Sweep) -> list[Expression]:
+        # The same of where the runs begin (limits, runs), which may be chosen.
+        rows, space = self._instants, self.problem.design
+        if not space.start_is_free or not rows.count:
+            return []
+        held = sweep.inputs[:, list(range(0, space.all_samples, space.samples))]
+        given = ca.vertcat(sweep.starts, held, *([held] if rows.asking else []))
+        found = rows.exceeded(rows.all_rows.map(space.runs)(given, ca.DM.zeros(1, space.runs)))
+        each = [found[np.flatnonzero(rows.owner == place).tolist(), :] for place in rows.limits]
+        return [ca.vertcat(*(ca.mmax(ca.vec(one)) for one in each))]
+
+    @cached_property
+    def scores_written_out(self) -> ca.Function:
+        """Z -> what `scores` gives, to the last bit, by one long list of operations: calling a sample's
+        function takes as long as what it computes. Drives that are too long for that stay as they are.
+        """
+        if self.operations > LONG:
+            return self.scores
+        scores = self.scores
+        # Simplified, some operations would round otherwise.
+        simplified = ca.GlobalOptions.getSimplificationOnTheFly()
+        ca.GlobalOptions.setSimplificationOnTheFly(False)
+        try:
+            return scores.expand("scores")
+        finally:
+            ca.GlobalOptions.setSimplificationOnTheFly(simplified)
 
 
 class PiecesSweep(Swept):
@@ -153,4 +176,5 @@ class PiecesSweep(Swept):
     ) -> Expression:
         """Second derivatives by z."""
         around, more = self._rows.curvature(rows)
-        return self._sweep.curvature(entries, [*states, *more]) + around
+        own = [(begun, weights) for begun, weights in states if isinstance(begun, BegunInPieces)]
+        return self._sweep.curvature(entries, [*own, *more]) + around

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -41,17 +42,43 @@ def said_once(slopes: Array, constants: Array, rows: RowBounds | Rows) -> Bools:
 
 def violation(values: Expression, rows: RowBounds | Rows) -> Expression:
     """The most by which rows exceed their bounds, over their size; 0 where they do not."""
-    above = ca.fmax(_above(values, rows.upper), _above(-values, -rows.lower))
-    return ca.fmax(0, above) / rows.size
+    return ca.fmax(0, ca.fmax(_above(values, rows.upper), _below(values, rows.lower))) / rows.size
+
+
+def scores_of(unknowns: Expression, entries: Expression, worst: Sequence[Expression]) -> ca.Function:
+    """The function from unknowns to entries and violations, both dense.
+
+    Args:
+        unknowns: z.
+        entries: of the matrices.
+        worst: of every limit the largest violation over its size.
+    """
+    both = [ca.densify(entries), ca.densify(ca.vertcat(type(entries)(0, 1), *worst))]
+    return ca.Function("scores", [unknowns], both)
 
 
 def _above(values: Expression, upper: Array) -> Expression:
     # The most by which values exceed their bounds; far below 0 where there are none.
-    bounded = np.isfinite(upper)
-    if not bounded.any():
+    bounded, same = _bounded(values, upper)
+    if bounded is None:
         return -1e20
-    kept, bounds = values[np.flatnonzero(bounded).tolist()], upper[bounded]
-    if (bounds == bounds[0]).all():
-        # As most limits are: one subtraction instead of one for every row.
-        return ca.mmax(kept) - bounds[0]
-    return ca.mmax(kept - ca.DM(bounds))
+    # As most limits are: one subtraction instead of one for every row.
+    return ca.mmax(bounded) - same[0] if len(same) == 1 else ca.mmax(bounded - ca.DM(same))
+
+
+def _below(values: Expression, lower: Array) -> Expression:
+    # The most by which they fall short of them.
+    bounded, same = _bounded(values, lower)
+    if bounded is None:
+        return -1e20
+    return same[0] - ca.mmin(bounded) if len(same) == 1 else ca.mmax(ca.DM(same) - bounded)
+
+
+def _bounded(values: Expression, bounds: Array) -> tuple[Expression | None, Array]:
+    # Those of the values that have a bound, or None, and their bounds: one where all have the same.
+    kept = np.isfinite(bounds)
+    if not kept.any():
+        return None, bounds
+    own = bounds[kept]
+    chosen = values if kept.all() else values[np.flatnonzero(kept).tolist()]
+    return chosen, own[:1] if (own == own[0]).all() else own

@@ -33,7 +33,7 @@ class Begun(ABC):
     @property
     @abstractmethod
     def slopes(self) -> Expression:
-        """Derivatives by z of each one's states and inputs held, side by side, (size, (states + inputs) K)."""
+        """Derivatives by z of each one's states, then inputs held, (size, (states + inputs) K)."""
 
 
 @dataclass(frozen=True)
@@ -129,16 +129,16 @@ class Slots:
         shift = ca.DM(self._stride * np.arange(self._inputs)[:, None])
         every = each + ca.repmat(shift, 1, each.shape[1])
         # (inputs, order * K) as (order, inputs * K).
-        order = np.arange(self._inputs * self.order * self.count).reshape(self.count, self.order, self._inputs)
+        order = np.arange(self._inputs * self.order * self.count).reshape(
+            self.count, self.order, self._inputs
+        )
         return ca.reshape(ca.vec(every)[order.transpose(0, 2, 1).ravel().tolist()], self.order, -1)
 
 
 class Around:
     """The rows of slots at z as expressions (MX), and their derivatives."""
 
-    def __init__(
-        self, slots: Slots, z: Expression, begun: Begun, numbers: Expression, size: int
-    ) -> None:
+    def __init__(self, slots: Slots, z: Expression, begun: Begun, numbers: Expression, size: int) -> None:
         """Take the parts; see `Slots.around`."""
         self._slots, self._z, self._begun, self._size = slots, z, begun, size
         _, elapsed, self._basis, self._places, chosen = slots.split(numbers)
@@ -176,7 +176,9 @@ class Around:
             return own
         columns = np.repeat(np.arange(slots._inputs * slots.count), slots.order)
         target = ca.vec(self._own_places) + ca.DM(size * columns)
-        asked = ca.reshape(scattered(ca.vec(self._own_basis), target, size * slots._inputs * slots.count), size, -1)
+        asked = ca.reshape(
+            scattered(ca.vec(self._own_basis), target, size * slots._inputs * slots.count), size, -1
+        )
         each = own.shape[1] // slots.count
         order = np.concatenate(
             [
@@ -240,6 +242,10 @@ def scattered(entries: Expression, places: Expression, size: int) -> Expression:
 @lru_cache(maxsize=64)
 def _scatter(size: int, count: int) -> ca.Function:
     # As the derivative of picking entries, which CasADi knows.
-    column, places, entries = ca.MX.sym("column", size), ca.MX.sym("places", count), ca.MX.sym("entries", count)
+    column, places, entries = (
+        ca.MX.sym("column", size),
+        ca.MX.sym("places", count),
+        ca.MX.sym("entries", count),
+    )
     total = ca.jtimes(column[places], column, entries, True)
     return ca.Function("scatter", [entries, places], [ca.densify(total)])

@@ -13,10 +13,10 @@ from oed.foundation.arrays import Places
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.sensor import start_nuisances
 from oed.optimize.terms.base import Terms
-from oed.optimize.terms.matrices import Smooth, symmetric, upper_halves
-from oed.optimize.terms.small_drives import small_drive
 from oed.optimize.terms.cell import cuts_of, estimated
 from oed.optimize.terms.layout import PieceLayout
+from oed.optimize.terms.matrices import Smooth, symmetric, upper_halves
+from oed.optimize.terms.small_drives import small_drive
 
 Reader = Callable[[Sequence[int]], Expression]
 

@@ -21,7 +21,7 @@ from oed.optimize.terms.base import Swept, Terms
 from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.matrices import upper_half
 from oed.optimize.terms.needs import by_instants
-from oed.optimize.terms.row_bounds import RowBounds, said_once, violation
+from oed.optimize.terms.row_bounds import RowBounds, said_once, scores_of, violation
 from oed.optimize.terms.slots import Begun, gathered, scattered
 
 
@@ -52,9 +52,7 @@ class Unrolled(Terms):
     @cached_property
     def instants(self) -> InstantRows:
         """The rows of an instant."""
-        places = [
-            place for place, one in enumerate(self.problem.limits) if by_instants(self.problem, one)
-        ]
+        places = [place for place, one in enumerate(self.problem.limits) if by_instants(self.problem, one)]
         return InstantRows(self.problem, places, self.input_scale)
 
     @cached_property
@@ -92,7 +90,12 @@ class Unrolled(Terms):
     def scores(self) -> ca.Function:
         """Z -> entries, the limits' largest violations."""
         worst = [violation(one.expression, one) for one in self.limits]
-        return ca.Function("scores", [self.unknowns], [self.entries, ca.vertcat(*worst)])
+        return scores_of(self.unknowns, self.entries, worst)
+
+    @property
+    def written(self) -> int:
+        """Operations of a whole drive."""
+        return int(self.scores.n_instructions())
 
     def sweep(self) -> UnrolledSweep:
         """The terms at z."""
@@ -132,7 +135,7 @@ class UnrolledSweep(Swept):
 
     @cached_property
     def begins(self) -> Expression:
-        """States and inputs held at all samples' begins, those in units of their scale (SX), (samples, each)."""
+        """States and inputs held (in their scale) at all samples' begins (SX), (samples, each)."""
         drive, scale = self.terms.drive, ca.DM(1 / self.terms.input_scale)
         return ca.horzcat(drive.states[drive.begins, :], self.terms.held @ ca.diag(scale))
 

@@ -17,9 +17,9 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.dynamics.system import stepper
 from oed.optimize.terms.base import Terms
+from oed.optimize.terms.passes import BegunInPieces, Sweep
 from oed.optimize.terms.row_bounds import RowBounds
 from oed.optimize.terms.small_drives import splines_of
-from oed.optimize.terms.passes import BegunInPieces, Sweep
 
 
 class Formulas:
@@ -207,7 +207,7 @@ class WholeSweep:
         return picked(ca.project(dense, self._whole.pattern), self._whole.kept)
 
     def curvature(self, weights: Expression) -> tuple[Expression, list[tuple[BegunInPieces, Expression]]]:
-        """Second derivatives by z of the weighted sum, but for those of the states; these and their weights."""
+        """Second derivatives by z of the weighted sum, but for those of states; these and their weights."""
         # Rows that no unknown moves have weights as well.
         weights = _spread(weights, self._whole.kept, self._whole.pattern.size1())
         bent = self._formulas.bent.map("bent", "serial", self._sweep.z.shape[0], [0, 1], [])

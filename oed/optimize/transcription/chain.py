@@ -52,7 +52,10 @@ class Frame:
     def choice(self) -> ca.DM:
         """The matrix (kept and slots, rows and slots) that picks and weights rows."""
         kept, slots = len(self._rest), np.arange(self.slots.count)
-        rows, columns = np.append(np.arange(kept), kept + slots), np.append(self._rest, len(self._owner) + slots)
+        rows, columns = (
+            np.append(np.arange(kept), kept + slots),
+            np.append(self._rest, len(self._owner) + slots),
+        )
         weights = np.append(self._weights, np.ones(len(slots)))
         shape = kept + len(slots), len(self._owner) + len(slots)
         return ca.DM.triplet(rows.tolist(), columns.tolist(), weights, *shape)

@@ -39,18 +39,16 @@ class Grid:
             and n unknowns; none where all samples are looked at.
     """
 
-    def __init__(
-        self, problem: Problem, samples: int | None = None, refine: int = 1, *, differentiated: bool = True
-    ) -> None:
+    def __init__(self, problem: Problem, samples: int | None = None, refine: int = 1) -> None:
         """Choose the grid, or take one of so many samples per run; positions are limited at `refine` points
-        per sample. With `differentiated` False it serves for values alone.
+        per sample.
         """
         self.problem = problem
         # Corrections are of one robot.
         alone = len(problem.judged_systems) == 1
         own = coarsened(problem, coarse_samples(problem, samples)) if alone else problem
         self.coarse = own is not problem
-        self.design = DesignExpressions(own, refine, differentiated=differentiated)
+        self.design = DesignExpressions(own, refine)
         self._entries = sum(size * (size + 1) // 2 for size in self.design.sizes)
         self.corrections = ca.SX.sym("corrections", self.no_correction.size)
 

@@ -16,7 +16,11 @@ import casadi as ca
 
 # No contraction to fused operations and no fast mathematics: with them the last digits, and so the designs
 # that a search finds, would depend on whether there is a compiler.
-FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
+FLAGS = (
+    *("-O3", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared"),
+    # Only what CasADi loads is seen from outside, so that all else is inlined.
+    *("-fvisibility=hidden", "-DGCC_HASCLASSVISIBILITY"),
+)
 PATIENCE = 120.0
 """Time [s] after which a compiler is given up."""
 
@@ -26,8 +30,13 @@ def compiler() -> str | None:
     return shutil.which(os.environ.get("CC") or "cc") or shutil.which("gcc") or shutil.which("clang")
 
 
-def compiled(function: ca.Function) -> ca.Function:
-    """A function in machine code; itself where it cannot be compiled."""
+def compiled(function: ca.Function, *, anew: bool = True) -> ca.Function:
+    """A function in machine code; itself where it cannot be compiled.
+
+    Args:
+        function: to be compiled.
+        anew: whether to compile what was not compiled before; else it stays itself, too.
+    """
     tool = compiler()
     if tool is None:
         return function
@@ -37,7 +46,7 @@ def compiled(function: ca.Function) -> ca.Function:
             generator.add(function)
             source = Path(generator.generate(folder + os.sep))
             library = _kept(source.read_bytes(), tool)
-            if not library.exists() and not _compile(tool, source, library):
+            if not library.exists() and not (anew and _compile(tool, source, library)):
                 return function
     except OSError:
         # No room for the source.

@@ -11,6 +11,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.criteria.criterion import lifted
+from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.square_root import SquareRoot
@@ -21,6 +22,8 @@ from oed.optimize.terms.matrices import stacks, symmetric_all
 from oed.optimize.terms.unrolled import OtherRobots, Unrolled
 from oed.optimize.transcription.compiled import compiled
 
+COMPILING = 3e-4
+"""Time [s] that a compiler takes for one operation written out."""
 UNSOUND = 1e3
 """Violation of every limit, as a share of its size, of a drive that is not finite."""
 
@@ -34,13 +37,10 @@ class DesignExpressions:
         entries: those symbols, stacked.
     """
 
-    def __init__(self, problem: Problem, refine: int = 1, *, differentiated: bool = True) -> None:
-        """Write the expressions; positions are limited at `refine` points per sample.
-
-        With `differentiated` False they serve for values alone.
-        """
+    def __init__(self, problem: Problem, refine: int = 1) -> None:
+        """Write the expressions; positions are limited at `refine` points per sample."""
         self.problem = problem
-        self.terms: Terms = terms_of(problem, refine, differentiated=differentiated)
+        self.terms: Terms = terms_of(problem, refine)
         self.sizes = self.terms.sizes
         count = self.terms.entry_count
         symbols = [ca.SX.sym("entries", count) for _ in problem.judged_systems]
@@ -139,22 +139,29 @@ class DesignExpressions:
 
     @cached_property
     def _scores(self) -> ca.Function:
-        return self.terms.scores
+        return self.terms.scores_written_out
 
-    def compile_scores(self) -> None:
-        """Let generated C score candidates, where there is a compiler; the numbers stay the same."""
-        self._scores = compiled(self.terms.scores)
+    def compile_scores(self, spared: float = np.inf) -> None:
+        """Let generated C score candidates, where there is a compiler; the numbers stay the same.
+
+        Args:
+            spared: time [s] that this would spare; where compiling takes longer, only what was compiled
+                before is taken.
+        """
+        found = compiled(self.terms.scores, anew=spared >= COMPILING * self.terms.written)
+        if found is not self.terms.scores:
+            self._scores = found
 
     def _judged(self, candidates: Array, threads: int = 1) -> tuple[list[list[Array]], Array]:
         # For every robot its matrices (K, p, p); relative violations (K, limits).
         count = len(candidates)
         several = ("thread", min(threads, count)) if min(threads, count) > 1 else ()
-        nominal, violations = map(np.array, self._scores.map(count, *several)(candidates.T))
-        found = [stacks(nominal, self.sizes)] * len(self.robots)
+        nominal, violations = direct_call(self._scores.map(count, *several), candidates)
+        found = [stacks(nominal.reshape(count, -1).T, self.sizes)] * len(self.robots)
         for place, parameters, shift in self.others:
             other = self.other_robots.values.map("robots", "serial", count, [1, 2], [])
             found[place] = stacks(np.array(other(candidates.T, parameters, shift)), self.sizes)
-        return _finite(found, violations.T.reshape(count, -1))
+        return _finite(found, violations.reshape(count, -1))
 
 
 def _finite(robots: list[list[Array]], violations: Array) -> tuple[list[list[Array]], Array]:

@@ -1,0 +1,176 @@
+"""What ranks candidates: the same to the last bit, whoever computes it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from builders import ACCELERATION, BOX, SPEED, problem_of
+
+import oed.optimize.terms.pieces
+from oed.foundation.arrays import Array
+from oed.kernel.dynamics.space import Spline
+from oed.kernel.problem import Problem
+from oed.optimize.terms import terms_of
+from oed.optimize.terms.base import Terms
+from oed.optimize.terms.pieces import Pieces
+from oed.optimize.terms.unrolled import Unrolled
+from oed.optimize.transcription.compiled import compiled, compiler
+from oed.optimize.transcription.design import DesignExpressions
+from oed.robots.limits import BodySpeed, EndHeading, PathLength, WheelSpeed
+from oed.robots.limits.workspace import CircularObstacle, Obstacles
+from oed.robots.sensors import Displacements, Poses, RelativePoses
+from oed.robots.space import DesignSpace
+from oed.uncertainty.robust import Robust
+from oed.uncertainty.uncertainty import Uncertainty
+
+SPACE: dict[str, Any] = {"duration": 6, "samples": 60, "spline": Spline(coefficients=6)}
+NOISE = {"position": 0.01, "heading": 0.02}
+POSES = Poses(noise=NOISE)
+PROBLEMS: dict[str, dict[str, Any]] = {
+    "segments": {**SPACE, "measurement": Displacements(segments=4)},
+    "poses": {**SPACE, "measurement": POSES},
+    "noise that grows": {**SPACE, "measurement": RelativePoses(noise={**NOISE, "position_per_speed": 0.05})},
+    "limits": {
+        "design": DesignSpace(**SPACE, runs=2, start="free", rest_to_rest=False),
+        "measurement": POSES,
+        "limits": (
+            WheelSpeed(bounds=(2, 10)),
+            ACCELERATION,
+            BodySpeed(bounds=0.4),
+            BOX,
+            Obstacles(shapes=(CircularObstacle(kind="circle", x=0.5, y=0.5, radius=0.2),)),
+            EndHeading(at="start"),
+            PathLength(bounds=0.3),
+        ),
+    },
+    "limits on instants": {
+        "design": DesignSpace(**SPACE, runs=2, start="free"),
+        "measurement": Displacements(segments=4),
+        "limits": (
+            SPEED,
+            BOX,
+            BodySpeed(bounds=(-0.3, 0.4)),
+            Obstacles(shapes=(CircularObstacle(kind="circle", x=0.5, y=0.5, radius=0.2),)),
+            ACCELERATION,
+        ),
+    },
+    "robust": {
+        **SPACE,
+        "measurement": Displacements(segments=4),
+        "limits": (SPEED, BOX),
+        "uncertainty": Uncertainty(within={"track": 0.05}),
+        "robust": Robust(),
+    },
+}
+each = pytest.mark.parametrize("overrides", PROBLEMS.values(), ids=PROBLEMS.keys())
+needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return tmp_path / "oed"
+
+
+def candidates(terms: Terms) -> Array:
+    # Many: what rounds otherwise shows in one number of some thousand.
+    rng = np.random.default_rng(4)
+    return rng.uniform(-1, 1, (terms.size, 3000)) * rng.uniform(0.1, 1.5, 3000)
+
+
+def scored(function: ca.Function, terms: Terms) -> list[Array]:
+    drives = candidates(terms)
+    return [np.array(one) for one in function.map(drives.shape[1])(drives)]
+
+
+def assert_same_bits(found: list[Array], expected: list[Array]) -> None:
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.slow
+@each
+def test_written_out_they_are_the_same_bits(overrides: dict[str, Any]):
+    terms = terms_of(problem_of(**overrides), refine=2)
+    assert isinstance(terms, Unrolled if "robust" in overrides else Pieces)
+    assert_same_bits(scored(terms.scores_written_out, terms), scored(terms.scores, terms))
+
+
+@pytest.mark.slow
+def test_simplified_they_would_not_be():
+    # What the test before looks at is looked at closely enough.
+    terms = terms_of(problem_of(**PROBLEMS["limits"]), refine=2)
+    found, expected = (scored(one, terms)[0] for one in (terms.scores.expand(), terms.scores))
+    assert (found != expected).any()
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+
+
+@needs_compiler
+@pytest.mark.slow
+@each
+def test_so_they_are_in_generated_c(overrides: dict[str, Any], cache: Path):
+    terms = terms_of(problem_of(**overrides), refine=2)
+    function = compiled(terms.scores)
+    assert len(list(cache.iterdir())) == 1
+    assert_same_bits(scored(function, terms), scored(terms.scores_written_out, terms))
+
+
+@each
+@pytest.mark.slow
+def test_violations_are_those_of_the_rows(overrides: dict[str, Any]):
+    terms = terms_of(problem_of(**overrides), refine=2)
+    entries, violations = scored(terms.scores_written_out, terms)
+    values = scored(terms.values, terms)
+    np.testing.assert_allclose(entries, values[0], rtol=1e-9, atol=1e-9 * np.abs(entries).max())
+    first = 0
+    for rows, found in zip(terms.rows, violations, strict=True):
+        own = values[1][first : first + len(rows.lower)]
+        first += len(own)
+        beyond = np.maximum(own - rows.upper[:, None], rows.lower[:, None] - own)
+        expected = np.maximum(0, beyond.max(axis=0)) / rows.size
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    assert (violations > 0).any(axis=1).all()
+    assert first == len(values[1])
+
+
+def test_a_sample_is_looked_at_as_a_whole_where_all_its_rows_count():
+    rows = terms_of(problem_of(**PROBLEMS["limits on instants"]), refine=2)._plan.rows
+    assert [one.tolist() for one in rows.whole_samples] == [list(range(120))] * 3
+
+
+def test_long_drives_are_not_written_out(monkeypatch: pytest.MonkeyPatch):
+    problem = problem_of(**SPACE, measurement=POSES, limits=(SPEED,))
+    terms = terms_of(problem, refine=2)
+    assert isinstance(terms, Pieces)
+    monkeypatch.setattr(oed.optimize.terms.pieces, "LONG", terms.operations - 1)
+    assert terms.scores_written_out is terms.scores
+
+
+def test_simplification_is_left_as_it_was():
+    before = ca.GlobalOptions.getSimplificationOnTheFly()
+    terms_of(problem_of(**SPACE, limits=(SPEED, BOX)), refine=2).scores_written_out  # noqa: B018
+    assert ca.GlobalOptions.getSimplificationOnTheFly() == before
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_compiled_anew_only_where_that_spares_time(cache: Path):
+    def design() -> DesignExpressions:
+        return DesignExpressions(problem, 2)
+
+    def libraries() -> int:
+        return len(list(cache.iterdir())) if cache.exists() else 0
+
+    problem: Problem = problem_of(**SPACE, limits=(SPEED, BOX))
+    drives = candidates(design().terms).T
+    plain = design().score_many(drives)
+    for spared, count in ((0.01, 0), (60.0, 1), (0.01, 1)):
+        own = design()
+        own.compile_scores(spared)
+        assert libraries() == count
+        assert_same_bits(list(own.score_many(drives)), list(plain))
+        assert own._scores.is_a("External") == bool(count)
