@@ -211,13 +211,13 @@ class TestGoingOn:
         assert again.iterations == alone.iterations + 1
 
     def test_good_ones_save_some_of_the_way(self, search: LocalSearch):
-        again, alone = self._solved(search)
-        assert again.succeeded
-        assert again.iterations < alone.iterations
+        both = [self._solved(search, seed) for seed in range(4, 8)]
+        assert all(again.succeeded for again, _ in both)
+        assert sum(again.iterations for again, _ in both) < sum(alone.iterations for _, alone in both)
 
-    def _solved(self, search: LocalSearch) -> list[Outcome]:
+    def _solved(self, search: LocalSearch, seed: int = 4) -> list[Outcome]:
         """Solves with more instants from the end of one with few: with its multipliers, and without."""
-        begin, nothing = random_unknowns(search.design, 4, 0.1), search.grid.no_correction
+        begin, nothing = random_unknowns(search.design, seed, 0.1), search.grid.no_correction
         few, exchange = search.exchange.begun(), search.exchange
         few = few.some(few.time == search.problem.design.duration)
         chosen = exchange.chosen(few, search.grid.trajectory(begin))

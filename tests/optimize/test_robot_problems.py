@@ -14,7 +14,7 @@ from oed.robots.models import MODELS
 from oed.study.study import Study
 from oed.workflow.studies import load_study, parse_study
 
-STARTS = {"tractor_trailer": 2}
+STARTS = {"husky_outdoors": 2, "tractor_trailer": 2}
 """Starts needed for a design above everyday paths, where one is not enough."""
 NAMES = (
     "ackermann",

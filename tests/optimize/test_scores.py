@@ -122,24 +122,17 @@ def test_so_they_are_in_generated_c(overrides: dict[str, Any], cache: Path):
 @each
 @pytest.mark.slow
 def test_violations_are_those_of_the_rows(overrides: dict[str, Any]):
-    terms = terms_of(problem_of(**overrides), refine=2)
+    problem = problem_of(**overrides)
+    terms, whole = terms_of(problem, refine=2), Unrolled(problem, 2)
     entries, violations = scored(terms.scores_written_out, terms)
-    values = scored(terms.values, terms)
-    np.testing.assert_allclose(entries, values[0], rtol=1e-9, atol=1e-9 * np.abs(entries).max())
-    first = 0
-    for rows, found in zip(terms.rows, violations, strict=True):
-        own = values[1][first : first + len(rows.lower)]
-        first += len(own)
+    function = ca.Function("rows", [whole.unknowns], [whole.entries, *(one.expression for one in whole.limits)])
+    values, *limits = scored(function, terms)
+    np.testing.assert_allclose(entries, values, rtol=1e-9, atol=1e-9 * np.abs(entries).max())
+    for rows, own, found in zip(whole.limits, limits, violations, strict=True):
         beyond = np.maximum(own - rows.upper[:, None], rows.lower[:, None] - own)
         expected = np.maximum(0, beyond.max(axis=0)) / rows.size
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
     assert (violations > 0).any(axis=1).all()
-    assert first == len(values[1])
-
-
-def test_a_sample_is_looked_at_as_a_whole_where_all_its_rows_count():
-    rows = terms_of(problem_of(**PROBLEMS["limits on instants"]), refine=2)._plan.rows
-    assert [one.tolist() for one in rows.whole_samples] == [list(range(120))] * 3
 
 
 def test_long_drives_are_not_written_out(monkeypatch: pytest.MonkeyPatch):
