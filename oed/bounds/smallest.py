@@ -21,6 +21,7 @@ from oed.bounds.sensitivity import sensitivity_bounds
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
+from oed.foundation.work.parallel import Workers, default_workers
 from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.criteria import A, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -81,6 +82,7 @@ def bound(
     nodes: int | None = None,
     time_limit: float | None = None,
     gap: float = GAP,
+    workers: Workers | None = None,
     progress: Progress | None = None,
 ) -> Certificate:
     """The smallest upper bound on a problem's objective that is proved here, with its assumptions; beside it
@@ -92,6 +94,7 @@ def bound(
             many as take some seconds.
         time_limit: of these searches [s]; none by default, for where they stop depends on the machine.
         gap: at which the search by branch and bound ends.
+        workers: processes, or a cluster; by default one per processor. Does not change the result.
         progress: informed how far the work is.
 
     Raises:
@@ -100,7 +103,8 @@ def bound(
     """
     began = time.perf_counter()
     problem.require_designed()
-    effort = Effort(nodes, np.inf if time_limit is None else began + time_limit, progress or Silent())
+    deadline = np.inf if time_limit is None else began + time_limit
+    effort = Effort(nodes, deadline, progress or Silent(), workers=workers or default_workers())
     found = _at_once(problem) or _searched(problem, effort, time_limit, gap)
     return replace(found, wall_seconds=time.perf_counter() - began)
 
