@@ -49,6 +49,17 @@ class Stencil:
         columns = [(x, self.points[self.points[:, 0] == x, 1]) for x in np.unique(self.points[:, 0])]
         return tuple((*_split(x), tuple(map(_split, heights))) for x, heights in columns)
 
+    @cached_property
+    def places(self) -> Array:
+        """The points and the nodes inside, (k + m, 2)."""
+        inside = [
+            (x, y)
+            for x, height in enumerate(self.columns)
+            for x in {x, -x}
+            for y in range(-height, height + 1)
+        ]
+        return np.concatenate([self.points, inside])
+
     @property
     def reach(self) -> int:
         """Cells by which points may be away, a margin included."""
