@@ -16,7 +16,7 @@ ROUNDS = 5
 BARE = [sys.executable, "-c", "import casadi, numpy"]
 COMMANDS = {
     "`oed --help`": ([sys.executable, "-m", "oed", "--help"], 0.3),
-    "`oed check` of a study": ([sys.executable, "-m", "oed", "check", str(STUDY)], 0.8),
+    "`oed check` of a study": ([sys.executable, "-m", "oed", "check", str(STUDY)], 0.5),
 }
 """Each with the time [s] that it may take."""
 

@@ -66,8 +66,12 @@ class Search:
             lowest = np.min([image(one) for image in self.room.images], axis=0)
             self.each.append(lowest)
             self.centres.append(centre)
-            np.minimum(self.bounds, lowest, out=self.bounds)
+            self.lower(lowest)
         return passages[0]
+
+    def lower(self, bounds: Array) -> None:
+        """Have the cells bounded by no more than this, (nx - 1, ny - 1)."""
+        np.minimum(self.bounds, bounds, out=self.bounds)
 
     def improve(self) -> bool:
         """One more centre for each of the worst cells; whether that was worth while."""

@@ -17,6 +17,8 @@ INFLATION = 1e-9
 """Share of the information by which every bound is raised, far above what rounding can have taken from it."""
 LOOSE = 0.05
 """Gap above which a bound is called loose."""
+LATTICE = "lattice"
+"""Name and kind of the drive that the lattice's search comes upon."""
 EXACT = 1e-9
 """Share of a limit's size by which a drive that satisfies it exactly may exceed it, for rounding."""
 SMALLEST = E()

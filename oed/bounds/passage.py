@@ -110,14 +110,7 @@ def _traced(grid: ValueGrid, tables: list[tuple[Singles, float]], node: tuple[in
     last = np.array(grid.cells)
     for table, step in tables:
         if step > 0:
-            here = grid.stencil(step)
-            inside = [
-                (x, y)
-                for x, height in enumerate(here.columns)
-                for x in {x, -x}
-                for y in range(-height, height + 1)
-            ]
-            options = np.clip(place + np.concatenate([here.points, inside]), 0, last)
+            options = np.clip(place + grid.stencil(step).places, 0, last)
             corner = np.minimum(options.astype(int), last - 1)
             (fx, fy), (i, j) = (options - corner).T, corner.T
             low, high = (table[i, b] * (1 - fx) + table[i + 1, b] * fx for b in (j, j + 1))

@@ -10,16 +10,16 @@ that a bound of the worst cell comes from.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from oed.bounds.blocks import blocks
+from oed.bounds.blocks import Blocks, blocks
 from oed.bounds.centre_search import TOGETHER, Search
 from oed.bounds.effort import STAGE, Effort
 from oed.bounds.path_room import SIDE, Room
 from oed.bounds.starts import Start
-from oed.bounds.value_grid import rounded_up
+from oed.bounds.value_grid import ValueGrid, rounded_up
 from oed.foundation.arrays import Array, Bools
 
 COARSE, FINE = 56, 112
@@ -118,9 +118,22 @@ def _proved(room: Room, centres: Array, effort: Effort) -> float:
     search = _search(room, COARSE if effort.spent else FINE, whole=True)
     parts = np.array_split(centres, -(-len(centres) // TOGETHER))
     effort.progress.begin(STAGE, len(parts))
-    for part in parts:
-        search.tried(part)
-        effort.progress.advance()
-        if effort.spent:
-            break
+    tasks = [_Part(search.room, search.grid, search.courses, part) for part in parts]
+    effort.shared(_bounded, tasks, search.lower)
     return rounded_up(float(search.bounds.max()), sum(course.count + 2 for course in search.courses))
+
+
+@dataclass(frozen=True)
+class _Part:
+    # Of the centres with which a bound is proved.
+    room: Room
+    grid: ValueGrid
+    courses: tuple[Blocks, ...]
+    centres: Array
+
+
+def _bounded(part: _Part) -> Array:
+    # What they bound each cell by.
+    search = Search(part.room, part.grid, part.courses)
+    search.tried(part.centres)
+    return search.bounds

@@ -23,6 +23,8 @@ FREE = np.inf
 """Speed of an input that does not change its sign: any."""
 ROUNDING = 1e-12
 """Share of its size by which a corner may exceed the limit that it is on."""
+AT_ONCE = 32_000
+"""Numbers that are worked on together, few enough to stay close to the processor."""
 
 
 @dataclass(frozen=True)
@@ -132,8 +134,22 @@ def most_squares(angles: Array, weights: Array, slopes: Array, most: Array, shar
         share: from 0 to 1.
         sign: of the product of both angles.
     """
-    one, other, most = np.broadcast_arrays(angles[0], angles[1], most)
-    none, found = np.zeros_like(most), np.full(most.shape, -np.inf)
+    shape = np.broadcast_shapes(angles[0].shape, most.shape)
+    found = np.full(shape, -np.inf)
+    # As many at a time as stay close to the processor.
+    limits = most.reshape(-1, *most.shape[len(shape) - angles[0].ndim :])
+    flat = found.reshape(-1, *angles[0].shape)
+    together = max(1, AT_ONCE // angles[0].size)
+    for first in range(0, len(limits), together):
+        part = limits[first : first + together]
+        flat[first : first + together] = _most(angles, weights, slopes, part, share, sign)
+    return found
+
+
+def _most(angles: Array, weights: Array, slopes: Array, most: Array, share: float, sign: int) -> Array:
+    one, other = angles
+    found = np.full(np.broadcast_shapes(one.shape, most.shape), -np.inf)
+    none = np.zeros(())
     allowed = most + ROUNDING * (np.abs(most) + slopes[0] * one + slopes[1] * other)
     for first, second in (
         (none, none),
@@ -146,7 +162,15 @@ def most_squares(angles: Array, weights: Array, slopes: Array, most: Array, shar
         (np.clip(most / slopes[0], 0.0, one), none),
     ):
         left, right = weights[0] * first, sign * weights[1] * second
-        value = share * (left + right) ** 2 / 2 + (1 - share) * (left - right) ** 2 / 2
+        value = _weighted(left + right, share) + _weighted(left - right, 1 - share)
         inside = slopes[0] * first + slopes[1] * second <= allowed
         np.maximum(found, np.where(inside, value, -np.inf), out=found)
     return found
+
+
+def _weighted(sums: Array, share: float) -> Array:
+    # Half the share of the squares, in the place of the sums.
+    sums = np.asarray(sums)
+    np.multiply(sums, sums, out=sums)
+    np.multiply(sums, share, out=sums)
+    return np.divide(sums, 2, out=sums)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -38,14 +39,17 @@ class Start:
 
     def reached(self, grid: ValueGrid, length: float) -> Bools:
         """Nodes within a cell of where a path of that length can end, (nx, ny)."""
+        # Asked for again with every centre.
+        return np.asarray(_needed(self, grid) <= length * (1 + TOUCH) + TOUCH * float(grid.sizes.max()))
+
+    def needed(self, grid: ValueGrid) -> Array:
+        """Length of the shortest path to within a cell of every node, (nx, ny)."""
         x, y = grid.axes
         offsets = list(np.meshgrid(x - self.place[0], y - self.place[1], indexing="ij"))
         width = grid.sizes + self.spare
         nearest = np.hypot(*(np.maximum(np.abs(one) - w, 0) for one, w in zip(offsets, width, strict=True)))
-        needed = nearest + self.turning * np.where(
-            nearest >= self.turning, self._turned(offsets, float(np.hypot(*width))), 0.0
-        )
-        return np.asarray(needed <= length * (1 + TOUCH) + TOUCH * float(grid.sizes.max()))
+        turned = np.where(nearest >= self.turning, self._turned(offsets, float(np.hypot(*width))), 0.0)
+        return np.asarray(nearest + self.turning * turned)
 
     def _turned(self, offsets: list[Array], radius: float) -> Array:
         # The least angle to the line along the heading of what is within a radius of each place.
@@ -56,3 +60,6 @@ class Start:
         angle = np.abs(np.arctan2(np.sin(double), np.cos(double))) / 2
         seen = np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0))
         return np.asarray(np.maximum(angle - seen - self.heading_spare, 0.0))
+
+
+_needed = lru_cache(maxsize=8)(Start.needed)

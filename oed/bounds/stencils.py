@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import TypeAlias
 
 import numpy as np
 
@@ -15,6 +16,10 @@ SLACK = 1 + 1e-9
 """By which factor a disc is enlarged, more than rounding can have taken from it."""
 ON_LINE = 1e-9
 """Cells within which a point is on a line of the grid."""
+
+
+Step: TypeAlias = tuple[int, np.float32]
+Move: TypeAlias = tuple[int, np.float32, tuple[Step, ...]]
 
 
 @dataclass(frozen=True)
@@ -36,10 +41,34 @@ class Stencil:
     radii: tuple[float, float]
     flat: bool
 
+    @cached_property
+    def moves(self) -> tuple[Move, ...]:
+        """The points column by column: the node at or before one along x, the share of the way to the next
+        as single precision has it, and the same along y of each point.
+        """
+        columns = [(x, self.points[self.points[:, 0] == x, 1]) for x in np.unique(self.points[:, 0])]
+        return tuple((*_split(x), tuple(map(_split, heights))) for x, heights in columns)
+
+    @cached_property
+    def places(self) -> Array:
+        """The points and the nodes inside, (k + m, 2)."""
+        inside = [
+            (x, y)
+            for x, height in enumerate(self.columns)
+            for x in {x, -x}
+            for y in range(-height, height + 1)
+        ]
+        return np.concatenate([self.points, inside])
+
     @property
     def reach(self) -> int:
         """Cells by which points may be away, a margin included."""
         return int(np.ceil(np.abs(self.points).max())) + 1
+
+
+def _split(place: float) -> Step:
+    before = int(np.floor(place))
+    return before, np.float32(place - before)
 
 
 @lru_cache(maxsize=256)

@@ -12,7 +12,6 @@ a cell and the wall is within its reach, too, where the disc's flat sides reach 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -157,27 +156,34 @@ def _twists(values: Singles, known: Bools | None) -> Singles:
 
 
 def _around(values: Singles, here: Stencil) -> Singles:
-    # The largest value at the stencil's points around each node.
-    margin, (_, rows, columns) = here.reach, values.shape
-    padded = np.pad(values, ((0, 0), (margin, margin), (margin, margin)), mode="edge")
-    best = np.full_like(values, 10 * NOWHERE)
-    for x, heights in _by_column(here.points):
-        first, share = margin + int(np.floor(x)), np.float32(x - np.floor(x))
-        part = padded[:, first : first + rows]
+    # The largest value at the stencil's points around each node. Functions stand side by side at every node,
+    # so that a step to another is one along a flat array: what runs over a row's end is left out afterwards.
+    margin, (count, rows, columns) = here.reach, values.shape
+    padded = np.pad(values.transpose(1, 2, 0), ((margin, margin), (margin, margin), (0, 0)), mode="edge")
+    width, flat = padded.shape[1] * count, padded.ravel()
+    best = np.full(rows * width, 10 * NOWHERE, dtype=np.float32)
+    mixed, taken = np.empty_like(best), np.empty_like(best)
+    for first, share, heights in here.moves:
+        begin = (margin + first) * width
+        column = flat[begin : begin + len(best)]
         if share:
-            part = part + share * (padded[:, first + 1 : first + 1 + rows] - part)
-        for y in heights:
-            start, rest = margin + int(np.floor(y)), np.float32(y - np.floor(y))
-            taken = part[:, :, start : start + columns]
+            column = _between(column, flat[begin + width :], share, mixed)
+        for start, rest in heights:
+            part = column[(margin + start) * count :]
             if rest:
-                taken = taken + rest * (part[:, :, start + 1 : start + 1 + columns] - taken)
-            np.maximum(best, taken, out=best)
-    return best
+                part = _between(part[:-count], part[count:], rest, taken)
+            own = best[: len(part)]
+            np.maximum(own, part, out=own)
+    return np.ascontiguousarray(best.reshape(rows, -1, count)[:, :columns].transpose(2, 0, 1))
 
 
-def _by_column(points: Array) -> Iterator[tuple[float, Array]]:
-    for x in np.unique(points[:, 0]):
-        yield float(x), points[points[:, 0] == x, 1]
+def _between(ones: Singles, others: Singles, share: np.float32, out: Singles) -> Singles:
+    # What lies a share of the way from the ones to the others, written into `out`.
+    found = out[: len(ones)]
+    np.subtract(others[: len(ones)], ones, out=found)
+    np.multiply(found, share, out=found)
+    np.add(found, ones, out=found)
+    return found
 
 
 def _inside(values: Singles, heights: npt.NDArray[np.int64]) -> Singles:

@@ -6,6 +6,7 @@ Exit codes: 0 done, 1 failed (no feasible design, interrupted), 2 the user's mis
 from __future__ import annotations
 
 import argparse
+import atexit
 import gc
 import os
 import sys
@@ -45,8 +46,8 @@ COMMANDS: tuple[Command, ...] = (
 """In the order of `oed --help`. They compute nothing, and load what computes when they are run."""
 DEBUG = "OED_DEBUG"
 """Environment variable with which what nobody has foreseen is shown as Python shows it."""
-OBJECTS = 50_000
-"""New objects after which garbage is looked for."""
+OBJECTS = 200_000
+"""New objects after which garbage is looked for: more than a check makes."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -72,6 +73,8 @@ def _run(arguments: Sequence[str] | None) -> int:
         return MISTAKE
     # What a command loads stays: to look through it for garbage again and again takes a tenth of a check.
     gc.set_threshold(OBJECTS, *gc.get_threshold()[1:])
+    # The last look, when all ends, would free what the system takes back anyway.
+    atexit.register(gc.freeze)
     # Nor does this program use plugins of its libraries, which are looked for among all that is installed.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     from oed.foundation.errors import FileError, OedError, UserMistake

@@ -14,8 +14,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
-from pydantic_core import CoreSchema
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, core_schema
 
 from oed.foundation.shown import written
 
@@ -327,7 +327,9 @@ class Unit:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Parse the unit before the float's own validation."""
-        return handler(Annotated[source, BeforeValidator(lambda value: parse_quantity(value, self.si))])
+        return core_schema.no_info_before_validator_function(
+            lambda value: parse_quantity(value, self.si), handler(source)
+        )
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler

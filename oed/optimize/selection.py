@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -16,6 +18,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import Budget, Parts
 from oed.kernel.problem import Problem
+from oed.kernel.selection import Selection
 from oed.kernel.solution import Solution, scored
 from oed.kernel.taken_apart import parts_of
 from oed.optimize.exact import Exact, exact_weights
@@ -67,9 +70,20 @@ def select(problem: Problem, trajectory: Trajectory) -> Selected:
         UserMistake: a criterion that is not concave, or a problem without a selection.
         ProblemError: readings that do not add up.
     """
-    selection = problem.selection
-    if selection is None:
+    if problem.selection is None:
         raise UserMistake("the problem's readings are all taken: give it a selection")
+    # A search asks first, then whoever scores the drive, and the record each time that it is saved.
+    known = _KNOWN.setdefault(problem, {})
+    key = pickle.dumps(replace(trajectory, weights=None))
+    if key not in known:
+        known[key] = _selected(problem, problem.selection, trajectory)
+    return known[key]
+
+
+_KNOWN: WeakKeyDictionary[Problem, dict[bytes, Selected]] = WeakKeyDictionary()
+
+
+def _selected(problem: Problem, selection: Selection, trajectory: Trajectory) -> Selected:
     parts = selection.parts(parts_of(problem, trajectory))
     budgets, criterion = selection.budgets(parts), problem.objective
     relaxed = best_weights(criterion, parts, budgets)

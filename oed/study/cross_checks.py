@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from oed.bounds import LATTICE
+from oed.bounds.certificate import LATTICE
 from oed.estimation.methods import estimator_flaws
 from oed.foundation.errors import Flaw
 from oed.foundation.files import file_stem, name_flaw

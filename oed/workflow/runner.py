@@ -357,7 +357,7 @@ def _certificate(work: Work) -> Certificate | None:
     if not work.study.file.bound:
         return None
     work.progress.begin("bound what any drive could reach", 1)
-    certificate = bound(work.study.problem, progress=work.progress)
+    certificate = bound(work.study.problem, workers=work.workers, progress=work.progress)
     work.progress.advance()
     return certificate
 

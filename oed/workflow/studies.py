@@ -9,18 +9,42 @@ from pathlib import Path
 
 from oed.foundation.arguments import typed
 from oed.foundation.errors import Flaw, PathFileError
+from oed.kernel.criteria import TaskDrive
 from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.measurement.prior import Prior
 from oed.optimize import Progress, Silent, Workers
 from oed.optimize.refinement import plan
-from oed.records.discrepancy import discrepancy_of
-from oed.records.drift import drift_of
-from oed.records.path_file import read_trajectory
-from oed.records.recorded_study import drives_of, prior_of
-from oed.study.estimated import Estimates
-from oed.study.study import PathFile, Study, read_study
+from oed.study.estimated import Discrepancy, Drift, Estimates
+from oed.study.study import AnyStudyFile, PathFile, PriorRecord, Study, read_study
 from oed.study.yaml_source import parse_yaml, read_yaml
 
-ESTIMATES = Estimates(discrepancy_of, drift_of)
+
+# Records take as long to load as a study to check, and few studies name one.
+def _discrepancy_of(folder: Path) -> Discrepancy:
+    from oed.records.discrepancy import discrepancy_of
+
+    return discrepancy_of(folder)
+
+
+def _drift_of(folder: Path) -> Drift:
+    from oed.records.drift import drift_of
+
+    return drift_of(folder)
+
+
+def _prior_of(wanted: PriorRecord, folder: Path) -> Prior:
+    from oed.records.recorded_study import prior_of
+
+    return prior_of(wanted, folder)
+
+
+def _drives_of(file: Path, study: AnyStudyFile) -> list[TaskDrive]:
+    from oed.records.recorded_study import drives_of
+
+    return drives_of(file, study)
+
+
+ESTIMATES = Estimates(_discrepancy_of, _drift_of)
 """How studies take parts from estimates that they name."""
 
 
@@ -48,7 +72,7 @@ def load_study(file: str | Path) -> Study:
     Raises:
         StudyError: every mistake in the file, each with its line and key.
     """
-    return read_study(read_yaml(file), prior_of, drives_of, ESTIMATES)
+    return read_study(read_yaml(file), _prior_of, _drives_of, ESTIMATES)
 
 
 @typed
@@ -58,7 +82,7 @@ def parse_study(text: str, source: str = "study") -> Study:
     Raises:
         StudyError: every mistake in the text, each with its line and key.
     """
-    return read_study(parse_yaml(text, source), prior_of, drives_of, ESTIMATES)
+    return read_study(parse_yaml(text, source), _prior_of, _drives_of, ESTIMATES)
 
 
 def refinements(study: Study) -> str:
@@ -72,6 +96,8 @@ def own_paths(study: Study) -> dict[str, Trajectory]:
     Raises:
         StudyError: some that cannot be read, each with the line that names it and its own.
     """
+    from oed.records.path_file import read_trajectory
+
     paths: dict[str, Trajectory] = {}
     flaws: list[Flaw] = []
     for index, path in enumerate(study.file.baselines):

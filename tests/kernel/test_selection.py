@@ -53,6 +53,9 @@ class TestWeights:
         chosen = rated(problem, drive, "mine")
         assert "weights" not in chosen.evaluation.violations
         assert chosen.trajectory.weights.sum() == 20
+        # Whoever asks again, as every saved record does, waits no more; weights are of no matter.
+        assert select(problem, drive) is select(problem, chosen.trajectory)
+        assert select(replace(problem), drive) is not select(problem, drive)
 
     @pytest.mark.parametrize("weights", [np.ones(3), np.ones((201, 1)), -np.ones(201)])
     def test_others_are_refused(self, weights: np.ndarray):

@@ -131,6 +131,8 @@ def _across(own: Array) -> Array:
 
 def _unexplained(rows: Array, own: Array, across: Array) -> Array:
     # Less what columns `own` explain, `across` being these times the inverse of their square.
+    if not own.size:
+        return rows
     return np.asarray(rows - across @ (own.transpose(0, 2, 1) @ rows))
 
 
@@ -281,7 +283,9 @@ class _Point:
         unknowns, residuals = self.values / self.search.scale, self.residuals
         if max(np.abs(one).max(initial=0.0) for one in (unknowns, residuals)) > BEYOND:
             return np.inf
-        return float(self.losses[0].sum()) + self.search.known.misfit(self.values)
+        linear = self.search.loss == "linear"
+        losses = residuals.ravel() ** 2 if linear else self.losses[0]
+        return float(losses.sum()) + self.search.known.misfit(self.values)
 
     @property
     def smooth(self) -> bool:

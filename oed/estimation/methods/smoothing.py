@@ -18,6 +18,7 @@ import numpy as np
 
 from oed.estimation.setup.unknowns import Knowledge, Unknowns
 from oed.foundation.arrays import Array, Bools
+from oed.kernel.dynamics.direct_call import DirectCall
 from oed.kernel.dynamics.system import stepper
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.innovations import Filter, filter_of, taken_in
@@ -205,16 +206,26 @@ class Smoother:
         parameters, _, own = self._given(run, values)
         count = len(values)
         states, width = self._filter.states, self._filter.width + 1
-        beside = _side_by_side(path), parameters.T, own.T, _side_by_side(table)
-        inputs = np.tile(self.trajectory.each[run].inputs.T, count)
-        found = [np.array(one) for one in self._along.map(count)(beside[0], inputs, *beside[1:])]
+        inputs = np.tile(self.trajectory.each[run].inputs, (count, 1))
+        found = self._together(count)(path, inputs, parameters, own, table)
         rows = table.shape[2]
         shapes = (states, width), (states, states), (rows, width), (states, states), (rows, states)
         slopes, spreads, innovations, onward, seen = (
-            one.reshape(high, count, -1, wide).transpose(1, 2, 0, 3)
+            np.ascontiguousarray(one.reshape(-1, high).T).reshape(high, count, -1, wide).transpose(1, 2, 0, 3)
             for one, (high, wide) in zip(found, shapes, strict=True)
         )
         return Passed(slopes, spreads, innovations, onward, seen)
+
+    def _together(self, count: int) -> DirectCall:
+        # Of so many drives side by side.
+        if count not in self._calls:
+            self._calls[count] = DirectCall(self._along.map(count))
+        return self._calls[count]
+
+    @cached_property
+    def _calls(self) -> dict[int, DirectCall]:
+        # Those that were asked for.
+        return {}
 
     @cached_property
     def _along(self) -> ca.Function:
@@ -242,7 +253,7 @@ class Smoother:
             onward,
             ca.horzcat(seen, last[1]),
         ]
-        return ca.Function("run", [path, inputs, parameters, own, table], results)
+        return ca.Function("run", [path, inputs, parameters, own, table], list(map(ca.densify, results)))
 
 
 def smoothed(passed: Passed, step: Array) -> Array:
@@ -262,8 +273,3 @@ def smoothed(passed: Passed, step: Array) -> Array:
         later = pull[:, place] + np.einsum("rst,rs->rt", passed.onward[:, place], later)
         found[:, place] = ahead[:, place] + np.einsum("rst,rt->rs", passed.spreads[:, place], later)
     return np.asarray(found)
-
-
-def _side_by_side(tables: Array) -> Array:
-    # (R, k, rows) as (rows, R k).
-    return np.asarray(tables.transpose(2, 0, 1).reshape(tables.shape[2], -1))

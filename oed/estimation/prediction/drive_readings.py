@@ -73,14 +73,11 @@ class DriveReadings:
             own = nuisances[before : len(nuisances) - after]
             found, by_own = one.derivatives(Driven(starts, *self._driven, parameters, own))
             rows = by_own.reshape(len(found), found[0].size, 1, -1)
-            wide = np.zeros((*rows.shape[:3], leading + len(nuisances)))
-            wide[..., :leading] = rows[..., :leading]
-            wide[..., leading + before : wide.shape[-1] - after] = rows[..., leading:]
             readings.append(found.reshape(rows.shape[:3]))
-            slopes.append(wide)
+            slopes.append(_widened(rows, leading, before, after))
             before += len(one.sensor.nuisances)
-        by_all = self.unknowns.slopes(np.concatenate(slopes, axis=1))
-        return np.concatenate(readings, axis=1), by_all, np.zeros((*by_all.shape[:-1], 0))
+        by_all = self.unknowns.slopes(_together(slopes))
+        return _together(readings), by_all, np.zeros((*by_all.shape[:-1], 0))
 
     @cached_property
     def _driven(self) -> tuple[Array, Array]:
@@ -208,3 +205,17 @@ class DriveReadings:
             whitener = whitener + scipy.sparse.diags_array((~taken).astype(float))
         found = scipy.sparse.linalg.inv(scipy.sparse.csc_array(whitener))
         return scipy.sparse.csr_array(found if roots is None else found * taken)
+
+
+def _widened(rows: Array, leading: int, before: int, after: int) -> Array:
+    # With columns of 0 for so many nuisances of other sensors before and after those behind the leading ones.
+    if not before and not after:
+        return rows
+    wide = np.zeros((*rows.shape[:3], rows.shape[-1] + before + after))
+    wide[..., :leading] = rows[..., :leading]
+    wide[..., leading + before : wide.shape[-1] - after] = rows[..., leading:]
+    return wide
+
+
+def _together(parts: list[Array]) -> Array:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -17,6 +17,68 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.moment import moment_reading, reading_by_signal
 from oed.kernel.measurement.process_noise import ProcessNoise, erring, spread
 from oed.kernel.measurement.sensor import Sensor
+
+
+@dataclass(frozen=True)
+class _Formulas:
+    # Those of every run of so many periods.
+    sensors: tuple[Sensor, ...]
+    system: System
+    noise: ProcessNoise
+    samples: int
+    period: float
+
+    @cached_property
+    def readings(self) -> ca.Function:
+        """(start, inputs, errors (m, N)) -> what each sensor reads of a run, one number below the other."""
+        system, samples, period = self.system, self.samples, self.period
+        start, nominal = ca.MX.sym("start", len(system.states)), ca.DM(system.nominal)
+        inputs = ca.MX.sym("inputs", len(system.inputs), samples)
+        errors = ca.MX.sym("errors", self.noise.size, samples)
+        along = erring(self.noise, system).mapaccum(samples)
+        states = ca.horzcat(start, along(start, inputs, nominal, period, errors))
+        found = [self._read(sensor, states, inputs, errors) for sensor in self.sensors]
+        return ca.Function("walk", [start, inputs, errors], [ca.vec(one) for one in found])
+
+    def _read(self, sensor: Sensor, states: Expression, inputs: Expression, errors: Expression) -> Expression:
+        # Readings (q, times) of one sensor.
+        system, period, samples = self.system, self.period, self.samples
+        size, count = len(system.parameters), len(system.states)
+        own = ca.DM([nuisance.nominal for nuisance in sensor.nuisances])
+        instants = sensor.instants(samples)
+        each = [states[:, columns] for columns in instants]
+        held = [inputs[:, [min(column, samples - 1) for column in columns]] for columns in instants]
+        lasting = {"at samples": 0.0, "in periods": 1.0, "between samples": sensor.every}[
+            sensor.when
+        ] * period
+        none = ca.DM.zeros(count * len(instants), size + count)
+        rest = (ca.DM(system.nominal), own)
+        reading = moment_reading(sensor, system).map(len(instants[0]))
+        found = reading(
+            ca.vertcat(*each), ca.repmat(none, 1, len(instants[0])), ca.vertcat(*held), *rest, lasting
+        )[0]
+        if sensor.when == "in periods" and self.noise.signal:
+            by_signal = reading_by_signal(sensor, system, self.noise.signal)
+            parts = []
+            for place, column in enumerate(instants[0]):
+                slopes = by_signal(each[0][:, place], held[0][:, place], *rest, period)
+                parts.append(slopes.T @ errors[:, column] / period)
+            found = found + ca.horzcat(*parts)
+        return found
+
+    @cached_property
+    def effect(self) -> ca.Function:
+        """Of the same, derivatives of what each sensor reads by all errors."""
+        errors = ca.MX.sym("errors", self.noise.size, self.samples)
+        start, inputs = (ca.MX.sym("given", *self.readings.size_in(place)) for place in range(2))
+        found = self.readings(start, inputs, errors)
+        outputs = found if isinstance(found, tuple | list) else [found]
+        slopes = [ca.densify(ca.jacobian(one, errors)) for one in outputs]
+        return ca.Function("effect", [start, inputs, errors], slopes)
+
+
+_formulas = lru_cache(maxsize=8)(_Formulas)
+"""Drives of one study have them in common, and they take longer to make than a drive's readings."""
 
 
 @dataclass(frozen=True)
@@ -44,48 +106,14 @@ class Walk:
         # Start state (states,) and inputs (inputs, N) of every run.
         return [(one.start, one.inputs.T) for one in self.trajectory.each]
 
-    @cached_property
-    def _function(self) -> ca.Function:
-        # (start, inputs, errors (m, N)) -> what each sensor reads of a run, one number below the other.
-        system, samples, period = self.system, self._samples, self.trajectory.period
-        start, nominal = ca.MX.sym("start", len(system.states)), ca.DM(system.nominal)
-        inputs = ca.MX.sym("inputs", len(system.inputs), samples)
-        errors = ca.MX.sym("errors", self.noise.size, samples)
-        along = erring(self.noise, system).mapaccum(samples)
-        states = ca.horzcat(start, along(start, inputs, nominal, period, errors))
-        found = [self._read(sensor, states, inputs, errors) for sensor in self.sensors]
-        return ca.Function("walk", [start, inputs, errors], [ca.vec(one) for one in found])
-
-    def _read(self, sensor: Sensor, states: Expression, inputs: Expression, errors: Expression) -> Expression:
-        # Readings (q, times) of one sensor.
-        system, period, samples = self.system, self.trajectory.period, self._samples
-        size, count = len(system.parameters), len(system.states)
-        own = ca.DM([nuisance.nominal for nuisance in sensor.nuisances])
-        instants = sensor.instants(samples)
-        each = [states[:, columns] for columns in instants]
-        held = [inputs[:, [min(column, samples - 1) for column in columns]] for columns in instants]
-        lasting = {"at samples": 0.0, "in periods": 1.0, "between samples": sensor.every}[
-            sensor.when
-        ] * period
-        none = ca.DM.zeros(count * len(instants), size + count)
-        rest = (ca.DM(system.nominal), own)
-        reading = moment_reading(sensor, system).map(len(instants[0]))
-        found = reading(
-            ca.vertcat(*each), ca.repmat(none, 1, len(instants[0])), ca.vertcat(*held), *rest, lasting
-        )[0]
-        if sensor.when == "in periods" and self.noise.signal:
-            by_signal = reading_by_signal(sensor, system, self.noise.signal)
-            parts = []
-            for place, column in enumerate(instants[0]):
-                slopes = by_signal(each[0][:, place], held[0][:, place], *rest, period)
-                parts.append(slopes.T @ errors[:, column] / period)
-            found = found + ca.horzcat(*parts)
-        return found
+    @property
+    def _formulas(self) -> _Formulas:
+        return _formulas(self.sensors, self.system, self.noise, self._samples, self.trajectory.period)
 
     def readings(self, errors: Sequence[Array]) -> Array:
         """Of every run's errors (m, N), (M of all runs,), SI."""
         found = [
-            self._function.call([start, inputs, own])
+            self._formulas.readings.call([start, inputs, own])
             for (start, inputs), own in zip(self._runs, errors, strict=True)
         ]
         each = [[np.array(one).ravel() for one in run] for run in found]
@@ -109,12 +137,7 @@ class Walk:
     @cached_property
     def effect(self) -> Array:
         """L: derivatives of all readings by all errors in units of their deviations, (M, N m of all runs)."""
-        errors = ca.MX.sym("errors", self.noise.size, self._samples)
-        start, inputs = (ca.MX.sym("given", *self._function.size_in(place)) for place in range(2))
-        found = self._function(start, inputs, errors)
-        outputs = found if isinstance(found, tuple | list) else [found]
-        slopes = [ca.densify(ca.jacobian(one, errors)) for one in outputs]
-        function = ca.Function("effect", [start, inputs, errors], slopes)
+        function = self._formulas.effect
         blocks: list[list[Array]] = [[] for _ in self.sensors]
         for (begin, held), root in zip(self._runs, self.roots, strict=True):
             whole = scipy.linalg.block_diag(*root)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
-import scipy.sparse
 
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
@@ -82,7 +81,7 @@ class Block(Brief):
     raw: bool = False
     sizes: Array | None = None
     summed: Expression | None = None
-    shared: scipy.sparse.csc_matrix | None = None
+    shared: ca.DM | None = None
 
     @property
     def magnitudes(self) -> Expression:
@@ -123,7 +122,7 @@ class Block(Brief):
         # With W = Q U, and T the triangular factor of B Q, the estimates' covariance
         # (W'W)^-1 (BW)'BW (W'W)^-1 is (T U^-T)'(T U^-T).
         orthonormal, upper = np.linalg.qr(jacobian)
-        spread = np.asarray(np.linalg.qr(self.shared @ orthonormal, mode="r"))
+        spread = np.asarray(np.linalg.qr(np.array(self.shared @ orthonormal), mode="r"))
         return np.asarray(np.linalg.solve(spread.T, upper))
 
     @property
@@ -144,7 +143,7 @@ def regression(
     jacobian: Expression | None = None,
     summed: Expression | None = None,
     sizes: Array | None = None,
-    shared: scipy.sparse.csc_matrix | None = None,
+    shared: ca.DM | None = None,
 ) -> Block:
     """The block of a linear regression y = W c + noise; `scaling: none` leaves its noise out.
 
@@ -169,7 +168,7 @@ def regression(
         square = columns.T @ columns
         if shared is None:
             return square
-        spread = ca.DM(shared) @ columns
+        spread = shared @ columns
         return harmonic(square, spread.T @ spread)
 
     return Block(

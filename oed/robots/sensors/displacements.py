@@ -6,7 +6,6 @@ from typing import Annotated, Literal
 
 import casadi as ca
 import numpy as np
-import scipy.sparse
 from pydantic import Field
 
 from oed.foundation.arrays import Places
@@ -180,15 +179,13 @@ class Displacements(Measurement):
             )
         )
 
-    def _shared(self, rows: int, coordinates: int, runs: int) -> scipy.sparse.csc_matrix | None:
+    def _shared(self, rows: int, coordinates: int, runs: int) -> ca.DM | None:
         # D': each pose's error enters the segment before it and, with the other sign, the one after.
         if self.noise_model == "increments" or self.estimator == "gls":
             return None
         count = rows // coordinates // runs
-        each = scipy.sparse.eye(count + 1, count, -1) - scipy.sparse.eye(count + 1, count)
-        return scipy.sparse.csc_matrix(
-            scipy.sparse.block_diag([scipy.sparse.kron(each, scipy.sparse.eye(coordinates))] * runs)
-        )
+        each = ca.DM.eye(count + 1)[:, 1:] - ca.DM.eye(count + 1)[:, :-1]
+        return ca.diagcat(*[ca.kron(each, ca.DM.eye(coordinates))] * runs)
 
     def _segment_sums(self, drive: Drive, *, every: int, offset: int) -> ca.DM:
         # (every * P, N): row every * i + offset adds up the samples of segment i.

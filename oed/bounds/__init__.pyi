@@ -1,0 +1,13 @@
+from .certificate import LATTICE as LATTICE
+from .certificate import LOOSE as LOOSE
+from .certificate import Bound as Bound
+from .certificate import Certificate as Certificate
+from .certificate import bound_on as bound_on
+from .certificate import gap as gap
+from .smallest import GAP as GAP
+from .smallest import NOTHING as NOTHING
+from .smallest import OF_E as OF_E
+from .smallest import ROOMLESS as ROOMLESS
+from .smallest import STEADY as STEADY
+from .smallest import UNKNOWN as UNKNOWN
+from .smallest import bound as bound
