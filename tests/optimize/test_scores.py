@@ -125,7 +125,9 @@ def test_violations_are_those_of_the_rows(overrides: dict[str, Any]):
     problem = problem_of(**overrides)
     terms, whole = terms_of(problem, refine=2), Unrolled(problem, 2)
     entries, violations = scored(terms.scores_written_out, terms)
-    function = ca.Function("rows", [whole.unknowns], [whole.entries, *(one.expression for one in whole.limits)])
+    function = ca.Function(
+        "rows", [whole.unknowns], [whole.entries, *(one.expression for one in whole.limits)]
+    )
     values, *limits = scored(function, terms)
     np.testing.assert_allclose(entries, values, rtol=1e-9, atol=1e-9 * np.abs(entries).max())
     for rows, own, found in zip(whole.limits, limits, violations, strict=True):
