@@ -22,7 +22,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import Terms
 from oed.optimize.terms.slots import Chosen
-from oed.optimize.transcription.program import Outcome
+from oed.optimize.transcription.program import SLOTS, Outcome
 
 PER_UNKNOWN = 2.0
 """Instants per unknown of an input that a search begins with in a run."""
@@ -30,6 +30,8 @@ LEAST, MOST = 10, 32
 """Instants of a run that it begins with at least, and at most: more cost more than they save."""
 ENOUGH = 1e-4
 """Share of a limit's size by which a drive exceeds it where nothing is added any more."""
+IDLE = 0.02
+"""Share of a limit's size that a drive stays away from it at an instant that others may take the place of."""
 EXCHANGES = 10
 """Times that a search goes on with more instants before it is judged as it is."""
 TIMES = 2000
@@ -224,13 +226,34 @@ class Exchange:
             outcome = solve(unknowns, after, chosen, loosely)
             iterations, evaluations = iterations + outcome.iterations, evaluations + outcome.evaluations
             unknowns, after = outcome.unknowns, outcome if outcome.succeeded else None
-            more = self.more(instants, trajectory(unknowns))
-            instants = instants.joined(more)
+            drive = trajectory(unknowns)
+            more = self.more(instants, drive)
+            instants = self.with_more(instants, more, drive)
             if not len(more):
                 if not loosely:
                     break
                 loosely = False
         return replace(outcome, iterations=iterations, evaluations=evaluations), instants
+
+    def with_more(self, instants: Instants, more: Instants, drive: Trajectory) -> Instants:
+        """Instants and more of them, some of which take the places of those that a drive is farthest from.
+
+        Args:
+            instants: that are looked at.
+            more: to be added.
+            drive: of the problem.
+        """
+        missing = len(more) - (-len(instants) % SLOTS)
+        if missing <= 0:
+            return instants.joined(more)
+        excess = self.violations(instants, drive)
+        idle = np.argsort(excess, kind="stable")[:missing]
+        idle = idle[excess[idle] < -IDLE]
+        first = np.arange(len(more)) < len(idle)
+        found = instants.joined(instants.some(np.zeros(len(instants), dtype=bool)))
+        for own, new in ((found.row, more.row), (found.run, more.run), (found.time, more.time)):
+            own[idle] = new[first]
+        return found.joined(more.some(~first))
 
     def more(self, instants: Instants, drive: Trajectory, finer: int = 1) -> Instants:
         """The worst instants of a drive that are not among those, to half a step of the fine grid.

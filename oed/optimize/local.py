@@ -280,7 +280,7 @@ class LocalSearch:
                 return
             before, more = backoff, self._missed(instants, drive, excess)
             backoff = np.where(self._by_instants, 0.0, np.minimum(backoff + 1.1 * excess, NARROWEST))
-            instants = instants.joined(more)
+            instants = self.exchange.with_more(instants, more, drive)
             stuck = np.array_equal(before, backoff) and not len(more) and not self.grid.coarse
             if excess.any() and stuck:
                 break

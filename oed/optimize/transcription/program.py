@@ -87,7 +87,7 @@ LED_NOWHERE = (
     "Diverging_Iterates",
 )
 """How such a solve ends that is better begun anew."""
-SLOTS = 32
+SLOTS = 64
 """Rows of instants that a program has room for, or a multiple of that."""
 WARM_ITERATIONS = 100
 """After which the multipliers it goes on from have misled it: where they help, a dozen do."""
