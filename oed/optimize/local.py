@@ -7,6 +7,7 @@ from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import casadi as ca
@@ -27,7 +28,7 @@ from oed.optimize.terms.slots import Chosen
 from oed.optimize.transcription.chain import SLIGHT
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.design import objective_of
-from oed.optimize.transcription.program import Outcome, Program
+from oed.optimize.transcription.program import Outcome, Program, slots_for
 
 Round: TypeAlias = tuple[Outcome, Evaluation]
 Stage = Literal["program", "second"]
@@ -212,6 +213,15 @@ class LocalSearch:
         # As much as it may be worth: of nearly singular matrices, rounding decides.
         most = [[one + np.diag(2 * SQUARED * np.diag(one)) for one in own] for own in matrices]
         return surely_better(float(self.design.objective(most)), standing)
+
+    def compile(self, spared: float) -> tuple[int, Path | None]:
+        """Let a compiler begin on what a search calls most often: for how many slots, and where it will be.
+
+        Args:
+            spared: time [s] that this would spare.
+        """
+        slots = slots_for(len(self.exchange.begun()))
+        return slots, self.design.terms.compile(slots, spared=spared)
 
     def second_stage(self, unknowns: Array, share: float) -> Local:
         """Among designs with at least `share` of this design's objective, the best by the second measure."""

@@ -7,6 +7,7 @@ import uuid
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,7 @@ from oed.kernel.solution import BEST_YET, NOTHING_YET, Explored, HistoryPoint, S
 from oed.optimize.conflict import describe_conflict
 from oed.optimize.earlier import earlier_design
 from oed.optimize.exploration import BARRIERS, Attempt, Exploration, Explorer, explorer_of
-from oed.optimize.local import local_search, surely_better
+from oed.optimize.local import LocalSearch, local_search, surely_better
 from oed.optimize.local_results import Local, Settings, Sketch
 from oed.optimize.local_tasks import Task, work
 from oed.optimize.solver import Context
@@ -44,6 +45,8 @@ TRIAL = 4
 """Starts tried before a search that has found nothing asks whether the limits conflict."""
 RESCORED = 5
 """Screened drives that are scored between their samples at most, the best first."""
+SPARED = 0.5
+"""Share of a search's time that machine code spares it."""
 PERCENT = 100
 """Steps of an exploration's progress."""
 POOL_SECONDS = 8.0
@@ -84,6 +87,7 @@ class MultiStart:
     evaluations: int = 0
     history: list[HistoryPoint] = field(default_factory=list)
     _reason: str = ""
+    _library: tuple[int, Path] | None = None
     _explored: Explored | None = None
 
     def __post_init__(self) -> None:
@@ -138,6 +142,7 @@ class MultiStart:
         self.context.progress.begin("starts", len(points))
         # The first one here: it shows how long a start takes, and whether workers are worth starting.
         self._try_starts(points[:1])
+        self._compile(local_search(self.token, self.problem, self.settings), self._seconds_left)
         # Where the first few find nothing, asking why comes before trying the others.
         self._try_starts(points[1:TRIAL])
         if self.best is None:
@@ -226,11 +231,21 @@ class MultiStart:
             self.starts += [result.start for result in results if result is not None]
 
     @property
-    def _workers(self) -> Workers:
-        # How many processes share the work decides only when a design is found, not which.
+    def _seconds_left(self) -> float:
+        # Of local searches, as far as anybody knows.
         left = self._usual_starts + self.options.perturbations - len(self.starts)
         typical = float(np.mean([start.wall_seconds for start in self.starts])) if self.starts else 0.0
-        return self.context.workers if left * typical > POOL_SECONDS else 1
+        return left * typical
+
+    @property
+    def _workers(self) -> Workers:
+        # How many processes share the work decides only when a design is found, not which.
+        return self.context.workers if self._seconds_left > POOL_SECONDS else 1
+
+    def _compile(self, search: LocalSearch, left: float) -> None:
+        slots, library = search.compile(SPARED * left)
+        if library is not None:
+            self._library = slots, library
 
     def _perturb(self) -> None:
         left = self.options.perturbations
@@ -301,7 +316,7 @@ class MultiStart:
         )
 
     def _task(self, unknowns: Array, share: float | None = None, barrier: float | None = None) -> Task:
-        return Task(self.token, self.problem, self.settings, unknowns, share, barrier)
+        return Task(self.token, self.problem, self.settings, unknowns, share, barrier, self._library)
 
     def _keep_best(self, results: Sequence[Local | None]) -> None:
         for result in results:

@@ -24,7 +24,7 @@ from oed.foundation.work import parallel
 from oed.foundation.work.parallel import BREAKDOWNS, run_tasks
 from oed.optimize import genetic
 from oed.optimize.genetic import Population
-from oed.optimize.transcription.compiled import compiler
+from oed.optimize.terms.compiled import compiler
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives
 from oed.records.record import load_record

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from oed.optimize.transcription.compiled import compiled, compiler
+from oed.optimize.terms.compiled import compiled, compiler
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
 

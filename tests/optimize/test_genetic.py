@@ -15,7 +15,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.optimize import CmaEs, DifferentialEvolution, Genetic, Ipopt, solve
-from oed.optimize.transcription.compiled import compiler
+from oed.optimize.terms.compiled import compiler
 from oed.optimize.transcription.design import DesignExpressions
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.sensors import Displacements

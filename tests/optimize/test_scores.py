@@ -16,9 +16,9 @@ from oed.kernel.dynamics.space import Spline
 from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
 from oed.optimize.terms.base import Terms
+from oed.optimize.terms.compiled import compiled, compiler
 from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
-from oed.optimize.transcription.compiled import compiled, compiler
 from oed.optimize.transcription.design import DesignExpressions
 from oed.robots.limits import BodySpeed, EndHeading, PathLength, WheelSpeed
 from oed.robots.limits.workspace import CircularObstacle, Obstacles

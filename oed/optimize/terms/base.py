@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -15,10 +16,17 @@ from oed.kernel.dynamics.embedding import Bounding, embedding_of
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.problem import Problem
+from oed.optimize.terms.compiled import Making, taken
 from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.row_bounds import RowBounds
 from oed.optimize.terms.slots import Begun, Slots
 from oed.optimize.terms.small_drives import splines_of
+
+COMPILING = 3e-4
+"""Time [s] that a compiler takes for one operation written out."""
+DIFFERENTIATED = 12
+"""How many times as long it takes with first and second derivatives."""
+FUNCTIONS = ("terms", "slopes", "curvature")
 
 
 class Swept(ABC):
@@ -96,9 +104,9 @@ def _functions_of(terms: Terms, count: int) -> Functions:
         states, more = [(begun, around.on_states(own))], around.curvature(own)
     curvature = ca.triu(sweep.curvature(weights[0], fixed, states) + more)
     return Functions(
-        ca.Function("terms", given, [sweep.entries, rows]),
-        ca.Function("slopes", given, [sweep.entry_slopes, slopes]),
-        ca.Function("curvature", [*given, *weights], [curvature]),
+        ca.Function(FUNCTIONS[0], given, [sweep.entries, rows]),
+        ca.Function(FUNCTIONS[1], given, [sweep.entry_slopes, slopes]),
+        ca.Function(FUNCTIONS[2], [*given, *weights], [curvature]),
     )
 
 
@@ -233,11 +241,48 @@ class Terms(ABC):
     def _functions(self) -> dict[int, Functions]:
         return {}
 
+    @cached_property
+    def _libraries(self) -> dict[int, Path | None]:
+        return {}
+
+    @cached_property
+    def _making(self) -> dict[int, Making]:
+        return {}
+
     def functions(self, slots: int = 0) -> Functions:
-        """The terms' functions, with so many slots."""
+        """The terms' functions, with so many slots: in machine code as soon as a compiler has made that,
+        which changes none of the numbers.
+        """
         if slots not in self._functions:
             self._functions[slots] = _functions_of(self, slots)
+        if slots in self._making and (found := self._making[slots].functions()) is not None:
+            self._functions[slots] = Functions(*found)
+            # Kept in `_libraries`, for other processes.
+            del self._making[slots]
         return self._functions[slots]
+
+    def compile(self, slots: int, *, spared: float = np.inf) -> Path | None:
+        """Let a compiler begin to make machine code of them, where there is one; where it will be.
+
+        Args:
+            slots: how many.
+            spared: time [s] that this would spare; where compiling takes longer, only what was compiled
+                before is taken.
+        """
+        anew = spared >= DIFFERENTIATED * COMPILING * self.written
+        if slots not in self._libraries or (anew and slots not in self._making):
+            functions = self.functions(slots)
+            if not functions.values.is_a("External"):
+                self._making[slots] = Making(list(vars(functions).values()), anew=anew)
+                self._libraries[slots] = self._making[slots].library
+        return self._libraries.get(slots)
+
+    def take(self, slots: int, library: Path) -> None:
+        """Use what another process has compiled, if it is there already."""
+        if slots not in self._functions or not self._functions[slots].values.is_a("External"):
+            found = taken(library, FUNCTIONS)
+            if found is not None:
+                self._functions[slots] = Functions(*found)
 
     @property
     def values(self) -> ca.Function:

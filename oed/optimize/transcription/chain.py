@@ -144,6 +144,9 @@ class Frame:
 class ChainRule:
     """A program around the terms, with its derivatives (MX).
 
+    Attributes:
+        functions: of the terms.
+
     Args:
         design: what it is about.
         frame: how it sees the limits.
@@ -163,7 +166,7 @@ class ChainRule:
         """Write the program; the terms are differentiated where no program did so before."""
         self._design, self._frame = design, frame
         self._around = _Around([design.terms.unknowns, design.entries, auxiliary], -objective, conditions)
-        self._functions = design.terms.functions(frame.slots.count)
+        self.functions = design.terms.functions(frame.slots.count)
         self._x = ca.MX.sym("x", design.terms.size + auxiliary.shape[0])
         self._p = ca.MX.sym("p", frame.slots.width)
         self._z, self._auxiliary = self._x[: design.terms.size], self._x[design.terms.size :]
@@ -190,7 +193,7 @@ class ChainRule:
         return {"grad_f": self._gradient(), "jac_g": self._jacobian(), "hess_lag": self._hessian()}
 
     def _values(self) -> tuple[Expression, Expression]:
-        nominal, rows = self._functions.values(*self._given)
+        nominal, rows = self.functions.values(*self._given)
         others = [(place, robots.values(*given)) for place, robots, given in self._others()]
         return self._stacked(nominal, others), rows
 
@@ -221,13 +224,13 @@ class ChainRule:
     def _gradient(self) -> ca.Function:
         by_z, by_entries, by_auxiliary = self._of(self._around.gradient)
         if self._around.gradient.nnz_out(1):
-            nominal, _ = self._functions.jacobian(*self._given)
+            nominal, _ = self.functions.jacobian(*self._given)
             by_z += self._entry_slopes(nominal).T @ by_entries
         gradient = ca.densify(ca.vertcat(by_z, by_auxiliary))
         return ca.Function("grad_f", [self._x, self._p], [self._f, gradient])
 
     def _jacobian(self) -> ca.Function:
-        nominal, rows = self._functions.jacobian(*self._given)
+        nominal, rows = self.functions.jacobian(*self._given)
         by_z, by_entries, by_auxiliary = self._of(self._around.jacobian)
         framed, count = self._frame.choice @ rows, self._auxiliary.shape[0]
         relaxed = ca.MX(framed.shape[0], count)
@@ -251,12 +254,12 @@ class ChainRule:
         places = {place for place, *_ in self._design.others}
         for place, weight in enumerate(each):
             on_nominal = on_nominal if place in places else on_nominal + weight
-        upper = self._functions.hessian(*self._given, ca.densify(on_nominal), self._frame.choice.T @ rest)
+        upper = self.functions.hessian(*self._given, ca.densify(on_nominal), self._frame.choice.T @ rest)
         for place, robots, given in self._others():
             upper += robots.hessian(*given, each[place])
         corner = ca.triu2symm(upper) + zz
         if around.bent:
-            nominal, _ = self._functions.jacobian(*self._given)
+            nominal, _ = self.functions.jacobian(*self._given)
             slope = self._entry_slopes(nominal)
             mixed = ze @ slope
             corner += slope.T @ ee @ slope + mixed + mixed.T

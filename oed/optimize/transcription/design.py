@@ -17,13 +17,11 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
-from oed.optimize.terms.base import Terms
+from oed.optimize.terms.base import COMPILING, Terms
+from oed.optimize.terms.compiled import compiled
 from oed.optimize.terms.matrices import stacks, symmetric_all
 from oed.optimize.terms.unrolled import OtherRobots, Unrolled
-from oed.optimize.transcription.compiled import compiled
 
-COMPILING = 3e-4
-"""Time [s] that a compiler takes for one operation written out."""
 UNSOUND = 1e3
 """Violation of every limit, as a share of its size, of a drive that is not finite."""
 

@@ -93,11 +93,16 @@ WARM_ITERATIONS = 100
 """After which the multipliers it goes on from have misled it: where they help, a dozen do."""
 
 
+def slots_for(rows: int) -> int:
+    """Slots of a program with so many rows of instants."""
+    return -(-rows // SLOTS) * SLOTS
+
+
 class _Written:
     # A program with a number of slots, and its solvers.
 
     def __init__(self, chain: ChainRule, frame: Frame, options: dict[str, Any]) -> None:
-        self.frame, self._program = frame, chain.program
+        self.frame, self.functions, self._program = frame, chain.functions, chain.program
         self._options = {**IPOPT_OPTIONS, **chain.derivatives, **options}
         self._solvers: dict[tuple[float | None, float | None], ca.Function] = {}
         self._warm: dict[float | None, ca.Function] = {}
@@ -155,7 +160,9 @@ class Program:
 
     def _written(self, slots: int) -> _Written:
         # With so many slots for rows of instants.
-        if slots not in self._with_slots:
+        known = self._with_slots.get(slots)
+        # Compiled meanwhile, the terms' functions are others.
+        if known is None or known.functions is not self.design.terms.functions(slots):
             frame = Frame(self.design.terms, relaxing=self._relaxing, slots=slots)
             chain = ChainRule(self.design, frame, *self._around)
             self._with_slots[slots] = _Written(chain, frame, self._options)
@@ -192,7 +199,7 @@ class Program:
             tolerance: of Ipopt, instead of the program's own.
             chosen: rows of instants that hold beside all others.
         """
-        slots = 0 if chosen is None else -(-len(chosen) // SLOTS) * SLOTS
+        slots = 0 if chosen is None else slots_for(len(chosen))
         written = self._written(slots)
         shares = np.zeros(len(self.design.terms.rows)) if backoff is None else backoff
         (low, high), (row_low, row_high) = written.frame.bounds(shares, chosen)

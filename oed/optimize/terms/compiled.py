@@ -1,0 +1,172 @@
+"""Generated C for functions that are called very often, where there is a compiler; the numbers stay the same.
+
+What was compiled is kept for later processes in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import casadi as ca
+
+# No contraction to fused operations and no fast mathematics: with them the last digits, and so the designs
+# that a search finds, would depend on whether there is a compiler.
+FLAGS = (
+    *("-O3", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared"),
+    # Only what CasADi loads is seen from outside, so that all else is inlined.
+    *("-fvisibility=hidden", "-DGCC_HASCLASSVISIBILITY"),
+)
+PATIENCE = 120.0
+"""Time [s] after which a compiler is given up."""
+MANY = 5000
+"""Statements of a function from which it is translated as it stands: a compiler would look longer for what such
+a list has in common than a search takes, and for little, as it is called once where samples' are called often.
+"""
+
+
+def compiler() -> str | None:
+    """The C compiler's path: that of the variable CC, or the system's; None where there is none."""
+    return shutil.which(os.environ.get("CC") or "cc") or shutil.which("gcc") or shutil.which("clang")
+
+
+def compiled(function: ca.Function, *, anew: bool = True) -> ca.Function:
+    """A function in machine code; itself where it cannot be compiled.
+
+    Args:
+        function: to be compiled.
+        anew: whether to compile what was not compiled before; else it stays itself, too.
+    """
+    making = Making([function], anew=anew)
+    making.wait()
+    found = making.functions()
+    return found[0] if found else function
+
+
+class Making:
+    """A library of functions that a compiler is at work on, in a process of its own.
+
+    Attributes:
+        library: where it will be; None where there is no compiler, or no room for the source.
+    """
+
+    def __init__(self, functions: Sequence[ca.Function], *, anew: bool = True) -> None:
+        """Begin, unless the library is there from before.
+
+        Args:
+            functions: of different names.
+            anew: whether to compile what was not compiled before.
+        """
+        self.library: Path | None = None
+        self._names = [function.name() for function in functions]
+        self._process: subprocess.Popen[bytes] | None = None
+        tool = compiler()
+        if tool is None:
+            return
+        try:
+            self._folder = tempfile.TemporaryDirectory(prefix="oed-", ignore_cleanup_errors=True)
+            source = self._written(functions)
+            self.library = _kept(source.read_bytes(), tool)
+            if self.library.exists() or not anew:
+                return
+            self.library.parent.mkdir(parents=True, exist_ok=True)
+            self._begin(tool, source)
+        except OSError:
+            # No room for the source, or for the library.
+            return
+
+    def _written(self, functions: Sequence[ca.Function]) -> Path:
+        generator = ca.CodeGenerator("generated.c")
+        for function in functions:
+            generator.add(function)
+        source = Path(generator.generate(self._folder.name + os.sep))
+        source.write_text(_as_they_stand(source.read_text()))
+        return source
+
+    def _begin(self, tool: str, source: Path) -> None:
+        assert self.library is not None
+        # Under another name first: another process may be making the same.
+        with tempfile.NamedTemporaryFile(dir=self.library.parent, suffix=".part", delete=False) as part:
+            self._part = Path(part.name)
+        command = [tool, *FLAGS, str(source), "-o", str(self._part), "-lm"]
+        self._began = time.monotonic()
+        quiet = subprocess.DEVNULL
+        self._process = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet)  # noqa: S603
+
+    def wait(self) -> None:
+        """Until the compiler has ended, well or not."""
+        if self._process is not None:
+            try:
+                self._process.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+            self._ended()
+
+    def functions(self) -> list[ca.Function] | None:
+        """The functions in machine code; None as long as there is no library."""
+        if self._process is not None and self._process.poll() is not None:
+            self._ended()
+        elif self._process is not None and time.monotonic() - self._began > PATIENCE:
+            self.stop()
+        return None if self.library is None else taken(self.library, self._names)
+
+    def stop(self) -> None:
+        """Give it up, if it is not there yet."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._ended()
+
+    def _ended(self) -> None:
+        assert self._process is not None
+        assert self.library is not None
+        try:
+            if self._process.returncode == 0:
+                self._part.replace(self.library)
+        except OSError:
+            pass
+        finally:
+            self._part.unlink(missing_ok=True)
+            self._process = None
+            self._folder.cleanup()
+
+    def __del__(self) -> None:
+        """No compiler is left at work for nobody."""
+        if getattr(self, "_process", None) is not None:
+            self.stop()
+
+
+def taken(library: Path, names: Sequence[str]) -> list[ca.Function] | None:
+    """Functions of a library; None where there is none.
+
+    Args:
+        library: a file.
+        names: of the functions.
+    """
+    return [ca.external(name, str(library)) for name in names] if library.exists() else None
+
+
+def _as_they_stand(source: str) -> str:
+    # The longest functions by the compiler without its optimisation; one that knows no such wish ignores it.
+    begins = [found.start() for found in re.finditer(r"^static int casadi_f\d+\(.*\{$", source, re.MULTILINE)]
+    edges = [0, *begins, len(source)]
+    parts = [source[first:last] for first, last in pairwise(edges)]
+    light = '__attribute__((optimize("O0"))) '
+    return parts[0] + "".join(light * (part.count(";") > MANY) + part for part in parts[1:])
+
+
+def _kept(source: bytes, tool: str) -> Path:
+    asked = subprocess.run([tool, "-dumpfullversion", "-dumpmachine"], capture_output=True, check=False)  # noqa: S603
+    parts = [source, *(flag.encode() for flag in FLAGS), tool.encode(), asked.stdout, ca.__version__.encode()]
+    name = hashlib.sha256(b"\0".join(parts)).hexdigest()
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return cache / "oed" / f"{name}.so"
