@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -95,10 +96,18 @@ class Explorer:
     problem: Problem
     settings: Settings
     pace: Pace = QUICK
+    library: tuple[int, Path] | None = None
 
     def __call__(self, attempt: Attempt) -> Sketch:
         """Make one."""
+        if self.library is not None:
+            self.search.design.terms.take(*self.library)
         return self.search.sketch(attempt.unknowns, attempt.barrier, self.pace.tolerance)
+
+    def compiled(self, spared: float) -> Explorer:
+        """With what a compiler makes of it, where that takes less time [s] than it spares."""
+        slots, library = self.search.compile(spared) if spared else (0, None)
+        return self if library is None else replace(self, library=(slots, library))
 
     @property
     def search(self) -> LocalSearch:

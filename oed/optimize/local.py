@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -24,13 +24,13 @@ from oed.kernel.problem import Problem
 from oed.kernel.solution import Status
 from oed.optimize.exchange import Exchange, Instants
 from oed.optimize.local_results import Local, Settings, Sketch
+from oed.optimize.rounds import Round, chosen_of, judged, surely_better
 from oed.optimize.terms.slots import Chosen
 from oed.optimize.transcription.chain import SLIGHT
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.design import objective_of
 from oed.optimize.transcription.program import Outcome, Program, slots_for
 
-Round: TypeAlias = tuple[Outcome, Evaluation]
 Stage = Literal["program", "second"]
 
 ROUNDS = 6
@@ -43,26 +43,12 @@ NARROWEST = 0.6
 """Share of a limit's size that tightening may take away at most."""
 MISLED = 1e-5
 """Share of the objective by which a coarse grid may see a design otherwise than all samples do."""
-ROUNDING = 1e-9
-"""Share of the objective that a design must be better by to replace one found before (or after)."""
 LOOSE = 1e-4
 """Tolerance of solves after which more instants may be added."""
 SLIPPED = 0.02
 """Excess between the points of a path, as a share of a limit's size, from which more points are asked."""
 FINER, FINEST = 4, 64
 """Factor on the points per sample then, and the most there are."""
-
-_STATUS = {
-    "Solve_Succeeded": Status.CONVERGED,
-    "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
-    "Feasible_Point_Found": Status.ACCEPTABLE,
-    "Search_Direction_Becomes_Too_Small": Status.ACCEPTABLE,
-    "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
-    "Maximum_CpuTime_Exceeded": Status.TIME_LIMIT,
-    "Maximum_WallTime_Exceeded": Status.TIME_LIMIT,
-    "Infeasible_Problem_Detected": Status.INFEASIBLE,
-    "Restoration_Failed": Status.INFEASIBLE,
-}
 
 
 class LocalSearch:
@@ -132,7 +118,7 @@ class LocalSearch:
         loose = max(tolerance, self.settings.tolerance)
         given: dict[str, Any] = {"floors": floors, "barrier": barrier, "tolerance": loose}
         try:
-            outcome, _ = self.exchanged(self.program, unknowns, nothing, **given)
+            outcome, _ = self.exchanged(self.program, unknowns, nothing, of_grid=True, **given)
         except NotFinite:
             return Sketch(unknowns, -np.inf, 1)
         _, violations = self.design.score_many(outcome.unknowns[None, :])
@@ -147,6 +133,8 @@ class LocalSearch:
         corrections: Array,
         instants: Instants | None = None,
         after: Outcome | None = None,
+        *,
+        of_grid: bool = False,
         **given: Any,
     ) -> tuple[Outcome, Instants]:
         """Solve from a start with ever more instants, until limits are kept: where that ends, and those.
@@ -157,9 +145,14 @@ class LocalSearch:
             corrections: of the grid.
             instants: to begin with; as every search does by default.
             after: the solve that it goes on from.
+            of_grid: whether limits are to be kept as the grid sees drives, of which fewer samples than all
+                have another path.
             given: further arguments of `solved`.
         """
-        known = self.exchange.begun() if instants is None else instants
+        exchange, trajectory = self.exchange, self.grid.trajectory
+        if of_grid and self.grid.coarse:
+            exchange, trajectory = Exchange(self.design.problem, self.design.terms), self.design.trajectory
+        known = exchange.begun() if instants is None else instants
 
         def solve(begin: Array, before: Outcome | None, chosen: Chosen | None, loosely: bool) -> Outcome:
             tolerance = given.get("tolerance")
@@ -168,7 +161,7 @@ class LocalSearch:
             how = {**given, "tolerance": tolerance}
             return self.solved(program, begin, corrections, after=before, chosen=chosen, **how)
 
-        return self.exchange.solved(solve, unknowns, after, known, self.grid.trajectory)
+        return exchange.solved(solve, unknowns, after, known, trajectory)
 
     def maximise(self, unknowns: Array, barrier: float | None = None) -> Local:
         """Maximise the criterion from a start; the start itself if that is better than where this ends.
@@ -245,9 +238,9 @@ class LocalSearch:
         seconds = time.perf_counter() - began
         if not rounds:
             return Local(unknowns, None, Status.FAILED, 0, 0, seconds, reason)
-        chosen = _chosen(rounds)
+        chosen = chosen_of(rounds)
         gains = self.gains(rounds[chosen][0]) if stage == "program" else {}
-        return replace(_judged(rounds, chosen, seconds, reason), gains=gains)
+        return replace(judged(rounds, chosen, seconds, reason), gains=gains)
 
     def gains(self, outcome: Outcome) -> dict[str, float]:
         """As of a `Solution`, of where a solve of the criterion's program ended."""
@@ -380,43 +373,6 @@ class LocalSearch:
             [named[limit.name].violation / named[limit.name].size for limit in self.problem.limits]
         )
         return np.where(shares > TOLERANCE / 2, shares, 0.0)
-
-
-def surely_better(objective: float, standing: float) -> bool:
-    """Whether an objective is larger than another by more than rounding."""
-    return bool(np.isfinite(objective)) and objective > standing + ROUNDING * abs(objective)
-
-
-def _chosen(rounds: Sequence[Round]) -> int:
-    # The best of all rounds' ends, for the last one need not be; of equal ones the last.
-    chosen, standing = len(rounds) - 1, -np.inf
-    for place in range(len(rounds) - 1, -1, -1):
-        evaluation = rounds[place][1]
-        if evaluation.feasible and surely_better(evaluation.objective, standing):
-            chosen, standing = place, evaluation.objective
-    return chosen
-
-
-def _judged(rounds: Sequence[Round], chosen: int, seconds: float, broken: str = "") -> Local:
-    # A drive that does not identify what is asked for is a design, if of no use: the search says so in the
-    # end. `broken` is why the round after them was not finite, if one was not.
-    outcome, evaluation = rounds[chosen]
-    status = _STATUS.get(outcome.return_status, Status.FAILED)
-    found = evaluation.feasible and (np.isfinite(evaluation.objective) or not evaluation.identifiable)
-    if not found:
-        status = status if status is Status.INFEASIBLE else Status.FAILED
-    elif status in (Status.INFEASIBLE, Status.FAILED) or broken or chosen < len(rounds) - 1:
-        # A feasible end is a design, whatever made Ipopt stop there, or went wrong from there.
-        status = Status.ACCEPTABLE
-    return Local(
-        outcome.unknowns,
-        evaluation if found else None,
-        status,
-        sum(one.iterations for one, _ in rounds),
-        sum(one.evaluations for one, _ in rounds),
-        seconds,
-        "" if found else broken,
-    )
 
 
 _CACHE: OrderedDict[str, LocalSearch] = OrderedDict()

@@ -21,9 +21,10 @@ from oed.kernel.solution import BEST_YET, NOTHING_YET, Explored, HistoryPoint, S
 from oed.optimize.conflict import describe_conflict
 from oed.optimize.earlier import earlier_design
 from oed.optimize.exploration import BARRIERS, Attempt, Exploration, Explorer, explorer_of
-from oed.optimize.local import LocalSearch, local_search, surely_better
+from oed.optimize.local import LocalSearch, local_search
 from oed.optimize.local_results import Local, Settings, Sketch
 from oed.optimize.local_tasks import Task, work
+from oed.optimize.rounds import surely_better
 from oed.optimize.solver import Context
 from oed.optimize.standing import announce_drive
 from oed.optimize.transcription.starting_points import (
@@ -202,6 +203,7 @@ class MultiStart:
 
         spent, budget = found.spent, self.options.budget
         left = (time.perf_counter() - self.began) * (budget / spent - 1) if spent else 0.0
+        explorer = explorer.compiled(SPARED * left)
         run_tasks(explorer, attempts, self.context.workers if left > POOL_SECONDS else 1, take)
         made = [results[index] for index in range(len(attempts))]
         after = spent + found.share * sum(one.iterations for one in made)

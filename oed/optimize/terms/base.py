@@ -26,6 +26,8 @@ COMPILING = 3e-4
 """Time [s] that a compiler takes for one operation written out."""
 DIFFERENTIATED = 12
 """How many times as long it takes with first and second derivatives."""
+LEAST = 1.0
+"""Time [s] to be spared from which it is worth finding out what the source is."""
 FUNCTIONS = ("terms", "slopes", "curvature")
 
 
@@ -269,6 +271,8 @@ class Terms(ABC):
             spared: time [s] that this would spare; where compiling takes longer, only what was compiled
                 before is taken.
         """
+        if spared < LEAST:
+            return None
         anew = spared >= DIFFERENTIATED * COMPILING * self.written
         if slots not in self._libraries or (anew and slots not in self._making):
             functions = self.functions(slots)

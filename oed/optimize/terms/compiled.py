@@ -28,8 +28,8 @@ FLAGS = (
 PATIENCE = 120.0
 """Time [s] after which a compiler is given up."""
 MANY = 5000
-"""Statements of a function from which it is translated as it stands: a compiler would look longer for what such
-a list has in common than a search takes, and for little, as it is called once where samples' are called often.
+"""Statements of a function from which it is translated as it stands: a compiler would look longer for what
+such a list has in common than a search takes; and it is called once where those of samples are called often.
 """
 
 
