@@ -56,3 +56,20 @@ def judged(rounds: Sequence[Round], chosen: int, seconds: float, broken: str = "
         seconds: that it took [s].
         broken: why the round after them was not finite, if one was not.
     """
+    outcome, evaluation = rounds[chosen]
+    status = _STATUS.get(outcome.return_status, Status.FAILED)
+    found = evaluation.feasible and (np.isfinite(evaluation.objective) or not evaluation.identifiable)
+    if not found:
+        status = status if status is Status.INFEASIBLE else Status.FAILED
+    elif status in (Status.INFEASIBLE, Status.FAILED) or broken or chosen < len(rounds) - 1:
+        # A feasible end is a design, whatever made Ipopt stop there, or went wrong from there.
+        status = Status.ACCEPTABLE
+    return Local(
+        outcome.unknowns,
+        evaluation if found else None,
+        status,
+        sum(one.iterations for one, _ in rounds),
+        sum(one.evaluations for one, _ in rounds),
+        seconds,
+        "" if found else broken,
+    )
