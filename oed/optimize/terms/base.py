@@ -281,6 +281,11 @@ class Terms(ABC):
                 self._libraries[slots] = self._making[slots].library
         return self._libraries.get(slots)
 
+    def compiled(self) -> None:
+        """Wait until the compiler has ended."""
+        for making in self._making.values():
+            making.wait()
+
     def take(self, slots: int, library: Path) -> None:
         """Use what another process has compiled, if it is there already."""
         if slots not in self._functions or not self._functions[slots].values.is_a("External"):
