@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
+from builders import BOX, SPEED, problem_of
+from some_instants import SLOTS, numbers_of
 
-from oed.optimize.terms.compiled import compiled, compiler
+from oed.kernel.criteria import E
+from oed.kernel.problem import Problem
+from oed.optimize.local import LocalSearch
+from oed.optimize.local_results import Settings
+from oed.optimize.terms import terms_of
+from oed.optimize.terms.compiled import MANY, Making, compiled, compiler
+from oed.optimize.terms.layout import divisible
+from oed.optimize.terms.pieces import Pieces
+from oed.robots.limits import YawRate
+from oed.robots.sensors import Poses
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
 
@@ -66,3 +78,76 @@ def test_a_cache_that_cannot_be_written_is_done_without(monkeypatch: pytest.Monk
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     plain = example()
     assert compiled(plain) is plain
+
+
+def problem() -> Problem:
+    return problem_of(
+        measurement=Poses(noise={"position": 0.01, "heading": 0.02}),
+        limits=(SPEED, BOX, YawRate(bounds=1)),
+        criterion=E(),
+    )
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_what_a_search_calls_is_the_same_to_the_last_bit(cache: Path):
+    terms = terms_of(problem())
+    plain = list(vars(terms.functions(SLOTS)).values())
+    making = Making(plain)
+    making.wait()
+    quick = making.functions()
+    assert quick is not None
+    assert len(list(cache.iterdir())) == 1
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        given = [rng.uniform(-0.5, 0.5, terms.size), numbers_of(terms, rng)]
+        weights = [rng.normal(size=plain[2].size1_in(place)) for place in (2, 3)]
+        for one, other, more in zip(plain, quick, ([], [], weights), strict=True):
+            for expected, found in zip(one.call([*given, *more]), other.call([*given, *more]), strict=True):
+                np.testing.assert_array_equal(np.array(found), np.array(expected))
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_a_search_ends_where_it_does_without(cache: Path):
+    ends = []
+    for compiling in (False, True):
+        search = LocalSearch(replace(problem(), name=f"{compiling}"), Settings(200, 1e-8, None, "none"))
+        terms = search.design.terms
+        if compiling:
+            slots, library = search.compile(np.inf)
+            terms.compiled()
+            assert library is not None
+            assert terms.functions(slots).values.is_a("External")
+            other = Pieces(search.problem, divisible(search.problem))
+            other.take(slots, library)
+            assert other.functions(slots).hessian.is_a("External")
+        else:
+            assert not terms.functions(SLOTS).values.is_a("External")
+        ends.append(search.maximise(np.full(terms.size, 0.1)).unknowns)
+    np.testing.assert_array_equal(*ends)
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_long_lists_are_compiled_as_they_stand(cache: Path):
+    x = ca.SX.sym("x", 40)
+    total = sum(ca.sin(one) * other for one in ca.vertsplit(x) for other in ca.vertsplit(x**2))
+    plain = ca.Function("long", [x], [total, ca.hessian(total, x)[0]])
+    wrapped = ca.Function("wrapped", [symbol := ca.MX.sym("x", 40)], plain.call([symbol]))
+    assert plain.n_instructions() > MANY
+    quick = compiled(wrapped)
+    assert quick.is_a("External")
+    point = np.random.default_rng(0).normal(size=40)
+    for found, expected in zip(quick(point), wrapped(point), strict=True):
+        np.testing.assert_array_equal(np.array(found), np.array(expected))
+
+
+@needs_compiler
+def test_what_takes_longer_than_it_spares_is_not_compiled(cache: Path):
+    terms = Pieces(problem(), divisible(problem()))
+    assert terms.compile(SLOTS, spared=0.1) is None
+    assert terms.compile(SLOTS, spared=1.5) is not None
+    terms.compiled()
+    assert not cache.exists() or not list(cache.iterdir())
+    assert not terms.functions(SLOTS).values.is_a("External")

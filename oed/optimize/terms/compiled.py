@@ -13,6 +13,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack, suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -71,25 +72,16 @@ class Making:
         tool = compiler()
         if tool is None:
             return
-        try:
-            self._folder = tempfile.TemporaryDirectory(prefix="oed-", ignore_cleanup_errors=True)
-            source = self._written(functions)
+        # No room for the source, or for the library: then there is none.
+        with suppress(OSError), ExitStack() as stack:
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="oed-"))
+            source = _written(functions, folder)
             self.library = _kept(source.read_bytes(), tool)
-            if self.library.exists() or not anew:
-                return
-            self.library.parent.mkdir(parents=True, exist_ok=True)
-            self._begin(tool, source)
-        except OSError:
-            # No room for the source, or for the library.
-            return
-
-    def _written(self, functions: Sequence[ca.Function]) -> Path:
-        generator = ca.CodeGenerator("generated.c")
-        for function in functions:
-            generator.add(function)
-        source = Path(generator.generate(self._folder.name + os.sep))
-        source.write_text(_as_they_stand(source.read_text()))
-        return source
+            if not self.library.exists() and anew:
+                self.library.parent.mkdir(parents=True, exist_ok=True)
+                self._begin(tool, source)
+                # The source stays for as long as the compiler needs it.
+                self._left = stack.pop_all()
 
     def _begin(self, tool: str, source: Path) -> None:
         assert self.library is not None
@@ -137,7 +129,7 @@ class Making:
         finally:
             self._part.unlink(missing_ok=True)
             self._process = None
-            self._folder.cleanup()
+            self._left.close()
 
     def __del__(self) -> None:
         """No compiler is left at work for nobody."""
@@ -153,6 +145,15 @@ def taken(library: Path, names: Sequence[str]) -> list[ca.Function] | None:
         names: of the functions.
     """
     return [ca.external(name, str(library)) for name in names] if library.exists() else None
+
+
+def _written(functions: Sequence[ca.Function], folder: str) -> Path:
+    generator = ca.CodeGenerator("generated.c")
+    for function in functions:
+        generator.add(function)
+    source = Path(generator.generate(folder + os.sep))
+    source.write_text(_as_they_stand(source.read_text()))
+    return source
 
 
 def _as_they_stand(source: str) -> str:

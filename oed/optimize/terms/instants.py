@@ -142,6 +142,8 @@ class InstantRows:
             unknowns: of each, (K, size).
             elapsed: time since its period's begin [s], (K,).
         """
+        if not len(elapsed):
+            return np.zeros((0, self.count))
         (found,) = _mapped(self.all_rows, len(elapsed))(unknowns, elapsed)
         return found.reshape(len(elapsed), self.count)
 
