@@ -20,7 +20,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Ipopt, Workers, multi_start, solve
-from oed.optimize.local import ROUNDING
+from oed.optimize.rounds import ROUNDING
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.models import DifferentialDrive, SkidSteer
 from oed.robots.sensors import Displacements
