@@ -147,8 +147,7 @@ def test_an_optimal_drive_calibrates_a_slipping_robot_better_than_everyday_paths
     text = text.replace("coefficients: 8", "coefficients: 12").replace(
         "{kind: D}", "{kind: E, scaling: relative}"
     )
-    # Of several starts, lest it be a poor local optimum.
-    text = text.replace("repeats: 3", "repeats: 4").replace("starts: 1", "starts: 4")
+    text = text.replace("repeats: 3", "repeats: 8")
     text = text.replace("[circle, random]", "[circle, slow_square]").replace("methods: [two_stage]", "")
     text = "".join(line for line in text.splitlines(keepends=True) if "models" not in line)
     text = "".join(line for line in text.splitlines(keepends=True) if "skid_steer_slip" not in line)
