@@ -5,11 +5,17 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import sys
 from collections.abc import Iterator
 
 # Tests run on all processors already; threads of the linear algebra would only be in each other's way.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# Compiled once and kept, whatever the environment says: the test modules with their rewritten assertions,
+# and the package for the hundreds of processes that tests start.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # Reading thousands of tests makes objects but no garbage: looking for it takes a third of that time.
 gc.disable()
@@ -32,9 +38,26 @@ def pytest_configure(config: pytest.Config) -> None:
     settings.load_profile("quick" if config.option.markexpr == "not slow" else "seeded")
 
 
+LONGEST = (
+    "test_docs.py",
+    "test_other_criteria.py",
+    "test_drift.py",
+    "test_validated_equations.py",
+    "test_baselines_of_robots.py",
+    "test_whole_logs.py",
+    "test_parallel.py",
+    "test_heading_search.py",
+    "test_campaign.py",
+    "test_sensors.py",
+    "test_starter.py",
+)
+"""Files of more than 24 s of processor time beside those of the solvers, from the longest one down."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest file first: begun last, it would be waited for by all other processors."""
-    items.sort(key=lambda item: item.path.name != "test_docs.py")
+    """The longest files first: begun last, they would be waited for by all other processors."""
+    places = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.path.name, len(places)))
 
 
 def pytest_collection_finish() -> None:

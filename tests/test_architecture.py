@@ -139,6 +139,7 @@ def test_rooms_are_listed_from_the_bottom_up():
         seen.add(room)
 
 
+@pytest.mark.slow
 @every_module
 def test_imports_never_go_up(module: str):
     """Those inside functions neither, nor to rooms that are none of a room's."""
@@ -148,6 +149,7 @@ def test_imports_never_go_up(module: str):
     assert not [name for name in others if part_of(name) not in allowed]
 
 
+@pytest.mark.slow
 def test_no_module_imports_itself_in_a_circle():
     graph = {module: imported(module, lazy=True) & MODULES.keys() - {module} for module in MODULES}
     try:
@@ -156,11 +158,13 @@ def test_no_module_imports_itself_in_a_circle():
         pytest.fail(" imports ".join(reversed(error.args[1])))
 
 
+@pytest.mark.slow
 @every_module
 def test_casadi_is_imported_from_the_kernel_to_simulations_only(module: str):
     assert part_of(module) in CASADI_ROOMS or "casadi" not in libraries(module, lazy=True)
 
 
+@pytest.mark.slow
 @every_module
 def test_only_messages_and_tables_write_to_the_terminal(module: str):
     calls = (node.func for node in ast.walk(MODULES[module]) if isinstance(node, ast.Call))
@@ -176,6 +180,7 @@ def test_pymoo_is_imported_by_the_genetic_solver_only(module: str):
     assert module == "oed.optimize.genetic" or "pymoo" not in libraries(module, lazy=True)
 
 
+@pytest.mark.slow
 @every_module
 def test_matplotlib_is_imported_by_reports_only(module: str):
     if part_of(module) != "report":
@@ -272,6 +277,7 @@ def test_functions_of_three_arguments_say_what_each_is():
     assert not silent
 
 
+@pytest.mark.slow
 @every_module
 def test_docstrings_stand_alone(module: str):
     starts = ("The same", "Their units", "Likewise", "Ditto")

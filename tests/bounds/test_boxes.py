@@ -36,6 +36,7 @@ SHAPES: dict[str, tuple[Row, list[tuple[float, float]]]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
 def test_no_value_of_a_dense_grid_is_larger(name: str) -> None:
     row, ranges = SHAPES[name]

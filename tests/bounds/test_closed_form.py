@@ -189,6 +189,7 @@ def test_other_criteria_have_no_bound(criterion: Any, measurement: Any) -> None:
     assert certificate.loose(1.0)
 
 
+@pytest.mark.slow
 def test_variances_add_up_to_more_than_that_of_one_direction() -> None:
     given = {"measurement": POSES, "limits": (SPEED, BOX)}
     smallest = bound(problem_of(criterion=E(), **given), nodes=20)
@@ -196,6 +197,7 @@ def test_variances_add_up_to_more_than_that_of_one_direction() -> None:
     assert -0.9 / smallest.upper_bound > certificate.upper_bound > -1.1 / smallest.upper_bound
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("runs", [1, 2])
 def test_a_room_that_is_lacking_is_asked_for(runs: int) -> None:
     sensor = Poses(noise={"position": "1 cm", "heading": "1 deg"})
@@ -294,6 +296,7 @@ def test_no_angles_say_more_than_one_input_that_turns_round() -> None:
         assert most <= (np.add.reduceat(reach, edges[:-1]) ** 2).sum() / 2 + 1e-12
 
 
+@pytest.mark.slow
 def test_headings_are_bounded_by_an_input_that_turns_round() -> None:
     problem = load_study(PROBLEMS / "heading.yaml").problem
     by_method = {one.method: one.value for one in bound(problem, nodes=1).bounds}

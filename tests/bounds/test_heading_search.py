@@ -98,6 +98,7 @@ def drives_of(made: Problem, seed: int) -> list[np.ndarray]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [4, *(pytest.param(one, marks=pytest.mark.slow) for one in (0, 1, 2, 3, 5))])
 def test_no_drive_is_worth_more_than_its_class(seed):
     made, share = problem(seed, segments=3 + seed % 2), SHARES[seed % 3]
@@ -192,6 +193,7 @@ def test_an_input_that_changes_its_sign_has_smaller_angles_on_both_sides():
         assert segment.angles[0, 0, own] + segment.angles[0, own, 0] <= before + after + 1.9
 
 
+@pytest.mark.slow
 def test_it_is_for_one_run_by_exact_arcs_in_a_room():
     made = problem(0, segments=2)
     space = made.design

@@ -41,6 +41,7 @@ def values(kind: str, speeds: Array, weights: Array, constant: Array) -> Array:
     return np.where(certain, np.log(safe) if kind == "D" else -traces / safe, -np.inf)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("criterion", BOTH, ids=named)
 @pytest.mark.parametrize("constant", [NOTHING, PRIOR], ids=["alone", "prior"])
 @pytest.mark.parametrize(
@@ -64,6 +65,7 @@ def test_no_speeds_beat_the_lattice(
     assert more >= found.lower
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("criterion", BOTH, ids=named)
 @pytest.mark.parametrize("rest", [np.inf, 2.0])
 def test_all_drives_of_a_finer_grid(criterion: Criterion, rest: float) -> None:
@@ -96,6 +98,7 @@ def test_no_drive_beats_the_bound_of_sensors(criterion: Criterion, seed: int) ->
     assert check(replace(problem, criterion=own), rng, 30, 20) > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [D, A])
 @pytest.mark.parametrize("scaling", ["none", "relative"])
 @pytest.mark.parametrize("prior", [False, True])
@@ -116,6 +119,7 @@ def test_one_measurement_per_sample(kind: type[Criterion], scaling: str, prior: 
     assert certificate.bounds[1].value > certificate.upper_bound
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [D, A])
 def test_regressions_of_segments(kind: type[Criterion]) -> None:
     study = oed.load_study(PROBLEMS / "choi_skid_steer.yaml").problem
@@ -131,6 +135,7 @@ def test_regressions_of_segments(kind: type[Criterion]) -> None:
     assert check(replace(study, criterion=kind(scaling="none")), rng, 30, 60) > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["D", "A"])
 def test_studies_have_gaps_in_efficiency(kind: str, tmp_path: Any) -> None:
     text = (PROBLEMS / "per_sample.yaml").read_text(encoding="utf-8")
@@ -147,6 +152,7 @@ def test_studies_have_gaps_in_efficiency(kind: str, tmp_path: Any) -> None:
     assert 0 <= certificate.gap < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("criterion", BOTH, ids=named)
 def test_blocks_add_up(criterion: Criterion) -> None:
     study = oed.load_study(PROBLEMS / "per_sample.yaml").problem
@@ -166,6 +172,7 @@ def test_blocks_add_up(criterion: Criterion) -> None:
     assert both == pytest.approx(heading + position, rel=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("criterion", BOTH, ids=named)
 def test_runs_inform_as_often_as_they_are_driven(criterion: Criterion) -> None:
     study = oed.load_study(PROBLEMS / "choi_skid_steer.yaml").problem

@@ -82,6 +82,7 @@ def drawn_case(rng: np.random.Generator) -> tuple[Box, Array, Bools, Array | Non
     return box, steps, read, start
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 30))]
 )
@@ -100,6 +101,7 @@ def test_no_path_is_spread_further(seed: int) -> None:
     assert found <= 1.15 * apart
 
 
+@pytest.mark.slow
 def test_a_bound_is_near_what_paths_reach() -> None:
     steps, read = np.full(30, 0.3), np.ones(31, bool)
     box = (-1.0, 1.0, -1.0, 1.0)
@@ -109,6 +111,7 @@ def test_a_bound_is_near_what_paths_reach() -> None:
     assert best <= found <= 1.05 * best
 
 
+@pytest.mark.slow
 def test_turning_out_of_the_first_heading_takes_time() -> None:
     steps, read = np.full(40, 0.1), np.ones(41, bool)
     box = (-1.0, 1.0, -1.0, 1.0)
@@ -146,6 +149,7 @@ def laser_tracker(**design: Any) -> Any:
     )
 
 
+@pytest.mark.slow
 def test_certificates_of_positions_use_it_for_exact_and_widened_limits() -> None:
     found = bound(laser_tracker(), nodes=40)
     assert found.method == PLANAR
@@ -165,6 +169,7 @@ def test_the_laser_tracker_is_bounded_by_less_than_three_quarters_of_its_room() 
     assert 0.682 * corners < found.upper_bound < 0.735 * corners
 
 
+@pytest.mark.slow
 def test_a_search_that_is_out_of_time_says_so_and_is_looser() -> None:
     problem = laser_tracker()
     hurried, whole = bound(problem, time_limit=0.01), bound(problem, nodes=40)

@@ -87,6 +87,7 @@ def climbed(problem: oed.Problem, rng: np.random.Generator, tries: int) -> float
     return best
 
 
+@pytest.mark.slow
 def test_two_points_of_box_and_lucas_are_proved() -> None:
     problem = problem_of(TWO_STEPS, SECOND, {"t": ("0 s", "20 min")}, 2)
     certificate = bound(problem)
@@ -105,6 +106,7 @@ def test_two_points_of_box_and_lucas_are_proved() -> None:
     assert certificate.widened.upper_bound == pytest.approx(certificate.upper_bound, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_three_points_of_the_compartmental_model_are_proved() -> None:
     """Theophylline in a horse [Atkinson, Donev, Tobias, Optimum experimental designs, with SAS, 2007]."""
     problem = problem_of(ABSORBED, LEVEL, {"t": ("0 s", "60 min")}, 3)
@@ -112,6 +114,7 @@ def test_three_points_of_the_compartmental_model_are_proved() -> None:
     assert 0 <= bound(problem).gap(found) < 1e-6
 
 
+@pytest.mark.slow
 def test_quadratic_regression() -> None:
     """1/3 at each of -1, 0 and 1 is best for D; 1/4, 1/2, 1/4 for A; 1/5, 3/5, 1/5 for E [Pukelsheim,
     Optimal Design of Experiments, 1993, ch. 9].
@@ -130,6 +133,7 @@ def test_quadratic_regression() -> None:
         assert more.gap(certificate.upper_bound) == pytest.approx(ratio - 1, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_surfaces_on_a_square() -> None:
     # By D on any square, from the best shares of a fine grid.
     problem = polynomial(SURFACE, 9)
@@ -147,6 +151,7 @@ def test_surfaces_on_a_square() -> None:
     assert 0.02 < certificate.gap(scored(problem, factorial)) < 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("criterion", CRITERIA, ids=lambda one: one.kind)
 @pytest.mark.parametrize("seed", range(4))
 def test_no_points_beat_the_bound(criterion: Criterion, seed: int) -> None:
@@ -178,6 +183,7 @@ def test_no_points_beat_the_bound(criterion: Criterion, seed: int) -> None:
     assert certificate.gap(best) < 1.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("criterion", CRITERIA, ids=lambda one: one.kind)
 def test_the_equivalence_theorem_holds_of_a_dense_grid(criterion: Criterion) -> None:
     problem = problem_of(ABSORBED, LEVEL, {"t": ("0 s", "60 min")}, 3, criterion=criterion)
@@ -199,6 +205,7 @@ def test_the_equivalence_theorem_holds_of_a_dense_grid(criterion: Criterion) -> 
     assert criterion.change(certificate.upper_bound, most, 3) < 1e-4
 
 
+@pytest.mark.slow
 def test_readings_of_several_kinds_and_runs() -> None:
     every = [Responses(noise={"y": 1.0}), Responses(noise={"y": 0.5}, every=2)]
     problem = polynomial(PARABOLA, 5, measurement=every, design=space(5, runs=2))
@@ -228,6 +235,7 @@ class Together(BareLimit):
         return Rows(ca.sum1(ca.vec(drive.inputs)), np.array([-np.inf]), np.array([self.bounds]), 1.0, "")
 
 
+@pytest.mark.slow
 def test_further_limits_are_left_out_in_words() -> None:
     plain = polynomial("a + b * x + c * z", 3)
     ranges = plain.limits
@@ -270,6 +278,7 @@ def test_what_cannot_be_drawn_is_refused_in_words() -> None:
         sensitivity_function(polynomial(PARABOLA, 3), np.eye(2))
 
 
+@pytest.mark.slow
 def test_where_one_point_may_say_anything_there_is_no_bound() -> None:
     """The power's derivative by its exponent has a logarithm of 0 at the end of the range."""
     parameters, output = {"top": "2", "half": "0.8", "h": "1.3"}, "top * x^h / (half^h + x^h)"

@@ -41,6 +41,7 @@ def shares(problem: Problem, rng: np.random.Generator, drives: int) -> list[floa
     return list(best)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_no_drive_says_more_of_any_combination(seed: int) -> None:
     rng = np.random.default_rng(2000 + seed)
@@ -69,6 +70,7 @@ def test_slip_that_depends_on_parameters_is_not_bounded() -> None:
     assert not list(sensitivity_bounds(problem_of(model=robot, measurement=POSES, estimate=names)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [D, A])
 def test_joint_estimation_has_bounds_on_both(kind: type[D] | type[A]) -> None:
     problem = problem_of(

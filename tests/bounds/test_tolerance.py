@@ -204,6 +204,7 @@ def test_gaps_are_never_negative(hundred):
         assert "tolerates" in data.widened.assumptions[-2]
 
 
+@pytest.mark.slow
 def test_positions_and_starts_within_the_tolerance():
     """Poses of a path along the room's diagonal, moved beyond its corners and away from its start."""
     poses = Poses(noise=AbsoluteNoise(position=0.01, heading=0.02))

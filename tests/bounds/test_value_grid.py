@@ -30,6 +30,7 @@ def drawn_values(kind: int, grid: ValueGrid, rng: np.random.Generator) -> Array:
     return np.minimum(x, rng.uniform(0, 20)) + np.sin(y) * np.cos(x / 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", range(3))
 def test_nothing_within_reach_of_any_place_is_larger(kind: int) -> None:
     rng = np.random.default_rng(kind)

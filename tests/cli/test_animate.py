@@ -140,6 +140,7 @@ def test_physics(folder: Path):
     assert names(folder) == {"record.json", "physics.gif"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "message"),
     [

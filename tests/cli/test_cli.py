@@ -451,6 +451,7 @@ class TestMistakes:
         assert err.startswith(message)
         assert len(err.splitlines()) == 1
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(("command", "text", "message"), MISTAKES.values(), ids=MISTAKES.keys())
     def test_as_json(self, capsys, folder: Path, command: list[str], text: str, message: str):
         write_study(folder, text, "wrong.yaml")

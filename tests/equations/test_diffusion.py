@@ -90,6 +90,7 @@ def slopes(function: Any, at: np.ndarray) -> np.ndarray:
     return np.array([function(one).imag / STEP for one in at + 1j * STEP * np.eye(len(at))]).T
 
 
+@pytest.mark.slow
 def test_information_is_that_of_dense_generalised_least_squares():
     problem = problem_of()
     trial = trial_of(problem)
@@ -124,6 +125,7 @@ def test_covariance_of_a_period_is_the_continuous_one_to_second_order():
     assert off[0] / off[1] == pytest.approx(4, rel=0.05)
 
 
+@pytest.mark.slow
 def test_what_is_predicted_is_what_simulated_experiments_scatter_by():
     # As small as F is for: errors of the parameters, of a few per cent, see no bends of the equations.
     wandering = (("fast", "5 mV/sqrt(s)"), ("slow", "2 mV/sqrt(s)"))
@@ -135,6 +137,7 @@ def test_what_is_predicted_is_what_simulated_experiments_scatter_by():
     assert np.all(np.diag(found.sampled) > 4 * np.diag(blind))
 
 
+@pytest.mark.slow
 def test_a_search_that_chooses_the_duration_sees_the_noise_of_the_time_it_takes():
     problem = problem_of(shortest=2.0)
     search = lifted(problem)

@@ -82,6 +82,7 @@ UNITS = st.sampled_from(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(dimension=DIMENSIONS)
 def test_a_dimensions_text_is_a_unit_of_it(dimension: Dimension):
@@ -104,6 +105,7 @@ def test_products_and_quotients_of_units(one: str, other: str):
         assert found[1] == dimension
 
 
+@pytest.mark.slow
 @given(one=DIMENSIONS, other=DIMENSIONS)
 def test_dimensions_are_a_group(one: Dimension, other: Dimension):
     assert one * other == other * one

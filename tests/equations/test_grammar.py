@@ -97,6 +97,7 @@ def evaluated(text: str, kind: Any, values: dict[str, float]) -> float:
     return float(function(*values.values()))
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(
     TREES, VALUES, st.sampled_from(["", " ", "\n  ", "\t"]), st.sampled_from(["^", "**"]), st.integers(0, 99)
@@ -269,6 +270,7 @@ def test_what_is_no_expression_is_refused(text: str, offset: int, message: str):
     assert caught.value.message.isascii() or text[offset] in caught.value.message
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(st.text(st.sampled_from("x2. +-*/^(),esinpi_\n'=é\u0430\x00\ud800"), max_size=20))
 def test_any_text_is_read_or_refused(text: str):

@@ -88,6 +88,7 @@ def test_differences_are_shares_and_standard_deviations():
     assert found.readings == pytest.approx(off / 0.1, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_finer_steps_differ_less_and_the_worst_is_named():
     tank = {name: CSTR[name] for name in CSTR if name != "integrator"}
     feeds = np.array([350.0, 340, 350, 345, 330, 340])[:, None]
@@ -107,6 +108,7 @@ def test_finer_steps_differ_less_and_the_worst_is_named():
     assert "(temperature)" in str(found[0])
 
 
+@pytest.mark.slow
 def test_algebraic_states_are_idas_and_say_the_same():
     """Robertson's reactions, by three derivatives or by two and their conservation."""
     starts = {"conserved": (0.9, 2.5e-5), "all": (0.9, 2.5e-5, 0.1 - 2.5e-5)}

@@ -69,6 +69,7 @@ class TestSteps:
         ]
         np.testing.assert_allclose(collocation(NODES), printed, rtol=1e-12)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("of", ["states", "slopes"])
     def test_are_of_fifth_order(self, of: str):
         exact = sundials(cstr, [500.0, 350.0], [345.0], system(CSTR).nominal, 30.0)
@@ -130,6 +131,7 @@ def differences(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray, ch
     return np.stack(columns, axis=-1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("keys", [ROBERTSON, CONSERVED, CSTR])
 def test_three_derivatives_of_a_step_are_those_of_its_values(keys: dict[str, Any]):
     step, at = sized(system(keys, substeps=2))

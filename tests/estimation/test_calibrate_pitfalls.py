@@ -144,6 +144,7 @@ def test_what_only_the_prior_tells_stays_as_open_as_the_prior():
     np.testing.assert_allclose(np.diag(inverse_of_sum(told, known)), [1e-18, 0.25], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_noise_grows_only_where_it_is_looked_for():
     log = log_of(course(), noise=NOISE)
     found = calibrate(logged_problem(), [log], options(segment="log", noise="constant"))
@@ -218,6 +219,7 @@ def test_poses_too_small_for_their_squares_stand_still():
             calibrate(logged_problem(), [small], options(segment="log"))
 
 
+@pytest.mark.slow
 def test_a_single_log_is_reckoned_by_its_own_estimate():
     found = calibrate(logged_problem(), [log_of(course(seconds=10.0), noise=NOISE)], options(segment="log"))
     (before,), (after,) = found.own.before, found.own.after

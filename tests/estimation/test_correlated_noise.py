@@ -173,6 +173,7 @@ class TestSelection:
         assert 0.5 < found.lasting["position"] / LASTS[0] < 2
         assert 0.3 < found.seconds / LASTS[1] < 3
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("quantities", [POSITIONS, XYH])
     @pytest.mark.parametrize("seed", [0, pytest.param(4, marks=pytest.mark.slow)])
     def test_drift_is_not_taken_for_errors_that_last(self, seed: int, quantities: tuple[str, ...]):

@@ -530,6 +530,7 @@ class TestMonteCarlo:
             assert self.pooled(fits, [information])["information"] == pytest.approx(1, abs=0.3)
 
 
+@pytest.mark.slow
 def test_by_name_is_what_calibrate_gives():
     found = calibrate(logged_problem(), LOGS[:2], options(segment="log"))
     assert {name: by_name(found.fit)[name] for name in found.parameters} == pytest.approx(

@@ -92,6 +92,7 @@ def test_an_estimate_that_contradicts_the_prior():
     assert doubts(0.205) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seconds", "seed"), [(8.0, 0), (10.0, 2)])
 def test_whole_logs_of_wheels_half_as_large_are_fitted_all_the_same(seconds: float, seed: int):
     # From nominal sizes the search ended at a track of -687 mm, or at residuals of 3 rad.

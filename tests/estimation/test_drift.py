@@ -205,11 +205,13 @@ class TestRates:
         assert np.abs(errors / np.sqrt(np.diag(found.spread))[[0, 3]]).max() < 3
         assert np.abs(errors).max() < 0.8
 
+    @pytest.mark.slow
     def test_of_too_short_a_log_are_about_the_usual_ones(self):
         found = drift_rates(fit_of([driven(0, 2.0)]))
         assert np.abs(np.log(found.values / USUAL)).max() < 2.5
         assert drift(fit_of([driven(0, 2.0)]), found).degrees < 10
 
+    @pytest.mark.slow
     def test_of_no_drift_are_next_to_nothing_and_said_so(self):
         logs = [
             log_of(course(seconds=30.0, seed=seed), noise=NOISE, seed=seed, name=str(seed)) for seed in (0, 1)
@@ -226,6 +228,7 @@ class TestRates:
             "drift, such as robots usually have: 3.0 mm ahead, 1.0 mm sideways and 0.15 deg"
         )
 
+    @pytest.mark.slow
     def test_far_below_the_usual_ones_show_in_whole_logs_only(self):
         # Windows of seconds call that no drift; it doubles the errors of F^-1.
         factor = 0.05
@@ -236,6 +239,7 @@ class TestRates:
         assert "as far as whole logs leave it open" in found.words
         assert said(fit_of(logs)).name == "drift"
 
+    @pytest.mark.slow
     def test_outliers_are_no_drift(self):
         drives = [course(seconds=20.0, seed=seed) for seed in (0, 1)]
         logs = [log_of(one, noise=NOISE, outliers=0.02, name=str(k)) for k, one in enumerate(drives)]

@@ -73,6 +73,7 @@ class TestAgainstSciPy:
         covariance = np.array(one.problem.prior.covariance)
         compared(one, known=np.linalg.inv(covariance))
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("start", ["known", "unknown"])
     def test_pond(self, start: str):
         compared(pond(0.1, start=start, substeps=60))
@@ -95,6 +96,7 @@ class TestAgainstSciPy:
 
 
 class TestWhatIsFitted:
+    @pytest.mark.slow
     def test_a_reading_that_counts_three_times_is_the_mean_of_three(self):
         one = rooney_and_biegler(0.1, prior=False)
         weights = np.array([3.0, 0.0, 1.0, 0.5, 0.0, 2.0, 1.0])
@@ -116,6 +118,7 @@ class TestWhatIsFitted:
         assert np.all(np.abs(found.values - expected) < CLOSE * np.sqrt(np.diag(found.covariance)))
         assert oed.validate(one.problem, weighted, replicates=200, seed=2).passed
 
+    @pytest.mark.slow
     def test_several_sensors_and_a_start_that_is_known_roughly(self):
         begin = {"prey": 0.01, "predators": 0.02}
         plain = pond(0.01)
@@ -132,6 +135,7 @@ class TestWhatIsFitted:
         np.testing.assert_allclose(found.values, problem.system.nominal, rtol=1e-12)
         np.testing.assert_allclose(found.nuisance_values, BEGIN, rtol=1e-12)
 
+    @pytest.mark.slow
     def test_tiny_states_from_nothing(self):
         system = oed.Equations(
             inputs={"feed": "mol/s"},
@@ -184,6 +188,7 @@ class TestWhatIsFitted:
         assert found.converged
         assert np.all(np.abs([*found.values, *found.nuisance_values] - expected.x * sizes) < CLOSE * errors)
 
+    @pytest.mark.slow
     @pytest.mark.filterwarnings("error")
     def test_a_search_may_come_to_where_nothing_is_finite(self):
         one = response(

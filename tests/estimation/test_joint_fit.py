@@ -103,6 +103,7 @@ every_case = pytest.mark.parametrize(
 
 
 class TestRecovery:
+    @pytest.mark.slow
     @every_case
     def test_of_parameters_place_and_clock(self, case: str):
         model, truth, told = CASES[case]

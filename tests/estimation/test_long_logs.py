@@ -105,6 +105,7 @@ def test_averages_tell_what_all_poses_tell():
     assert max(map(abs, errors_of(means).values())) < 3
 
 
+@pytest.mark.slow
 def test_a_long_log_is_fitted_by_few_poses_and_says_so(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(preprocess, "LEAST", 20)
     monkeypatch.setattr(thinned, "__defaults__", (400,))

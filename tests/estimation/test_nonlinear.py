@@ -659,6 +659,7 @@ class TestRobust:
         expected = least_squares(residuals, start, jac="3-point", xtol=1e-14, ftol=1e-14, gtol=1e-14)
         assert_same_estimate(found, expected.x * case.sizes, case.covariance, 5e-3)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("loss", ["huber", "soft_l1", pytest.param("cauchy", marks=pytest.mark.slow)])
     def test_truths_far_from_the_nominal_are_found(self, loss: Loss):
         # Sixty per cent off, which halved steps alone found in less than 20 of 30 cases.

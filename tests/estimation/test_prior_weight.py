@@ -48,6 +48,7 @@ def test_a_log_that_drifts_makes_no_estimate_worse_than_what_was_known():
     assert np.max(errors) < 1.25
 
 
+@pytest.mark.slow
 def test_is_generalised_least_squares_of_both():
     found = estimate(3, TRUE + KNOWN, np.diag(KNOWN**2))
     alone = calibrate(
@@ -63,6 +64,7 @@ def test_is_generalised_least_squares_of_both():
     assert np.sqrt(np.diag(drift.matrix)) == pytest.approx(errors, rel=0.15)
 
 
+@pytest.mark.slow
 def test_a_prior_of_no_weight_changes_nothing():
     found = estimate(3, TRUE + KNOWN, np.diag(KNOWN**2) * 1e8)
     fit, covariances, notes = weighted_with_prior(found.fit, found.covariances)

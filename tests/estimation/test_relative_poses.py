@@ -61,6 +61,7 @@ def exact(errors: np.ndarray) -> np.ndarray:
 
 
 class TestEstimates:
+    @pytest.mark.slow
     def test_exact_motions_give_wheels_mounting_and_clock(self, tmp_path: Path):
         found = estimated(logs_of(tmp_path, matched(noise=exact, offset=0.13, seconds=60)))
         np.testing.assert_allclose(found.fit.values[:6], TRUE, rtol=1e-5)
@@ -68,6 +69,7 @@ class TestEstimates:
         assert found.fit.unknowns.place == ("sensor_x", "sensor_y", "sensor_heading")
         assert any("the path that the relative poses make up" in note for note in found.notes)
 
+    @pytest.mark.slow
     def test_drift_shows_in_none_and_too_few_come_with_a_warning(self, tmp_path: Path):
         logs = logs_of(tmp_path, matched(seconds=60))
         with pytest.raises(ProblemError, match=r"calibration\.covariance: .*relative_poses"):
@@ -76,6 +78,7 @@ class TestEstimates:
         assert [one.name for one in found.covariances] == ["information"]
         assert any("true errors are several times as large" in one.message for one in found.doubts)
 
+    @pytest.mark.slow
     def test_a_mounting_that_is_known_is_not_estimated(self, tmp_path: Path):
         mounting = dict(zip(("x", "y", "heading"), MOUNTED, strict=True))
         sensor = RelativePoses(mounting={**mounting, "known": True})
@@ -232,6 +235,7 @@ class TestBadMatches:
         doubts = estimated(logs, loss=loss, clock_offset=False, block=60.0).doubts
         assert (doubts[0].name == "stray_motions") == said
 
+    @pytest.mark.slow
     def test_they_are_no_drift(self, tmp_path: Path):
         found = estimated(logs_of(tmp_path, matched(4, bad=0.05, seconds=60)), loss="cauchy")
         assert found.drift is None
@@ -244,6 +248,7 @@ class TestBadMatches:
         assert texts
         assert all(text.endswith("outliers; the loss bounds what they do") for text in texts)
 
+    @pytest.mark.slow
     def test_they_are_left_out_of_the_path(self, tmp_path: Path):
         drive = matched(4, noise=exact, bad=0.05)
         found = estimated(logs_of(tmp_path, drive), loss="cauchy")
@@ -295,6 +300,7 @@ def test_tuples_say_the_same(tmp_path: Path):
 
 
 class TestRefused:
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("options", "key", "words"),
         [

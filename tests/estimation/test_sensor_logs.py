@@ -182,6 +182,7 @@ def errors(found: Calibration, twin: Twin) -> dict[str, float]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [one if place < 1 else pytest.param(one, marks=pytest.mark.slow) for place, one in enumerate(TWINS)],

@@ -56,6 +56,7 @@ def logs_of(count: int = 2, **keys):
 
 
 class TestRecovery:
+    @pytest.mark.slow
     @pytest.mark.parametrize("seconds", [2.0, 5.0, np.inf])
     def test_in_segments_of_any_length(self, seconds: float):
         drive = driven()

@@ -38,6 +38,7 @@ def doubted(model: Model, off: float) -> dict[str, str]:
     return doubts | {one.name: one.message for log in found.logs for one in log.findings if one.doubtful}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "off", "key"),
     [
@@ -61,6 +62,7 @@ def test_a_missing_zero_is_named(model: Model, off: float, key: str):
         assert "say in the log's `zero`" in found["steering_offset"]
 
 
+@pytest.mark.slow
 def test_half_a_turn_is_the_same_to_a_car_but_beyond_what_it_steers():
     assert "`zero`" in doubted(CAR, 180.0)["steered_beyond"]
 
@@ -70,6 +72,7 @@ def test_a_missing_zero_is_named_where_clocks_are_apart():
         calibrate(logged_problem(model=TRUCK), [steered(TRUCK, 60.0, clock=0.4)])
 
 
+@pytest.mark.slow
 @MODELS
 @pytest.mark.parametrize("off", [-3.0, 0.0, 2.0])
 def test_a_small_one_is_what_is_estimated(model: Model, off: float):
@@ -99,6 +102,7 @@ def test_angles_beyond_what_the_robot_steers(model: Model, most: float | None, o
     assert all("steering_angle is beyond the robot's" in one.message for one in findings)
 
 
+@pytest.mark.slow
 def test_angles_beyond_them_are_said_with_the_estimate():
     problem = logged_problem(model=CAR)
     limits = (*(one for one in problem.limits if one.name != "steering_angle"), SteeringAngle(bounds="4 deg"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cars
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
 import oed
@@ -52,6 +53,7 @@ def write_log(path) -> None:
     np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.8f")
 
 
+@pytest.mark.slow
 def test_parameters_are_found_from_throttle_and_steering(tmp_path):
     write_log(tmp_path / "drive.csv")
     (tmp_path / "study.yaml").write_text(STUDY)

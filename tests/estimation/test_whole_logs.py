@@ -145,6 +145,7 @@ def test_information_is_what_full_matrices_say(sits: tuple[float, float, float],
     np.testing.assert_allclose(found, dense(fit, sits, {**ERRORS, **small}), rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_slopes_of_the_likelihood_are_its_differences():
     logs = [log_of(course(seconds=4.0, seed=seed), noise=NOISE, name=str(seed)) for seed in (0, 1)]
     fit = fit_of(
@@ -178,6 +179,7 @@ def test_many_readings_taken_together_say_no_more_than_each():
         np.testing.assert_allclose(some, each, rtol=share)
 
 
+@pytest.mark.slow
 def test_a_robot_may_turn_by_more_than_half_a_turn_between_poses():
     drive = drifting(course(seconds=120.0, period=0.1, seed=2), TRUE, np.array(USUALLY), 2)
     log = log_of(drive, noise=NOISE, every=20, seed=2)
@@ -198,6 +200,7 @@ def driven(seed: int, seconds: float, factor: float = 1.0, errs: tuple[float, fl
     return log if errs is None else lasting(log, *errs, seed=seed)
 
 
+@pytest.mark.slow
 def test_a_path_far_off_dead_reckoning_is_found():
     # After 60 s the heading is off by some 20 degrees: errors are linear about the path driven only.
     fit = fit_of([driven(0, 60.0, 10.0)], seconds=4.0)
@@ -209,6 +212,7 @@ def test_a_path_far_off_dead_reckoning_is_found():
     assert np.all(np.abs(np.log(sizes / (10 * np.array(USUALLY))))[[0, 1, 3]] < 0.5)
 
 
+@pytest.mark.slow
 def test_sizes_are_those_of_what_errs():
     fit = fit_of([driven(seed, 60.0, 1.0, (0.004, 6.0)) for seed in range(3)], seconds=4.0)
     found = WholeLogs(fit).found()
@@ -223,6 +227,7 @@ def test_sizes_are_those_of_what_errs():
         assert abs(np.log(found.sizes[name] / size)) < 3.5 * spread[name], name
 
 
+@pytest.mark.slow
 def test_drift_shows_where_there_is_some():
     drifting_, still = (
         WholeLogs(fit_of([driven(0, 40.0, factor)], seconds=4.0)).found() for factor in (2.0, 0.0)
@@ -253,6 +258,7 @@ def test_standard_errors_are_those_of_the_estimates():
     assert held > 0.88
 
 
+@pytest.mark.slow
 def test_refuses_what_it_is_not_for():
     logs = [log_of(course(seconds=8.0), noise=NOISE, quantities=("x", "y"))]
     with pytest.raises(
@@ -266,6 +272,7 @@ def test_refuses_what_it_is_not_for():
         calibrate(logged_problem(), logs, options(method="likelihood", segment=5.0))
 
 
+@pytest.mark.slow
 def test_logs_whose_noise_lasts_are_not_refused():
     # Other methods find by themselves that it does.
     logs = [
@@ -279,6 +286,7 @@ def test_logs_whose_noise_lasts_are_not_refused():
         calibrate(logged_problem(), logs[:1], options(method="likelihood", noise="correlated"))
 
 
+@pytest.mark.slow
 def test_says_what_errs():
     found = calibrate(logged_problem(), [driven(0, 20.0)], options(method="likelihood"))
     assert found.covariances[0].name == "information"
@@ -288,6 +296,7 @@ def test_says_what_errs():
     assert found.fit.layout.count == 1
 
 
+@pytest.mark.slow
 def test_what_the_study_states_is_said_to_be_stated():
     found = calibrate(logged_problem(), [driven(0, 8.0)], options(method="likelihood", noise="stated"))
     assert {name for name, size in found.log_errors.sizes.items() if not size} == {*PASSING, *LASTING}
@@ -298,6 +307,7 @@ def test_what_the_study_states_is_said_to_be_stated():
     assert [row[-1] == "as stated" for row in table.rows] == [True] * 2 + [False] * 4
 
 
+@pytest.mark.slow
 def test_innovations_that_are_correlated_are_no_error_that_is_allowed_for():
     log = driven(0, 20.0)
     fit = WholeLogs(fit_of([log], seconds=4.0)).found().fit
@@ -309,6 +319,7 @@ def test_innovations_that_are_correlated_are_no_error_that_is_allowed_for():
     assert all("not all that errs is in the model" in one and "allowed for" not in one for one in said)
 
 
+@pytest.mark.slow
 def test_maximises_the_likelihood_that_designs_are_simulated_with():
     # The same readings, of a drive that was planned, and of a log of it.
     drift = Drift(
@@ -334,6 +345,7 @@ def test_maximises_the_likelihood_that_designs_are_simulated_with():
     assert DriftRates.of_whole_logs(found).words.startswith("drift, as the study states it: ")
 
 
+@pytest.mark.slow
 def test_the_page_says_what_errs_and_how_sure_that_is(tmp_path):
     study = parse_study(
         "format: 1\nname: Drifting\nrobot: {kind: differential_drive, wheel_radius: 5 cm, track: 20 cm}\n"

@@ -346,6 +346,7 @@ class TestStopping:
         first = np.flatnonzero(again[:, 1])[0]
         np.testing.assert_allclose(again[first : first + 4, 1:], np.tile(began[1:], (4, 1)))
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("rate", ["4", "2"])
     def test_commands_as_seldom_as_asked_for_are_not_late(self, run, ros: Ros, file: Path, rate: str):
         assert run(file, *QUIET, "--scale", "0.01", "--rate", rate) == 0

@@ -397,6 +397,7 @@ def test_speeds_that_are_weighted_sums_of_splines_are_exact(degree: int, runs: i
     assert margin(problem, drive, "yaw_rate").margin == pytest.approx(0.5 - np.abs(yaw_rate).max(), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robust", [None, "chance", "scenarios"])
 def test_which_limits_are_exceeded_is_what_the_margins_say(robust: str | None):
     """Drives that grow through their limits: what is known without margins is what the margins say."""

@@ -192,6 +192,7 @@ def test_relative_poses_see_the_motion_as_it_was(every):
     assert_close(information_of(problem, drive), dense(motions_read(drive, every), drive, DRIFT, 0))
 
 
+@pytest.mark.slow
 def test_motions_over_different_times_are_remembered_beside_poses():
     sensors = [POSES.model_copy(update={"every": 6})]
     sensors += [MOTIONS.model_copy(update={"every": every}) for every in (1, 4, 7)]
@@ -242,6 +243,7 @@ def test_a_correlated_rate_of_drift_is_that_of_its_matrix():
     assert_close(information_of(problem, drive), expected)
 
 
+@pytest.mark.slow
 def test_every_criterion_judges_the_information_under_drift():
     for criterion in (E(), D(), A()):
         problem = problem_of(measurement=POSES, criterion=criterion)
@@ -259,6 +261,7 @@ def test_filters_are_kept():
     assert first is again
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sensors",
     [
@@ -287,6 +290,7 @@ def test_pieces_are_what_the_whole_drive_is_written_out(sensors):
         np.testing.assert_allclose(np.array(found), table, rtol=0, atol=1e-12 * np.abs(table).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sensors",
     [
@@ -327,6 +331,7 @@ def test_readings_of_a_drive_that_drifts_are_estimated_from():
         Nonlinear(problem, random_drive(problem, 3), "huber")
 
 
+@pytest.mark.slow
 def test_what_drift_blind_errors_would_be_is_not_what_they_are():
     problem = problem_of(measurement=POSES, criterion=E())
     drive = random_drive(problem, 3)
@@ -336,6 +341,7 @@ def test_what_drift_blind_errors_would_be_is_not_what_they_are():
     assert not all(check.passed for check in checks)
 
 
+@pytest.mark.slow
 def test_bounds_without_drift_hold_with_it_and_say_so():
     problem = problem_of(measurement=POSES, criterion=E(), samples=20)
     found, steady = bound(problem), bound(problem.steady)
@@ -347,6 +353,7 @@ def test_bounds_without_drift_hold_with_it_and_say_so():
     )
 
 
+@pytest.mark.slow
 def test_a_search_that_leaves_drift_out_is_scored_with_it():
     problem = problem_of(measurement=POSES, criterion=A(), samples=20)
     aware, blind = (

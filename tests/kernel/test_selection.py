@@ -45,6 +45,7 @@ class TestWeights:
             oed.evaluate(problem, drive).objective, rel=1e-12
         )
 
+    @pytest.mark.slow
     def test_more_than_the_budget_is_a_violation(self):
         problem = STOPS.problem
         drive = driven(problem)
@@ -109,6 +110,7 @@ def test_of_three_drives_each_is_repeated_as_often_as_is_best():
     assert max(values, key=values.__getitem__) == tuple(counts[:2])
 
 
+@pytest.mark.slow
 def test_what_is_not_read_is_not_simulated_either():
     """The predicted covariance is that of the twenty readings, and their estimates scatter so."""
     problem = STOPS.problem

@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from logged import HEADER, INPUTS, ROBOT, cells, drive, form
@@ -51,6 +52,7 @@ def require_sound(logs: list[Log]) -> None:
             assert np.all(np.isfinite(numbers))
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(st.sampled_from(FORMS), st.lists(st.tuples(st.integers(0, 12), st.integers(0, 6), JUNK), max_size=4))
 def test_cells_of_a_sound_log_are_spoilt(log_form: LogForm, spoilt: list[tuple[int, int, str]]):

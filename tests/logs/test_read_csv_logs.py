@@ -128,6 +128,7 @@ class TestTables:
         assert set(found(log)) == {"cut_off"}
 
 
+@pytest.mark.slow
 def test_a_long_log_takes_little_more_memory_than_its_file(tmp_path: Path):
     file = write(tmp_path / "a.csv", cells(drive(5000)))
     tracemalloc.start()

@@ -64,6 +64,7 @@ def beside(errors: dict[str, float | None], share: float, **parts: Any) -> Recor
     return record.model_copy(update={"results": [best, weak]})
 
 
+@pytest.mark.slow
 @EVERY
 def test_no_headline_names_a_baseline_worse_than_the_best_that_can_be_driven(make: Any):
     record = make()

@@ -147,6 +147,7 @@ def test_how_baselines_are_driven_stands_beside_them(flagship: Record):
     assert {row[0]: row[place] for row in table.rows if row[place]} == {"Circle": said["circle"]}
 
 
+@pytest.mark.slow
 def test_every_section_is_made_for_the_flagship(flagship: Record):
     titles = [section.title for section in sections_of(flagship)]
     # The study is not robust, nothing is driven in simulated physics or drifts, all readings are taken, and

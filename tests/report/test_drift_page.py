@@ -73,6 +73,7 @@ def test_the_page_says_what_drift_does(drifted):
     assert "Left out: starts of Design 2, which sought something else" in text
 
 
+@pytest.mark.slow
 def test_what_does_not_drift_has_no_such_section(tmp_path):
     lines = [line for line in STUDY.splitlines() if "drift:" not in line and "without_drift" not in line]
     (tmp_path / "study.yaml").write_text("\n".join(lines))

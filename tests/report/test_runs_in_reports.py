@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import sample_rooms
 from sample_records import full
 from shown_in import section
@@ -34,6 +35,7 @@ def test_no_line_joins_two_runs() -> None:
         assert max(np.hypot(*np.diff(points, axis=0).T).max() for points in lines) <= longest + 1e-12
 
 
+@pytest.mark.slow
 def test_every_run_has_its_marks_and_its_number() -> None:
     record = sample_rooms.crab()
     ax = drawn(paths([path_of(record, one) for one in record.results], room_of(record))).axes[0]
@@ -43,6 +45,7 @@ def test_every_run_has_its_marks_and_its_number() -> None:
     assert "in 3 runs, numbered" in section(record, "Paths in the workspace").figures[0].caption
 
 
+@pytest.mark.slow
 def test_a_single_run_has_no_number() -> None:
     figure = drawn(paths([path_of(full(), one) for one in full().results], room_of(full())))
     assert not figure.axes[0].texts

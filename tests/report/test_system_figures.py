@@ -71,6 +71,7 @@ def slopes(trial: int, places: int) -> Array:
     return np.stack(columns, axis=-1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trial", [0, 1])
 def test_bands_of_states_and_readings_are_what_estimates_leave_open(trial: int):
     """S Sigma S' along the design, S by an integration of our own; as shown, in the study's units."""
@@ -96,6 +97,7 @@ def test_bands_of_states_and_readings_are_what_estimates_leave_open(trial: int):
     assert caught.y.label == "catch [1/h]"
 
 
+@pytest.mark.slow
 def test_readings_are_marked_where_they_are_taken_with_their_noise():
     """At every sample of both trials."""
     panel = picture(sample_systems.ponds(), "What happens", "readings").figure.panels[0]
@@ -108,6 +110,7 @@ def test_readings_are_marked_where_they_are_taken_with_their_noise():
     np.testing.assert_allclose(second.y, followed(NOMINAL, 1, 1)[:, 0], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_sensitivities_are_scaled_by_the_parameters():
     """A panel for each reading and trial, a line for each parameter."""
     panels = picture(sample_systems.ponds(), "What readings tell", "sensitivities").figure.panels
@@ -120,6 +123,7 @@ def test_sensitivities_are_scaled_by_the_parameters():
         np.testing.assert_allclose(line.y, scaled[:, place], rtol=1e-3, atol=1e-4 * np.abs(scaled).max())
 
 
+@pytest.mark.slow
 def test_the_first_screen_has_the_inputs_that_change_and_lists_what_does_not():
     """Steps between their limits, over time as the study gives it; warmth and starts in a table."""
     record = sample_systems.ponds()
@@ -140,6 +144,7 @@ def test_the_first_screen_has_the_inputs_that_change_and_lists_what_does_not():
     np.testing.assert_allclose(np.array(column(trials, "warmth"), dtype=float), WARMTHS)
 
 
+@pytest.mark.slow
 def test_rates_are_drawn_where_they_are_limited():
     """In the unit of the limit; inputs without one are left out."""
     (one,) = section(sample_systems.ponds(), "How fast inputs change").figures
@@ -201,6 +206,7 @@ def test_weights_of_settings_stand_over_the_input():
     np.testing.assert_allclose(dots.y, [0.2, 0.6, 0.2])
 
 
+@pytest.mark.slow
 def test_trials_that_are_chosen_stand_side_by_side():
     """A stem for each trial, by its number; only those that are made are listed and drawn."""
     record = sample_systems.trials()

@@ -59,6 +59,7 @@ MADE = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("made", MADE, ids=lambda made: made.__name__)
 def test_a_page_has_no_word_of_robots(made: Callable[[], Record], tmp_path: Path):
     """Neither in sentences and tables nor in its figures; what follows from the study is its own."""
@@ -71,6 +72,7 @@ def test_a_page_has_no_word_of_robots(made: Callable[[], Record], tmp_path: Path
         assert not OF_ROBOTS.findall(" ".join(texts))
 
 
+@pytest.mark.slow
 def test_errors_are_in_the_units_of_the_study():
     """Every table of a parameter is in 1/h, not in 1/s."""
     record = sample_systems.ponds()
@@ -86,6 +88,7 @@ def test_errors_are_in_the_units_of_the_study():
     assert all(cell.endswith(" 1/h") for cell in column(summary, "standard error, designed experiment"))
 
 
+@pytest.mark.slow
 def test_limits_are_in_the_units_of_the_study():
     """What a limit is exceeded by as well."""
     record = sample_systems.ponds()
@@ -111,6 +114,7 @@ def test_several_are_compared_in_the_units_of_the_study():
     assert not any("1/s" in one for one in labels)
 
 
+@pytest.mark.slow
 def test_sections_come_in_the_order_of_the_page():
     """What was asked and found first."""
     titles = [one.title for one in sections_of(sample_systems.ponds())]
@@ -118,6 +122,7 @@ def test_sections_come_in_the_order_of_the_page():
     assert titles.index("What happens") < titles.index("What readings tell") < titles.index("What limits it")
 
 
+@pytest.mark.slow
 def test_records_are_runs_where_they_are_compared(tmp_path: Path):
     """And what they hold is called as on their own pages."""
     record = sample_systems.ponds()
@@ -140,6 +145,7 @@ def test_names_of_one_letter_are_no_articles():
     )
 
 
+@pytest.mark.slow
 def test_known_starts_are_no_nuisances():
     """Of two states one is known, beside one that is not."""
     text = sample_systems.PONDS.replace('predators: "0.7"', 'predators: {unknown: "0.7", deviation: "0.1"}')
@@ -153,6 +159,7 @@ def test_known_starts_are_no_nuisances():
     )
 
 
+@pytest.mark.slow
 def test_readings_are_told_by_their_outputs():
     """Their names, and their noise as the study gives it."""
     (assumed,) = section(sample_systems.ponds(), "Summary").folds

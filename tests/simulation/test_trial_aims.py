@@ -36,6 +36,7 @@ def aims_of(text: str):
     return study.problem, list(aims(study.problem, trial, model, fitting, seed=0))
 
 
+@pytest.mark.slow
 def test_the_task_is_the_held_out_drives_themselves():
     problem, (optimal, task) = aims_of(TASK)
     assert optimal.model.problem.criterion.kind == "D"
@@ -47,6 +48,7 @@ def test_the_task_is_the_held_out_drives_themselves():
         assert one.period == drive.period
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "name"), [("", "optimal"), (TASK, "for the task")])
 def test_a_discrepancy_is_designed_with_and_not_calibrated_with(text, name):
     _, found = aims_of(text + NUMBERS)
@@ -58,6 +60,7 @@ def test_a_discrepancy_is_designed_with_and_not_calibrated_with(text, name):
     assert found[-1].model.problem.criterion == found[-2].model.problem.criterion
 
 
+@pytest.mark.slow
 def test_a_pilot_drive_shows_the_discrepancy_that_slip_leaves():
     _, (_, found) = aims_of(PILOT)
     assert found.discrepancy is not None

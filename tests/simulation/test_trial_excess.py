@@ -39,6 +39,7 @@ def ideal(planned) -> Motion:
     return Motion(times, np.array(angles), np.array(poses), planned.inputs, planned.period)
 
 
+@pytest.mark.slow
 def test_a_model_that_is_right_leaves_nothing():
     problem, fitting = fitting_of()
     logs = [exact_log(ideal(one)) for one in held_out_drives(problem, 2, seed=3)]
@@ -47,6 +48,7 @@ def test_a_model_that_is_right_leaves_nothing():
     assert min(errors) > 1e-3
 
 
+@pytest.mark.slow
 def test_no_parameters_nearby_predict_slipping_drives_better():
     problem, fitting = fitting_of()
     plans = held_out_drives(problem, 2, seed=3)

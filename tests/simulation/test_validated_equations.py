@@ -32,6 +32,7 @@ SMALL = {
 
 
 class TestSmallNoise:
+    @pytest.mark.slow
     @pytest.mark.parametrize("one", SMALL.values(), ids=SMALL)
     def test_estimates_scatter_as_evaluate_says(self, one: Experiment):
         found = validated(one)
@@ -46,6 +47,7 @@ class TestSmallNoise:
     def test_so_do_many(self, one: Experiment):
         assert validated(one, 2000).passed
 
+    @pytest.mark.slow
     def test_the_same_whatever_the_workers(self):
         one = SMALL["Rooney and Biegler"]
         alone, together = (validated(one, 250, workers=count) for count in (1, 2))
@@ -55,6 +57,7 @@ class TestSmallNoise:
 
 
 class TestLargeNoise:
+    @pytest.mark.slow
     @pytest.mark.parametrize("prior", [True, False])
     def test_does_not_pass(self, prior: bool):
         found = validated(rooney_and_biegler(3.0, prior=prior), 400)
@@ -66,6 +69,7 @@ class TestLargeNoise:
 
 
 class TestLinearisation:
+    @pytest.mark.slow
     @pytest.mark.parametrize("one", SMALL.values(), ids=SMALL)
     def test_holds_where_noise_is_small(self, one: Experiment):
         found = validated(one)

@@ -72,6 +72,7 @@ def test_growth_is_found_in_residuals():
     assert flat[2] * 3 < 0.003
 
 
+@pytest.mark.slow
 def test_an_estimate_of_a_pilot_drive_gives_the_numbers(tmp_path: Path):
     study = load_study(PROBLEMS / "room_robot.yaml")
     oed.estimate(study, [PROBLEMS / "logs" / "room_robot.csv"], out=tmp_path / "pilot")
@@ -88,6 +89,7 @@ def test_an_estimate_of_a_pilot_drive_gives_the_numbers(tmp_path: Path):
     assert echo == pytest.approx(found.model_dump())
 
 
+@pytest.mark.slow
 def test_residuals_of_a_path_that_follows_the_readings_are_no_discrepancy(tmp_path: Path):
     text = (PROBLEMS / "room_robot.yaml").read_text() + "\ncalibration: {method: likelihood}\n"
     oed.estimate(parse_study(text), [PROBLEMS / "logs" / "room_robot.csv"], out=tmp_path / "pilot")
@@ -116,6 +118,7 @@ def with_drift(text: str) -> str:
     return STUDY.replace(NOISE, f"{NOISE}, drift: {text}")
 
 
+@pytest.mark.slow
 def test_an_estimate_of_logs_gives_their_drift(tmp_path: Path):
     study = load_study(PROBLEMS / "room_robot.yaml")
     oed.estimate(study, [PROBLEMS / "logs" / "room_robot.csv"], out=tmp_path / "logs")

@@ -42,6 +42,7 @@ def temperature(drive: oed.Trajectory) -> solve_ivp:
 
 
 class TestTank:
+    @pytest.mark.slow
     def test_its_limits_hold_by_another_integrator(self):
         study = oed.parse_study(TANK)
         solution = oed.solve(study.problem, QUICK, seed=0)
@@ -57,6 +58,7 @@ class TestTank:
         assert margins["warm"].certain
         assert margins["energy"].active
 
+    @pytest.mark.slow
     def test_a_shorter_one_is_what_it_is(self):
         """The duration that a search chose is the trajectory's own."""
         study = oed.parse_study(TANK)
@@ -114,12 +116,14 @@ class TestStarts:
                 """)
         )
 
+    @pytest.mark.slow
     def test_designed_ones_are_each_trial_s_own(self):
         study = self.decay("{design: [0, 2]}", trials=2)
         solution = oed.solve(study.problem, QUICK, seed=0)
         assert solution.trajectory.starts[:, 0] == pytest.approx([2.0, 2.0], abs=1e-5)
         assert solution.trajectory.starts[:, 1] == pytest.approx([0.0, 0.0])
 
+    @pytest.mark.slow
     def test_unknown_ones_cost_information(self):
         """As much as dense least squares with the start among the unknowns says."""
         known, unknown = self.decay("1"), self.decay("{unknown: 1, deviation: 0.1}")
@@ -149,6 +153,7 @@ class TestStarts:
         assert list(found.standard_deviations.values()) == pytest.approx(expected, rel=1e-5)
         assert found.objective < oed.evaluate(known.problem, drive).objective
 
+    @pytest.mark.slow
     def test_a_value_without_a_deviation_is_open(self):
         drive = oed.solve(self.decay("1").problem, QUICK, seed=0).trajectory
         errors = [
@@ -251,6 +256,7 @@ def test_rates_are_integrals_of_what_is_read():
     assert oed.evaluate(every, drive).lambda_min * noise**2 == pytest.approx(expected, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_coarse_integration_is_named():
     """One Runge-Kutta step a period of nearly its time constant."""
     keys = {

@@ -52,6 +52,7 @@ def test_each_is_short(file):
     assert lines[0].startswith("# ")
 
 
+@pytest.mark.slow
 def test_box_and_lucas_1959():
     """1.2295 and 6.8577 min, det F = .65677 by rates in 1/min and a noise of 1."""
     study, best = found("box_lucas")
@@ -59,6 +60,7 @@ def test_box_and_lucas_1959():
     assert math.exp(best.objective) * noise_of(study) ** 4 / MINUTE**4 == pytest.approx(0.65677, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_atkinson_compartmental_model():
     """0.2288, 1.3886 and 18.417 h: to the digits that are printed."""
     _, best = found("compartmental_model")
@@ -79,6 +81,7 @@ def test_pukelsheim_quadratic_regression():
     assert certificate.wall_seconds < 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("criterion", "value"),
     [("D", 6.864795 * math.log(10)), ("A", -(10**-2.236425))],
@@ -90,6 +93,7 @@ def test_pyomo_rooney_and_biegler(criterion: str, value: float):
     assert best.objective == pytest.approx(value, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_dynamicoed_decay():
     """Weight on [.3, .7]; .0128135."""
     study, best = found("decay_weights")
@@ -97,6 +101,7 @@ def test_dynamicoed_decay():
     assert best.objective * noise_of(study) ** 2 == pytest.approx(0.0128135, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_sager_lotka_volterra_without_fishing():
     """The trace .063957 of continuous weights, as samples become many."""
     study, best = found("lotka_volterra")
@@ -127,6 +132,7 @@ def test_each_is_proved_and_its_errors_are_as_predicted(file):
         assert 0 <= record.certificate.gap < 1e-6
 
 
+@pytest.mark.slow
 def test_it_is_said_where_the_noise_is_too_large():
     """Of two readings with errors of a fifth of the largest response."""
     study, _ = found("box_lucas", measurement={"kind": "responses", "noise": {"b": 0.12}})

@@ -75,6 +75,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_it_is_the_same_system_as_its_equations(folder: Path):
     one, other = (oed.load_study(folder / name) for name in ("study.yaml", "texts.yaml"))
     found = [oed.solve(study.problem, study.solvers[0], seed=0) for study in (one, other)]
@@ -83,6 +84,7 @@ def test_it_is_the_same_system_as_its_equations(folder: Path):
     assert 0 <= found[0].trajectory.start[1] <= 1
 
 
+@pytest.mark.slow
 def test_a_record_of_it_runs_no_code_until_it_is_trusted(folder: Path):
     study = oed.load_study(folder / "study.yaml")
     oed.run(study, folder / "out")

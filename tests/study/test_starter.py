@@ -394,6 +394,7 @@ class TestCommand:
         asked = capsys.readouterr().err
         assert not [words for words in ("Which room", "How long", "How many drives") if words in asked]
 
+    @pytest.mark.slow
     def test_a_drive_is_designed_or_not(self, capsys: pytest.CaptureFixture[str]):
         flags = ["--only-estimate", "--room", "3 m x 3 m", "--runs", "2"]
         assert main(["init", "--robot", "create_3", *flags]) == 2

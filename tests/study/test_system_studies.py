@@ -55,6 +55,7 @@ def of(text: str, **changes: str) -> str:
     return text
 
 
+@pytest.mark.slow
 def test_points_are_those_of_the_same_problem_in_python():
     """The study is the problem that Python makes of the same equations."""
     study = oed.parse_study(POINTS)

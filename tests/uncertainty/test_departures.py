@@ -250,6 +250,7 @@ class TestInterval:
 
 
 class TestPaths:
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", ["box", pytest.param("two_runs", marks=pytest.mark.slow)])
     def test_they_are_those_of_the_robots(self, name: str):
         problem, drive, _, _ = counted(name)

@@ -335,6 +335,7 @@ class TestObjective:
         )
         return problem, random_drive(problem, 2, 7.0)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("criterion", [E, *(pytest.param(one, marks=pytest.mark.slow) for one in (D, A))])
     def test_the_mean_is_over_robots_of_this_covariance(self, criterion):
         problem, drive = self.problem("mean", criterion, {RIGHT: "5 %", "track": "4 %"})
@@ -343,6 +344,7 @@ class TestObjective:
         each = [self.objective(problem, drive, np.array([RADIUS, TRACK]) + move) for move in away]
         assert evaluate(problem, drive).objective == pytest.approx(np.mean(each), rel=1e-9)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("criterion", [E, *(pytest.param(one, marks=pytest.mark.slow) for one in (D, A))])
     def test_the_worst_is_of_the_ends_and_the_nominal_robot(self, criterion):
         problem, drive = self.problem("worst", criterion, {RIGHT: "5 %", "heading": "4 deg"})

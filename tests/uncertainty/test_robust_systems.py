@@ -54,6 +54,7 @@ def share_too_warm(trajectory: oed.Trajectory, draws: int) -> float:
     return float(np.mean(warmest > WARMEST))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", ["chance", *(pytest.param(one, marks=pytest.mark.slow) for one in ("tube", "scenarios"))]
 )

@@ -181,6 +181,7 @@ def test_what_a_killed_sweep_had_done_is_kept(swept, tmp_path: Path, monkeypatch
     assert load_sweep(tmp_path / "out.interrupted").interrupted
 
 
+@pytest.mark.slow
 def test_no_room_for_a_point(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     folder, _ = swept
     real = Draft.write
@@ -216,6 +217,7 @@ def test_a_point_cut_short_is_shown_and_run_again(swept, tmp_path: Path, monkeyp
     assert sweep(folder / "study.yaml", axes(OVER), tmp_path, workers=1).data["kept"] == 0
 
 
+@pytest.mark.slow
 def test_a_point_that_fails_is_told_and_the_others_are_run(
     swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -231,6 +233,7 @@ def test_a_point_that_fails_is_told_and_the_others_are_run(
     assert data["best"] == second["folder"]
 
 
+@pytest.mark.slow
 def test_objectives_of_other_criteria_are_not_ranked(tmp_path: Path):
     file = write_study(tmp_path, small(solvers=TINY))
     data = sweep(file, axes("criterion.kind=E,D"), tmp_path / "out", workers=1).data

@@ -49,6 +49,7 @@ def test_long_names_are_cut_to_what_file_systems_hold(tmp_path: Path):
     assert len(point.folder.encode()) <= 100
 
 
+@pytest.mark.slow
 def test_more_values_leave_the_folders_as_they_were(tmp_path: Path):
     few = points_of(tmp_path, "limits.wheel_speed=5,8 rad/s")
     more = points_of(tmp_path, "limits.wheel_speed=4,5,8,9 rad/s")

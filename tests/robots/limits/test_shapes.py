@@ -273,6 +273,7 @@ def turned_room(seed: int) -> tuple[np.random.Generator, np.ndarray]:
     return draw, outline
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "first", [0, *(pytest.param(first, marks=pytest.mark.slow) for first in range(20, 80, 20))]
 )

@@ -43,6 +43,7 @@ def swerving(count: int, duration: float = 4.0) -> np.ndarray:
     return np.column_stack([0.5 * np.sin(0.9 * times) + 0.2, 0.35 * np.sin(2.5 * times)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("car", [cars.CAR, cars.EFFECTS], ids=["plain", "all effects"])
 @pytest.mark.parametrize(
     ("speeds", "least", "error"),
@@ -64,6 +65,7 @@ def test_steps_converge_to_the_solution_with_order_three(car, speeds, least: flo
     assert errors[0] < error
 
 
+@pytest.mark.slow
 def test_a_drive_from_rest_is_scipys():
     table, period = swerving(80), 0.05
     states = [np.zeros(6)]
@@ -79,6 +81,7 @@ def test_a_drive_from_rest_is_scipys():
     assert np.abs(finer - expected).max() < np.abs(found - expected).max() / 30
 
 
+@pytest.mark.slow
 def test_no_time_changes_nothing_and_long_periods_settle():
     state = np.array([1.0, 2.0, 0.5, 1.2, -0.1, 0.7])
     np.testing.assert_array_equal(stepped(CAR, state, (0.4, 0.2), 0.0), state)
@@ -164,6 +167,7 @@ def test_all_its_parameters_are_identifiable_from_poses():
     assert oed.ambiguities(problem) == ()
 
 
+@pytest.mark.slow
 def test_speeds_known_to_rest_make_a_drive_more_informative():
     table = np.vstack([swerving(32)])
     drive = oed.Trajectory.from_samples(table, 4.0, np.zeros(6), rest_to_rest=False)
@@ -176,6 +180,7 @@ def test_speeds_known_to_rest_make_a_drive_more_informative():
     assert found[0] < found[1] < found[2]
 
 
+@pytest.mark.slow
 def test_limits_hold_between_samples():
     problem = study(rest_to_rest=False)
     drive = oed.Trajectory.from_samples(swerving(32), 4.0, np.zeros(6), rest_to_rest=False)

@@ -218,6 +218,7 @@ class TestNaiveVariance:
         )
 
 
+@pytest.mark.slow
 def test_both_coordinates_add_up():
     found = driven(problem_for(noise_model="absolute"), some_inputs())
     design = found.design_matrices["position"]
