@@ -21,7 +21,7 @@ from oed.optimize.terms.kernel import Kernel
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.link import Link
 from oed.optimize.terms.matrices import symmetric
-from oed.optimize.terms.slots import Begun, gathered, scattered
+from oed.optimize.terms.slots import Begun, first_entries, gathered, scattered
 from oed.optimize.terms.totals import Totals
 
 
@@ -315,13 +315,8 @@ class BegunInPieces(Begun):
         self._kernel, self._layout, self._link = plan.kernel, plan.layout, plan.link
         self._states, self._inputs = self._kernel.states, self._kernel.inputs
         self._piece = ca.floor(samples / self._layout.samples)
-        self.states = gathered(sweep.rolled[0], self._places(self._kernel.cell.width, self._states))
-        self.held = gathered(sweep.inputs, self._places(self._inputs, self._inputs))
-
-    def _places(self, width: int, rows: int, first: int = 0, blocks: Expression | None = None) -> Expression:
-        # Of the first entries of each sample's (or other blocks') columns, (rows, K).
-        base = ca.repmat(width * (self._samples if blocks is None else blocks) + first, rows, 1)
-        return base + ca.repmat(ca.DM(np.arange(rows)[:, None]), 1, self._count)
+        self.states = gathered(sweep.rolled[0], first_entries(samples, self._kernel.cell.width, self._states))
+        self.held = gathered(sweep.inputs, first_entries(samples, self._inputs, self._inputs))
 
     @cached_property
     def _steps(self) -> Expression:
@@ -339,15 +334,14 @@ class BegunInPieces(Begun):
     def slopes(self) -> Expression:
         """Derivatives by z."""
         terms, kernel, each = self._sweep.plan.terms, self._kernel, self._states + self._inputs
-        begins = self._places(self._link.width, self._states, blocks=self._piece)
-        columns = terms.size * ca.repmat(ca.vec(begins).T, terms.size, 1)
-        columns += ca.repmat(ca.DM(np.arange(terms.size)[:, None]), 1, columns.shape[1])
-        begin = gathered(self._sweep.begin_slopes, columns)
+        begins = first_entries(self._piece, self._link.width, self._states)
+        whole = first_entries(ca.vec(begins).T, terms.size, terms.size)
+        begin = gathered(self._sweep.begin_slopes, whole)
         by_begin, own = self._steps[: self._states, :], self._steps[self._states :, :]
         left, right = ca.MX.sym("left", terms.size, self._states), ca.MX.sym("right", self._states, each)
         through = ca.Function("through", [left, right], [left @ right]).map(self._count)
         acting = self._layout.places.shape[1]
-        places = gathered(ca.DM(self._layout.places.T), self._places(acting, acting, blocks=self._piece))
+        places = gathered(ca.DM(self._layout.places.T), first_entries(self._piece, acting, acting))
         target = ca.repmat(places, each, 1) + ca.DM(
             np.repeat(terms.size * np.arange(each), acting)[:, None]
             + each * terms.size * np.arange(self._count)
@@ -370,6 +364,6 @@ class BegunInPieces(Begun):
             (begins, width, self._piece, layout.count),
             (weights, cell, self._samples, layout.count * layout.samples),
         ):
-            places = self._places(size, self._states, blocks=blocks)
+            places = first_entries(blocks, size, self._states)
             found.append(ca.reshape(scattered(ca.vec(values), ca.vec(places), size * count), size, count))
         return found[0], found[1]

@@ -223,6 +223,18 @@ class Around:
         return left @ half.T
 
 
+def first_entries(blocks: Expression, width: int, rows: int) -> Expression:
+    """Places (rows, K) of the first entries of blocks.
+
+    Args:
+        blocks: which of them, (1, K).
+        width: entries of each.
+        rows: how many.
+    """
+    entries = ca.repmat(ca.DM(np.arange(rows)[:, None]), 1, blocks.shape[1])
+    return ca.repmat(width * blocks, rows, 1) + entries
+
+
 def gathered(table: Expression, places: Expression) -> Expression:
     """The entries of a table at places in it, counted column by column, in the shape of these."""
     return ca.reshape(ca.MX(ca.densify(ca.vec(table)))[ca.vec(places)], *places.shape)

@@ -22,7 +22,7 @@ from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.matrices import upper_half
 from oed.optimize.terms.needs import by_instants
 from oed.optimize.terms.row_bounds import RowBounds, said_once, scores_of, violation
-from oed.optimize.terms.slots import Begun, gathered, scattered
+from oed.optimize.terms.slots import Begun, first_entries, gathered, scattered
 
 
 class Unrolled(Terms):
@@ -175,12 +175,8 @@ class BegunUnrolled(Begun):
         self._each = sweep.begins.shape[1]
         self._states = len(sweep.terms.problem.system.states)
         whole = ca.Function("begins", [sweep.terms.unknowns], [ca.densify(sweep.begins.T)])(sweep.z)
-        both = gathered(whole, self._places(self._each, self._each))
+        both = gathered(whole, first_entries(samples, self._each, self._each))
         self.states, self.held = both[: self._states, :], both[self._states :, :]
-
-    def _places(self, width: int, rows: int) -> Expression:
-        base = ca.repmat(width * self._samples, rows, 1)
-        return base + ca.repmat(ca.DM(np.arange(rows)[:, None]), 1, self._samples.shape[1])
 
     @cached_property
     def slopes(self) -> Expression:
@@ -189,11 +185,11 @@ class BegunUnrolled(Begun):
         slope = ca.densify(ca.jacobian(ca.vec(begins.T), terms.unknowns).T)
         whole = ca.Function("begins_slopes", [terms.unknowns], [slope])(self._sweep.z)
         width = terms.size * self._each
-        return ca.reshape(gathered(whole, self._places(width, width)), terms.size, -1)
+        return ca.reshape(gathered(whole, first_entries(self._samples, width, width)), terms.size, -1)
 
     def weighed(self, weights: Expression) -> Expression:
         """Weights (states, K) of the states as those of all samples' states, (states * samples,)."""
-        places = self._places(self._states, self._states)
+        places = first_entries(self._samples, self._states, self._states)
         return scattered(ca.vec(weights), ca.vec(places), self._states * self._sweep.begins.shape[0])
 
 
