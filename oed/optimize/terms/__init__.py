@@ -2,9 +2,10 @@
 
 `base` says what they are. `unrolled` writes the whole drive out; `pieces` puts it together: a `cell` is one
 sample, a `kernel` the samples of a piece (`layout` cuts them), a `link` what a piece hands on (by the chain
-rule of `carry`), `condensing` goes from pieces to the drive, `totals` from there to the matrices,
-`piece_rows` to the limits; `passes` is one evaluation, forwards and back. `needs` finds what each
-limit looks at; `whole_rows` are those of limits on whole runs.
+rule of `carry`), `condensing` goes from pieces to the drive, `totals` from there to the matrices; `passes` is
+one evaluation, forwards and back. `needs` finds what each limit looks at: `fixed_rows` are those of splines
+and, by `whole_rows`, of whole runs; `instants` has those of one instant, of which `slots` takes as many as are
+chosen, around the states where samples begin. `compiled` makes C of it all.
 """
 
 from __future__ import annotations
