@@ -96,18 +96,18 @@ class Explorer:
     problem: Problem
     settings: Settings
     pace: Pace = QUICK
-    library: tuple[int, Path] | None = None
+    binary: tuple[int, Path] | None = None
 
     def __call__(self, attempt: Attempt) -> Sketch:
         """Make one."""
-        if self.library is not None:
-            self.search.design.terms.take(*self.library)
+        if self.binary is not None:
+            self.search.design.terms.take(*self.binary)
         return self.search.sketch(attempt.unknowns, attempt.barrier, self.pace.tolerance)
 
     def compiled(self, spared: float) -> Explorer:
         """With what a compiler makes of it, where that takes less time [s] than it spares."""
-        slots, library = self.search.compile(spared) if spared else (0, None)
-        return self if library is None else replace(self, library=(slots, library))
+        slots, binary = self.search.compile(spared) if spared else (0, None)
+        return self if binary is None else replace(self, binary=(slots, binary))
 
     @property
     def search(self) -> LocalSearch:

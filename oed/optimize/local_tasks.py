@@ -22,7 +22,7 @@ class Task:
         unknowns: z to begin at.
         share: of the objective there that a second stage has to keep; None for the criterion itself.
         barrier: as of `Program.solve`.
-        library: slots, and the file with what is compiled for these, once it is there.
+        binary: slots, and the file with what is compiled for these, once it is there.
     """
 
     token: str
@@ -31,14 +31,14 @@ class Task:
     unknowns: Array
     share: float | None = None
     barrier: float | None = None
-    library: tuple[int, Path] | None = None
+    binary: tuple[int, Path] | None = None
 
 
 def work(task: Task) -> Local:
     """Do one, in any process."""
     search = local_search(task.token, task.problem, task.settings)
-    if task.library is not None:
-        search.design.terms.take(*task.library)
+    if task.binary is not None:
+        search.design.terms.take(*task.binary)
     if task.share is None:
         return search.maximise(task.unknowns, task.barrier)
     return search.second_stage(task.unknowns, task.share)

@@ -88,7 +88,7 @@ class MultiStart:
     evaluations: int = 0
     history: list[HistoryPoint] = field(default_factory=list)
     _reason: str = ""
-    _library: tuple[int, Path] | None = None
+    _binary: tuple[int, Path] | None = None
     _explored: Explored | None = None
 
     def __post_init__(self) -> None:
@@ -245,9 +245,9 @@ class MultiStart:
         return self.context.workers if self._seconds_left > POOL_SECONDS else 1
 
     def _compile(self, search: LocalSearch, left: float) -> None:
-        slots, library = search.compile(SPARED * left)
-        if library is not None:
-            self._library = slots, library
+        slots, binary = search.compile(SPARED * left)
+        if binary is not None:
+            self._binary = slots, binary
 
     def _perturb(self) -> None:
         left = self.options.perturbations
@@ -318,7 +318,7 @@ class MultiStart:
         )
 
     def _task(self, unknowns: Array, share: float | None = None, barrier: float | None = None) -> Task:
-        return Task(self.token, self.problem, self.settings, unknowns, share, barrier, self._library)
+        return Task(self.token, self.problem, self.settings, unknowns, share, barrier, self._binary)
 
     def _keep_best(self, results: Sequence[Local | None]) -> None:
         for result in results:

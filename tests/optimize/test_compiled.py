@@ -115,12 +115,12 @@ def test_a_search_ends_where_it_does_without(cache: Path):
         search = LocalSearch(replace(problem(), name=f"{compiling}"), Settings(200, 1e-8, None, "none"))
         terms = search.design.terms
         if compiling:
-            slots, library = search.compile(np.inf)
+            slots, binary = search.compile(np.inf)
             terms.compiled()
-            assert library is not None
+            assert binary is not None
             assert terms.functions(slots).values.is_a("External")
             other = Pieces(search.problem, divisible(search.problem))
-            other.take(slots, library)
+            other.take(slots, binary)
             assert other.functions(slots).hessian.is_a("External")
         else:
             assert not terms.functions(SLOTS).values.is_a("External")
@@ -144,6 +144,7 @@ def test_long_lists_are_compiled_as_they_stand(cache: Path):
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_what_takes_longer_than_it_spares_is_not_compiled(cache: Path):
     terms = Pieces(problem(), divisible(problem()))
     assert terms.compile(SLOTS, spared=0.1) is None
@@ -151,3 +152,7 @@ def test_what_takes_longer_than_it_spares_is_not_compiled(cache: Path):
     terms.compiled()
     assert not cache.exists() or not list(cache.iterdir())
     assert not terms.functions(SLOTS).values.is_a("External")
+    # Where it turns out later that it pays, it is begun.
+    terms.compile(SLOTS)
+    terms.compiled()
+    assert terms.functions(SLOTS).values.is_a("External")

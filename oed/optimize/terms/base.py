@@ -244,7 +244,7 @@ class Terms(ABC):
         return {}
 
     @cached_property
-    def _libraries(self) -> dict[int, Path | None]:
+    def _binaries(self) -> dict[int, Path | None]:
         return {}
 
     @cached_property
@@ -259,7 +259,7 @@ class Terms(ABC):
             self._functions[slots] = _functions_of(self, slots)
         if slots in self._making and (found := self._making[slots].functions()) is not None:
             self._functions[slots] = Functions(*found)
-            # Kept in `_libraries`, for other processes.
+            # Kept in `_binaries`, for other processes.
             del self._making[slots]
         return self._functions[slots]
 
@@ -274,22 +274,22 @@ class Terms(ABC):
         if spared < LEAST:
             return None
         anew = spared >= DIFFERENTIATED * COMPILING * self.written
-        if slots not in self._libraries or (anew and slots not in self._making):
-            functions = self.functions(slots)
-            if not functions.values.is_a("External"):
-                self._making[slots] = Making(list(vars(functions).values()), anew=anew)
-                self._libraries[slots] = self._making[slots].library
-        return self._libraries.get(slots)
+        functions, known = self.functions(slots), self._making.get(slots)
+        # What only looked for the code of others may be begun after all.
+        if not functions.values.is_a("External") and (known is None or (anew and not known.under_way)):
+            self._making[slots] = Making(list(vars(functions).values()), anew=anew)
+            self._binaries[slots] = self._making[slots].binary
+        return self._binaries.get(slots)
 
     def compiled(self) -> None:
         """Wait until the compiler has ended."""
         for making in self._making.values():
             making.wait()
 
-    def take(self, slots: int, library: Path) -> None:
+    def take(self, slots: int, binary: Path) -> None:
         """Use what another process has compiled, if it is there already."""
         if slots not in self._functions or not self._functions[slots].values.is_a("External"):
-            found = taken(library, FUNCTIONS)
+            found = taken(binary, FUNCTIONS)
             if found is not None:
                 self._functions[slots] = Functions(*found)
 

@@ -53,45 +53,50 @@ def compiled(function: ca.Function, *, anew: bool = True) -> ca.Function:
 
 
 class Making:
-    """A library of functions that a compiler is at work on, in a process of its own.
+    """Machine code of functions, which a compiler is at work on in a process of its own.
 
     Attributes:
-        library: where it will be; None where there is no compiler, or no room for the source.
+        binary: where it will be; None where there is no compiler, or no room for the source.
     """
 
     def __init__(self, functions: Sequence[ca.Function], *, anew: bool = True) -> None:
-        """Begin, unless the library is there from before.
+        """Begin, unless it is there from before.
 
         Args:
             functions: of different names.
             anew: whether to compile what was not compiled before.
         """
-        self.library: Path | None = None
+        self.binary: Path | None = None
         self._names = [function.name() for function in functions]
         self._process: subprocess.Popen[bytes] | None = None
         tool = compiler()
         if tool is None:
             return
-        # No room for the source, or for the library: then there is none.
+        # No room for the source, or for the code: then there is none.
         with suppress(OSError), ExitStack() as stack:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="oed-"))
             source = _written(functions, folder)
-            self.library = _kept(source.read_bytes(), tool)
-            if not self.library.exists() and anew:
-                self.library.parent.mkdir(parents=True, exist_ok=True)
+            self.binary = _kept(source.read_bytes(), tool)
+            if not self.binary.exists() and anew:
+                self.binary.parent.mkdir(parents=True, exist_ok=True)
                 self._begin(tool, source)
                 # The source stays for as long as the compiler needs it.
                 self._left = stack.pop_all()
 
     def _begin(self, tool: str, source: Path) -> None:
-        assert self.library is not None
+        assert self.binary is not None
         # Under another name first: another process may be making the same.
-        with tempfile.NamedTemporaryFile(dir=self.library.parent, suffix=".part", delete=False) as part:
+        with tempfile.NamedTemporaryFile(dir=self.binary.parent, suffix=".part", delete=False) as part:
             self._part = Path(part.name)
         command = [tool, *FLAGS, str(source), "-o", str(self._part), "-lm"]
         self._began = time.monotonic()
         quiet = subprocess.DEVNULL
         self._process = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet)  # noqa: S603
+
+    @property
+    def under_way(self) -> bool:
+        """Whether a compiler is at work."""
+        return self._process is not None
 
     def wait(self) -> None:
         """Until the compiler has ended, well or not."""
@@ -104,12 +109,12 @@ class Making:
             self._ended()
 
     def functions(self) -> list[ca.Function] | None:
-        """The functions in machine code; None as long as there is no library."""
+        """The functions in machine code; None as long as there is none."""
         if self._process is not None and self._process.poll() is not None:
             self._ended()
         elif self._process is not None and time.monotonic() - self._began > PATIENCE:
             self.stop()
-        return None if self.library is None else taken(self.library, self._names)
+        return None if self.binary is None else taken(self.binary, self._names)
 
     def stop(self) -> None:
         """Give it up, if it is not there yet."""
@@ -120,10 +125,10 @@ class Making:
 
     def _ended(self) -> None:
         assert self._process is not None
-        assert self.library is not None
+        assert self.binary is not None
         try:
             if self._process.returncode == 0:
-                self._part.replace(self.library)
+                self._part.replace(self.binary)
         except OSError:
             pass
         finally:
@@ -137,14 +142,14 @@ class Making:
             self.stop()
 
 
-def taken(library: Path, names: Sequence[str]) -> list[ca.Function] | None:
-    """Functions of a library; None where there is none.
+def taken(binary: Path, names: Sequence[str]) -> list[ca.Function] | None:
+    """Functions of a compiled file; None where there is none.
 
     Args:
-        library: a file.
+        binary: a file.
         names: of the functions.
     """
-    return [ca.external(name, str(library)) for name in names] if library.exists() else None
+    return [ca.external(name, str(binary)) for name in names] if binary.exists() else None
 
 
 def _written(functions: Sequence[ca.Function], folder: str) -> Path:
