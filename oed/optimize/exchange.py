@@ -152,9 +152,7 @@ class Exchange:
             instants: of the problem's drives.
             drive: of all samples.
         """
-        rows, own = self._at(drive, instants), instants.row
-        above = np.maximum(rows - self._rows.upper[own], self._rows.lower[own] - rows)
-        return np.asarray(above / self._rows.weight[own])
+        return self._rows.excess(self._at(drive, instants), instants.row)
 
     def _basis(self, instants: Instants) -> tuple[Array, Places]:
         # Values of the basis functions that are not 0, and the first input's unknowns that they are of.

@@ -276,7 +276,7 @@ class Terms(ABC):
         anew = spared >= DIFFERENTIATED * COMPILING * self.written
         functions, known = self.functions(slots), self._making.get(slots)
         # What only looked for the code of others may be begun after all.
-        if not functions.values.is_a("External") and (known is None or (anew and not known.under_way)):
+        if not functions.values.is_a("External") and (known is None or (anew and not known.anew)):
             self._making[slots] = Making(list(vars(functions).values()), anew=anew)
             self._binaries[slots] = self._making[slots].binary
         return self._binaries.get(slots)

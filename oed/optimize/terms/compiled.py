@@ -57,6 +57,7 @@ class Making:
 
     Attributes:
         binary: where it will be; None where there is no compiler, or no room for the source.
+        anew: whether what was not compiled before is compiled.
     """
 
     def __init__(self, functions: Sequence[ca.Function], *, anew: bool = True) -> None:
@@ -66,6 +67,7 @@ class Making:
             functions: of different names.
             anew: whether to compile what was not compiled before.
         """
+        self.anew = anew
         self.binary: Path | None = None
         self._names = [function.name() for function in functions]
         self._process: subprocess.Popen[bytes] | None = None
@@ -92,11 +94,6 @@ class Making:
         self._began = time.monotonic()
         quiet = subprocess.DEVNULL
         self._process = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet)  # noqa: S603
-
-    @property
-    def under_way(self) -> bool:
-        """Whether a compiler is at work."""
-        return self._process is not None
 
     def wait(self) -> None:
         """Until the compiler has ended, well or not."""

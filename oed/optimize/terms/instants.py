@@ -12,7 +12,7 @@ from functools import cached_property, lru_cache
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.direct_call import DirectCall
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import instant_of
@@ -154,9 +154,10 @@ class InstantRows:
         )
         return ca.fmax(rows - upper, lower - rows) / weight
 
-    def excess(self, rows: Array) -> Array:
-        """By how much rows (..., R) are exceeded, in shares of their limits' sizes."""
-        return np.asarray(np.maximum(rows - self.upper, self.lower - rows) / self.weight)
+    def excess(self, rows: Array, which: Places | slice = slice(None)) -> Array:
+        """The same of numbers (..., R), or of some of the rows (n,)."""
+        above = np.maximum(rows - self.upper[which], self.lower[which] - rows)
+        return np.asarray(above / self.weight[which])
 
 
 @lru_cache(maxsize=32)
