@@ -155,7 +155,7 @@ class InstantRows:
         return ca.fmax(rows - upper, lower - rows) / weight
 
     def excess(self, rows: Array, which: Places | slice = slice(None)) -> Array:
-        """By how much numbers (..., R) of all rows, or of `which` of them (n,), are exceeded, in such shares."""
+        """By how much values (..., R) of all rows, or (n,) of some, are exceeded, in such shares."""
         above = np.maximum(rows - self.upper[which], self.lower[which] - rows)
         return np.asarray(above / self.weight[which])
 
