@@ -88,6 +88,18 @@ class Power(Limit):
         return at_most(drive.motion[:, 0] ** 2 + 0.1 * drive.motion[:, 2] ** 2, 0.2, "")
 
 
+class Lagging(Limit):
+    """A user's own limit on instants, of the motion and of what is held then."""
+
+    name: ClassVar[str] = "lagging"
+    looks_at: ClassVar = "state"
+
+    def rows(self, drive: Drive) -> Rows:
+        forward, turning = drive.motion[:, 0], drive.motion[:, 2]
+        left, right = drive.inputs[:, 0], drive.inputs[:, 1]
+        return at_most(ca.vertcat(forward * left + right**2, ca.sin(left) * forward * turning), 0.9, "")
+
+
 class Sum(Limit):
     """A user's own limit on the inputs: on the sum of both."""
 
@@ -330,6 +342,36 @@ def agree(problem: Problem, pieces: Pieces, whole: Unrolled) -> None:
         for limits in (0, 1):
             given = numbers, entries * weights[0], limits * weights[1]
             assert_close(own.hessian(z, *given), others.hessian(z, *given))
+
+
+@pytest.mark.parametrize("kind", [Pieces, Unrolled])
+@pytest.mark.parametrize(
+    ("limits", "crossing"), [((Lagging(),), True), ((BodySpeed(bounds=0.4), BOX), False)]
+)
+def test_rows_of_instants_bend_as_their_slopes_change(kind: type, limits: tuple[Limit, ...], crossing: bool):
+    problem = small_problem(limits=(SPEED, *limits), design=space(runs=2))
+    terms = kind(problem, *([short(problem)] if kind is Pieces else []))
+    assert terms.instants.crossing == crossing
+    rng = np.random.default_rng(2)
+    z, numbers = rng.uniform(-0.8, 0.8, terms.size), numbers_of(terms, rng)
+    own = terms.functions(SLOTS)
+    weights = np.zeros(own.values(z, numbers)[1].shape[0])
+    weights[-SLOTS:] = rng.normal(size=SLOTS)
+
+    def gradient(at: np.ndarray, of_rows: int) -> np.ndarray:
+        if of_rows:
+            return np.array(own.jacobian(at, numbers)[1].T @ weights).ravel()
+        return np.array([weights @ np.array(own.values(at, numbers)[1]).ravel()])
+
+    steps = 1e-5 * np.eye(len(z))
+    slopes, bends = (
+        np.array([(gradient(z + one, part) - gradient(z - one, part)) / 2e-5 for one in steps])
+        for part in (0, 1)
+    )
+    np.testing.assert_allclose(slopes.ravel(), gradient(z, 1), atol=1e-7)
+    found = np.triu(np.array(own.hessian(z, numbers, np.zeros(terms.entry_count), weights)))
+    assert np.abs(found).max() > 0.1
+    np.testing.assert_allclose(found, np.triu(bends), atol=1e-7)
 
 
 def test_a_limit_is_asked_of_what_it_looks_at():

@@ -16,10 +16,11 @@ from oed.kernel.dynamics.embedding import Bounding, embedding_of
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.problem import Problem
+from oed.optimize.terms.begun import Begun, Weighed
 from oed.optimize.terms.compiled import Making, taken
 from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.row_bounds import RowBounds
-from oed.optimize.terms.slots import Begun, Slots
+from oed.optimize.terms.slots import Slots
 from oed.optimize.terms.small_drives import splines_of
 
 COMPILING = 3e-4
@@ -69,10 +70,8 @@ class Swept(ABC):
         """What is known at the begins of some samples (1, K), counted through all runs."""
 
     @abstractmethod
-    def curvature(
-        self, entries: Expression, rows: Expression, states: Sequence[tuple[Begun, Expression]]
-    ) -> Expression:
-        """Second derivatives (size, size) by z of the weighted sum of entries, rows and states."""
+    def curvature(self, entries: Expression, rows: Expression, begun: Sequence[Weighed]) -> Expression:
+        """Second derivatives (size, size) by z of the weighted sum of entries, rows and what has begun."""
 
 
 @dataclass(frozen=True)
@@ -96,15 +95,16 @@ def _functions_of(terms: Terms, count: int) -> Functions:
     given, rows, slopes = [sweep.z], sweep.rows, sweep.row_slopes
     weights = [ca.MX.sym("entries", terms.entry_count), ca.MX.sym("rows", rows.shape[0] + count)]
     fixed, own = ca.vertsplit(weights[1], [0, rows.shape[0], weights[1].shape[0]])
-    states, more = list[tuple[Begun, Expression]](), ca.MX(terms.size, terms.size)
+    weighed, more = list[Weighed](), ca.MX(terms.size, terms.size)
     if count:
         numbers = ca.MX.sym("numbers", slots.width)
         begun = sweep.begun(slots.split(numbers)[0])
         around = slots.around(sweep.z, begun, numbers, terms.size)
         given.append(numbers)
         rows, slopes = ca.vertcat(rows, around.values), ca.vertcat(slopes, around.slopes)
-        states, more = [(begun, around.on_states(own))], around.curvature(own)
-    curvature = ca.triu(sweep.curvature(weights[0], fixed, states) + more)
+        one, more = around.curvature(own)
+        weighed.append(one)
+    curvature = ca.triu(sweep.curvature(weights[0], fixed, weighed) + more)
     return Functions(
         ca.Function(FUNCTIONS[0], given, [sweep.entries, rows]),
         ca.Function(FUNCTIONS[1], given, [sweep.entry_slopes, slopes]),

@@ -42,7 +42,10 @@ class InstantRows:
         without: sizes and units of these limits, by their places.
         asking: whether rows look at what the splines ask for at the instant.
         size: of (state, inputs held, inputs asked for if rows look at them).
-        bent: places in these that enter anything but linearly.
+        known: of the first two of these.
+        bent: which of the first two enter anything but linearly.
+        bent_asked: which of the inputs asked for do.
+        crossing: whether of both some do together.
     """
 
     def __init__(self, problem: Problem, limits: Sequence[int], scale: Array) -> None:
@@ -97,8 +100,15 @@ class InstantRows:
         self._chosen, self._factor = chosen, factor
         self._row = ca.dot(chosen, self._rows)
         whole, self._slope = ca.hessian(self._row, self._unknowns)
-        self.bent: list[int] = sorted(set(whole.sparsity().row()))
-        self._curvature = factor * whole[self.bent, self.bent]
+        self.known = int(state.shape[0] + held.shape[0])
+        bent = sorted(set(whole.sparsity().row()))
+        self.bent: list[int] = [one for one in bent if one < self.known]
+        asked_for = [one for one in bent if one >= self.known]
+        self.bent_asked = [one - self.known for one in asked_for]
+        across = whole[self.bent, asked_for]
+        self.crossing = across.nnz() > 0
+        parts = [whole[self.bent, self.bent], whole[asked_for, asked_for], across]
+        self._curvature = [ca.densify(factor * part) for part in parts]
 
     def _weight(self, row: ca.SX, state: ca.SX) -> float:
         held = self._unknowns[state.shape[0] :]
@@ -126,9 +136,10 @@ class InstantRows:
 
     @cached_property
     def curvature(self) -> ca.Function:
-        """(the same, a factor) -> second derivatives by the unknowns that are bent, times the factor."""
-        arguments = [*self._arguments, self._factor]
-        return ca.Function("instant_curvature", arguments, [ca.densify(self._curvature)])
+        """(the same, a factor) -> the factor times second derivatives: by what is `bent`, by what is
+        `bent_asked`, by both.
+        """
+        return ca.Function("instant_curvature", [*self._arguments, self._factor], self._curvature)
 
     @cached_property
     def all_rows(self) -> ca.Function:

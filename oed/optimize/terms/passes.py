@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -12,87 +11,9 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.embedding import without_zeros
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.problem import Problem
-from oed.optimize.terms.base import Terms
+from oed.optimize.terms.begun import Begun, Weighed, first_entries, gathered, scattered
 from oed.optimize.terms.blocks import begins
-from oed.optimize.terms.cell import read_end
-from oed.optimize.terms.condensing import Condensing
-from oed.optimize.terms.kernel import Kernel
-from oed.optimize.terms.layout import PieceLayout
-from oed.optimize.terms.link import Link
-from oed.optimize.terms.matrices import symmetric
-from oed.optimize.terms.slots import Begun, first_entries, gathered, scattered
-from oed.optimize.terms.totals import Totals
-
-
-class Ending:
-    """The information of what is read at a run's last instant, after all its pieces, as a function of what is
-    handed on and of the last inputs.
-    """
-
-    def __init__(self, problem: Problem, link: Link, size: int, scale: Sequence[float]) -> None:
-        """Write it."""
-        state = ca.SX.sym("state", link.width)
-        held = ca.SX.sym("held", len(problem.system.inputs))
-        gathered = read_end(problem, ca.DM(list(scale)) * held, state[: link.states])
-        carry = link.carry
-        turned = carry.turned(symmetric(gathered, carry.gathered_size), carry.whole(state[link.states :]))
-        self._arguments, self._gathered = [state, held], ca.cse(turned)
-        self._width = link.width
-        self._slopes = ca.SX.sym("slopes", size, link.width + held.shape[0])
-
-    @cached_property
-    def values(self) -> ca.Function:
-        """(state handed on, held) -> information."""
-        return ca.Function("ending", self._arguments, [self._gathered])
-
-    @cached_property
-    def slopes(self) -> ca.Function:
-        """(the same, their derivatives by z) -> derivatives (size, added) of the information by z."""
-        slope = self._slopes @ ca.jacobian(self._gathered, ca.vertcat(*self._arguments)).T
-        return ca.Function("ending_slopes", [*self._arguments, self._slopes], [ca.densify(slope)])
-
-    @cached_property
-    def curvature(self) -> ca.Function:
-        """(the same, weights of the information) -> weights of the state, second derivatives by z."""
-        weights = ca.SX.sym("weights", self._gathered.shape[0])
-        bent, slope = ca.hessian(ca.dot(weights, self._gathered), ca.vertcat(*self._arguments))
-        whole: Expression = self._slopes @ bent @ self._slopes.T
-        results = [ca.densify(slope[: self._width, :]), ca.densify(whole)]
-        return ca.Function("ending_curvature", [*self._arguments, self._slopes, weights], results)
-
-
-@dataclass(frozen=True)
-class Plan:
-    """The parts of which a drive's terms are put together.
-
-    Attributes:
-        terms: what they are of, and z.
-        layout: the pieces.
-        kernel: one of them.
-        link: what it hands on.
-        total: what they add up to.
-    """
-
-    terms: Terms
-    layout: PieceLayout
-    kernel: Kernel
-    link: Link
-    total: Totals
-
-    @cached_property
-    def condensing(self) -> Condensing:
-        """How the pieces follow each other."""
-        return Condensing(self.link, self.terms.size, self.layout)
-
-    @cached_property
-    def ending(self) -> Ending | None:
-        """What is read at the runs' last instants; None of regressions."""
-        return (
-            Ending(self.terms.problem, self.link, self.terms.size, self.kernel.cell.scale)
-            if self.total.sensors
-            else None
-        )
+from oed.optimize.terms.plan import Plan
 
 
 class Sweep:
@@ -249,14 +170,12 @@ class Sweep:
         """Derivatives of the entries by z."""
         return self.plan.total.finish.slope(self._sums) @ self._sum_slopes.T
 
-    def curvature(
-        self, entries: Expression, states: Sequence[tuple[BegunInPieces, Expression]] = ()
-    ) -> Expression:
-        """Second derivatives by z of the weighted sum of entries and of states at some samples' begins.
+    def curvature(self, entries: Expression, begun: Sequence[Weighed] = ()) -> Expression:
+        """Second derivatives by z of the weighted sum of entries and of what is known at samples' begins.
 
         Args:
             entries: weights of the entries.
-            states: samples, and weights (states, K) of their states.
+            begun: samples, and what rows weigh of their begins.
         """
         plan, link, join, count = self.plan, self._link, self._join, self._count
         weights, bent = plan.total.finish.curvature(self._sums, entries)
@@ -267,24 +186,25 @@ class Sweep:
         last, more = self._end_curvature(groups)
         added = groups[:, plan.total.group.tolist()]
         pulled = link.pull.map(count)(self._link_slopes[2], added)
-        on_begins, on_samples = self._weighed(states)
+        on_begins, on_samples, inner = self._weighed(begun)
         pulled = pulled if on_begins is None else pulled + on_begins
         ends = join.weights(last, self._link_slopes[0], pulled)
         following, carried = ends[: self._kernel.states, :], ends[self._kernel.states :, :]
         weighed = link.pull_gathered.map(count)(*self._arguments, carried, added)
         given, steps = [self.rolled[0], self.inputs], self.steps[0]
         own = self._kernel.curvature(given, steps, self._sample_slopes, [following, weighed], on_samples)
+        own = own if inner is None else own + inner
         parts = link.hessian.map(count)(*self._arguments, carried, added, *self._piece_slopes, own)
         return total + more + join.curvature(self.begin_slopes, *parts)
 
-    def _weighed(
-        self, states: Sequence[tuple[BegunInPieces, Expression]]
-    ) -> tuple[Expression | None, Expression | None]:
-        # What such weights add to those of the pieces' begins, and of the samples'.
-        found: tuple[Expression | None, Expression | None] = None, None
-        for begun, weights in states:
-            more = begun.weighed(weights)
-            found = tuple(b if a is None else a + b for a, b in zip(found, more, strict=True))
+    def _weighed(self, begun: Sequence[Weighed]) -> list[Expression | None]:
+        # What they add to weights of the pieces' begins and of the samples', and to second derivatives by the
+        # pieces' own unknowns.
+        found: list[Expression | None] = [None, None, None]
+        for one in begun:
+            assert isinstance(one.begun, BegunInPieces)
+            more = [*one.begun.weighed(one.states), one.begun.inner(one) if one.bent else None]
+            found = [a if b is None else b if a is None else a + b for a, b in zip(found, more, strict=True)]
         return found
 
     def _end_curvature(self, groups: Expression) -> tuple[Expression, Expression]:
@@ -331,24 +251,51 @@ class BegunInPieces(Begun):
         return ca.reshape(gathered(self._sweep.steps[0], places), size, -1)
 
     @cached_property
+    def _begins(self) -> Expression:
+        # Derivatives by z of the states that their pieces begin with, (size, states K).
+        size = self._sweep.plan.terms.size
+        begins = first_entries(self._piece, self._link.width, self._states)
+        whole = gathered(self._sweep.begin_slopes, first_entries(ca.vec(begins).T, size, size))
+        return ca.reshape(whole, size, -1)
+
+    @cached_property
+    def _own_places(self) -> Expression:
+        # Of their pieces' own unknowns in z, (own, K).
+        acting = self._layout.own
+        return gathered(ca.DM(self._layout.places.T), first_entries(self._piece, acting, acting))
+
+    @cached_property
     def slopes(self) -> Expression:
         """Derivatives by z."""
-        terms, kernel, each = self._sweep.plan.terms, self._kernel, self._states + self._inputs
-        begins = first_entries(self._piece, self._link.width, self._states)
-        whole = first_entries(ca.vec(begins).T, terms.size, terms.size)
-        begin = gathered(self._sweep.begin_slopes, whole)
+        size, each, acting = self._sweep.plan.terms.size, self.each, self._layout.own
         by_begin, own = self._steps[: self._states, :], self._steps[self._states :, :]
-        left, right = ca.MX.sym("left", terms.size, self._states), ca.MX.sym("right", self._states, each)
-        through = ca.Function("through", [left, right], [left @ right]).map(self._count)
-        acting = self._layout.places.shape[1]
-        places = gathered(ca.DM(self._layout.places.T), first_entries(self._piece, acting, acting))
-        target = ca.repmat(places, each, 1) + ca.DM(
-            np.repeat(terms.size * np.arange(each), acting)[:, None]
-            + each * terms.size * np.arange(self._count)
+        through = _through(size, self._states, each).map(self._count)
+        target = ca.repmat(self._own_places, each, 1) + ca.DM(
+            np.repeat(size * np.arange(each), acting)[:, None] + each * size * np.arange(self._count)
         )
-        spread = scattered(ca.vec(own), ca.vec(target), terms.size * each * self._count)
-        assert own.shape[0] == acting == kernel.size - self._states
-        return through(begin, by_begin) + ca.reshape(spread, terms.size, -1)
+        spread = scattered(ca.vec(own), ca.vec(target), size * each * self._count)
+        return through(self._begins, by_begin) + ca.reshape(spread, size, -1)
+
+    def pulled(self, gradients: Expression) -> Expression:
+        """Derivatives by z of rows, of which those by states and inputs are given."""
+        kernel, size = self._kernel, self._sweep.plan.terms.size
+        local = _through(kernel.size, self.each).map(self._count)(self._steps, gradients)
+        by_begin, own = local[: self._states, :], local[self._states :, :]
+        found = _through(size, self._states).map(self._count)(self._begins, by_begin)
+        target = self._own_places + ca.repmat(
+            ca.DM(size * np.arange(self._count)[None, :]), self._own_places.shape[0], 1
+        )
+        spread = scattered(ca.vec(own), ca.vec(target), size * self._count)
+        return found + ca.reshape(spread, size, -1)
+
+    def inner(self, weighed: Weighed) -> Expression:
+        """Second derivatives by the pieces' own unknowns, (size, size) of each piece."""
+        size, width, count = self._kernel.size, len(weighed.bent), self._layout.count
+        slope, own = ca.MX.sym("slope", size, width), ca.MX.sym("inner", width, width)
+        each = ca.Function("between", [slope, own], [slope @ own @ slope.T]).map(self._count)
+        entries = each(self._steps[:, self.of(weighed.bent)], weighed.inner)
+        places = first_entries(self._piece, size**2, size**2)
+        return ca.reshape(scattered(ca.vec(entries), ca.vec(places), size**2 * count), size, -1)
 
     def weighed(self, weights: Expression) -> tuple[Expression, Expression]:
         """What weights (states, K) of the states add to those of what pieces begin with, and samples."""
@@ -367,3 +314,9 @@ class BegunInPieces(Begun):
             places = first_entries(blocks, size, self._states)
             found.append(ca.reshape(scattered(ca.vec(values), ca.vec(places), size * count), size, count))
         return found[0], found[1]
+
+
+def _through(rows: int, inner: int, columns: int = 1) -> ca.Function:
+    # The product of two matrices.
+    left, right = ca.MX.sym("left", rows, inner), ca.MX.sym("right", inner, columns)
+    return ca.Function("through", [left, right], [left @ right])

@@ -19,6 +19,7 @@ from oed.kernel.measurement.filter_rows import reads_of
 from oed.kernel.measurement.sensor import start_nuisances
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import Swept, Terms
+from oed.optimize.terms.begun import Weighed
 from oed.optimize.terms.cell import Cell, carry_of
 from oed.optimize.terms.fixed_rows import FixedRows, FixedSweep
 from oed.optimize.terms.instants import InstantRows
@@ -26,9 +27,9 @@ from oed.optimize.terms.kernel import Kernel
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.link import Link
 from oed.optimize.terms.needs import needs_of
-from oed.optimize.terms.passes import BegunInPieces, Plan, Sweep
+from oed.optimize.terms.passes import BegunInPieces, Sweep
+from oed.optimize.terms.plan import Plan
 from oed.optimize.terms.row_bounds import RowBounds, scores_of, violation
-from oed.optimize.terms.slots import Begun
 from oed.optimize.terms.totals import Totals
 from oed.optimize.terms.whole_rows import Formulas, WholeRows
 
@@ -171,10 +172,7 @@ class PiecesSweep(Swept):
         """What is known at some samples' begins."""
         return self._sweep.begun(samples)
 
-    def curvature(
-        self, entries: Expression, rows: Expression, states: Sequence[tuple[Begun, Expression]]
-    ) -> Expression:
+    def curvature(self, entries: Expression, rows: Expression, begun: Sequence[Weighed]) -> Expression:
         """Second derivatives by z."""
         around, more = self._rows.curvature(rows)
-        own = [(begun, weights) for begun, weights in states if isinstance(begun, BegunInPieces)]
-        return self._sweep.curvature(entries, [*own, *more]) + around
+        return self._sweep.curvature(entries, [*begun, *more]) + around

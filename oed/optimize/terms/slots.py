@@ -6,9 +6,8 @@ Empty ones are 0.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -16,24 +15,8 @@ import numpy as np
 from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.embedding import Embedding
 from oed.kernel.dynamics.expression import Expression
+from oed.optimize.terms.begun import Begun, Weighed, gathered, scattered
 from oed.optimize.terms.instants import InstantRows
-
-
-class Begun(ABC):
-    """What is known at the begins of some samples, as expressions (MX).
-
-    Attributes:
-        states: (states, K).
-        held: inputs held in them, in units of their scale, (inputs, K).
-    """
-
-    states: Expression
-    held: Expression
-
-    @property
-    @abstractmethod
-    def slopes(self) -> Expression:
-        """Derivatives by z of each one's states, then inputs held, (size, (states + inputs) K)."""
 
 
 @dataclass(frozen=True)
@@ -88,13 +71,15 @@ class Slots:
     Attributes:
         rows: of an instant.
         count: slots K.
+        inputs: of the robot.
+        order: basis functions of a spline that are not 0 at an instant; 0 where no row looks at splines.
         width: numbers that say which rows they are of.
     """
 
     def __init__(self, rows: InstantRows, embedding: Embedding, count: int) -> None:
         """Take the parts."""
         self.rows, self.count = rows, count
-        self._inputs, self._size = embedding.inputs, embedding.size
+        self.inputs = embedding.inputs
         self.order = embedding.space.own_spline.degree + 1 if rows.asking else 0
         self._stride = embedding.sizes[0] if rows.asking else 0
         self.width = count * (2 + 2 * self.order + rows.count)
@@ -125,13 +110,11 @@ class Slots:
 
     def of_inputs(self, places: Expression) -> Expression:
         """Places (order, K) of the first input's unknowns, of every input's: (order, inputs * K)."""
-        each = ca.repmat(ca.vec(places).T, self._inputs, 1)
-        shift = ca.DM(self._stride * np.arange(self._inputs)[:, None])
+        each = ca.repmat(ca.vec(places).T, self.inputs, 1)
+        shift = ca.DM(self._stride * np.arange(self.inputs)[:, None])
         every = each + ca.repmat(shift, 1, each.shape[1])
         # (inputs, order * K) as (order, inputs * K).
-        order = np.arange(self._inputs * self.order * self.count).reshape(
-            self.count, self.order, self._inputs
-        )
+        order = np.arange(self.inputs * self.order * self.count).reshape(self.count, self.order, self.inputs)
         return ca.reshape(ca.vec(every)[order.transpose(0, 2, 1).ravel().tolist()], self.order, -1)
 
 
@@ -153,41 +136,19 @@ class Around:
 
     @cached_property
     def _own_basis(self) -> Expression:
-        inputs, order = self._slots._inputs, self._slots.order
+        inputs, order = self._slots.inputs, self._slots.order
         return ca.reshape(ca.repmat(self._basis, inputs, 1), order, -1)
 
     @property
     def _asked(self) -> Expression:
         # What the splines ask for, (inputs, K).
         each = gathered(self._z, self._own_places) * self._own_basis
-        return ca.reshape(ca.sum1(each), self._slots._inputs, self._slots.count)
+        return ca.reshape(ca.sum1(each), self._slots.inputs, self._slots.count)
 
     @property
     def values(self) -> Expression:
         """The rows, (K,)."""
         return self._slots.rows.values.map(self._slots.count)(*self._arguments).T
-
-    @cached_property
-    def _table(self) -> Expression:
-        # Derivatives by z of all that rows are of, side by side, (size, rows.size * K).
-        slots, size = self._slots, self._size
-        own = self._begun.slopes
-        if not slots.order:
-            return own
-        columns = np.repeat(np.arange(slots._inputs * slots.count), slots.order)
-        target = ca.vec(self._own_places) + ca.DM(size * columns)
-        asked = ca.reshape(
-            scattered(ca.vec(self._own_basis), target, size * slots._inputs * slots.count), size, -1
-        )
-        each = own.shape[1] // slots.count
-        order = np.concatenate(
-            [
-                np.arange(own.shape[1]).reshape(slots.count, each),
-                own.shape[1] + np.arange(asked.shape[1]).reshape(slots.count, -1),
-            ],
-            axis=1,
-        )
-        return ca.horzcat(own, asked)[:, order.ravel().tolist()]
 
     @cached_property
     def _gradients(self) -> Expression:
@@ -197,67 +158,64 @@ class Around:
     @property
     def slopes(self) -> Expression:
         """Derivatives (K, size) of the rows by z."""
-        table, gradient = (
-            ca.MX.sym("table", self._size, self._slots.rows.size),
-            ca.MX.sym("gradient", self._slots.rows.size),
-        )
-        product = ca.Function("through", [table, gradient], [table @ gradient])
-        return product.map(self._slots.count)(self._table, self._gradients).T
+        slots, size, known = self._slots, self._size, self._slots.rows.known
+        found = self._begun.pulled(self._gradients[:known, :])
+        if slots.order:
+            asked = ca.repmat(ca.vec(self._gradients[known:, :]).T, slots.order, 1) * self._own_basis
+            columns = np.repeat(np.arange(slots.count), slots.order * slots.inputs)
+            target = ca.vec(self._own_places) + ca.DM(size * columns)
+            found += ca.reshape(scattered(ca.vec(asked), target, size * slots.count), size, -1)
+        return found.T
 
-    def on_states(self, weights: Expression) -> Expression:
-        """What weights (K,) of the rows weigh the states, (states, K)."""
+    def curvature(self, weights: Expression) -> tuple[Weighed, Expression]:
+        """What weights (K,) of the rows weigh of the states and inputs at the begins, and second derivatives
+        (size, size) of the weighted sum besides those that come by these.
+        """
+        slots, rows = self._slots, self._slots.rows
         states = self._begun.states.shape[0]
-        return self._gradients[:states, :] * ca.repmat(weights.T, states, 1)
+        on_states = self._gradients[:states, :] * ca.repmat(weights.T, states, 1)
+        own, asked, across = rows.curvature.map(slots.count)(*self._arguments, weights.T)
+        total = ca.MX(self._size, self._size)
+        if rows.bent_asked:
+            total += self._by_asked(asked)
+        if rows.crossing:
+            crossed = self._across(across)
+            total += crossed + crossed.T
+        return Weighed(self._begun, on_states, rows.bent, own), total
 
-    def curvature(self, weights: Expression) -> Expression:
-        """Second derivatives (size, size) of the weighted sum, but for those of the states."""
-        rows, count = self._slots.rows, self._slots.count
-        if not rows.bent:
-            return ca.MX(self._size, self._size)
-        width = len(rows.bent)
-        bent = rows.curvature.map(count)(*self._arguments, weights.T)
-        columns = np.arange(count)[:, None] * rows.size + np.array(rows.bent)
-        left = self._table[:, columns.ravel().tolist()]
-        slope, inner = ca.MX.sym("slope", self._size, width), ca.MX.sym("inner", width, width)
-        half = ca.Function("half", [slope, inner], [slope @ inner]).map(count)(left, bent)
-        return left @ half.T
+    @property
+    def _bent_asked(self) -> list[int]:
+        # Columns of the inputs asked for that are bent, among those of all slots.
+        each = self._slots.inputs * np.arange(self._slots.count)
+        columns: list[int] = (each[:, None] + np.array(self._slots.rows.bent_asked)).ravel().tolist()
+        return columns
 
+    def _by_asked(self, inner: Expression) -> Expression:
+        # Second derivatives by what splines ask for, (bent asked, bent asked) each, by z.
+        order, width = self._slots.order, inner.shape[0]
+        basis, own = ca.SX.sym("basis", order), ca.SX.sym("inner", width, width)
+        spread = ca.Function("spread", [basis, own], [ca.vec(ca.kron(own, basis @ basis.T))])
+        entries = spread.map(self._slots.count)(self._basis, inner)
+        places = ca.reshape(self._own_places[:, self._bent_asked], order * width, -1)
+        rows = ca.repmat(places, order * width, 1)
+        columns = places[np.repeat(np.arange(order * width), order * width).tolist(), :]
+        return self._summed(entries, rows, columns)
 
-def first_entries(blocks: Expression, width: int, rows: int) -> Expression:
-    """Places (rows, K) of the first entries of blocks.
+    def _across(self, inner: Expression) -> Expression:
+        # Those by what is known at the begins and by what splines ask for, (bent, bent asked) each, by z.
+        begun, order, rows = self._begun, self._slots.order, self._slots.rows
+        slope = ca.MX.sym("slope", self._size, len(rows.bent))
+        own = ca.MX.sym("inner", len(rows.bent), len(rows.bent_asked))
+        through = ca.Function("through", [slope, own], [slope @ own]).map(self._slots.count)
+        each = through(begun.slopes[:, begun.of(rows.bent)], inner)
+        basis = ca.vec(self._own_basis[:, self._bent_asked]).T
+        repeated = np.repeat(np.arange(each.shape[1]), order).tolist()
+        entries = each[:, repeated] * ca.repmat(basis, self._size, 1)
+        columns = ca.repmat(ca.vec(self._own_places[:, self._bent_asked]).T, self._size, 1)
+        places = ca.repmat(ca.DM(np.arange(self._size)), 1, columns.shape[1])
+        return self._summed(entries, places, columns)
 
-    Args:
-        blocks: which of them, (1, K).
-        width: entries of each.
-        rows: how many.
-    """
-    entries = ca.repmat(ca.DM(np.arange(rows)[:, None]), 1, blocks.shape[1])
-    return ca.repmat(width * blocks, rows, 1) + entries
-
-
-def gathered(table: Expression, places: Expression) -> Expression:
-    """The entries of a table at places in it, counted column by column, in the shape of these."""
-    return ca.reshape(ca.MX(ca.densify(ca.vec(table)))[ca.vec(places)], *places.shape)
-
-
-def scattered(entries: Expression, places: Expression, size: int) -> Expression:
-    """A column (size,) with the sums of the entries that belong to each place.
-
-    Args:
-        entries: (n,).
-        places: of each, (n,).
-        size: of the column.
-    """
-    return _scatter(size, entries.shape[0])(entries, places)
-
-
-@lru_cache(maxsize=64)
-def _scatter(size: int, count: int) -> ca.Function:
-    # As the derivative of picking entries, which CasADi knows.
-    column, places, entries = (
-        ca.MX.sym("column", size),
-        ca.MX.sym("places", count),
-        ca.MX.sym("entries", count),
-    )
-    total = ca.jtimes(column[places], column, entries, True)
-    return ca.Function("scatter", [entries, places], [ca.densify(total)])
+    def _summed(self, entries: Expression, rows: Expression, columns: Expression) -> Expression:
+        # A matrix (size, size) with the sums of entries.
+        target = ca.vec(rows + self._size * columns)
+        return ca.reshape(scattered(ca.vec(entries), target, self._size**2), self._size, -1)

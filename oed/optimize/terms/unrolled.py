@@ -18,11 +18,11 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import Swept, Terms
+from oed.optimize.terms.begun import Begun, Weighed, between, first_entries, gathered, scattered
 from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.matrices import upper_half
 from oed.optimize.terms.needs import by_instants
 from oed.optimize.terms.row_bounds import RowBounds, said_once, scores_of, violation
-from oed.optimize.terms.slots import Begun, first_entries, gathered, scattered
 
 
 class Unrolled(Terms):
@@ -143,22 +143,28 @@ class UnrolledSweep(Swept):
         """What is known at some samples' begins."""
         return BegunUnrolled(self, samples)
 
-    def curvature(
-        self, entries: Expression, rows: Expression, states: Sequence[tuple[Begun, Expression]]
-    ) -> Expression:
+    def curvature(self, entries: Expression, rows: Expression, begun: Sequence[Weighed]) -> Expression:
         """Second derivatives by z."""
         parts, given = [self.terms.entries, self._rows], [entries, rows]
-        if states:
+        if begun:
             own = self.begins[:, : len(self.terms.problem.system.states)].T
             parts.append(ca.vec(own))
-            given.append(sum(begun.weighed(weights) for begun, weights in states))  # type: ignore[attr-defined]
+            given.append(sum(one.begun.weighed(one.states) for one in begun))  # type: ignore[attr-defined]
         symbols = [ca.SX.sym("weights", one.shape[0]) for one in parts]
         weighted = sum(ca.dot(*both) for both in zip(symbols, map(ca.densify, parts), strict=True))
         gradient = ca.gradient(weighted, self.terms.unknowns)
         # Every unknown meets every other somewhere: finding that out would take longer than using it.
         curvature = ca.jtimes(gradient, self.terms.unknowns, ca.SX.eye(self.terms.size))
         function = ca.Function("unrolled_curvature", [self.terms.unknowns, *symbols], [curvature])
-        return function(self.z, *given)
+        return function(self.z, *given) + sum(_inner(one) for one in begun if one.bent)
+
+
+def _inner(weighed: Weighed) -> Expression:
+    # Second derivatives by z of what enters by some of the states and inputs.
+    begun = weighed.begun
+    slopes = begun.slopes[:, begun.of(weighed.bent)]
+    left, half = between(slopes, weighed.inner, begun.states.shape[1])
+    return left @ half.T
 
 
 class BegunUnrolled(Begun):

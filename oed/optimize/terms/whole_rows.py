@@ -17,6 +17,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.dynamics.system import stepper
 from oed.optimize.terms.base import Terms
+from oed.optimize.terms.begun import Weighed
 from oed.optimize.terms.passes import BegunInPieces, Sweep
 from oed.optimize.terms.row_bounds import RowBounds
 from oed.optimize.terms.small_drives import splines_of
@@ -206,8 +207,8 @@ class WholeSweep:
         dense = along(self._given, self._given_slopes)
         return picked(ca.project(dense, self._whole.pattern), self._whole.kept)
 
-    def curvature(self, weights: Expression) -> tuple[Expression, list[tuple[BegunInPieces, Expression]]]:
-        """Second derivatives by z of the weighted sum, but for those of states; these and their weights."""
+    def curvature(self, weights: Expression) -> tuple[Expression, list[Weighed]]:
+        """Second derivatives by z of the weighted sum, but for those of states; what these weigh."""
         # Rows that no unknown moves have weights as well.
         weights = _spread(weights, self._whole.kept, self._whole.pattern.size1())
         bent = self._formulas.bent.map("bent", "serial", self._sweep.z.shape[0], [0, 1], [])
@@ -219,7 +220,7 @@ class WholeSweep:
         gradient = picked(self._formulas.gradient(self._given, weights), range(len(state)))
         count = self._begun.states.shape[0]
         own = _spread(gradient, (place * count + state).tolist(), self._begun.states.numel())
-        return around, [(self._begun, ca.reshape(own, *self._begun.states.shape))]
+        return around, [Weighed(self._begun, ca.reshape(own, *self._begun.states.shape))]
 
 
 def _spread(entries: Expression, places: Sequence[int], count: int) -> Expression:

@@ -1,0 +1,119 @@
+"""What is known where some samples begin, whoever computes it: states, inputs held, and their derivatives."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from oed.kernel.dynamics.expression import Expression
+
+
+class Begun(ABC):
+    """What is known at the begins of some samples, as expressions (MX).
+
+    Attributes:
+        states: (states, K).
+        held: inputs held in them, in units of their scale, (inputs, K).
+    """
+
+    states: Expression
+    held: Expression
+
+    @property
+    @abstractmethod
+    def slopes(self) -> Expression:
+        """Derivatives by z of each one's states, then inputs held, (size, (states + inputs) K)."""
+
+    @property
+    def each(self) -> int:
+        """States and inputs."""
+        return int(self.states.shape[0] + self.held.shape[0])
+
+    def of(self, which: Sequence[int]) -> list[int]:
+        """Columns of some of each one's states and inputs among those of all."""
+        first = self.each * np.arange(self.states.shape[1])
+        columns: list[int] = (first[:, None] + np.array(which, dtype=int)).ravel().tolist()
+        return columns
+
+    def pulled(self, gradients: Expression) -> Expression:
+        """Derivatives (size, K) by z of rows, given those (each, K) by states and inputs."""
+        size = self.slopes.shape[0]
+        slope, gradient = ca.MX.sym("slope", size, self.each), ca.MX.sym("gradient", self.each)
+        through = ca.Function("through", [slope, gradient], [slope @ gradient])
+        return through.map(gradients.shape[1])(self.slopes, gradients)
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """What weighted rows weigh of what has begun.
+
+    Attributes:
+        begun: the samples' begins.
+        states: weights of the states, (states, K).
+        bent: which of each one's states and inputs enter anything but linearly.
+        inner: second derivatives by those, (bent, bent K).
+    """
+
+    begun: Begun
+    states: Expression
+    bent: Sequence[int] = ()
+    inner: Expression | None = None
+
+
+def between(slopes: Expression, inner: Expression, count: int) -> tuple[Expression, Expression]:
+    """Matrices side by side, and these times symmetric ones: of both the first, times the other transposed,
+    is the sum of these between those.
+
+    Args:
+        slopes: (size, bent) each.
+        inner: (bent, bent) each.
+        count: how many.
+    """
+    width = inner.shape[0]
+    slope, own = ca.MX.sym("slope", slopes.shape[0], width), ca.MX.sym("inner", width, width)
+    return slopes, ca.Function("half", [slope, own], [slope @ own]).map(count)(slopes, inner)
+
+
+def first_entries(blocks: Expression, width: int, rows: int) -> Expression:
+    """Places (rows, K) of the first entries of blocks.
+
+    Args:
+        blocks: which of them, (1, K).
+        width: entries of each.
+        rows: how many.
+    """
+    entries = ca.repmat(ca.DM(np.arange(rows)[:, None]), 1, blocks.shape[1])
+    return ca.repmat(width * blocks, rows, 1) + entries
+
+
+def gathered(table: Expression, places: Expression) -> Expression:
+    """The entries of a table at places in it, counted column by column, in the shape of these."""
+    return ca.reshape(ca.MX(ca.densify(ca.vec(table)))[ca.vec(places)], *places.shape)
+
+
+def scattered(entries: Expression, places: Expression, size: int) -> Expression:
+    """A column (size,) with the sums of the entries that belong to each place.
+
+    Args:
+        entries: (n,).
+        places: of each, (n,).
+        size: of the column.
+    """
+    return _scatter(size, entries.shape[0])(entries, places)
+
+
+@lru_cache(maxsize=64)
+def _scatter(size: int, count: int) -> ca.Function:
+    # As the derivative of picking entries, which CasADi knows.
+    column, places, entries = (
+        ca.MX.sym("column", size),
+        ca.MX.sym("places", count),
+        ca.MX.sym("entries", count),
+    )
+    total = ca.jtimes(column[places], column, entries, True)
+    return ca.Function("scatter", [entries, places], [ca.densify(total)])
