@@ -22,7 +22,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import Terms
 from oed.optimize.terms.slots import Chosen
-from oed.optimize.transcription.program import SLOTS, Outcome
+from oed.optimize.transcription.program import SLOTS, Outcome, slots_for
 
 PER_UNKNOWN = 2.0
 """Instants per unknown of an input that a search begins with in a run."""
@@ -30,6 +30,8 @@ LEAST, MOST = 10, 32
 """Instants of a run that it begins with at least, and at most: more cost more than they save."""
 ENOUGH = 1e-4
 """Share of a limit's size by which a drive exceeds it where nothing is added any more."""
+CLOSE = 2e-3
+"""Share of a limit's size by which it is exceeded at most where the next solve is to the end."""
 IDLE = 0.02
 """Share of a limit's size that a drive stays away from it at an instant that others may take the place of."""
 EXCHANGES = 10
@@ -96,6 +98,9 @@ class Exchange:
         """Those to begin with, evenly spread over each run."""
         space, rows = self._problem.design, self._rows.count
         count = int(np.clip(PER_UNKNOWN * max(self._terms.embedding.counts, default=0), LEAST, MOST))
+        if each := rows * space.runs:
+            # Slots that are there anyway need not be empty.
+            count = slots_for(count * each) // each
         times = space.duration * np.arange(1, count + 1) / count
         row = np.repeat(np.arange(rows), space.runs * count)
         run = np.tile(np.repeat(np.arange(space.runs), count), rows)
@@ -217,7 +222,7 @@ class Exchange:
         """
         if not self.needed:
             return solve(unknowns, after, None, False), instants
-        # What comes before more instants are known need not be exact.
+        # What comes before all instants that count are known need not be exact.
         iterations, evaluations, loosely = 0, 0, after is None
         for _ in range(EXCHANGES):
             chosen = self.chosen(instants, trajectory(unknowns))
@@ -226,11 +231,10 @@ class Exchange:
             unknowns, after = outcome.unknowns, outcome if outcome.succeeded else None
             drive = trajectory(unknowns)
             more = self.more(instants, drive)
+            if not len(more) and not loosely:
+                break
+            loosely = loosely and bool(np.any(self.violations(more, drive) > CLOSE))
             instants = self.with_more(instants, more, drive)
-            if not len(more):
-                if not loosely:
-                    break
-                loosely = False
         return replace(outcome, iterations=iterations, evaluations=evaluations), instants
 
     def with_more(self, instants: Instants, more: Instants, drive: Trajectory) -> Instants:

@@ -43,7 +43,7 @@ NARROWEST = 0.6
 """Share of a limit's size that tightening may take away at most."""
 MISLED = 1e-5
 """Share of the objective by which a coarse grid may see a design otherwise than all samples do."""
-LOOSE = 1e-4
+LOOSE = 1e-3
 """Tolerance of solves after which more instants may be added."""
 SLIPPED = 0.02
 """Excess between the points of a path, as a share of a limit's size, from which more points are asked."""
@@ -337,6 +337,9 @@ class LocalSearch:
             chosen: as of `Program.solve`.
         """
         begun = self.initial(unknowns, corrections)
+        if after is not None:
+            # The epigraph is where its multipliers are.
+            begun = after.auxiliary[: len(begun)]
         free = np.full(len(begun), np.inf)
         return program.solve(
             unknowns,

@@ -78,6 +78,8 @@ WARM_OPTIONS: dict[str, Any] = {
     "ipopt.warm_start_mult_bound_push": 1e-6,
 }
 """Options of a solve that goes on from the end of one before, under slightly other limits."""
+UNSCALED = 1e-4
+"""Ipopt's tolerance of constraints and complementarity as they are, before it scales them."""
 LED_NOWHERE = (
     "Maximum_Iterations_Exceeded",
     "Infeasible_Problem_Detected",
@@ -110,19 +112,24 @@ class _Written:
     def solver(self, barrier: float | None, tolerance: float | None) -> ca.Function:
         key = barrier, tolerance
         if key not in self._solvers:
-            asked = {"ipopt.mu_init": barrier, "ipopt.tol": tolerance}
-            own = {name: value for name, value in asked.items() if value is not None}
+            own = {**_tolerances(tolerance), **({} if barrier is None else {"ipopt.mu_init": barrier})}
             self._solvers[key] = ca.nlpsol("design", "ipopt", self._program, {**self._options, **own})
         return self._solvers[key]
 
     def warm(self, tolerance: float | None) -> ca.Function:
         most = min(WARM_ITERATIONS, self._options.get("ipopt.max_iter", WARM_ITERATIONS))
         if tolerance not in self._warm:
-            options = {**self._options, **WARM_OPTIONS, "ipopt.max_iter": most}
-            if tolerance is not None:
-                options["ipopt.tol"] = tolerance
+            options = {**self._options, **WARM_OPTIONS, **_tolerances(tolerance), "ipopt.max_iter": most}
             self._warm[tolerance] = ca.nlpsol("design", "ipopt", self._program, options)
         return self._warm[tolerance]
+
+
+def _tolerances(asked: float | None) -> dict[str, float]:
+    # Ipopt's own, of what is scaled and of what is not, which by itself is asked for to `UNSCALED`.
+    if asked is None:
+        return {}
+    unscaled = max(asked, UNSCALED)
+    return {"ipopt.tol": asked, "ipopt.constr_viol_tol": unscaled, "ipopt.compl_inf_tol": unscaled}
 
 
 class Program:
