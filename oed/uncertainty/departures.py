@@ -13,6 +13,7 @@ import scipy
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.between import change_per_metre, exceeded, excess_of, largest, periods_of
+from oed.kernel.dynamics.direct_call import DirectCall
 from oed.kernel.dynamics.enclosures import NotEnclosed
 from oed.kernel.dynamics.rollout import FINE, any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -167,9 +168,9 @@ def _at_points(
     found = []
     for first in range(0, len(robots.parameters), BATCH):
         own = robots.chosen(slice(first, first + BATCH))
-        mapped = function.map("robots", "serial", len(own.parameters), [0, 3], [])
-        begun = own.starts.transpose(1, 0, 2).reshape(trajectory.runs, -1)
-        found.append(np.array(mapped(trajectory.inputs, begun, own.parameters.T, trajectory.period)).T)
+        begun, period = own.starts.transpose(0, 2, 1), np.array(trajectory.period)
+        (each,) = _mapped(function, len(begun))(trajectory.inputs.T, begun, own.parameters, period)
+        found.append(each.reshape(len(begun), -1))
     simulated = np.concatenate(found)
     return simulated[:, 0::2].copy(), simulated[:, 1::2]
 
@@ -190,6 +191,12 @@ def _exceeded(
         further = excess + change * step / 2 if np.isfinite(change) else np.inf
         worst += [excess / rows.size, further / rows.size]
     return ca.Function("exceeded", symbols, [ca.vertcat(*worst)])
+
+
+@lru_cache(maxsize=8)
+def _mapped(function: ca.Function, count: int) -> DirectCall:
+    # Of so many robots, on one drive.
+    return DirectCall(function.map("robots", "serial", count, [0, 3], []))
 
 
 def _greatest(values: ca.MX, path: ca.MX) -> ca.MX:

@@ -22,9 +22,9 @@ from studies import small, without_seconds, write_study
 from oed.foundation.errors import Failure
 from oed.foundation.work import parallel
 from oed.foundation.work.parallel import BREAKDOWNS, run_tasks
+from oed.kernel.dynamics.compiled import compiler
 from oed.optimize import genetic
 from oed.optimize.genetic import Population
-from oed.optimize.terms.compiled import compiler
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives
 from oed.records.record import load_record

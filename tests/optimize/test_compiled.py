@@ -12,13 +12,15 @@ from builders import BOX, SPEED, problem_of
 from some_instants import SLOTS, numbers_of
 
 from oed.kernel.criteria import E
+from oed.kernel.dynamics.compiled import MANY, Making, compiled, compiler
 from oed.kernel.problem import Problem
 from oed.optimize.local import LocalSearch
 from oed.optimize.local_results import Settings
 from oed.optimize.terms import terms_of
-from oed.optimize.terms.compiled import MANY, Making, compiled, compiler
+from oed.optimize.terms.base import TIMES, WRITING
 from oed.optimize.terms.layout import divisible
 from oed.optimize.terms.pieces import Pieces
+from oed.optimize.terms.unrolled import Unrolled
 from oed.robots.limits import YawRate
 from oed.robots.sensors import Poses
 
@@ -156,3 +158,13 @@ def test_what_takes_longer_than_it_spares_is_not_compiled(cache: Path):
     terms.compile(SLOTS)
     terms.compiled()
     assert terms.functions(SLOTS).values.is_a("External")
+
+
+def test_what_is_written_out_is_not_even_written_down_where_that_takes_longer(monkeypatch):
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("looked for")
+
+    monkeypatch.setattr("oed.optimize.terms.base.Making", never)
+    terms = Unrolled(problem())
+    assert terms.written > 1000
+    assert terms.compile(SLOTS, spared=TIMES * WRITING * terms.written * 0.99) is None

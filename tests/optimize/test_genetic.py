@@ -10,12 +10,12 @@ from builders import SPEED, problem_of, upper_bound
 from listeners import Listener, interrupt
 
 from oed.foundation.errors import Failure, PartError, ProblemError
+from oed.kernel.dynamics.compiled import compiler
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.optimize import CmaEs, DifferentialEvolution, Genetic, Ipopt, solve
-from oed.optimize.terms.compiled import compiler
 from oed.optimize.transcription.design import DesignExpressions
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.sensors import Displacements

@@ -12,11 +12,11 @@ from builders import ACCELERATION, BOX, SPEED, problem_of
 
 import oed.optimize.terms.pieces
 from oed.foundation.arrays import Array
+from oed.kernel.dynamics.compiled import compiled, compiler
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
 from oed.optimize.terms.base import Terms
-from oed.optimize.terms.compiled import compiled, compiler
 from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
 from oed.optimize.transcription.design import DesignExpressions

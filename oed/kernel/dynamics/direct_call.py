@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import time
+
 import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
+from oed.kernel.dynamics.compiled import Making
+
+PAYS = 1.0
+"""Time [s] that calls of a function have taken by which a compiler is let at it: what was called for so long
+is called on.
+"""
+MOST = 20_000
+"""Operations of a function that is compiled: for longer ones a compiler takes longer than they spare."""
 
 
 class DirectCall:
-    """A function of dense arguments that gives its results as one flat array each.
+    """A function of dense arguments that gives its results as one flat array each; in machine code, which
+    changes no number, as soon as it has been called for long and a compiler has made that.
 
     CasADi's numbers stand column by column: here columns are rows. They are read and written where they are,
     for handing them over one by one takes longer than most functions themselves.
@@ -18,6 +29,11 @@ class DirectCall:
     def __init__(self, function: ca.Function) -> None:
         """Of a function whose results are dense."""
         self._function = function
+        self._spent = 0.0
+        self._making: Making | None = None
+        self._take(function)
+
+    def _take(self, function: ca.Function) -> None:
         self._buffer, self._evaluate = function.buffer()
         self._given = [function.nnz_in(place) for place in range(function.n_in())]
         self._found = [function.nnz_out(place) for place in range(function.n_out())]
@@ -36,8 +52,29 @@ class DirectCall:
             self._buffer.set_arg(place, one.data)
         for place, one in enumerate(found):
             self._buffer.set_res(place, one.data)
+        began = time.perf_counter()
         self._evaluate()
+        self._spent += time.perf_counter() - began
+        if self._spent > PAYS:
+            self._compile()
         return found
+
+    def _compile(self) -> None:
+        # Begins it, and takes what has come of it.
+        if self._making is None:
+            short = _operations(self._function) <= MOST
+            self._making = Making([self._function], anew=short) if short else None
+        found = None if self._making is None else self._making.functions()
+        if found:
+            self._take(found[0])
+        if found or self._making is None or self._making.ended:
+            self._spent = -np.inf
+
+
+def _operations(function: ca.Function) -> int:
+    # Of it and of all that it calls, each once.
+    every = [function, *function.find_functions()]
+    return sum(one.n_instructions() for one in every if one.is_a("SXFunction") or one.is_a("MXFunction"))
 
 
 def direct_call(function: ca.Function, *arguments: Array) -> list[Array]:

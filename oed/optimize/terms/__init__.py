@@ -5,8 +5,7 @@ sample, a `kernel` the samples of a piece (`layout` cuts them), a `link` what a 
 rule of `carry`), `condensing` goes from pieces to the drive, `totals` from there to the matrices; `plan` has
 them all, and `passes` is one evaluation, forwards and back. `needs` finds what each limit looks at:
 `fixed_rows` are those of splines and, by `whole_rows`, of whole runs; `instants` has those of one instant, of
-which `slots` takes as many as are chosen, around what has `begun` where their samples begin. `compiled` makes
-C of it all.
+which `slots` takes as many as are chosen, around what has `begun` where their samples begin.
 """
 
 from __future__ import annotations

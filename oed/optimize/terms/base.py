@@ -12,12 +12,12 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array, Places
+from oed.kernel.dynamics.compiled import Making, taken
 from oed.kernel.dynamics.embedding import Bounding, embedding_of
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.problem import Problem
 from oed.optimize.terms.begun import Begun, Weighed
-from oed.optimize.terms.compiled import Making, taken
 from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.row_bounds import RowBounds
 from oed.optimize.terms.slots import Slots
@@ -27,8 +27,10 @@ COMPILING = 3e-4
 """Time [s] that a compiler takes for one operation written out."""
 DIFFERENTIATED = 12
 """How many times as long it takes with first and second derivatives."""
-LEAST = 1.0
-"""Time [s] to be spared from which it is worth finding out what the source is."""
+WRITING = 2e-4
+"""Time [s] that writing the source takes for one operation, with both."""
+LEAST, TIMES = 1.0, 3.0
+"""Time [s] to be spared, and how many times what writing takes, from which it is worth knowing the source."""
 FUNCTIONS = ("terms", "slopes", "curvature")
 
 
@@ -271,7 +273,7 @@ class Terms(ABC):
             spared: time [s] that this would spare; where compiling takes longer, only what was compiled
                 before is taken.
         """
-        if spared < LEAST:
+        if spared < max(LEAST, TIMES * WRITING * self.written):
             return None
         anew = spared >= DIFFERENTIATED * COMPILING * self.written
         functions, known = self.functions(slots), self._making.get(slots)

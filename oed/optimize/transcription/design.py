@@ -11,6 +11,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.criteria.criterion import lifted
+from oed.kernel.dynamics.compiled import compiled
 from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -18,7 +19,6 @@ from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
 from oed.optimize.terms.base import COMPILING, Terms
-from oed.optimize.terms.compiled import compiled
 from oed.optimize.terms.matrices import stacks, symmetric_all
 from oed.optimize.terms.unrolled import OtherRobots, Unrolled
 

@@ -113,6 +113,11 @@ class Making:
             self.stop()
         return None if self.binary is None else taken(self.binary, self._names)
 
+    @property
+    def ended(self) -> bool:
+        """Whether no compiler is at work any more."""
+        return self._process is None
+
     def stop(self) -> None:
         """Give it up, if it is not there yet."""
         if self._process is not None:
