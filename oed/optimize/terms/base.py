@@ -27,10 +27,12 @@ COMPILING = 3e-4
 """Time [s] that a compiler takes for one operation written out."""
 DIFFERENTIATED = 12
 """How many times as long it takes with first and second derivatives."""
-WRITING = 2e-4
-"""Time [s] that writing the source takes for one operation, with both."""
-LEAST, TIMES = 1.0, 3.0
-"""Time [s] to be spared, and how many times what writing takes, from which it is worth knowing the source."""
+LARGEST = 5000
+"""Operations from which neither is begun: the source of 50,000 has 110 MB, takes 10 s to be written, and a
+compiler 7 GB of memory.
+"""
+LEAST = 1.0
+"""Time [s] to be spared from which it is worth finding out what the source is."""
 FUNCTIONS = ("terms", "slopes", "curvature")
 
 
@@ -273,7 +275,7 @@ class Terms(ABC):
             spared: time [s] that this would spare; where compiling takes longer, only what was compiled
                 before is taken.
         """
-        if spared < max(LEAST, TIMES * WRITING * self.written):
+        if spared < LEAST or self.written > LARGEST:
             return None
         anew = spared >= DIFFERENTIATED * COMPILING * self.written
         functions, known = self.functions(slots), self._making.get(slots)
