@@ -27,7 +27,7 @@ COMPILING = 3e-4
 """Time [s] that a compiler takes for one operation written out."""
 DIFFERENTIATED = 12
 """How many times as long it takes with first and second derivatives."""
-LARGEST = 5000
+LARGEST = 10_000
 """Operations from which neither is begun: the source of 50,000 has 110 MB, takes 10 s to be written, and a
 compiler 7 GB of memory.
 """
