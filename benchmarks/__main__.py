@@ -15,6 +15,7 @@ from benchmarks.figure import Figure, figures_of
 
 BENCHMARKS: tuple[str, ...] = (
     "solve",
+    "transcriptions",
     "drift",
     "limits",
     "large",

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.forms import SEGMENTS
+from oed.foundation.arrays import Places
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.problem import Problem
 from oed.robots.sensors import Displacements
@@ -41,12 +42,26 @@ def single_shooting(problem: Problem, z: np.ndarray, scale: float, iterations: i
     return _plain(problem, drive, [unknowns], [z], ca.SX(0, 1), scale, iterations)
 
 
-def multiple_shooting(problem: Problem, z: np.ndarray, scale: float, iterations: int) -> Plain:
-    """The poses between the segments are unknowns as well: runs that are made to follow each other."""
+def multiple_shooting(
+    problem: Problem, z: np.ndarray, scale: float, iterations: int, instants: Places | None = None
+) -> Plain:
+    """The poses between the segments are unknowns as well: runs that are made to follow each other.
+
+    Args:
+        problem: measured by segments, or by samples.
+        z: coefficients to begin at.
+        scale: that information is divided by.
+        iterations: at most.
+        instants: samples that limits on the path hold at; all by default.
+    """
     unknowns, nodes = ca.SX.sym("z", len(z)), ca.SX.sym("nodes", 3, SEGMENTS - 1)
     fixed = ca.SX(ca.DM(problem.fixed_starts))
     drive = _drive(problem, unknowns, ca.densify(ca.vertcat(fixed, nodes.T)), SEGMENTS)
     first, last = drive.ends_of(drive.states)
+    if instants is not None:
+        # Of every run the pose that it begins with is a row more.
+        rows = instants + (instants - 1) // (problem.design.samples // SEGMENTS)
+        drive = replace(drive, path=drive.path[rows.tolist(), :])
     gaps = ca.vec(last[:-1, :] - first[1:, :])
     whole = _drive(problem, unknowns, fixed, 1)
     poses = np.array(ca.Function("poses", [unknowns], [whole.states])(z))

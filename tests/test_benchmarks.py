@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import casadi as ca
+import numpy as np
 import pytest
 
-from benchmarks import solve
+from benchmarks import solve, transcriptions
 from benchmarks.figure import Figure
+from benchmarks.forms import problem_of
+from benchmarks.mapped import Mapped
 from benchmarks.plain import Plain
+from benchmarks.staged import Staged
+from benchmarks.stages import Stages
 from oed.optimize.local import LocalSearch
+from oed.optimize.local_results import Settings
 
 SAMPLES = 620
 """So many that a search looks at fewer unless it is told otherwise."""
@@ -70,3 +77,25 @@ def test_what_a_coarse_grid_brings_has_a_row_of_its_own(shown, searched):
     assert saved.what == f"segment form, N = {SAMPLES}, on a grid of 400: a search from one start"
     assert "on all samples" in saved.against
     assert "shooting" not in saved.against
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["by_ipopt", "by_fatrop"])
+def test_stages_reach_the_optimum_of_the_condensed_program(way: str):
+    if way == "by_fatrop" and not ca.has_nlpsol("fatrop"):
+        pytest.skip("this CasADi has no fatrop")
+    problem = problem_of("segment", 100)
+    search = LocalSearch(problem, Settings(transcriptions.MOST, 1e-8, None, "none", 100))
+    z, known = transcriptions.start_of(search, 0), search.exchange.begun()
+    chosen = search.exchange.chosen(known, search.grid.trajectory(z))
+    condensed = search.solved(search.program, z, search.grid.no_correction, chosen=chosen)
+    instants = np.rint(np.unique(known.time) / problem.design.period).astype(int)
+    staged = Staged(Stages(problem, instants, search.scale))
+    # As many rows of the room as the condensed program has.
+    assert staged.sides * sum(map(len, staged.stages.instants)) == len(known)
+    for plain in (
+        getattr(staged, way)(staged.unrolled(), z, transcriptions.MOST),
+        getattr(Mapped(staged, machine=False), way)(z, transcriptions.MOST),
+    ):
+        found = plain.solver(**plain.arguments)
+        assert -float(found["f"]) == pytest.approx(condensed.maximised, rel=1e-6)

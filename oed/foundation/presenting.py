@@ -12,7 +12,6 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import Any
 
 from oed.foundation.errors import UserMistake
@@ -100,6 +99,9 @@ class Card:
 
 
 def _html(text: str) -> str:
+    # Loaded by notebooks: its table of all named characters takes longer to load than a card to write.
+    from html import escape
+
     return escape(shown(text))
 
 

@@ -67,7 +67,8 @@ def solve(
 
 def _searched(options: Solver, problem: Problem, context: Context) -> Solution:
     # The trajectory, unless there is only one; then the readings, where they are chosen.
-    bare = replace(problem, selection=None)
+    # Another problem would be checked, and its expressions written, once more.
+    bare = problem if problem.selection is None else replace(problem, selection=None)
     if problem.design.only is not None:
         alone = scored(bare, problem.design.only, options.label)
         solution = replace(alone, kind=options.kind, seed=context.seed, status=Status.CONVERGED)

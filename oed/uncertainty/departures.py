@@ -8,7 +8,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import scipy
 
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array, Bools
@@ -212,6 +211,9 @@ def _poses(problem: Problem, samples: int, runs: int) -> ca.Function:
 
 
 def _interval(count: int, draws: int) -> tuple[float, float]:
+    # Loaded by those who ask.
+    import scipy
+
     tail = (1 - LEVEL) / 2
     low = float(scipy.stats.beta.ppf(tail, count, draws - count + 1)) if count else 0.0
     high = float(scipy.stats.beta.ppf(1 - tail, count + 1, draws - count)) if count < draws else 1.0

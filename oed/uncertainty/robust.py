@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal
 
 import casadi as ca
 import numpy as np
-import scipy
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from oed.foundation.arrays import Array
@@ -80,7 +79,12 @@ class Robust(Renamed, Tightening):
     @property
     def reach(self) -> float:
         """The back-off in standard deviations; by default that of one normal distance, two-sided."""
-        return float(scipy.special.ndtri((1 + self.confidence) / 2)) if self.beta is None else self.beta
+        if self.beta is not None:
+            return self.beta
+        # Loaded by those who ask.
+        import scipy
+
+        return float(scipy.special.ndtri((1 + self.confidence) / 2))
 
     @property
     def backs_off(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -39,6 +40,7 @@ def nominal_coefficients(model: Model) -> Array:
     return np.where(np.abs(values) > ROUNDING * largest, values, 0.0)
 
 
+@lru_cache(maxsize=32)
 def coefficient_parameters(model: Model) -> tuple[Parameter, ...]:
     """The coefficients at their nominal values, row by row: yaw rate [1], then forward and lateral speed [m].
 
