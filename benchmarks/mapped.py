@@ -6,13 +6,13 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from oed.optimize.terms.compiled import compiled
 
 from benchmarks.forms import SEGMENTS
 from benchmarks.plain import Plain
 from benchmarks.staged import GIVEN, Staged
 from benchmarks.stages import STATES
 from oed.foundation.arrays import Array, Places
+from oed.kernel.dynamics.compiled import compiled
 
 
 class Mapped:
