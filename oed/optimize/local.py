@@ -337,9 +337,6 @@ class LocalSearch:
             chosen: as of `Program.solve`.
         """
         begun = self.initial(unknowns, corrections)
-        if after is not None:
-            # The epigraph is where its multipliers are.
-            begun = after.auxiliary[: len(begun)]
         free = np.full(len(begun), np.inf)
         return program.solve(
             unknowns,

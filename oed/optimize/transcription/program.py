@@ -243,7 +243,11 @@ class Program:
         # Rows that have come since had no multipliers.
         rows = np.pad(after.row_multipliers, (0, len(given["lbg"]) - len(after.row_multipliers)))
         multipliers = {"lam_g0": rows, "lam_x0": after.bound_multipliers}
-        warm = self._called(written.warm(tolerance), {**given, **multipliers})
+        # The epigraph is where its multipliers are; what is fixed stays as it is given.
+        place = slice(self.design.terms.size, None)
+        auxiliary = np.clip(after.auxiliary, given["lbx"][place], given["ubx"][place])
+        begun = np.concatenate([given["x0"][: place.start], auxiliary])
+        warm = self._called(written.warm(tolerance), {**given, "x0": begun, **multipliers})
         if warm.return_status not in LED_NOWHERE:
             return warm
         cold = self._called(written.solver(None, None), given)
