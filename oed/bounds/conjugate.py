@@ -6,7 +6,7 @@ concave conjugate of a criterion bounds that criterion.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,9 +19,9 @@ from oed.kernel.problem import Problem
 
 SLIGHT = 1e-6
 """Share of the information below which a combination is left out."""
-SPREADS = (1.0, 1e-2, 1e2)
-"""How much the first combination counts where searches for the best sum begin, beside the others."""
-OPTIONS = {"xatol": 1e-8, "fatol": 1e-12, "maxiter": 2000}
+OUTSIDE = 1e9
+"""Of sums that bound nothing, to rounding."""
+OPTIONS = {"gtol": 1e-12}
 
 
 def traced(problem: Problem) -> Problem | None:
@@ -63,47 +63,55 @@ def _combined(criterion: Criterion, known: Sequence[Bound]) -> Bound | None:
     if not known:
         return None
     matrices = np.stack([one.multiplier for one in known if one.multiplier is not None])
-    most = np.array([one.value for one in known])
-
-    def value(shares: Array) -> float:
-        # Every combination has so much of the information.
-        counted = shares / np.maximum(most, np.finfo(float).tiny)
-        return criterion.trace_bound(np.tensordot(counted, matrices, axes=1), float(counted @ most))
-
-    shares = _lowest(value, len(known))
-    if not np.isfinite(value(shares)):
+    # Every combination has so much of the information.
+    matrices = matrices / np.maximum([one.value for one in known], np.finfo(float).tiny)[:, None, None]
+    shares = _lowest(criterion, matrices)
+    multiplier = np.tensordot(shares, matrices, axes=1)
+    value = criterion.trace_bound(multiplier, 1.0)
+    if not np.isfinite(value):
         return None
     used = [one for one, share in zip(known, shares, strict=True) if share]
-    multiplier = np.tensordot(shares / most, matrices, axes=1)
     assumptions = tuple(dict.fromkeys(text for one in used for text in one.assumptions))
-    return Bound(
-        value(shares), _joined(one.method for one in used), assumptions, multiplier / np.trace(multiplier)
-    )
+    return Bound(value, _joined(one.method for one in used), assumptions, multiplier / np.trace(multiplier))
 
 
 def _joined(methods: Iterable[str]) -> str:
     return "; and ".join(dict.fromkeys(methods))
 
 
-def _lowest(value: Callable[[Array], float], count: int) -> Array:
-    best = np.full(count, 1 / count)
-    for place in range(count):
-        for spread in SPREADS:
-            start = np.zeros(count)
-            start[place] = np.log(spread)
-            found = scipy.optimize.minimize(
-                lambda logs: _finite(value(_shares(logs))), start, method="Nelder-Mead", options=OPTIONS
-            )
-            trial = _shares(found.x)
-            trial = np.where(trial > SLIGHT, trial, 0.0)
-            best = min(best, trial / trial.sum(), key=value)
-    return best
+def _lowest(criterion: Criterion, matrices: Array) -> Array:
+    # Shares (n,) of the sum of Z (n, p, p), each with tr(Z F) at most 1. The bound is quasiconvex in them, so
+    # a descent from equal shares ends at the lowest; along their logarithms they stay positive.
+    equal = np.full(len(matrices), 1 / len(matrices))
+    total = np.tensordot(equal, matrices, axes=1)
+    first = criterion.trace_bound(total, 1.0)
+    slope = criterion.trace_slope(total, 1.0) if np.isfinite(first) else None
+    if slope is None or len(equal) == 1:
+        return equal
+    # What the bound changes by when the information grows by a share of itself.
+    scale = -float(np.sum(slope * total))
+
+    def excess(logs: Array) -> tuple[float, Array]:
+        shares = _shares(logs)
+        total = np.tensordot(shares, matrices, axes=1)
+        value = criterion.trace_bound(total, 1.0)
+        slope = criterion.trace_slope(total, 1.0) if np.isfinite(value) else None
+        if slope is None:
+            return OUTSIDE, np.zeros(len(shares))
+        each = np.tensordot(matrices, slope, axes=2)
+        return (value - first) / scale, shares * (each - shares @ each) / scale
+
+    found = scipy.optimize.minimize(excess, np.zeros(len(equal)), jac=True, method="BFGS", options=OPTIONS)
+    trial = _shares(found.x)
+    trial = np.where(trial > SLIGHT, trial, 0.0)
+    best = min(
+        equal,
+        trial / trial.sum(),
+        key=lambda shares: criterion.trace_bound(np.tensordot(shares, matrices, axes=1), 1.0),
+    )
+    return np.asarray(best)
 
 
 def _shares(logs: Array) -> Array:
     found = np.exp(logs - logs.max())
     return np.asarray(found / found.sum())
-
-
-def _finite(value: float) -> float:
-    return min(value, 1e300)

@@ -261,16 +261,18 @@ class _Work:
             cross_validation=cross_validated(fit) if _has_positions(logs) else (),
             held_out=None if other is None else held_out(fit, fit.values, other.logs, _clocks(fit, other)),
             own=held_out(fit, fit.values, logs, fit.clocks_of(logs)) if alone else None,
-            comparison=self._comparison(found, plain, segmenting),
+            comparison=self._comparison(found, plain, judged),
             notes=(*notes, *fit.notes),
         )
 
-    def _comparison(self, found: PreparedLogs, fit: Fit, segmenting: Segmenting | None) -> Comparison | None:
+    def _comparison(self, found: PreparedLogs, fit: Fit, judged: _Judged) -> Comparison | None:
         if not self.options.models:
             return None
 
         def covariance(other: Fit) -> Covariance:
-            return self._judged(other, segmenting).covariances[0]
+            # The study's own robot has been judged already.
+            of_it = judged if other is fit else self._judged(other, judged.segmenting)
+            return of_it.covariances[0]
 
         return ModelSelection(self._fitting, found, covariance, self.announce).compared(fit)
 

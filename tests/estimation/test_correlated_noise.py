@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import scipy
 from simulated import (
     ROBOT,
     TRUTH,
@@ -28,8 +29,10 @@ from oed.estimation import Calibration, calibrate
 from oed.estimation.assessment.dead_reckoning import held_out
 from oed.estimation.assessment.likelihood import FittedReadings
 from oed.estimation.methods.correlated_readings import CorrelatedReadings
+from oed.estimation.methods.drift_rates import USUAL
+from oed.estimation.methods.faint_drift import SIZES, OfTwoSizes
 from oed.estimation.methods.gauss_markov import GaussMarkov
-from oed.estimation.methods.noise_selection import Drift, Lasting, Remainder, bounded_errors
+from oed.estimation.methods.noise_selection import Drift, ErrorModel, Lasting, Remainder, bounded_errors
 from oed.foundation.errors import ProblemError
 from oed.logs.log import Log
 
@@ -160,6 +163,30 @@ class TestLikelihoods:
             values.append((Drift(rest).surprise(np.array(sizes)), surprise(rest, each)))
         (one, dense), (other, wanted) = values
         assert one - other == pytest.approx(dense - wanted, rel=1e-3)
+
+    @pytest.mark.parametrize("kind", [Lasting, Drift])
+    def test_of_several_sizes_are_those_of_each(self, kind: type[ErrorModel]):
+        errors = kind(self.REST)
+        begin = np.concatenate([list(self.REST.white.values()), errors.begin])
+        sizes = begin * np.exp(np.random.default_rng(0).normal(size=(4, len(begin))))
+        each = [errors.surprise(one) for one in sizes]
+        np.testing.assert_allclose(errors.surprises(sizes), each, rtol=1e-9)
+        assert np.ptp(each) > 1
+
+    @pytest.mark.slow
+    def test_of_faint_drift_are_those_beside_the_likeliest_noise(self):
+        # What second derivatives tell is what a search of each pair of sizes for itself finds.
+        errors = OfTwoSizes(self.REST, USUAL)
+        found, white = errors.of_sizes(), np.log(list(self.REST.white.values()))
+        assert np.isfinite(found).sum() > 20
+        for row, column in np.argwhere(np.isfinite(found))[::3]:
+            drift = np.log(SIZES[[row, column]])
+            best = scipy.optimize.minimize(
+                lambda logs, drift=drift: errors.surprise(np.exp([*logs, *drift])),
+                white,
+                method="Nelder-Mead",
+            )
+            assert found[row, column] == pytest.approx(best.fun, abs=0.06)
 
 
 class TestSelection:

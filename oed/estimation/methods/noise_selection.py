@@ -13,12 +13,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from oed.estimation.methods.bands import banded, factor, whitened
+from oed.estimation.methods.chain import Chain
 from oed.estimation.methods.gauss_markov import GaussMarkov
 from oed.estimation.methods.joint import JointSearch
 from oed.estimation.prediction.layout import SegmentLayout
@@ -128,41 +128,20 @@ class Remainder:
             found.append(max(float(np.sqrt(np.mean(residuals**2))), LEAST))
         return np.array(found)
 
+    @cached_property
+    def forms(self) -> Array:
+        """Sums over each quantity's times of its rows' products, (k, S, 1 + q + c, 1 + q + c)."""
+        return np.asarray(np.einsum("sikc,sikd->kscd", self.rows, self.rows))
+
+    @cached_property
+    def counts(self) -> Array:
+        """How often each quantity is read, (k,)."""
+        return np.asarray(self.valid.sum(axis=(0, 1)))
+
     @property
     def seconds(self) -> float:
         """Of the longest segment."""
         return float((self.layout.times[:, -1] - self.layout.times[:, 0]).max())
-
-
-class Chain(NamedTuple):
-    """States of segments at their times, each following from the one before.
-
-    Attributes:
-        first: precision of the first states, (m,).
-        moves: how states follow, (S, n, m, m).
-        added: precision of what is added on the way, (S, n, m).
-    """
-
-    first: Array
-    moves: Array
-    added: Array
-
-    @property
-    def precision(self) -> tuple[Array, Array]:
-        """Blocks on the diagonal of the states' precision matrix and below it, (S, n + 1, m, m) each."""
-        count, steps, side = self.added.shape
-        own, below = np.zeros((2, count, steps + 1, side, side))
-        weighted = self.added[..., None] * self.moves
-        own[:, 0] += np.diag(self.first)
-        own[:, :-1] += self.moves.swapaxes(-1, -2) @ weighted
-        own[:, 1:] += self.added[..., None] * np.eye(side)
-        below[:, :-1] = -weighted
-        return own, below
-
-    @property
-    def volume(self) -> float:
-        """Logarithm of its determinant."""
-        return float(len(self.added) * np.log(self.first).sum() + np.log(self.added).sum())
 
 
 class ErrorModel(ABC):
@@ -187,25 +166,80 @@ class ErrorModel(ABC):
 
     def surprise(self, sizes: Array) -> float:
         """Twice the negative logarithm of the restricted likelihood, but for a constant."""
-        rest, chain = self.rest, self.chain(sizes)
-        weights = np.where(rest.valid, sizes[rest.group] ** -2.0, 0.0)
+        return float(self.surprises(sizes[None]).item())
+
+    def surprises(self, sizes: Array) -> Array:
+        """Twice the negative logarithms (K,) of the restricted likelihood at several sizes (K, s), but for a
+        constant: in one pass along the logs.
+        """
+        rest, chain = self.rest, Chain(*map(np.stack, zip(*map(self.chain, sizes), strict=True)))
+        weights = sizes[:, rest.group] ** -2.0
+        every = weights[:, None, None]
         own, below = chain.precision
-        count, times, side = own.shape[:3]
+        tried, count, times, side = own.shape[:4]
         places = np.arange(weights.shape[-1])
-        own[:, :, places, places] += weights
+        own[..., places, places] += np.where(rest.valid, every, 0.0)
         root = factor(banded(own.reshape(-1, side, side), below.reshape(-1, side, side)[:-1]))
-        pull = np.zeros((count, times, side, rest.rows.shape[-1]))
-        pull[:, :, places] = weights[..., None] * rest.rows
-        known = whitened(root, pull.reshape(-1, pull.shape[-1])).reshape(count, times * side, -1)
-        exact = np.einsum("sikc,sik,sikd->scd", rest.rows, weights, rest.rows)
+        pull = np.zeros((tried, count, times, side, rest.rows.shape[-1]))
+        pull[..., places, :] = every[..., None] * rest.rows
+        known = whitened(root, pull.reshape(-1, pull.shape[-1])).reshape(tried, count, times * side, -1)
+        exact = np.tensordot(weights, rest.forms, axes=1)
         # What no start explains, and of that what no unknown does.
         fixed = 1 + len(rest.known)
-        left, volume = _eliminated(exact - known.swapaxes(1, 2) @ known, exact, fixed)
-        whole = left.sum(axis=0, keepdims=True)
+        left, volumes = _eliminated(exact - known.swapaxes(-1, -2) @ known, exact, fixed)
+        whole = left.sum(axis=1)
         whole[:, 1:, 1:] += rest.known
         squares, more = _eliminated(whole, whole, 1)
-        volume += more + 2 * float(np.log(root[0]).sum()) - chain.volume
-        return float(squares.item() + volume - np.log(weights[weights > 0]).sum())
+        volume = volumes.sum(axis=1) + more - chain.volume
+        volume += 2 * np.log(root[0]).reshape(tried, -1).sum(axis=1)
+        return np.asarray(squares[:, 0, 0] + volume - np.log(weights) @ rest.counts)
+
+    def likeliest(self, begin: Array, bounds: Array, given: Array, enough: float) -> tuple[float, Array]:
+        """The least `surprise`, and the logarithms of the first sizes that have it.
+
+        Args:
+            begin: logarithms of the first sizes where the search begins, (r,).
+            bounds: the least and the most of each, (r, 2).
+            given: logarithms of the other sizes.
+            enough: relative change at which the search has arrived.
+        """
+
+        found = scipy.optimize.minimize(
+            lambda logs: self.slope(logs, bounds[:, 1], given),
+            begin,
+            jac=True,
+            method="L-BFGS-B",
+            bounds=bounds,
+            options={"ftol": enough},
+        )
+        return float(found.fun), np.asarray(found.x)
+
+    def slope(self, logs: Array, most: Array, given: Array) -> tuple[float, Array]:
+        """The `surprise` at logarithms of sizes, and its derivatives (r,) by the first of them.
+
+        Args:
+            logs: of the first sizes, (r,).
+            most: of each; differences are taken on the side where there is room.
+            given: of the others.
+        """
+        steps = np.where(logs + STEP > most, -STEP, STEP)
+        values = self.each(np.vstack([logs, logs + np.diag(steps)]), given)
+        return float(values[0]), (values[1:] - values[0]) / steps
+
+    def each(self, logs: Array, given: Array) -> Array:
+        """The `surprise` (K,) at logarithms of the first sizes (K, r) and of the others; `LEAST_LIKELY` where
+        no number holds them.
+        """
+        return self._each(np.exp(np.hstack([logs, np.tile(given, (len(logs), 1))])))
+
+    def _each(self, sizes: Array) -> Array:
+        # One that no number holds leaves the others as they are.
+        try:
+            return self.surprises(sizes)
+        except np.linalg.LinAlgError:
+            if len(sizes) == 1:
+                return np.array([LEAST_LIKELY])
+            return np.concatenate([self._each(one[None]) for one in sizes])
 
     def greatest(self, after: Array | None = None) -> tuple[float, Array]:
         """Akaike's criterion of the sizes that make it greatest, and these.
@@ -217,21 +251,10 @@ class ErrorModel(ABC):
         spread = np.full(len(begin), SPREAD)
         spread[: len(self.rest.white)] *= not self.rest.specified
 
-        def surprise(logs: Array) -> float:
-            try:
-                return self.surprise(np.exp(logs))
-            except np.linalg.LinAlgError:
-                return LEAST_LIKELY
-
-        low, high = begin - spread, begin + spread
-        found = scipy.optimize.minimize(
-            surprise,
-            begin if after is None else np.clip(np.log(after), low, high),
-            method="L-BFGS-B",
-            bounds=np.column_stack([low, high]),
-            options={"ftol": ENOUGH, "eps": STEP},
-        )
-        return float(found.fun) + 2 * len(begin), np.exp(found.x)
+        bounds = np.column_stack([begin - spread, begin + spread])
+        start = begin if after is None else np.clip(np.log(after), *bounds.T)
+        least, logs = self.likeliest(start, bounds, np.zeros(0), ENOUGH)
+        return least + 2 * len(begin), np.exp(logs)
 
 
 class Lasting(ErrorModel):
@@ -355,13 +378,13 @@ def bounded_errors(search: JointSearch, values: Array, noises: Mapping[str, Nois
     return found if criterion < drift.greatest()[0] else None
 
 
-def _eliminated(matrices: Array, exact: Array, kept: int) -> tuple[Array, float]:
-    # What is left of quadratic forms (S, m, m) in the first unknowns where the others fit best, and the
-    # logarithm of these others' determinants; `exact` are the forms of readings without other errors.
-    own, across = matrices[:, kept:, kept:], matrices[:, kept:, :kept]
-    scale = np.einsum("sii->si", exact)[:, kept:]
+def _eliminated(matrices: Array, exact: Array, kept: int) -> tuple[Array, Array]:
+    # What is left of quadratic forms (..., m, m) in the first unknowns where the others fit best, and the
+    # logarithms (...) of these others' determinants; `exact` are the forms of readings without other errors.
+    own, across = matrices[..., kept:, kept:], matrices[..., kept:, :kept]
+    scale = np.einsum("...ii->...i", exact)[..., kept:]
     size = np.sqrt(np.where(scale > 0, scale, 1.0))
-    scaled = own / size[:, :, None] / size[:, None, :] + TINY * np.eye(own.shape[-1])
+    scaled = own / size[..., :, None] / size[..., None, :] + TINY * np.eye(own.shape[-1])
     across = across / size[..., None]
-    left = matrices[:, :kept, :kept] - across.swapaxes(1, 2) @ np.linalg.solve(scaled, across)
-    return left, float(np.linalg.slogdet(scaled)[1].sum() + 2 * np.log(size).sum())
+    left = matrices[..., :kept, :kept] - across.swapaxes(-1, -2) @ np.linalg.solve(scaled, across)
+    return left, np.linalg.slogdet(scaled)[1] + 2 * np.log(size).sum(axis=-1)

@@ -133,6 +133,15 @@ class Criterion(Component, ABC):
         """
         return np.inf
 
+    def trace_slope(self, multiplier: Array, most: float) -> Array | None:
+        """The derivative (p, p) of `trace_bound` by Z > 0; None where nothing is known.
+
+        Args:
+            multiplier: Z, positive definite, (p, p).
+            most: of tr(Z F), positive.
+        """
+        return None
+
     def about(self, subject: Subject) -> Criterion:
         """The criterion for these parameters; itself unless it needs to know them."""
         return self

@@ -44,6 +44,10 @@ class D(RootCriterion):
             return np.inf
         return size * math.log(most / size) - float(volume) if most > 0 else -np.inf
 
+    def trace_slope(self, multiplier: Array, most: float) -> Array:
+        """-Z^-1."""
+        return np.asarray(-np.linalg.inv(multiplier))
+
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise 2 sum log L_ii with F_b = L_b L_b'."""
         return factored(
@@ -96,6 +100,12 @@ class A(RootCriterion):
         """Tr F^-1 >= (tr Z^1/2)^2 / tr(Z F)."""
         roots = np.sqrt(np.clip(np.linalg.eigvalsh(multiplier), 0.0, None))
         return -(float(roots.sum()) ** 2) / most if most > 0 else -np.inf
+
+    def trace_slope(self, multiplier: Array, most: float) -> Array:
+        """-tr(Z^1/2) Z^-1/2 / tr(Z F)."""
+        values, vectors = np.linalg.eigh(multiplier)
+        roots = np.sqrt(np.clip(values, np.finfo(float).tiny, None))
+        return np.asarray(-(roots.sum() / most) * (vectors / roots) @ vectors.T)
 
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise -sum of squares of L_b^-1, with F_b = L_b L_b'."""
