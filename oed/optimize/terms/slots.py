@@ -102,12 +102,6 @@ class Slots:
         parts = ca.vertsplit(numbers, edges)
         return tuple(ca.reshape(one, -1, count) for one in parts)
 
-    @cached_property
-    def samples(self) -> ca.Function:
-        """Numbers -> samples, (1, K)."""
-        numbers = ca.MX.sym("numbers", self.width)
-        return ca.Function("samples", [numbers], [self.split(numbers)[0]])
-
     def of_inputs(self, places: Expression) -> Expression:
         """Places (order, K) of the first input's unknowns, of every input's: (order, inputs * K)."""
         each = ca.repmat(ca.vec(places).T, self.inputs, 1)
