@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import cars
 import casadi as ca
@@ -443,6 +443,7 @@ def twist_of(model: Model, inputs, parameters=None) -> np.ndarray:
 Motion = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
+@cache
 def motion_by_parameters(robot: Example) -> Motion:
     """A robot's twist for inputs and any values of its parameters; of unlisted robots by the package."""
     if robot.model.kind in ("differential_drive", "skid_steer", "tractor_trailer"):
@@ -462,6 +463,7 @@ def motion_by_parameters(robot: Example) -> Motion:
     return lambda inputs, parameters: np.array(twist(inputs, parameters)).ravel()
 
 
+@cache
 def motion_by_coefficients(robot: Example) -> Motion:
     """The same for any values of its coefficients c11, c12, ..., its other constants nominal."""
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 from places import PROBLEMS
 from test_soundness import check, random_joint, random_regression
-from test_speed_lattice import NOTHING, assert_keeps, corners_of_all, limits, random_speeds
+from test_speed_lattice import NOTHING, assert_keeps, limits, random_speeds, walks_of_all
 
 import oed
 from oed.bounds import bound
@@ -32,9 +32,15 @@ def named(one: Any) -> str | None:
 
 def values(kind: str, speeds: Array, weights: Array, constant: Array) -> Array:
     """The criterion of S (sum w w') S + constant for speeds (..., N, 2), by NumPy alone."""
-    scaled = speeds * weights
-    matrices = np.swapaxes(scaled, -1, -2) @ scaled + constant
-    traces, volumes = np.trace(matrices, axis1=-2, axis2=-1), np.linalg.det(matrices)
+    first, second = np.moveaxis(speeds * weights, -1, 0)
+    squares = (first**2).sum(axis=-1), (second**2).sum(axis=-1)
+    return values_of(kind, *squares, (first * second).sum(axis=-1), constant)
+
+
+def values_of(kind: str, first: Array, second: Array, product: Array, constant: Array) -> Array:
+    """The criterion of [first, product; product, second] + constant."""
+    first, second, product = first + constant[0, 0], second + constant[1, 1], product + constant[0, 1]
+    traces, volumes = first + second, first * second - product**2
     certain = volumes > 1e-9 * traces**2
     safe = np.where(certain, volumes, 1.0)
     # Of two parameters tr F^-1 = tr F / det F.
@@ -71,7 +77,10 @@ def test_no_speeds_beat_the_lattice(
 def test_all_drives_of_a_finer_grid(criterion: Criterion, rest: float) -> None:
     allowed, weights = limits(4, (-3, 5), 3, rest), np.array([0.3, 0.2])
     found = lattice_bound(allowed, weights, NOTHING, criterion=criterion)
-    best = values(criterion.kind, corners_of_all(allowed), weights, NOTHING).max()
+    # Every walk of one wheel beside every one of the other.
+    first, second = (walks * weight for walks, weight in zip(walks_of_all(allowed), weights, strict=True))
+    squares = (first**2).sum(axis=1)[:, None], (second**2).sum(axis=1)
+    best = values_of(criterion.kind, *squares, first @ second.T, NOTHING).max()
     assert best <= found.upper + 1e-9 * abs(found.upper)
     assert found.lower <= best + 1e-9 * abs(best)
 

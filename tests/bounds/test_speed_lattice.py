@@ -71,16 +71,22 @@ def random_speeds(allowed: SpeedLimits, rng: np.random.Generator, count: int) ->
     return speeds
 
 
-def corners_of_all(allowed: SpeedLimits) -> Array:
-    """All speeds (count, N, 2) on a grid finer than the lattice that keep the limits."""
-    grids = []
+def walks_of_all(allowed: SpeedLimits) -> tuple[Array, Array]:
+    """All speeds (count, N) of either wheel on a grid finer than the lattice that keep the limits."""
+    found = []
     for low, high in allowed.bounds:
         more = [(2 * low + high) / 3]
         values = np.unique(np.concatenate([lattice(low, high, allowed.step, allowed.ends), more]))
         walks = np.array(list(itertools.product(values, repeat=allowed.samples)))
         kept = np.all(np.abs(np.diff(walks, axis=1)) <= allowed.step + 1e-9, axis=1)
         kept &= np.all(np.abs(walks[:, [0, -1]]) <= allowed.ends + 1e-9, axis=1)
-        grids.append(walks[kept])
+        found.append(walks[kept])
+    return found[0], found[1]
+
+
+def corners_of_all(allowed: SpeedLimits) -> Array:
+    """All speeds (count, N, 2) of both wheels on that grid."""
+    grids = walks_of_all(allowed)
     first, second = np.meshgrid(np.arange(len(grids[0])), np.arange(len(grids[1])), indexing="ij")
     return np.stack([grids[0][first.ravel()], grids[1][second.ravel()]], axis=-1)
 

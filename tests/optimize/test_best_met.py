@@ -47,6 +47,7 @@ def best_start(problem: Problem, count: int) -> float:
 @pytest.mark.parametrize(
     "seed", [GIVEN_UP[0], *(pytest.param(seed, marks=pytest.mark.slow) for seed in (*GIVEN_UP[1:], *WORSE))]
 )
+@pytest.mark.slow
 def test_a_search_ends_with_no_less_than_its_best_feasible_start(seed: int):
     problem = random_problem(seed)
     least = best_start(problem, QUICK.starts)

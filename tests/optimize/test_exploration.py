@@ -114,6 +114,7 @@ def test_equal_optima_are_one_and_the_best_leads(design):
     assert [one.value for one in found.elite] == [3.0 + 1e-7, 2.0, 1.0]
 
 
+@pytest.mark.slow
 def test_the_result_is_the_same_for_any_number_of_workers(monkeypatch):
     monkeypatch.setattr("oed.optimize.multi_start.POOL_SECONDS", 0.0)
     problem = problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION))

@@ -210,6 +210,7 @@ class TestGoingOn:
         np.testing.assert_array_equal(again.unknowns, alone.unknowns)
         assert again.iterations == alone.iterations + 1
 
+    @pytest.mark.slow
     def test_good_ones_save_some_of_the_way(self, search: LocalSearch):
         both = [self._solved(search, seed) for seed in (0, 2, 4, 5, 6, 10)]
         assert all(again.succeeded for again, _ in both)

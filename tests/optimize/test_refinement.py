@@ -61,6 +61,7 @@ def test_a_finer_spline_begins_exactly_where_the_coarser_one_ended(degree, runs)
         assert after.violation <= before.violation + 1e-9
 
 
+@pytest.mark.slow
 def test_every_level_is_at_least_as_good_and_keeps_the_limits(found):
     assert len(found.levels) > 1
     for before, after in pairwise(found.levels):
@@ -75,6 +76,7 @@ def test_every_level_is_at_least_as_good_and_keeps_the_limits(found):
     assert len(found.starts) == QUICK.starts
 
 
+@pytest.mark.slow
 def test_the_first_level_is_the_search_on_its_spline(found):
     alone = solve(on_spline(problem(), Spline(coefficients=16)), QUICK, seed=0, workers=1)
     assert alone.evaluation.objective == found.levels[0].objective
@@ -96,17 +98,20 @@ def test_history_goes_on_from_level_to_level(found):
     assert found.history[-1].objective == pytest.approx(found.evaluation.objective)
 
 
+@pytest.mark.slow
 def test_the_same_for_any_number_of_workers(found):
     again = solve(problem(), QUICK, seed=0, workers=2)
     np.testing.assert_array_equal(again.trajectory.coefficients, found.trajectory.coefficients)
 
 
+@pytest.mark.slow
 def test_a_search_that_starts_from_a_refined_one_takes_its_design_on_the_same_spline(found):
     options = Ipopt(starts=1, perturbations=0, second_stage="none", start_from="ipopt", name="second")
     again = solve(problem(), options, seed=5, workers=1, earlier={"ipopt": found})
     assert again.levels[0].objective >= found.levels[0].objective * (1 - 1e-6)
 
 
+@pytest.mark.slow
 def test_a_fixed_finer_spline_starts_from_a_coarser_design():
     coarse = solve(on_spline(problem(), Spline(coefficients=16)), QUICK, seed=0, workers=1)
     fine = on_spline(problem(), Spline(coefficients=29))
@@ -117,6 +122,7 @@ def test_a_fixed_finer_spline_starts_from_a_coarser_design():
         solve(on_spline(problem(), Spline(coefficients=20)), options, workers=1, earlier={"ipopt": coarse})
 
 
+@pytest.mark.slow
 def test_by_another_criterion_levels_are_in_its_numbers():
     options = QUICK.model_copy(update={"criterion": D(scaling="none")})
     found = solve(problem(), options, seed=0, workers=1)
@@ -159,6 +165,7 @@ def test_a_search_that_ends_while_it_refines_keeps_the_levels_before(found):
         assert made.evaluation.objective == found.levels[0].objective
 
 
+@pytest.mark.slow
 def test_a_search_that_was_interrupted_on_the_first_spline_goes_on_no_finer(found):
     def first_only(options, problem, context):
         assert problem.design.spline.count == found.levels[0].coefficients
@@ -180,6 +187,7 @@ def test_a_level_that_is_worse_is_not_taken(found):
     assert [one.coefficients for one in made.levels] == [16, 29]
 
 
+@pytest.mark.slow
 def test_a_robust_design_is_refined_and_still_keeps_its_limits():
     robust = problem(within={"wheel_radius_right": "5 %"}, robust=Robust(confidence=0.95, draws=500))
     found = solve(robust, QUICK, seed=0, workers=1)
@@ -201,6 +209,7 @@ def test_a_robust_design_is_refined_and_still_keeps_its_limits():
     ids=["runs", "polygons", "steps", "midpoint"],
 )
 @pytest.mark.parametrize("starts", [1, "auto"])
+@pytest.mark.slow
 def test_drives_of_every_sort_are_refined(parts, starts):
     made = problem(**parts)
     own = {"iterations": 40} if starts == "auto" else {"perturbations": 0}

@@ -79,6 +79,7 @@ def dense(matrix: ca.DM) -> np.ndarray:
 @pytest.mark.parametrize("signals", MIXED, ids=["steps", "smooth"])
 class TestTermsOfSignals:
     @pytest.mark.parametrize("start", ["known", "unknown"])
+    @pytest.mark.slow
     def test_pieces_are_the_whole_drive(self, signals: tuple[Signal, ...], start: str):
         problem = problem_of(signals)
         unknown = oed.Outputs(noise={"a": 0.1, "b": 0.1}, every=2, start=start)
@@ -164,6 +165,7 @@ def test_chosen_starts_are_bounds_of_unknowns():
 
 
 @pytest.mark.parametrize("signals", MIXED, ids=["steps", "smooth"])
+@pytest.mark.slow
 def test_solved_by_ipopt_and_by_the_genetic_algorithm(signals: tuple[Signal, ...]):
     problem = problem_of(signals)
     ipopt = oed.Ipopt(starts=3, perturbations=0, second_stage="none")
@@ -232,6 +234,7 @@ FURTHER = (Slew(), Jolt(), Together(), Total())
 
 class TestFurtherLimits:
     @pytest.mark.parametrize("signals", MIXED, ids=["steps", "smooth"])
+    @pytest.mark.slow
     def test_pieces_are_the_whole_drive(self, signals: tuple[Signal, ...]):
         problem = problem_of(signals)
         problem = replace(problem, limits=(*problem.limits, *FURTHER))
@@ -268,6 +271,7 @@ class TestFurtherLimits:
             np.testing.assert_allclose(own, shares, rtol=1e-8, atol=1e-9)
         assert np.all(violations.max(axis=0)[:5] > 0.01)
 
+    @pytest.mark.slow
     def test_a_design_keeps_them(self):
         problem = replace(problem_of(), limits=(*problem_of().limits, *FURTHER))
         ipopt = oed.Ipopt(starts=2, perturbations=0, second_stage="none")
@@ -279,6 +283,7 @@ class TestFurtherLimits:
         assert changes[1] == 0
 
 
+@pytest.mark.slow
 def test_gains_are_those_of_wider_ranges():
     problem, ipopt = problem_of(), oed.Ipopt(starts=2, perturbations=0, second_stage="none")
     found = oed.solve(problem, ipopt, seed=0, workers=1)
@@ -313,6 +318,7 @@ def fishing(samples: int = 480, pieces: int = 48) -> oed.Problem:
     )
 
 
+@pytest.mark.slow
 def test_steps_are_as_cheap_as_a_spline_of_degree_0():
     """The same drives by both descriptions: the same unknowns, pieces, operations and numbers."""
     problem = fishing()
@@ -345,6 +351,7 @@ def test_a_coarse_grid_knows_chosen_starts():
     assert not Grid(problem_of(samples=96), 24).coarse
 
 
+@pytest.mark.slow
 def test_a_start_may_be_one_alone():
     found = oed.solve(problem_of(), oed.Ipopt(starts=1), seed=0, workers=1)
     assert found.status is oed.Status.CONVERGED

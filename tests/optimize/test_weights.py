@@ -116,6 +116,7 @@ class TestPublished:
             found.value, rel=1e-8
         )
 
+    @pytest.mark.slow
     def test_prey_and_predators_that_are_counted_for_a_third_of_the_time_each(self):
         """Lotka and Volterra without fishing, p2 and p4 unknown [Sager, Sampling decisions in optimum
         experimental design in the light of Pontryagin's maximum principle, 2013].
