@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import jinja2
 
@@ -232,6 +233,7 @@ def _text(
     )
 
 
+@cache
 def _template(designs: bool) -> jinja2.Template:
     made = jinja2.Environment(
         loader=jinja2.PackageLoader("oed.study"),

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bags import START, TYPES, header, pose, twist_message, write_bag
+from pulls import SETS, require_pulls
 from studies import saved_study
 from twin_drives import STEP, Twin, driven, pulls, tracked, waves, write_csv
 
@@ -151,10 +152,8 @@ def test_intervals_of_short_logs_hold_the_truth():
     options = CalibrationOptions(
         segment="log", clock_offset=False, noise="constant", sensor_place=(), covariance="information"
     )
-    for seed in range(200):
+    for seed in range(SETS):
         found = calibrate(problem, [small_log(seed)], options)
         errors = np.array(found.values) - list(LAGGING_TRUTH.values())
         pulled.append(errors / np.sqrt(np.diag(found.covariance)))
-    held = np.mean(np.abs(pulled) < 1.96, axis=0)
-    assert held.min() >= 0.88, held
-    assert held.max() <= 0.99, held
+    require_pulls(np.array(pulled))

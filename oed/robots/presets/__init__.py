@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
 from functools import cache
 from importlib import resources
 from typing import Any
@@ -30,6 +31,12 @@ def preset(name: str) -> dict[str, dict[str, Any]]:
         hint = did_you_mean(str(name), preset_names())
         text = f"expected one of {', '.join(preset_names())}, got {name!r}{hint}"
         raise ProblemError.about(("robot", "preset"), text)
+    # A copy: what is made of it is no other study's.
+    return deepcopy(_read(name))
+
+
+@cache
+def _read(name: str) -> dict[str, dict[str, Any]]:
     text = resources.files(__package__).joinpath(f"{name}.yaml").read_text(encoding="utf-8")
     data: dict[str, dict[str, Any]] = yaml.safe_load(text)
     return data
