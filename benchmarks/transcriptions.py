@@ -40,11 +40,13 @@ class End:
 
     Attributes:
         objective: maximised.
+        succeeded: whether the solver says that it has solved it.
         iterations: that it took.
         seconds: of one processor.
     """
 
     objective: float
+    succeeded: bool
     iterations: int
     seconds: float
 
@@ -73,7 +75,7 @@ class Way:
 
     def told(self, best: float) -> str:
         """Its solves for the table."""
-        found = sum(one.objective >= best * (1 - ALIKE) and one.iterations < MOST for one in self.ends)
+        found = sum(one.succeeded and one.objective >= best * (1 - ALIKE) for one in self.ends)
         iterations = int(np.median([one.iterations for one in self.ends]))
         return f"{seconds(self.whole)} {self.name} ({iterations} iterations, {found} of {len(self.ends)})"
 
@@ -99,7 +101,7 @@ def _of(samples: int) -> Iterator[Figure]:
     least = min(one.iteration for one in others)
     ours = f"{seconds(own.iteration)}; {seconds(plain.iteration)} {plain.name}"
     yield Figure(f"{name}: an iteration", ours, told, least / own.iteration)
-    best = max(end.objective for one in (own, *others) for end in one.ends)
+    best = max(end.objective for one in (own, *others) for end in one.ends if end.succeeded)
     told = "; ".join(one.told(best) for one in others)
     ours = f"{own.told(best)}; {seconds(plain.whole)} {plain.name}"
     least = min(one.whole for one in others)
@@ -115,9 +117,9 @@ def _condensed(search: LocalSearch, z: Array) -> End:
     exchange, nothing = search.exchange, search.grid.no_correction
     chosen = exchange.chosen(exchange.begun(), search.grid.trajectory(z))
 
-    def solve() -> tuple[float, int]:
+    def solve() -> tuple[float, bool, int]:
         outcome = search.solved(search.program, z, nothing, chosen=chosen)
-        return outcome.maximised, outcome.iterations
+        return outcome.maximised, outcome.succeeded, outcome.iterations
 
     return _timed(solve)
 
@@ -147,19 +149,20 @@ def _others(
 
 
 def _solved(plain: Plain) -> End:
-    def solve() -> tuple[float, int]:
+    def solve() -> tuple[float, bool, int]:
         with one_thread():
             found = plain.solver(**plain.arguments)
-        return -float(found["f"]), int(plain.solver.stats()["iter_count"])
+        stats = plain.solver.stats()
+        return -float(found["f"]), bool(stats["success"]), int(stats["iter_count"])
 
     return _timed(solve)
 
 
-def _timed(solve: Callable[[], tuple[float, int]]) -> End:
+def _timed(solve: Callable[[], tuple[float, bool, int]]) -> End:
     # Of this thread: others may be at work on the machine.
     shortest = np.inf
     for _ in range(REPEATED):
         began = time.thread_time()
-        objective, iterations = solve()
+        objective, succeeded, iterations = solve()
         shortest = min(shortest, time.thread_time() - began)
-    return End(objective, iterations, shortest)
+    return End(objective, succeeded, iterations, shortest)

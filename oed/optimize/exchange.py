@@ -27,7 +27,9 @@ from oed.optimize.transcription.program import SLOTS, Outcome, slots_for
 PER_UNKNOWN = 2.0
 """Instants per unknown of an input that a search begins with in a run."""
 LEAST, MOST = 10, 32
-"""Instants of a run that it begins with at least, and at most: more cost more than they save."""
+"""Instants of a run that it begins with at least, and at most, but for slots that would be empty: more cost
+more than they save.
+"""
 ENOUGH = 1e-4
 """Share of a limit's size by which a drive exceeds it where nothing is added any more."""
 CLOSE = 2e-3

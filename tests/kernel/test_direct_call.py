@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import time
 from pathlib import Path
 
 import casadi as ca
@@ -9,8 +11,8 @@ import numpy as np
 import pytest
 
 from oed.kernel.dynamics import direct_call as module
-from oed.kernel.dynamics.compiled import compiler
-from oed.kernel.dynamics.direct_call import DirectCall
+from oed.kernel.dynamics.compiled import Making, compiled, compiler
+from oed.kernel.dynamics.direct_call import DirectCall, direct_call
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
@@ -63,3 +65,76 @@ def test_long_functions_are_not_compiled(cache: Path, monkeypatch: pytest.Monkey
     assert call._making is None
     assert call._spent == -np.inf
     assert not cache.exists()
+
+
+def test_calls_of_what_is_called_once_are_not_compiled(cache: Path):
+    rng = np.random.default_rng(0)
+    direct_call(example(), rng.normal(size=(2, 3)), rng.normal(size=2))
+    assert not cache.exists()
+
+
+@needs_compiler
+def test_what_is_compiled_already_stays_as_it_is(cache: Path):
+    call = DirectCall(compiled(example()).map(4))
+    call(np.ones((4, 2, 3)), np.ones((4, 2)))
+    assert call._making is None
+    assert call._spent == -np.inf
+
+
+@needs_compiler
+def test_a_damaged_library_is_cleared_away_and_made_again(cache: Path):
+    making = Making([example()])
+    making.wait()
+    assert making.binary is not None
+    making.binary.write_bytes(b"no library")
+    call = DirectCall(example())
+    expected = called(call)
+    assert call._spent == -np.inf
+    assert not making.binary.exists()
+    again = DirectCall(example())
+    called(again)
+    assert again._making is not None
+    again._making.wait()
+    for found, one in zip(called(again), expected, strict=True):
+        np.testing.assert_array_equal(found, one)
+    assert making.binary.exists()
+
+
+def test_where_nobody_has_a_home_nothing_is_compiled(monkeypatch: pytest.MonkeyPatch):
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", homeless)
+    assert Making([example()]).binary is None
+
+
+@needs_compiler
+def test_a_compiler_that_is_stopped_leaves_nothing_at_work(cache: Path, tmp_path: Path, monkeypatch):
+    tool = tmp_path / "cc"
+    lines = [
+        "#!/bin/sh",
+        "[ $1 = -dumpfullversion ] && exit",
+        "sleep 60 &",
+        f"echo $! > {tmp_path}/own",
+        "wait",
+    ]
+    tool.write_text("\n".join(lines))
+    tool.chmod(0o755)
+    monkeypatch.setenv("CC", str(tool))
+    making = Making([example()])
+    while not (tmp_path / "own").exists() or not (tmp_path / "own").read_text().strip():
+        time.sleep(0.01)
+    own = int((tmp_path / "own").read_text())
+    making.stop()
+    for _ in range(500):
+        if not _at_work(own):
+            break
+        time.sleep(0.01)
+    assert not _at_work(own)
+    assert not list(cache.glob("*.part"))
+
+
+def _at_work(process: int) -> bool:
+    found = subprocess.run(["ps", "-o", "stat=", "-p", str(process)], capture_output=True, text=True)
+    return bool(found.stdout.strip()) and not found.stdout.strip().startswith("Z")

@@ -9,6 +9,7 @@ import hashlib
 import os
 import re
 import shutil
+import signal
 import subprocess
 import tempfile
 import time
@@ -74,8 +75,8 @@ class Making:
         tool = compiler()
         if tool is None:
             return
-        # No room for the source, or for the code: then there is none.
-        with suppress(OSError), ExitStack() as stack:
+        # No room for the source, or for the code, or nobody's home: then there is none.
+        with suppress(OSError, RuntimeError), ExitStack() as stack:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="oed-"))
             source = _written(functions, folder)
             self.binary = _kept(source.read_bytes(), tool)
@@ -93,7 +94,15 @@ class Making:
         command = [tool, *FLAGS, str(source), "-o", str(self._part), "-lm"]
         self._began = time.monotonic()
         quiet = subprocess.DEVNULL
-        self._process = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet)  # noqa: S603
+        # A session of its own: what a compiler starts is stopped with it, and leaves nothing elsewhere.
+        self._process = subprocess.Popen(  # noqa: S603
+            command,
+            stdin=quiet,
+            stdout=quiet,
+            stderr=quiet,
+            env={**os.environ, "TMPDIR": str(source.parent)},
+            start_new_session=True,
+        )
 
     def wait(self) -> None:
         """Until the compiler has ended, well or not."""
@@ -101,8 +110,7 @@ class Making:
             try:
                 self._process.wait(PATIENCE)
             except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
+                self._kill()
             self._ended()
 
     def functions(self) -> list[ca.Function] | None:
@@ -121,9 +129,14 @@ class Making:
     def stop(self) -> None:
         """Give it up, if it is not there yet."""
         if self._process is not None:
-            self._process.kill()
-            self._process.wait()
+            self._kill()
             self._ended()
+
+    def _kill(self) -> None:
+        assert self._process is not None
+        with suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
 
     def _ended(self) -> None:
         assert self._process is not None
@@ -151,7 +164,15 @@ def taken(binary: Path, names: Sequence[str]) -> list[ca.Function] | None:
         binary: a file.
         names: of the functions.
     """
-    return [ca.external(name, str(binary)) for name in names] if binary.exists() else None
+    if not binary.exists():
+        return None
+    try:
+        return [ca.external(name, str(binary)) for name in names]
+    except RuntimeError:
+        # Damaged, of another machine, or where nothing may be executed.
+        with suppress(OSError):
+            binary.unlink()
+        return None
 
 
 def _written(functions: Sequence[ca.Function], folder: str) -> Path:

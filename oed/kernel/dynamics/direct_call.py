@@ -26,10 +26,10 @@ class DirectCall:
     for handing them over one by one takes longer than most functions themselves.
     """
 
-    def __init__(self, function: ca.Function) -> None:
-        """Of a function whose results are dense."""
+    def __init__(self, function: ca.Function, *, lasting: bool = True) -> None:
+        """Of a function whose results are dense; of one that is called once only, not `lasting`."""
         self._function = function
-        self._spent = 0.0
+        self._spent = 0.0 if lasting else -np.inf
         self._making: Making | None = None
         self._take(function)
 
@@ -62,8 +62,7 @@ class DirectCall:
     def _compile(self) -> None:
         # Begins it, and takes what has come of it.
         if self._making is None:
-            short = _operations(self._function) <= MOST
-            self._making = Making([self._function], anew=short) if short else None
+            self._making = Making([self._function]) if _worth(self._function) else None
         found = None if self._making is None else self._making.functions()
         if found:
             self._take(found[0])
@@ -71,12 +70,15 @@ class DirectCall:
             self._spent = -np.inf
 
 
-def _operations(function: ca.Function) -> int:
-    # Of it and of all that it calls, each once.
+def _worth(function: ca.Function) -> bool:
+    # Whether compiling it pays: of few operations, counted once wherever it calls them, none compiled before.
     every = [function, *function.find_functions()]
-    return sum(one.n_instructions() for one in every if one.is_a("SXFunction") or one.is_a("MXFunction"))
+    plain = [one for one in every if one.is_a("SXFunction") or one.is_a("MXFunction")]
+    external = any(one.is_a("External") for one in every)
+    return not external and sum(one.n_instructions() for one in plain) <= MOST
 
 
 def direct_call(function: ca.Function, *arguments: Array) -> list[Array]:
     """A function's results, one flat array each, of dense arguments whose rows are CasADi's columns."""
-    return DirectCall(function)(*arguments)
+    # Called once, it is not worth a compiler.
+    return DirectCall(function, lasting=False)(*arguments)
