@@ -22,7 +22,7 @@ limits:
   workspace: {kind: rectangle, x: [-1 m, 1 m], y: [-1 m, 1 m]}
 criterion: A
 solvers:
-  - {kind: ipopt, name: aware, starts: 2, perturbations: 0}
+  - {kind: ipopt, name: aware, starts: 4, perturbations: 0}
   - {kind: ipopt, name: blind, starts: 2, perturbations: 0, without_drift: true}
 baselines: [square]
 """

@@ -77,7 +77,8 @@ class Making:
             return
         # No room for the source, or for the code, or nobody's home: then there is none.
         with suppress(OSError, RuntimeError), ExitStack() as stack:
-            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="oed-"))
+            folder = tempfile.mkdtemp(prefix="oed-")
+            stack.callback(shutil.rmtree, folder, ignore_errors=True)
             source = _written(functions, folder)
             self.binary = _kept(source.read_bytes(), tool)
             if not self.binary.exists() and anew:
