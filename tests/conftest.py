@@ -40,18 +40,18 @@ def pytest_configure(config: pytest.Config) -> None:
 
 LONGEST = (
     "test_docs.py",
-    "test_other_criteria.py",
-    "test_drift.py",
-    "test_validated_equations.py",
-    "test_baselines_of_robots.py",
-    "test_whole_logs.py",
-    "test_parallel.py",
     "test_heading_search.py",
+    "test_whole_logs.py",
+    "test_validated_equations.py",
+    "test_drift.py",
     "test_campaign.py",
-    "test_sensors.py",
+    "test_other_criteria.py",
+    "test_baselines_of_robots.py",
+    "test_closed_form.py",
+    "test_planar.py",
     "test_starter.py",
 )
-"""Files of more than 24 s of processor time beside those of the solvers, from the longest one down."""
+"""Files of more than 20 s of processor time beside those of the solvers, from the longest one down."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

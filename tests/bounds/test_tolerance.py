@@ -190,6 +190,7 @@ def test_no_drive_within_the_tolerance_beats_the_widened_bound(hundred):
     assert certificate.upper_bound < max(found) <= certificate.widened.upper_bound
 
 
+@pytest.mark.slow
 def test_gaps_are_never_negative(hundred):
     problem, certificate = hundred
     for excess in (0.0, ALL_BUT / 2, ALL_BUT):

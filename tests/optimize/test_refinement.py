@@ -83,6 +83,7 @@ def test_the_first_level_is_the_search_on_its_spline(found):
     assert not alone.levels
 
 
+@pytest.mark.slow
 def test_it_ends_where_a_doubling_gains_too_little(found):
     *gains, last = [after.objective / before.objective - 1 for before, after in pairwise(found.levels)]
     assert all(gain >= ENOUGH for gain in gains)
