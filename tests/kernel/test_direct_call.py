@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import time
 from pathlib import Path
@@ -65,6 +66,16 @@ def test_long_functions_are_not_compiled(cache: Path, monkeypatch: pytest.Monkey
     assert call._making is None
     assert call._spent == -np.inf
     assert not cache.exists()
+
+
+def test_what_is_sent_to_a_process_again_and_again_is_one_call_there():
+    call = DirectCall(example())
+    sent = pickle.dumps(call)
+    one, other = pickle.loads(sent), pickle.loads(sent)
+    assert one is other
+    assert one is not call
+    for found, expected in zip(called(one), called(call), strict=True):
+        np.testing.assert_array_equal(found, expected)
 
 
 def test_calls_of_what_is_called_once_are_not_compiled(cache: Path):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -39,9 +41,9 @@ class DirectCall:
         self._found = [function.nnz_out(place) for place in range(function.n_out())]
         assert self._found == [function.numel_out(place) for place in range(function.n_out())]
 
-    def __reduce__(self) -> tuple[type[DirectCall], tuple[ca.Function]]:
-        """As it is made: its memory is its own."""
-        return DirectCall, (self._function,)
+    def __reduce__(self) -> tuple[Callable[[str], DirectCall], tuple[str]]:
+        """As it is made: its memory is its own, and another process has one of each, called for long there."""
+        return _shared, (self._function.serialize(),)
 
     def __call__(self, *arguments: Array) -> list[Array]:
         """The results at these arguments."""
@@ -68,6 +70,11 @@ class DirectCall:
             self._take(found[0])
         if found or self._making is None or self._making.ended:
             self._spent = -np.inf
+
+
+@lru_cache(maxsize=64)
+def _shared(serialized: str) -> DirectCall:
+    return DirectCall(ca.Function.deserialize(serialized))
 
 
 def _worth(function: ca.Function) -> bool:
