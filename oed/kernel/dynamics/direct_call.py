@@ -42,7 +42,7 @@ class DirectCall:
         assert self._found == [function.numel_out(place) for place in range(function.n_out())]
 
     def __reduce__(self) -> tuple[Callable[[str], DirectCall], tuple[str]]:
-        """As it is made: its memory is its own, and another process has one of each, called for long there."""
+        """As it is made: its memory is its own, and another process has one of each, called for long."""
         return _shared, (self._function.serialize(),)
 
     def __call__(self, *arguments: Array) -> list[Array]:
