@@ -163,7 +163,7 @@ class Staged:
 
     @property
     def structure(self) -> dict[str, Any]:
-        """What fatrop is told of it."""
+        """The stages as fatrop takes them."""
         return {
             "N": SEGMENTS,
             "nx": self.layout.states,

@@ -73,7 +73,7 @@ class Way:
         """Seconds of a solve, their median."""
         return float(np.median([one.seconds for one in self.ends]))
 
-    def told(self, best: float) -> str:
+    def solves(self, best: float) -> str:
         """Its solves for the table."""
         found = sum(one.succeeded and one.objective >= best * (1 - ALIKE) for one in self.ends)
         iterations = int(np.median([one.iterations for one in self.ends]))
@@ -97,15 +97,15 @@ def _of(samples: int) -> Iterator[Figure]:
     search.design.terms.compiled()
     own = Way("condensed", tuple(_condensed(search, z) for z in starts))
     name = f"segment form, N = {samples}, {len(known)} rows of instants"
-    told = "; ".join(f"{seconds(one.iteration)} {one.name}" for one in others)
+    compared = "; ".join(f"{seconds(one.iteration)} {one.name}" for one in others)
     least = min(one.iteration for one in others)
     ours = f"{seconds(own.iteration)}; {seconds(plain.iteration)} {plain.name}"
-    yield Figure(f"{name}: an iteration", ours, told, least / own.iteration)
+    yield Figure(f"{name}: an iteration", ours, compared, least / own.iteration)
     best = max(end.objective for one in (own, *others) for end in one.ends if end.succeeded)
-    told = "; ".join(one.told(best) for one in others)
-    ours = f"{own.told(best)}; {seconds(plain.whole)} {plain.name}"
+    compared = "; ".join(one.solves(best) for one in others)
+    ours = f"{own.solves(best)}; {seconds(plain.whole)} {plain.name}"
     least = min(one.whole for one in others)
-    yield Figure(f"{name}: a solve", ours, told, least / own.whole)
+    yield Figure(f"{name}: a solve", ours, compared, least / own.whole)
 
 
 def start_of(search: LocalSearch, seed: int) -> Array:

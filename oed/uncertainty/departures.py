@@ -12,7 +12,7 @@ import numpy as np
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.between import change_per_metre, exceeded, excess_of, largest, periods_of
-from oed.kernel.dynamics.direct_call import DirectCall
+from oed.kernel.dynamics.direct_call import mapped
 from oed.kernel.dynamics.enclosures import NotEnclosed
 from oed.kernel.dynamics.rollout import FINE, any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -168,7 +168,7 @@ def _at_points(
     for first in range(0, len(robots.parameters), BATCH):
         own = robots.chosen(slice(first, first + BATCH))
         begun, period = own.starts.transpose(0, 2, 1), np.array(trajectory.period)
-        (each,) = _mapped(function, len(begun))(trajectory.inputs.T, begun, own.parameters, period)
+        (each,) = mapped(function, len(begun), 0, 3)(trajectory.inputs.T, begun, own.parameters, period)
         found.append(each.reshape(len(begun), -1))
     simulated = np.concatenate(found)
     return simulated[:, 0::2].copy(), simulated[:, 1::2]
@@ -190,12 +190,6 @@ def _exceeded(
         further = excess + change * step / 2 if np.isfinite(change) else np.inf
         worst += [excess / rows.size, further / rows.size]
     return ca.Function("exceeded", symbols, [ca.vertcat(*worst)])
-
-
-@lru_cache(maxsize=8)
-def _mapped(function: ca.Function, count: int) -> DirectCall:
-    # Of so many robots, on one drive.
-    return DirectCall(function.map("robots", "serial", count, [0, 3], []))
 
 
 def _greatest(values: ca.MX, path: ca.MX) -> ca.MX:

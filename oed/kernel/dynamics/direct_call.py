@@ -85,6 +85,18 @@ def _worth(function: ca.Function) -> bool:
     return not external and sum(one.n_instructions() for one in plain) <= MOST
 
 
+@lru_cache(maxsize=64)
+def mapped(function: ca.Function, count: int, *common: int) -> DirectCall:
+    """A function of many arguments side by side, but for those at the places `common`, which all share.
+
+    Args:
+        function: whose results are dense.
+        count: how many.
+        common: places of arguments.
+    """
+    return DirectCall(function.map("mapped", "serial", count, list(common), []))
+
+
 def direct_call(function: ca.Function, *arguments: Array) -> list[Array]:
     """A function's results, one flat array each, of dense arguments whose rows are CasADi's columns."""
     # Called once, it is not worth a compiler.

@@ -65,20 +65,6 @@ class Weighed:
     inner: Expression | None = None
 
 
-def between(slopes: Expression, inner: Expression, count: int) -> tuple[Expression, Expression]:
-    """Matrices side by side, and these times symmetric ones: of both the first, times the other transposed,
-    is the sum of these between those.
-
-    Args:
-        slopes: (size, bent) each.
-        inner: (bent, bent) each.
-        count: how many.
-    """
-    width = inner.shape[0]
-    slope, own = ca.MX.sym("slope", slopes.shape[0], width), ca.MX.sym("inner", width, width)
-    return slopes, ca.Function("half", [slope, own], [slope @ own]).map(count)(slopes, inner)
-
-
 def first_entries(blocks: Expression, width: int, rows: int) -> Expression:
     """Places (rows, K) of the first entries of blocks.
 

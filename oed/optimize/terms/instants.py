@@ -7,13 +7,13 @@ sample, how long after its begin, which row.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array, Places
-from oed.kernel.dynamics.direct_call import DirectCall
+from oed.kernel.dynamics.direct_call import mapped
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import instant_of
 from oed.kernel.problem import Problem
@@ -155,7 +155,7 @@ class InstantRows:
         """
         if not len(elapsed):
             return np.zeros((0, self.count))
-        (found,) = _mapped(self.all_rows, len(elapsed))(unknowns, elapsed)
+        (found,) = mapped(self.all_rows, len(elapsed))(unknowns, elapsed)
         return found.reshape(len(elapsed), self.count)
 
     def exceeded(self, rows: Expression) -> Expression:
@@ -169,8 +169,3 @@ class InstantRows:
         """By how much values (..., R) of all rows, or (n,) of some, are exceeded, in such shares."""
         above = np.maximum(rows - self.upper[which], self.lower[which] - rows)
         return np.asarray(above / self.weight[which])
-
-
-@lru_cache(maxsize=32)
-def _mapped(function: ca.Function, count: int) -> DirectCall:
-    return DirectCall(function.map(count))

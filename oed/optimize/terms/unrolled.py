@@ -18,7 +18,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import Swept, Terms
-from oed.optimize.terms.begun import Begun, Weighed, between, first_entries, gathered, scattered
+from oed.optimize.terms.begun import Begun, Weighed, first_entries, gathered, scattered
 from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.matrices import upper_half
 from oed.optimize.terms.needs import by_instants
@@ -161,10 +161,11 @@ class UnrolledSweep(Swept):
 
 def _inner(weighed: Weighed) -> Expression:
     # Second derivatives by z of what enters by some of the states and inputs.
-    begun = weighed.begun
+    begun, width = weighed.begun, len(weighed.bent)
     slopes = begun.slopes[:, begun.of(weighed.bent)]
-    left, half = between(slopes, weighed.inner, begun.states.shape[1])
-    return left @ half.T
+    slope, own = ca.MX.sym("slope", slopes.shape[0], width), ca.MX.sym("inner", width, width)
+    half = ca.Function("half", [slope, own], [slope @ own]).map(begun.states.shape[1])
+    return slopes @ half(slopes, weighed.inner).T
 
 
 class BegunUnrolled(Begun):
