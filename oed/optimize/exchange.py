@@ -98,11 +98,19 @@ class Exchange:
 
     def begun(self) -> Instants:
         """Those to begin with, evenly spread over each run."""
-        space, rows = self._problem.design, self._rows.count
         count = int(np.clip(PER_UNKNOWN * max(self._terms.embedding.counts, default=0), LEAST, MOST))
-        if each := rows * space.runs:
+        if each := self._rows.count * self._problem.design.runs:
             # Slots that are there anyway need not be empty.
             count = slots_for(count * each) // each
+        return self._spread(count)
+
+    def at_samples(self) -> Instants:
+        """Those at the ends of the samples."""
+        return self._spread(self._own.design.samples)
+
+    def _spread(self, count: int) -> Instants:
+        # So many in each run, evenly, of every row.
+        space, rows = self._problem.design, self._rows.count
         times = space.duration * np.arange(1, count + 1) / count
         row = np.repeat(np.arange(rows), space.runs * count)
         run = np.tile(np.repeat(np.arange(space.runs), count), rows)

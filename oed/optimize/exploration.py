@@ -18,6 +18,7 @@ from oed.kernel.problem import Problem
 from oed.kernel.solution import Explored
 from oed.optimize.local import LocalSearch, local_search
 from oed.optimize.local_results import Settings, Sketch
+from oed.optimize.sketches import Sketches
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.perturbations import varied_design
 
@@ -102,11 +103,11 @@ class Explorer:
         """Make one."""
         if self.binary is not None:
             self.search.design.terms.take(*self.binary)
-        return self.search.sketch(attempt.unknowns, attempt.barrier, self.pace.tolerance)
+        return Sketches(self.search)(attempt.unknowns, attempt.barrier, self.pace.tolerance)
 
     def compiled(self, spared: float) -> Explorer:
         """With what a compiler makes of it, where that takes less time [s] than it spares."""
-        slots, binary = self.search.compile(spared) if spared else (0, None)
+        slots, binary = Sketches(self.search).compile(spared) if spared else (0, None)
         return self if binary is None else replace(self, binary=(slots, binary))
 
     @property

@@ -23,7 +23,7 @@ from oed.kernel.measurement.square_root import SQUARED
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Status
 from oed.optimize.exchange import Exchange, Instants
-from oed.optimize.local_results import Local, Settings, Sketch
+from oed.optimize.local_results import Local, Settings
 from oed.optimize.rounds import Round, chosen_of, judged, surely_better
 from oed.optimize.terms.slots import Chosen
 from oed.optimize.transcription.chain import SLIGHT
@@ -76,6 +76,11 @@ class LocalSearch:
     def _finer(self) -> LocalSearch:
         return LocalSearch(self.problem, self.settings, FINER * self.refine)
 
+    @property
+    def no_floors(self) -> Array:
+        """Values of the criterion's floors, which ask nothing."""
+        return np.zeros(self._objective.floors.shape[0])
+
     @cached_property
     def program(self) -> Program:
         """The criterion's program."""
@@ -105,27 +110,6 @@ class LocalSearch:
             return -self.design.terms.drive.path_length(softening=softening)
         return sum(2 * ca.sum1(ca.log(ca.diag(ca.chol(matrix)))) for matrix in self._robots[0])
 
-    def sketch(self, unknowns: Array, barrier: float, tolerance: float) -> Sketch:
-        """One solve from a start, on this grid and without tightening limits: where that leads.
-
-        Args:
-            unknowns: z to begin at.
-            barrier: as of `Program.solve`.
-            tolerance: of Ipopt, at least.
-        """
-        nothing = self.grid.no_correction
-        floors = np.zeros(self._objective.floors.shape[0])
-        loose = max(tolerance, self.settings.tolerance)
-        given: dict[str, Any] = {"floors": floors, "barrier": barrier, "tolerance": loose}
-        try:
-            outcome, _ = self.exchanged(self.program, unknowns, nothing, of_grid=True, **given)
-        except NotFinite:
-            return Sketch(unknowns, -np.inf, 1)
-        _, violations = self.design.score_many(outcome.unknowns[None, :])
-        value = float(self.design.objective(self.grid.matrices_of(outcome.unknowns, nothing)))
-        kept = violations.max(initial=0.0) <= TOLERANCE and np.isfinite(value)
-        return Sketch(outcome.unknowns, value if kept else -np.inf, max(outcome.iterations, 1))
-
     def exchanged(
         self,
         program: Program,
@@ -133,8 +117,6 @@ class LocalSearch:
         corrections: Array,
         instants: Instants | None = None,
         after: Outcome | None = None,
-        *,
-        of_grid: bool = False,
         **given: Any,
     ) -> tuple[Outcome, Instants]:
         """Solve from a start with ever more instants, until limits are kept: where that ends, and those.
@@ -145,14 +127,9 @@ class LocalSearch:
             corrections: of the grid.
             instants: to begin with; as every search does by default.
             after: the solve that it goes on from.
-            of_grid: whether limits are to be kept as the grid sees drives, of which fewer samples than all
-                have another path.
             given: further arguments of `solved`.
         """
-        exchange, trajectory = self.exchange, self.grid.trajectory
-        if of_grid and self.grid.coarse:
-            exchange, trajectory = Exchange(self.design.problem, self.design.terms), self.design.trajectory
-        known = exchange.begun() if instants is None else instants
+        known = self.exchange.begun() if instants is None else instants
 
         def solve(begin: Array, before: Outcome | None, chosen: Chosen | None, loosely: bool) -> Outcome:
             tolerance = given.get("tolerance")
@@ -161,7 +138,7 @@ class LocalSearch:
             how = {**given, "tolerance": tolerance}
             return self.solved(program, begin, corrections, after=before, chosen=chosen, **how)
 
-        return exchange.solved(solve, unknowns, after, known, trajectory)
+        return self.exchange.solved(solve, unknowns, after, known, self.grid.trajectory)
 
     def maximise(self, unknowns: Array, barrier: float | None = None) -> Local:
         """Maximise the criterion from a start; the start itself if that is better than where this ends.
@@ -170,7 +147,7 @@ class LocalSearch:
             unknowns: z to begin at.
             barrier: as of `Program.solve`, for the first solve.
         """
-        floors = np.zeros(self._objective.floors.shape[0])
+        floors = self.no_floors
         found = self._best("program", unknowns, floors, self.grid.no_correction, barrier)
         better = self.met(unknowns, found.objective)
         if better is None:
@@ -207,13 +184,14 @@ class LocalSearch:
         most = [[one + np.diag(2 * SQUARED * np.diag(one)) for one in own] for own in matrices]
         return surely_better(float(self.design.objective(most)), standing)
 
-    def compile(self, spared: float) -> tuple[int, Path | None]:
+    def compile(self, spared: float, instants: Instants | None = None) -> tuple[int, Path | None]:
         """Let a compiler begin on what a search calls most often: for how many slots, and where it will be.
 
         Args:
             spared: time [s] that this would spare.
+            instants: that are begun with; as every search does by default.
         """
-        slots = slots_for(len(self.exchange.begun()))
+        slots = slots_for(len(self.exchange.begun() if instants is None else instants))
         return slots, self.design.terms.compile(slots, spared=spared)
 
     def second_stage(self, unknowns: Array, share: float) -> Local:
@@ -222,7 +200,7 @@ class LocalSearch:
         value = float(self.design.objective(self._numeric(unknowns, corrections)))
         # A little more than asked for, lest rounding end a little below.
         level = self.problem.criterion.concede(value, share + 1e-3 * (1 - share))
-        floors = np.append(np.zeros(self._objective.floors.shape[0]), level)
+        floors = np.append(self.no_floors, level)
         return self._best("second", unknowns, floors, corrections)
 
     def _best(

@@ -17,11 +17,13 @@ from oed.kernel.solution import Status
 from oed.optimize import Genetic, Ipopt, solve
 from oed.optimize.budget import with_shared_budget
 from oed.optimize.exploration import BUDGET, HOPELESS, LEAST, QUICK, ROUND, SHARE, Attempt, Exploration
-from oed.optimize.local_results import Sketch
+from oed.optimize.local import LocalSearch
+from oed.optimize.local_results import Settings, Sketch
+from oed.optimize.sketches import Sketches
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.perturbations import varied_design
 from oed.optimize.transcription.starting_points import screen, varied_starts
-from oed.robots.limits import WheelSpeed
+from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.space import DesignSpace
 from oed.workflow.studies import parse_study
 
@@ -95,6 +97,23 @@ def test_it_ends_where_no_drive_keeps_the_limits(design):
     found.run(lambda attempts: [Sketch(one.unknowns, -np.inf, 1) for one in attempts])
     assert found.solves == HOPELESS
     assert found.worth_finishing == []
+
+
+def test_on_coarse_grids_limits_hold_at_all_samples_at_once():
+    room = Rectangle(x=(-0.3, 0.3), y=(-0.3, 0.3))
+    space = SPACE.model_copy(update={"samples": 72})
+    problem = problem_of(design=space, limits=(room, WheelSpeed(bounds=(2, 8)), ACCELERATION))
+    search = LocalSearch(problem, Settings(500, 1e-8, None, "none", 24))
+    drawn = screen(search.design, np.random.default_rng(0))
+    starts = islice(varied_starts(search.design, drawn, np.random.default_rng(1)), 6)
+    sketches = [Sketches(search)(one, 1e-3, 0.0) for one in starts]
+    kept = [one.unknowns for one in sketches if np.isfinite(one.value)]
+    assert len(kept) >= 3
+    for unknowns in kept:
+        path = evaluate(search.design.problem, search.design.trajectory(unknowns)).states[:, :2]
+        assert len(path) == 24 + 1
+        # As far as limits allow, and no farther.
+        assert np.abs(path).max() == pytest.approx(0.3, abs=1e-6)
 
 
 def test_cut_short_it_hands_back_a_drive_met_on_the_way(monkeypatch):
