@@ -12,6 +12,7 @@ import pytest
 from builders import RADIUS, SPEED, TRACK, problem_of, random_drive
 
 from oed.estimation.methods import Nonlinear, Regression
+from oed.estimation.methods.side_by_side import SideBySide
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -170,6 +171,16 @@ class TestNonlinear:
         for old, new in {"promised": "covariance", "replicate": "simulate"}.items():
             with pytest.raises(AttributeError, match=f"it is now '{new}'"):
                 getattr(estimator, old)
+
+    @sensors
+    def test_side_by_side_estimates_are_those_of_one_after_another(self, measurement, monkeypatch):
+        estimator = Nonlinear(runs_problem(measurement=measurement), drive_of())
+        found, _ = estimator.simulate(np.random.default_rng(1), 20)
+        monkeypatch.setattr(SideBySide, "most", 1)
+        expected, _ = estimator.simulate(np.random.default_rng(1), 20)
+        errors = np.sqrt(np.diag(estimator.covariance))
+        np.testing.assert_allclose(found / errors, expected / errors, rtol=0, atol=1e-6)
+        assert not np.array_equal(found, expected)
 
     def test_pickled_it_estimates_the_same(self):
         estimator = Nonlinear(runs_problem(measurement=SENSORS["several"]), drive_of())

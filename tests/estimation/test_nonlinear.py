@@ -7,6 +7,7 @@ import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 import oracle
@@ -18,6 +19,8 @@ from scipy.stats import norm
 
 from oed.estimation.methods import Estimate, Nonlinear
 from oed.estimation.methods.gauss_newton import loss_moments, robust_loss
+from oed.estimation.methods.joint import JointSearch
+from oed.estimation.methods.side_by_side import SideBySide
 from oed.estimation.setup.options import Loss
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import E
@@ -524,6 +527,23 @@ class TestMonteCarlo:
             checks = check_all(errors, factor * PLAIN.estimator.covariance, 0.01)
             assert not all(check.passed for check in checks)
 
+    @cases
+    def test_side_by_side_estimates_are_those_of_one_after_another(self, case: Case, monkeypatch):
+        together, alone = both_ways(case.estimator, 30, monkeypatch)
+        np.testing.assert_array_equal(together.linear, alone.linear)
+        errors = np.sqrt(np.diag(case.estimator.covariance))
+        np.testing.assert_allclose(together.estimates / errors, alone.estimates / errors, rtol=0, atol=1e-6)
+        assert together.searches == 0
+        assert alone.searches == 30
+
+    def test_those_that_need_smaller_steps_go_alone(self, monkeypatch):
+        noisy = sensed_problem(measurement=Poses(noise={"position": 0.2, "heading": 0.5}))
+        estimator = Nonlinear(noisy, PLAIN.drive)
+        together, alone = both_ways(estimator, 60, monkeypatch)
+        assert 0 < together.searches < 60
+        errors = np.sqrt(np.diag(estimator.covariance))
+        np.testing.assert_allclose(together.estimates / errors, alone.estimates / errors, rtol=0, atol=1e-6)
+
     @pytest.mark.slow
     def test_half_the_noise_leaves_a_quarter_of_what_is_not_linear(self):
         rests = []
@@ -545,6 +565,28 @@ class TestMonteCarlo:
         assert result.passed
         assert np.abs(result.paired_ratio - 1).max() < 0.01
         np.testing.assert_allclose(result.predicted, evaluate(problem, drive).covariances["joint"], rtol=1e-8)
+
+
+class Simulated(NamedTuple):
+    estimates: np.ndarray
+    linear: np.ndarray
+    searches: int
+
+
+def both_ways(estimator: Nonlinear, count: int, monkeypatch) -> tuple[Simulated, Simulated]:
+    """Simulated experiments side by side as far as that leads, and one after another."""
+    found, searched, ways = JointSearch.found, list[int](), list[Simulated]()
+
+    def counted(search: JointSearch, values: np.ndarray | None = None):
+        searched.append(1)
+        return found(search, values)
+
+    monkeypatch.setattr(JointSearch, "found", counted)
+    for most in (SideBySide.most, 1):
+        monkeypatch.setattr(SideBySide, "most", most)
+        searched.clear()
+        ways.append(Simulated(*estimator.simulate(np.random.default_rng(6), count), len(searched)))
+    return ways[0], ways[1]
 
 
 class TestRobust:

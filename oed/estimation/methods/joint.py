@@ -117,12 +117,17 @@ class JointSearch:
     def found(self, values: Array | None = None) -> Found:
         """Where the search ends that begins at the nominal values or those given."""
         begin = self.unknowns.nominal if values is None else np.array(values, dtype=float)
-        unknowns, exact = self.unknowns, self.drive is not None
-        close, flat = (EXACT, FLAT) if exact else (CLOSE, 1.0)
-        search = LeastSquares(unknowns.scale, self.known, self.loss, unknowns.clocks, close, flat)
         # Noise and weights follow the residuals, so they converge along with the unknowns.
-        renewed = None if exact or self.specified is not None else _Weighted.renewed
-        return search.solved(self.at_first, begin, self.first_starts(begin), renewed)
+        fixed = self.drive is not None or self.specified is not None
+        renewed = None if fixed else _Weighted.renewed
+        return self.least_squares.solved(self.at_first, begin, self.first_starts(begin), renewed)
+
+    @property
+    def least_squares(self) -> LeastSquares:
+        """How the least squares are searched for."""
+        close, flat = (CLOSE, 1.0) if self.drive is None else (EXACT, FLAT)
+        unknowns = self.unknowns
+        return LeastSquares(unknowns.scale, self.known, self.loss, unknowns.clocks, close, flat)
 
     @property
     def at_first(self) -> _Weighted:

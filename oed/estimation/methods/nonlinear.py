@@ -12,6 +12,7 @@ import numpy.typing as npt
 from oed.estimation.methods.estimator import ARRIVED, ASTRAY, Estimate, Estimator, EstimatorName
 from oed.estimation.methods.gauss_newton import loss_moments
 from oed.estimation.methods.joint import JointSearch
+from oed.estimation.methods.side_by_side import SideBySide
 from oed.estimation.methods.smoothing import Smoother
 from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import SegmentLayout
@@ -149,22 +150,31 @@ class Nonlinear(Estimator):
     def simulate(self, rng: np.random.Generator, count: int) -> tuple[Array, Array]:
         """Estimates (count, p) from simulated readings, and the linearised estimates of the same noise."""
         places, gain = self._places, self._gain[self._places]
-        estimates, linear = np.empty((count, len(places))), np.empty((count, len(places)))
-        smoother, together = self._smoother, list[tuple[Array, Array]]()
+        linear = np.empty((count, len(places)))
+        readings, known = np.empty((count, len(self.predicted()))), np.tile(self._initial, (count, 1))
         for index in range(count):
-            measured, white = self._readings.simulated(rng)
+            readings[index], white = self._readings.simulated(rng)
             surprise = rng.standard_normal(len(self._known_places))
-            before = self._initial.copy()
-            before[self._known_places] += self._spread @ surprise
-            if smoother is None:
-                estimates[index] = self._searching(measured, before).found().values[places]
-            else:
-                together.append((measured, before))
+            known[index, self._known_places] += self._spread @ surprise
             linear[index] = self.true + gain @ np.concatenate([white, surprise])
-        if smoother is not None:
-            readings, known = (np.array(one) for one in zip(*together, strict=True))
-            estimates = smoother.solved(readings, self._known, known).values[:, places]
-        return estimates, linear
+        if self._smoother is not None:
+            found = self._smoother.solved(readings, self._known, known).values
+        else:
+            found = self._least_squares(readings, known)
+        return found[:, places], linear
+
+    def _least_squares(self, readings: Array, known: Array) -> Array:
+        # The unknowns (R, q) by readings (R, M): side by side as far as that leads.
+        found, arrived = np.empty((len(readings), len(self._initial))), np.zeros(len(readings), dtype=bool)
+        together = SideBySide(self._search.least_squares, self._readings)
+        if self.loss == "linear" and together.most > 1:
+            runs = readings[:, self._readings.order].reshape(len(readings), self._search.layout.count, -1)
+            for first in range(0, len(readings), together.most):
+                own = slice(first, first + together.most)
+                found[own], arrived[own] = together.solved(runs[own], known[own], self._initial)
+        for index in np.flatnonzero(~arrived):
+            found[index] = self._searching(readings[index], known[index]).found().values
+        return found
 
     @cached_property
     def _smoother(self) -> Smoother | None:

@@ -62,22 +62,30 @@ class DriveReadings:
         """The readings (runs, M, 1), SI, their derivatives by the unknowns (runs, M, 1, q), and by none of a
         run alone.
         """
-        (parameters, nuisances, _), begins = self.unknowns.parts(values), self.unknowns.begins(values)
-        starts = begins if len(begins) else self.trajectory.starts
+        found, slopes = self.side_by_side(values)
+        return found, slopes, np.zeros((*slopes.shape[:-1], 0))
+
+    def side_by_side(self, values: Array) -> tuple[Array, Array]:
+        """The readings (..., runs, M, 1), SI, and their derivatives by the unknowns (..., runs, M, 1, q), at
+        unknowns (..., q): of one drive, or of many (R, q) at once.
+        """
+        (parameters, nuisances, _), starts = self.unknowns.parts(values), self.unknowns.begins(values)
+        if not starts.shape[-2]:
+            own = self.trajectory.starts
+            starts = np.broadcast_to(own, (*values.shape[:-1], *own.shape))
         readings, slopes = list[Array](), list[Array]()
-        leading = len(parameters) + starts.shape[1]
+        leading, last = parameters.shape[-1] + starts.shape[-1], nuisances.shape[-1]
         # The nuisances before and after a sensor's own do not concern it.
-        before, after = 0, len(nuisances)
+        before, after = 0, last
         for one in self.each:
             after -= len(one.sensor.nuisances)
-            own = nuisances[before : len(nuisances) - after]
+            own = nuisances[..., before : last - after]
             found, by_own = one.derivatives(Driven(starts, *self._driven, parameters, own))
-            rows = by_own.reshape(len(found), found[0].size, 1, -1)
-            readings.append(found.reshape(rows.shape[:3]))
+            rows = by_own.reshape(*found.shape[:-2], found.shape[-2] * found.shape[-1], 1, by_own.shape[-1])
+            readings.append(found.reshape(rows.shape[:-1]))
             slopes.append(_widened(rows, leading, before, after))
             before += len(one.sensor.nuisances)
-        by_all = self.unknowns.slopes(_together(slopes))
-        return _together(readings), by_all, np.zeros((*by_all.shape[:-1], 0))
+        return _together(readings, -2), self.unknowns.slopes(_together(slopes, -3))
 
     @cached_property
     def _driven(self) -> tuple[Array, Array]:
@@ -211,11 +219,11 @@ def _widened(rows: Array, leading: int, before: int, after: int) -> Array:
     # With columns of 0 for so many nuisances of other sensors before and after those behind the leading ones.
     if not before and not after:
         return rows
-    wide = np.zeros((*rows.shape[:3], rows.shape[-1] + before + after))
+    wide = np.zeros((*rows.shape[:-1], rows.shape[-1] + before + after))
     wide[..., :leading] = rows[..., :leading]
     wide[..., leading + before : wide.shape[-1] - after] = rows[..., leading:]
     return wide
 
 
-def _together(parts: list[Array]) -> Array:
-    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+def _together(parts: list[Array], axis: int) -> Array:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=axis)

@@ -46,6 +46,8 @@ class Driven(NamedTuple):
         times: lengths of the periods [s], 0 beyond a segment's end, (S, n).
         parameters: of the system, (p,).
         nuisances: the sensor's own, (k,).
+
+    Side by side, starts, parameters and nuisances have a leading axis.
     """
 
     starts: Array
@@ -148,12 +150,27 @@ class SegmentReadings:
         return self._by_segment(found)
 
     def derivatives(self, driven: Driven) -> tuple[Array, Array]:
-        """The readings, and their derivatives (S, K, q, p + states + k).
+        """The readings, and their derivatives (S, K, q, p + states + k); (R, S, ...) side by side.
 
         The columns are the parameters, the segment's own start, the sensor's nuisances.
         """
+        if driven.parameters.ndim > 1:
+            return self._side_by_side(driven)
         found, slopes = self._called("slopes", driven)
         return self._by_segment(found), self._by_segment(slopes, self._width)
+
+    def _side_by_side(self, driven: Driven) -> tuple[Array, Array]:
+        many = len(driven.parameters)
+        call = _segments(self.model, self.sensor, self.count, self.periods, "slopes", many)
+        found, slopes = call(
+            driven.starts,
+            np.tile(driven.inputs, (many, 1, 1)),
+            np.tile(driven.times, (many, 1)),
+            np.repeat(driven.parameters, self.count, axis=0),
+            np.repeat(driven.nuisances, self.count, axis=0),
+        )
+        shape = (many, self.count, -1, self._size)
+        return found.reshape(shape), slopes.reshape(*shape, self._width)
 
     def by_twist(self, driven: Driven) -> Array:
         """Derivatives of the readings by a robot's twist at their times, (S, K, q, 3)."""
@@ -188,11 +205,15 @@ class SegmentReadings:
 
 
 @lru_cache(maxsize=16)
-def _segments(model: System, sensor: Sensor, count: int, periods: int, what: What) -> DirectCall:
-    # Parameters and nuisances are common to all segments. Few are remembered: each holds the indices of all
-    # its numbers, and of a long log these take as much room as the numbers themselves.
+def _segments(
+    model: System, sensor: Sensor, count: int, periods: int, what: What, many: int = 1
+) -> DirectCall:
+    # Parameters and nuisances are common to all segments, but for those of many drives side by side. Few are
+    # remembered: each holds the indices of all its numbers, and of a long log these take as much room as the
+    # numbers themselves.
     function = _segment(model, sensor, periods, what)
-    mapped = function.map("segments", "serial", count, [3, 4], []) if count > 1 else function
+    common = [3, 4] if many == 1 else []
+    mapped = function.map("segments", "serial", many * count, common, []) if many * count > 1 else function
     return DirectCall(mapped)
 
 

@@ -105,8 +105,8 @@ class Unknowns:
         return np.array([*own, *(places[name] for name in self.place), *[0.0] * self.clocks])
 
     def slopes(self, slopes: Array) -> Array:
-        """Derivatives (S, ..., q) of S segments by the unknowns but the clocks, from those by all parameters,
-        the segment's own start and all constants, (S, ..., columns).
+        """Derivatives (..., S, K, k, q) of S segments by the unknowns but the clocks, from those by all
+        parameters, the segment's own start and all constants, (..., S, K, k, columns).
         """
         count, states = len(self._nominals), len(self.system.states)
         first = count + states
@@ -116,18 +116,20 @@ class Unknowns:
             return np.concatenate([own, place], axis=-1)
         # Of every run's start, for the run's own readings.
         starts = np.zeros((*slopes.shape[:-1], len(self.starts)))
-        for run in range(len(slopes)):
-            starts[run, ..., run * states : (run + 1) * states] = slopes[run, ..., count:first]
+        for run in range(slopes.shape[-4]):
+            starts[..., run, :, :, run * states : (run + 1) * states] = slopes[..., run, :, :, count:first]
         return np.concatenate([own, starts, place], axis=-1)
 
     def parts(self, values: Array) -> tuple[Array, Array, Array]:
-        """All the system's parameters (p,), the place or other constants, the clock offsets given."""
-        parameters, place = self._nominals.copy(), np.array(self.sits)
+        """All the system's parameters (..., p), the place or other constants, the clock offsets given, at
+        values (..., q).
+        """
+        parameters, place = (np.tile(one, (*values.shape[:-1], 1)) for one in (self._nominals, self.sits))
         last = self.size - self.clocks
         first = last - len(self.place)
-        parameters[self._own] = values[: len(self.parameters)]
-        place[self._places] = values[first:last]
-        return parameters, place, values[last:]
+        parameters[..., self._own] = values[..., : len(self.parameters)]
+        place[..., self._places] = values[..., first:last]
+        return parameters, place, values[..., last:]
 
     def coefficients(self, parameters: Array) -> tuple[tuple[str, ...], Array, Array]:
         """Names of a robot's coefficients, values, and derivatives by the parameters estimated, at
@@ -137,10 +139,12 @@ class Unknowns:
         return names, values, slopes[:, self._own]
 
     def begins(self, values: Array) -> Array:
-        """The starts of a drive's runs, (runs, states); (0, states) where they are no unknowns here."""
+        """The starts of a drive's runs, (..., runs, states), at values (..., q); (..., 0, states) where they
+        are no unknowns here.
+        """
         first, states = len(self.parameters), len(self.system.states)
-        own = values[first : first + len(self.starts)]
-        return np.asarray(own.reshape(len(own) // max(states, 1), states))
+        own = values[..., first : first + len(self.starts)]
+        return np.asarray(own.reshape(*own.shape[:-1], own.shape[-1] // max(states, 1), states))
 
     @property
     def _each(self) -> range:
