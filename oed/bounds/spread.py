@@ -53,34 +53,28 @@ def largest_spread(low: float, high: float, start: float | None, steps: Array, r
     readings = int(read.sum())
     grain = 2 * half * readings / SUM_STEPS
     shifts = np.rint(values / grain).astype(int)
-    offset = int(np.abs(shifts).max()) * readings + 1
-    table = np.full((len(values), 2 * offset + 1), -np.inf)
+    # By the sum of the readings so far, from the smallest that there can be to the largest.
+    table = np.full((len(values), 1), -np.inf)
     first = (
         np.ones(len(values), dtype=bool) if start is None else np.isclose(values, start - middle, atol=1e-9)
     )
-    table[first, offset] = 0.0
+    table[first] = 0.0
     reach = step * (1 + 1e-9) + 1e-9
     lows, highs = (
         np.searchsorted(values, values - reach),
         np.searchsorted(values, values + reach, side="right"),
     )
+    farthest = int(np.abs(shifts).max())
     for index, taken in enumerate(read):
-        if index:
-            table = np.array([table[a:b].max(axis=0) for a, b in zip(lows, highs, strict=True)])
-        if taken:
-            for row, shift in enumerate(shifts):
-                table[row] = _shifted(table[row], int(shift)) + values[row] ** 2
+        more = farthest if taken else 0
+        moved = np.full((len(values), table.shape[1] + 2 * more), -np.inf)
+        for row, (value, shift) in enumerate(zip(values, shifts, strict=True)):
+            best = np.maximum.reduce(table[lows[row] : highs[row]] if index else table[row : row + 1], axis=0)
+            begin = more + int(shift) if taken else 0
+            moved[row, begin : begin + len(best)] = best + (value**2 if taken else 0.0)
+        table = moved
     best = table.max(axis=0)
-    sums = (np.arange(len(best)) - offset) * grain
+    sums = (np.arange(len(best)) - len(best) // 2) * grain
     rounding = readings * grain / 2
     means = np.maximum(np.abs(sums) - rounding, 0.0) ** 2 / readings
     return float(np.max(best - means))
-
-
-def _shifted(row: Array, shift: int) -> Array:
-    moved = np.full_like(row, -np.inf)
-    if shift >= 0:
-        moved[shift:] = row[: len(row) - shift]
-    else:
-        moved[:shift] = row[-shift:]
-    return moved
