@@ -151,11 +151,8 @@ def _most(angles: Array, weights: Array, slopes: Array, most: Array, share: floa
     found = np.full(np.broadcast_shapes(one.shape, most.shape), -np.inf)
     none = np.zeros(())
     allowed = most + ROUNDING * (np.abs(most) + slopes[0] * one + slopes[1] * other)
+    # Where the largest angles are allowed, those that are clipped are these.
     for first, second in (
-        (none, none),
-        (one, none),
-        (none, other),
-        (one, other),
         (one, np.clip((most - slopes[0] * one) / slopes[1], 0.0, other)),
         (np.clip((most - slopes[1] * other) / slopes[0], 0.0, one), other),
         (none, np.clip(most / slopes[1], 0.0, other)),

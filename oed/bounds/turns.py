@@ -127,23 +127,24 @@ class Worth:
 
     @cached_property
     def turns(self) -> Array:
-        """As a turn that adds so many ranges to the distance to the middle, (J, A, A)."""
+        """As a turn that adds so many ranges to the distance to the middle, (A, A, J)."""
         course, fine = self.course, _fine(self.course)
         driven = np.maximum(0.0, (np.arange(_distances()) - 1) * fine)
         most = (self.segment.ways[-1] - driven) / course.arm
         slopes = np.abs(course.turn)
-        return most_squares(self.segment.angles, course.weights, slopes, most[:, None, None], self.share, -1)
+        found = most_squares(self.segment.angles, course.weights, slopes, most[:, None, None], self.share, -1)
+        return _places_last(found)
 
     @cached_property
     def ways(self) -> Array:
-        """As a way from a range of g to another, (PLACES, PLACES, A, A)."""
+        """As a way from a range of g to another, (PLACES, A, A, PLACES)."""
         begun = self._ahead - 2 * self.course.half / PLACES
         length = (self._ahead - begun[:, None] + self._rate * self.segment.ways[-1]) / (1 + self._rate)
         ended = np.array([self._until(value) for value in begun])
         return self._way(np.minimum(length[:, :, None, None], ended[:, None, None, :]))
 
     def entry(self, place: int) -> Array:
-        """As the first way from so many ranges of distance to the middle, to a range of g, (PLACES, A, A)."""
+        """As the first way from so many ranges of distance to the middle, to a range of g, (A, A, PLACES)."""
         if place not in self._entries:
             half, ways = self.course.half, self.segment.ways
             away = min(place * _fine(self.course), half)
@@ -161,7 +162,14 @@ class Worth:
 
     def _way(self, most: Array) -> Array:
         slopes = np.abs(self.course.forward)
-        return most_squares(self.segment.angles, self.course.weights, slopes, most, self.share, 1)
+        return _places_last(
+            most_squares(self.segment.angles, self.course.weights, slopes, most, self.share, 1)
+        )
+
+
+def _places_last(worth: Array) -> Array:
+    # (..., places, A, A) to (..., A, A, places), side by side as they are read.
+    return np.ascontiguousarray(np.moveaxis(worth, -3, -1))
 
 
 def _fine(course: Course) -> float:
@@ -237,7 +245,9 @@ class Classes:
         for number in range(self.ways_in_all + 1):
             for place in np.flatnonzero(np.isfinite(turns[:, number]).any(axis=(0, 1))):
                 _spread(
-                    found[:, number, :, place:], turns[:, number, :, place], worth.turns[: last + 1 - place]
+                    found[:, number, :, place:],
+                    turns[:, number, :, place],
+                    worth.turns[..., : last + 1 - place],
                 )
         return found
 
@@ -264,8 +274,9 @@ class Classes:
 
 
 def _spread(into: Array, source: Array, worth: Array) -> None:
-    # into (classes, A, places) at least source (classes, A) and worth (places, A, A) from there.
+    # into (classes, A, places) at least source (classes, A) and worth (A, A, places) from there.
     classes = np.flatnonzero(np.isfinite(source).any(axis=1))
+    best = into[classes]
     for begun in np.flatnonzero(np.isfinite(source).any(axis=0)):
-        gained = source[classes, begun, None, None] + worth[:, begun].T
-        into[classes] = np.maximum(into[classes], gained)
+        np.maximum(best, source[classes, begun, None, None] + worth[begun], out=best)
+    into[classes] = best
