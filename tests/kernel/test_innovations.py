@@ -344,7 +344,7 @@ def test_what_drift_blind_errors_would_be_is_not_what_they_are():
 @pytest.mark.slow
 def test_bounds_without_drift_hold_with_it_and_say_so():
     problem = problem_of(measurement=POSES, criterion=E(), samples=20)
-    found, steady = bound(problem), bound(problem.steady)
+    found, steady = (bound(one, nodes=4) for one in (problem, problem.steady))
     assert found.upper_bound == steady.upper_bound
     assert STEADY in found.assumptions
     assert STEADY not in steady.assumptions
