@@ -75,17 +75,22 @@ def _solved(
     criterion: Criterion, parts: Parts, budgets: Sequence[Budget], even: Array, most: Array
 ) -> tuple[Array, Array]:
     # The weights, and the multipliers of the criterion's equalities.
-    weights, size = ca.SX.sym("w", len(even)), len(parts.known)
-    flat = ca.DM(parts.matrices.reshape(len(even), -1).T) @ weights
-    whole = ca.reshape(flat, size, size) + ca.DM(parts.known)
+    weights = ca.SX.sym("w", len(even))
+    # The information has unknowns of its own: only they are curved, and they are few.
+    entries = np.triu_indices(len(parts.known))
+    summed = ca.SX.sym("F", len(entries[0]))
+    whole = ca.SX(*parts.known.shape)
+    for place, (row, column) in enumerate(zip(*entries, strict=True)):
+        whole[int(row), int(column)] = whole[int(column), int(row)] = summed[place]
     epigraph = criterion.epigraph([eliminate(whole, parts.judged)])
-    spent = [ca.dot(ca.DM(one.sizes), weights[list(one.places)]) - one.total for one in budgets]
+    linear = [ca.dot(ca.DM(one.sizes), weights[list(one.places)]) - one.total for one in budgets]
+    linear.append(ca.DM(parts.matrices[:, *entries].T) @ weights + ca.DM(parts.known[entries]) - summed)
     program = {
-        "x": ca.vertcat(weights, epigraph.variables),
+        "x": ca.vertcat(weights, summed, epigraph.variables),
         "f": -epigraph.objective,
-        "g": ca.vertcat(*spent, epigraph.equalities),
+        "g": ca.vertcat(*linear, epigraph.equalities),
     }
-    further = epigraph.initial([parts.information(even)])
+    further = np.concatenate([parts.whole(even)[entries], epigraph.initial([parts.information(even)])])
     open_ends = np.full(len(further), np.inf)
     solver = ca.nlpsol("weights", "ipopt", program, OPTIONS)
     with interrupts_kept(), one_thread():
@@ -96,7 +101,8 @@ def _solved(
             lbg=0.0,
             ubg=0.0,
         )
-    return np.array(found["x"]).ravel()[: len(even)], np.array(found["lam_g"]).ravel()[len(budgets) :]
+    multipliers = np.array(found["lam_g"]).ravel()[len(budgets) + len(entries[0]) :]
+    return np.array(found["x"]).ravel()[: len(even)], multipliers
 
 
 @typed
