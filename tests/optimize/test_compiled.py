@@ -32,6 +32,12 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "oed"
 
 
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cache for what the tests of searches compile, one and the same."""
+    return tmp_path_factory.mktemp("shared")
+
+
 def example(factor: float = 2.0) -> ca.Function:
     x = ca.SX.sym("x", 3)
     turned = ca.sin(x[0] * factor) / x[1] + x[1] * x[2] - ca.sqrt(x[2])
@@ -91,14 +97,15 @@ def problem() -> Problem:
 
 @needs_compiler
 @pytest.mark.slow
-def test_what_a_search_calls_is_the_same_to_the_last_bit(cache: Path):
+def test_what_a_search_calls_is_the_same_to_the_last_bit(shared: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(shared))
     terms = terms_of(problem())
     plain = list(vars(terms.functions(SLOTS)).values())
     making = Making(plain)
     making.wait()
     quick = making.functions()
     assert quick is not None
-    assert len(list(cache.iterdir())) == 1
+    assert len(list((shared / "oed").iterdir())) == 1
     rng = np.random.default_rng(0)
     for _ in range(50):
         given = [rng.uniform(-0.5, 0.5, terms.size), numbers_of(terms, rng)]
@@ -110,7 +117,8 @@ def test_what_a_search_calls_is_the_same_to_the_last_bit(cache: Path):
 
 @needs_compiler
 @pytest.mark.slow
-def test_a_search_ends_where_it_does_without(cache: Path):
+def test_a_search_ends_where_it_does_without(shared: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(shared))
     ends = []
     for compiling in (False, True):
         search = LocalSearch(replace(problem(), name=f"{compiling}"), Settings(200, 1e-8, None, "none"))
@@ -146,7 +154,9 @@ def test_long_lists_are_compiled_as_they_stand(cache: Path):
 
 @needs_compiler
 @pytest.mark.slow
-def test_what_takes_longer_than_it_spares_is_not_compiled(cache: Path):
+def test_what_takes_longer_than_it_spares_is_not_compiled(
+    cache: Path, shared: Path, monkeypatch: pytest.MonkeyPatch
+):
     terms = Pieces(problem(), divisible(problem()))
     assert terms.compile(SLOTS, spared=0.1) is None
     assert terms.compile(SLOTS, spared=1.5) is not None
@@ -154,6 +164,7 @@ def test_what_takes_longer_than_it_spares_is_not_compiled(cache: Path):
     assert not cache.exists() or not list(cache.iterdir())
     assert not terms.functions(SLOTS).values.is_a("External")
     # Where it turns out later that it pays, it is begun.
+    monkeypatch.setenv("XDG_CACHE_HOME", str(shared))
     terms.compile(SLOTS)
     terms.compiled()
     assert terms.functions(SLOTS).values.is_a("External")
