@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import replace
 from functools import cache, partial
 from typing import Any, ClassVar, Literal
@@ -62,9 +63,10 @@ class Larger(Solver):
     def search(self, problem: Problem, context: Context) -> Solution:
         """The fastest."""
         self.asked.append((problem, context))
-        drives = (self.drive(problem, scale) for scale in SCALES if self.finds)
-        kept = (one for one in drives if self.stubborn or evaluate(problem, one).feasible)
-        best = next(kept, None)
+        drives = [self.drive(problem, scale) for scale in SCALES if self.finds]
+        # Whatever is slower than a drive that keeps the limits keeps them, too.
+        kept = bisect_left(drives, True, key=lambda one: self.stubborn or evaluate(problem, one).feasible)
+        best = drives[kept] if kept < len(drives) else None
         scored = None if best is None else evaluate(problem, best)
         status = Status.FAILED if best is None else self.status
         return Solution(self.label, self.kind, best, scored, status, seed=context.seed, wall_seconds=1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,7 @@ PROBLEMS: dict[str, dict[str, Any]] = {
         "robust": Robust(),
     },
 }
-each = pytest.mark.parametrize("overrides", PROBLEMS.values(), ids=PROBLEMS.keys())
+each = pytest.mark.parametrize("name", PROBLEMS)
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
 
 
@@ -87,6 +88,16 @@ def scored(function: ca.Function, terms: Terms) -> list[Array]:
     return [np.array(one) for one in function.map(drives.shape[1])(drives)]
 
 
+@lru_cache
+def built(name: str) -> Terms:
+    return terms_of(problem_of(**PROBLEMS[name]), refine=2)
+
+
+@lru_cache
+def written_out(name: str) -> list[Array]:
+    return scored(built(name).scores_written_out, built(name))
+
+
 def assert_same_bits(found: list[Array], expected: list[Array]) -> None:
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -94,16 +105,16 @@ def assert_same_bits(found: list[Array], expected: list[Array]) -> None:
 
 @pytest.mark.slow
 @each
-def test_written_out_they_are_the_same_bits(overrides: dict[str, Any]):
-    terms = terms_of(problem_of(**overrides), refine=2)
-    assert isinstance(terms, Unrolled if "robust" in overrides else Pieces)
-    assert_same_bits(scored(terms.scores_written_out, terms), scored(terms.scores, terms))
+def test_written_out_they_are_the_same_bits(name: str):
+    terms = built(name)
+    assert isinstance(terms, Unrolled if "robust" in PROBLEMS[name] else Pieces)
+    assert_same_bits(written_out(name), scored(terms.scores, terms))
 
 
 @pytest.mark.slow
 def test_simplified_they_would_not_be():
     # What the test before looks at is looked at closely enough.
-    terms = terms_of(problem_of(**PROBLEMS["limits"]), refine=2)
+    terms = built("limits")
     found, expected = (scored(one, terms)[0] for one in (terms.scores.expand(), terms.scores))
     assert (found != expected).any()
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
@@ -112,19 +123,18 @@ def test_simplified_they_would_not_be():
 @needs_compiler
 @pytest.mark.slow
 @each
-def test_so_they_are_in_generated_c(overrides: dict[str, Any], cache: Path):
-    terms = terms_of(problem_of(**overrides), refine=2)
+def test_so_they_are_in_generated_c(name: str, cache: Path):
+    terms = built(name)
     function = compiled(terms.scores)
     assert len(list(cache.iterdir())) == 1
-    assert_same_bits(scored(function, terms), scored(terms.scores_written_out, terms))
+    assert_same_bits(scored(function, terms), written_out(name))
 
 
 @each
 @pytest.mark.slow
-def test_violations_are_those_of_the_rows(overrides: dict[str, Any]):
-    problem = problem_of(**overrides)
-    terms, whole = terms_of(problem, refine=2), Unrolled(problem, 2)
-    entries, violations = scored(terms.scores_written_out, terms)
+def test_violations_are_those_of_the_rows(name: str):
+    terms, whole = built(name), Unrolled(problem_of(**PROBLEMS[name]), 2)
+    entries, violations = written_out(name)
     function = ca.Function(
         "rows", [whole.unknowns], [whole.entries, *(one.expression for one in whole.limits)]
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +60,7 @@ def share_too_warm(trajectory: oed.Trajectory, draws: int) -> float:
     "kind", ["chance", *(pytest.param(one, marks=pytest.mark.slow) for one in ("tube", "scenarios"))]
 )
 def test_a_limit_on_an_expression_holds_for_other_systems(kind: str):
-    """As simulated here, and as the package says; a nominal design keeps it for the nominal system alone."""
+    """As simulated here, and as the package says; a nominal design is better, for it need not."""
     robust = study(kind)
     found = oed.solve(robust.problem, robust.solvers[0], seed=0)
     said = violation_probability(robust.problem, found.trajectory, draws=4000, seed=0)
@@ -67,13 +68,25 @@ def test_a_limit_on_an_expression_holds_for_other_systems(kind: str):
     share = share_too_warm(found.trajectory, 20_000)
     assert share <= 0.01
     assert said.interval[0] <= share <= said.interval[1] + 3e-3
-    lines = [one for one in robust.text.splitlines() if not one.startswith(("robust:", "uncertainty:"))]
-    nominal = oed.parse_study("\n".join(lines))
-    other = oed.solve(nominal.problem, nominal.solvers[0], seed=0)
-    violated = violation_probability(robust.problem, other.trajectory, draws=4000, seed=0)
-    assert violated.probability == pytest.approx(share_too_warm(other.trajectory, 20_000), abs=0.03)
+    assert nominal().evaluation.objective > found.evaluation.objective
+
+
+@cache
+def nominal() -> oed.Solution:
+    """The design for the nominal system, whatever way of being robust there is."""
+    lines = [
+        one for one in study("chance").text.splitlines() if not one.startswith(("robust:", "uncertainty:"))
+    ]
+    given = oed.parse_study("\n".join(lines))
+    return oed.solve(given.problem, given.solvers[0], seed=0)
+
+
+@pytest.mark.slow
+def test_a_nominal_design_keeps_it_for_the_nominal_system_alone():
+    drive = nominal().trajectory
+    violated = violation_probability(study("chance").problem, drive, draws=4000, seed=0)
+    assert violated.probability == pytest.approx(share_too_warm(drive, 20_000), abs=0.03)
     assert violated.probability > 0.3
-    assert other.evaluation.objective > found.evaluation.objective
 
 
 @pytest.mark.slow
