@@ -30,6 +30,10 @@ LEAST, MOST = 10, 32
 """Instants of a run that it begins with at least, and at most, but for slots that would be empty: more cost
 more than they save.
 """
+TOGETHER = 128
+"""Rows of all instants that it begins with at most, but for the least number of each: of many obstacles few
+count, and which is found out soon.
+"""
 ENOUGH = 1e-4
 """Share of a limit's size by which a drive exceeds it where nothing is added any more."""
 CLOSE = 2e-3
@@ -98,11 +102,13 @@ class Exchange:
 
     def begun(self) -> Instants:
         """Those to begin with, evenly spread over each run."""
-        count = int(np.clip(PER_UNKNOWN * max(self._terms.embedding.counts, default=0), LEAST, MOST))
-        if each := self._rows.count * self._problem.design.runs:
-            # Slots that are there anyway need not be empty.
-            count = slots_for(count * each) // each
-        return self._spread(count)
+        each = self._rows.count * self._problem.design.runs
+        if not each:
+            return self._spread(LEAST)
+        most = int(np.clip(TOGETHER // each, LEAST, MOST))
+        count = int(np.clip(PER_UNKNOWN * max(self._terms.embedding.counts, default=0), LEAST, most))
+        # Slots that are there anyway need not be empty.
+        return self._spread(slots_for(count * each) // each)
 
     def at_samples(self) -> Instants:
         """Those at the ends of the samples."""
