@@ -35,3 +35,17 @@ def test_stages_of_one_step_take_each_others_place() -> None:
         listener.advance()
     listener.end()
     assert [task.description for task in bars.tasks] == ["starts", "bound"]
+
+
+def test_the_clock_of_a_stage_that_ends_early_stops_with_it() -> None:
+    clock = iter(range(1000))
+    bars = RichProgress(console=Console(file=io.StringIO()), get_time=lambda: float(next(clock)))
+    listener = _Bars(bars)
+    listener.begin("explore", 100)
+    listener.advance()
+    listener.begin("starts", 4)
+    explored, _ = bars.tasks
+    assert (explored.completed, explored.total) == (1, 1)
+    took = explored.elapsed
+    listener.advance()
+    assert explored.elapsed == took

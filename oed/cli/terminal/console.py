@@ -57,6 +57,10 @@ class _Bars:
         if self._task is not None and self._one_step:
             # Stages of one step take each other's place.
             self._bars.remove_task(self._task)
+        elif self._task is not None:
+            # A stage may end before all its steps: its clock stops, and what was done is all there was.
+            self._bars.update(self._task, total=self._bars.tasks[-1].completed)
+            self._bars.stop_task(self._task)
         self._current, self._one_step = description, total == 1
         self._task = self._bars.add_task(shown(spoken(description)), total=total, note="")
 
