@@ -253,9 +253,10 @@ def row_times(
     return [
         (label, run, column + (0.5 if sensor.when == "in periods" else 0.0))
         for sensor, label in zip(sensors, sensor_labels(sensors), strict=True)
+        for rows in [moment_reading(sensor, system).size1_out(0)]
         for run in range(runs)
         for column in sensor.columns(samples)
-        for _ in range(moment_reading(sensor, system).size1_out(0))
+        for _ in range(rows)
     ]
 
 
