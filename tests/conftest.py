@@ -20,6 +20,13 @@ sys.dont_write_bytecode = False
 # Reading thousands of tests makes objects but no garbage: looking for it takes a third of that time.
 gc.disable()
 
+from oed.foundation.work import parallel
+
+if "PYTEST_XDIST_WORKER" in os.environ:
+    # Before any other module takes it: processes of each process of the tests would wait for each other's
+    # processors, and load the package anew. What many workers do, tests ask for by their number.
+    parallel.default_workers = lambda: 1
+
 import pytest
 from builders import make_flagship
 from hypothesis import settings
