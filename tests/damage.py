@@ -26,12 +26,6 @@ def keys_of(value: Any, key: Key = ()) -> Iterator[Key]:
             yield from keys_of(value[place], (*key, place))
 
 
-def _inner(data: Any, key: Key) -> Any:
-    for part in key:
-        data = data[part]
-    return data
-
-
 def _deleted(parent: Any, part: str | int) -> None:
     del parent[part]
 
@@ -81,10 +75,15 @@ DAMAGES: dict[str, Callable[[Any, str | int], None]] = {
 
 
 def damaged(data: Any, key: Key, name: str) -> Any:
-    """The data with one damage."""
-    found = copy.deepcopy(data)
+    """The data with one damage; all that is not on the way to it is the same as before."""
+    found = copy.copy(data)
     *outer, last = key
-    DAMAGES[name](_inner(found, tuple(outer)), last)
+    parent = found
+    for part in outer:
+        parent[part] = copy.copy(parent[part])
+        parent = parent[part]
+    parent[last] = copy.copy(parent[last])
+    DAMAGES[name](parent, last)
     return found
 
 

@@ -36,7 +36,11 @@ def plain(value: Any, digits: int | None = None) -> Any:
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, np.ndarray | np.generic):
-        return plain((value if digits is None else np.round(value, digits)).tolist())
+        rounded = value if digits is None else np.round(value, digits)
+        # Most are whole tables of finite numbers, which are to be kept as they are: no look at each.
+        if rounded.dtype == float and np.isfinite(rounded).all():
+            return rounded.tolist()
+        return plain(rounded.tolist())
     if isinstance(value, Mapping):
         return {key: plain(entry, digits) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import Literal
 
 import casadi as ca
@@ -80,22 +79,24 @@ def after_arc(
 
 
 def between(first: Array, last: Array, shares: Array) -> Array:
-    """States (k, states) at shares (k,) of the time from one state to the next, on the arc between them.
+    """States (n, k, states) at shares (k,) of the time from each state to another, on the arc between them.
 
     The chord to a share s of an arc that turns by a is s sinc(s a/2) / sinc(a/2) of the whole chord, turned
     back by (1 - s) a/2; states other than x and y change evenly.
 
     Args:
-        first: state (states,).
-        last: state (states,).
+        first: states (n, states).
+        last: states (n, states).
         shares: of the time between them, (k,).
     """
-    found: Array = first + shares[:, None] * (last - first)
-    turn = last[2] - first[2]
-    if abs(turn) < FULL_TURN:
-        chord = complex(*(last - first)[:2]) / np.sinc(turn / (2 * np.pi))
-        parts = shares * np.sinc(shares * turn / (2 * np.pi)) * chord * np.exp(-0.5j * (1 - shares) * turn)
-        found[:, 0], found[:, 1] = first[0] + parts.real, first[1] + parts.imag
+    way = last - first
+    found: Array = first[:, None] + shares[:, None] * way[:, None]
+    bent = np.abs(way[:, 2]) < FULL_TURN
+    turn = way[bent, 2, None]
+    chord = (way[bent, 0, None] + 1j * way[bent, 1, None]) / np.sinc(turn / (2 * np.pi))
+    parts = shares * np.sinc(shares * turn / (2 * np.pi)) * chord * np.exp(-0.5j * (1 - shares) * turn)
+    found[bent, :, 0] = first[bent, 0, None] + parts.real
+    found[bent, :, 1] = first[bent, 1, None] + parts.imag
     return found
 
 
@@ -138,4 +139,5 @@ def finer(poses: Array) -> Array:
     sharpest = float(np.abs(np.diff(poses[:, 2])).max(initial=0.0))
     steps = int(np.clip(math.ceil(sharpest / TURN), 1, FINEST))
     shares = np.arange(steps) / steps
-    return np.vstack([*(between(*pair, shares) for pair in pairwise(poses)), poses[-1]])
+    each = between(poses[:-1], poses[1:], shares)
+    return np.vstack([each.reshape(-1, poses.shape[1]), poses[-1]])
