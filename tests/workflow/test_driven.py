@@ -18,7 +18,7 @@ from oed.workflow.driven import driven_parts, score_logs, score_path
 from oed.workflow.runner import run
 from oed.workflow.studies import parse_study
 
-STUDY = f"{ROOM_STUDY}solvers: []\nbaselines: [square, figure_eight]\nlog: {{}}\n"
+STUDY = f"{ROOM_STUDY}solvers: []\nbaselines: [square, figure_eight]\nbound: true\nlog: {{}}\n"
 
 
 @pytest.fixture(scope="module")
@@ -27,15 +27,14 @@ def study() -> Study:
 
 
 @pytest.fixture(scope="module")
-def saved(study: Study, tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("designs")
-    run(study, folder, workers=1)
-    return folder
+def saved(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("designs")
 
 
 @pytest.fixture(scope="module")
-def record(study: Study) -> Record:
-    return run(study, workers=1)
+def record(study: Study, saved: Path) -> Record:
+    """What is in the folder, its bound with it."""
+    return run(study, saved, workers=1)
 
 
 def log_of(study: Study, record: Record, name: str, path: Path) -> Path:
@@ -53,7 +52,7 @@ def test_the_log_of_a_drive_is_worth_the_drive(study, record, saved, tmp_path):
     best = record.best
     assert found.best == (best.name, best.objective)
     assert found.first.efficiency == pytest.approx(found.first.result.objective / best.objective)
-    assert found.bound >= best.objective
+    assert found.bound == record.certificate.upper_bound >= best.objective
     assert 0 < found.first.share_of_bound <= found.first.efficiency
 
 
@@ -74,6 +73,8 @@ def test_long_logs_are_cut_to_the_duration_of_the_study(study, record, tmp_path)
     found = score_logs(study, [path])
     assert [one.name for one in found.paths] == ["log part 1", "log part 2"]
     assert found.best is None
+    # No record says the bound, and it is the same.
+    assert found.bound == pytest.approx(record.certificate.upper_bound, rel=1e-9)
 
 
 def test_a_path_file_is_scored_as_it_is(study, record, saved):
@@ -82,7 +83,7 @@ def test_a_path_file_is_scored_as_it_is(study, record, saved):
     assert found.first.efficiency is not None
 
 
-def test_records_of_other_problems_are_not_compared_with(study, saved):
+def test_records_of_other_problems_are_not_compared_with(record, saved):
     other = parse_study(STUDY.replace("33 mm", "34 mm"))
     assert score_path(other, saved / "square.csv", saved).first.efficiency is None
 

@@ -13,6 +13,7 @@ from driven_robot import ROOM_STUDY, write_log
 from recorded import record_from
 from studies import saved_study, small
 
+from oed.bounds import Certificate
 from oed.foundation.errors import StudyError
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
@@ -245,8 +246,10 @@ class TestDriven:
         assert "uncertainty" not in following.echo()
         assert spread_of(following.problem.uncertain_system).names == tuple(TRUTH)
 
-    def test_what_was_driven_needs_nothing_in_reserve(self, driven, tmp_path):
+    def test_what_was_driven_needs_nothing_in_reserve(self, driven, tmp_path, monkeypatch):
         study, record, folder, _ = driven
+        # Of the bound it is compared with nothing is asked here.
+        monkeypatch.setattr("oed.workflow.driven.bound", lambda _: Certificate(np.inf, "none", ()))
         drive = record.result("square").drive.trajectory
         log = write_log(tmp_path / "square.csv", study.problem, drive, {})
         scored = score_logs(study, [log], folder).first.result
