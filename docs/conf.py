@@ -16,7 +16,12 @@ sys.path[:0] = [str(HERE), str(HERE.parent)]
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
 os.environ["PYTHONPATH"] = os.pathsep.join([*sys.path[:2], os.environ.get("PYTHONPATH", "")])
 
+import cells
 import generate
+
+if cells.quick() and hasattr(os, "sched_setaffinity"):
+    # Tests have all processors at work: what is started here starts no processes of its own.
+    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
 
 project = "oed"
 author = "the authors of oed"
@@ -47,6 +52,8 @@ nb_execution_raise_on_error = True
 nb_execution_in_temp = True
 nb_merge_streams = True
 
+# Sections of every page list each name of the reference; that takes long.
+toc_object_entries = not cells.quick()
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_default_options = {"members": True}
