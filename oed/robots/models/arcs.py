@@ -79,24 +79,24 @@ def after_arc(
 
 
 def between(first: Array, last: Array, shares: Array) -> Array:
-    """States (n, k, states) at shares (k,) of the time from each state to another, on the arc between them.
+    """States (..., k, states) at shares of the time from one state to the next, on the arc between them.
 
     The chord to a share s of an arc that turns by a is s sinc(s a/2) / sinc(a/2) of the whole chord, turned
     back by (1 - s) a/2; states other than x and y change evenly.
 
     Args:
-        first: states (n, states).
-        last: states (n, states).
+        first: state, or many at once, (..., states).
+        last: as many, (..., states).
         shares: of the time between them, (k,).
     """
     way = last - first
-    found: Array = first[:, None] + shares[:, None] * way[:, None]
-    bent = np.abs(way[:, 2]) < FULL_TURN
-    turn = way[bent, 2, None]
-    chord = (way[bent, 0, None] + 1j * way[bent, 1, None]) / np.sinc(turn / (2 * np.pi))
+    found: Array = first[..., None, :] + shares[:, None] * way[..., None, :]
+    bent = np.abs(way[..., 2, None]) < FULL_TURN
+    turn = np.where(bent, way[..., 2, None], 0.0)
+    chord = (way[..., 0, None] + 1j * way[..., 1, None]) / np.sinc(turn / (2 * np.pi))
     parts = shares * np.sinc(shares * turn / (2 * np.pi)) * chord * np.exp(-0.5j * (1 - shares) * turn)
-    found[bent, :, 0] = first[bent, 0, None] + parts.real
-    found[bent, :, 1] = first[bent, 1, None] + parts.imag
+    found[..., 0] = np.where(bent, first[..., 0, None] + parts.real, found[..., 0])
+    found[..., 1] = np.where(bent, first[..., 1, None] + parts.imag, found[..., 1])
     return found
 
 
