@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from itertools import count
 
 from rich.console import Console
 from rich.progress import Progress as RichProgress
@@ -38,7 +39,7 @@ def test_stages_of_one_step_take_each_others_place() -> None:
 
 
 def test_the_clock_of_a_stage_that_ends_early_stops_with_it() -> None:
-    clock = iter(range(1000))
+    clock = count()
     bars = RichProgress(console=Console(file=io.StringIO()), get_time=lambda: float(next(clock)))
     listener = _Bars(bars)
     listener.begin("explore", 100)
@@ -49,3 +50,5 @@ def test_the_clock_of_a_stage_that_ends_early_stops_with_it() -> None:
     took = explored.elapsed
     listener.advance()
     assert explored.elapsed == took
+    # The thread that draws the bars ends.
+    listener.end()
