@@ -18,7 +18,7 @@ from pathlib import Path
 import oed
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
-KNOWN = {"laser_tracker": 880931.8239, "per_sample": 83.58012, "robot_40": 5751.56106}
+KNOWN = {"laser_tracker": 880943.7017, "per_sample": 83.58012, "robot_40": 5751.56106}
 """Best objectives known, of all searches so far."""
 SETTINGS = ("auto", "fixed")
 CLOSE = 1e-3

@@ -54,7 +54,6 @@ LONGEST = (
     "test_campaign.py",
     "test_other_criteria.py",
     "test_baselines_of_robots.py",
-    "test_closed_form.py",
     "test_planar.py",
     "test_starter.py",
 )

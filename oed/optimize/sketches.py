@@ -1,4 +1,4 @@
-"""Sketches: one cheap solve from a start, which tells where that leads."""
+"""Sketches: one cheap solve from a start, for where that leads."""
 
 from __future__ import annotations
 

@@ -265,7 +265,8 @@ def _added(one: dict[str, Any]) -> dict[str, Any]:
     said = {key: one.get(key) for key in ("identifiable", "singular")}
     known = None if drive is None else {"runs": 1, "weights": None, **drive}
     later = {"selection": None, "steady_deviations": {}, "explored": None, "levels": [], "over_time": None}
-    return {"drive": known, "margins": margins, **later, **said}
+    said |= {key: one.get(key, value) for key, value in later.items()}
+    return {"drive": known, "margins": margins, **said}
 
 
 def _tried(floor: dict[str, Any]) -> dict[str, Any]:
