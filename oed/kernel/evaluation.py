@@ -17,17 +17,18 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, NotFinite
 from oed.kernel.between import GAP, Sight, most_exceeded
 from oed.kernel.dynamics.direct_call import direct_call
+from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import FINE, any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluated import Evaluation as Evaluation
-from oed.kernel.finiteness import require_finite
+from oed.kernel.finiteness import require_driven, require_measured
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.margin import TOLERANCE as TOLERANCE
 from oed.kernel.margin import Margin as Margin
 from oed.kernel.measurement.sensor import row_times
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import root_weights
-from oed.kernel.problem import Problem
+from oed.kernel.problem import Estimation, Problem
 
 EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
 """What a drive's splines are among, as `roll_out` takes it."""
@@ -58,8 +59,8 @@ def full_information(problem: Problem, trajectory: Trajectory) -> dict[str, Squa
     Raises:
         ValueError, NotFinite: as `evaluate` does.
     """
-    scorer, extremes = _scorer_of(problem, trajectory)
-    return scorer.full_information(trajectory, extremes)
+    scorer, _ = _scorer_of(problem, trajectory)
+    return scorer.full_information(trajectory)
 
 
 def jacobians(problem: Problem, trajectory: Trajectory) -> tuple[Array, ...]:
@@ -68,8 +69,8 @@ def jacobians(problem: Problem, trajectory: Trajectory) -> tuple[Array, ...]:
     Raises:
         ValueError, NotFinite: as `evaluate` does.
     """
-    scorer, extremes = _scorer_of(problem, trajectory)
-    return scorer.jacobians(trajectory, extremes)
+    scorer, _ = _scorer_of(problem, trajectory)
+    return scorer.jacobians(trajectory)
 
 
 def precision_over_time(problem: Problem, trajectory: Trajectory, times: Array) -> Array:
@@ -81,8 +82,8 @@ def precision_over_time(problem: Problem, trajectory: Trajectory, times: Array) 
     Raises:
         ValueError, NotFinite: as `evaluate` does.
     """
-    scorer, extremes = _scorer_of(problem, trajectory)
-    return scorer.precision_over_time(trajectory, extremes, times)
+    scorer, _ = _scorer_of(problem, trajectory)
+    return scorer.precision_over_time(trajectory, times)
 
 
 def limits_exceeded(problem: Problem, trajectory: Trajectory, share: float) -> frozenset[str]:
@@ -126,33 +127,63 @@ def require_shape(problem: Problem, trajectory: Trajectory) -> None:
         )
 
 
+class _Outputs:
+    """A function whose outputs come in groups."""
+
+    def __init__(
+        self, name: str, arguments: Sequence[Expression], groups: Sequence[Sequence[Expression]]
+    ) -> None:
+        self._edges = np.cumsum([0, *map(len, groups)])
+        outputs = [ca.densify(output) for group in groups for output in group]
+        self._function = ca.Function(name, list(arguments), outputs)
+
+    def values(self, *arguments: Array) -> list[list[Array]]:
+        """Of arguments whose rows are the function's columns."""
+        results = direct_call(self._function, *arguments)
+        arrays = [
+            result.reshape(self._function.size_out(place), order="F") for place, result in enumerate(results)
+        ]
+        return [arrays[first:last] for first, last in pairwise(self._edges)]
+
+
 class _Scorer:
     """The compiled functions that score trajectories of one number of samples."""
 
     def __init__(self, problem: Problem, samples: int, runs: int, *counts: int) -> None:
         system = problem.system
-        extremes = [ca.MX.sym("extremes", count, len(system.inputs)) for count in counts]
-        given = dict(zip(EXTREMES, extremes, strict=True))
+        self._extremes = [ca.MX.sym("extremes", count, len(system.inputs)) for count in counts]
+        given = dict(zip(EXTREMES, self._extremes, strict=True))
         if not _checked_at_points(problem):
             given["motion_inputs"] = None
-        self._symbols, drive = any_drive(system, samples, runs, refine=FINE, **given)
+        self._symbols, self._drive = any_drive(system, samples, runs, refine=FINE, **given)
         self.problem = problem
-        self.estimations = problem.estimations(drive)
-        self.rows: list[Rows] = problem.limit_rows(drive)
+        self.rows: list[Rows] = problem.limit_rows(self._drive)
+
+    @cached_property
+    def estimations(self) -> Sequence[Estimation]:
+        """Of this number of samples; what only asks for limits does not pay for them."""
+        return self.problem.estimations(self._drive)
+
+    @cached_property
+    def _of_driving(self) -> _Outputs:
+        drive = self._drive
         groups = [
             [drive.path_length(), drive.states, drive.path, drive.speeds],
+            [rows.expression for rows in self.rows],
+        ]
+        return _Outputs("driven", [*self._symbols, *self._extremes], groups)
+
+    @cached_property
+    def _of_measuring(self) -> _Outputs:
+        groups = [
             # Of sensors the jacobian's first columns: they are not asked for twice.
             [one.block.design_matrix for one in self.estimations if one.block.raw],
             [one.block.response for one in self.estimations],
             [one.block.jacobian for one in self.estimations],
             [one.block.magnitudes for one in self.estimations],
-            [rows.expression for rows in self.rows],
+            [self._drive.states],
         ]
-        self._edges = np.cumsum([0, *map(len, groups)])
-        outputs = [output for group in groups for output in group]
-        self.function = ca.Function(
-            "score", [*self._symbols, *extremes], [ca.densify(output) for output in outputs]
-        )
+        return _Outputs("measured", self._symbols, groups)
 
     @cached_property
     def _jacobians(self) -> ca.Function:
@@ -195,38 +226,36 @@ class _Scorer:
             for one, jacobian in zip(self.estimations, jacobians, strict=True)
         ]
 
-    def _values(self, drive: Trajectory, extremes: Sequence[Array]) -> list[list[Array]]:
-        # What the function finds, in the groups of its outputs.
-        robot, period = np.array(self.problem.system.nominal), np.array(drive.period)
-        given = [drive.inputs.T, drive.starts.T, robot, period, *(one.T for one in extremes)]
-        results = direct_call(self.function, *given)
-        arrays = [
-            result.reshape(self.function.size_out(place), order="F") for place, result in enumerate(results)
-        ]
-        groups = [arrays[first:last] for first, last in pairwise(self._edges)]
-        (_, _, path, _), _, responses, jacobians, *_ = groups
-        groups[3] = jacobians = self._weighted(jacobians, drive)
-        require_finite(self.problem, drive, path, responses, jacobians)
+    def _driven(self, drive: Trajectory, extremes: Sequence[Array]) -> tuple[list[Array], list[Array]]:
+        # Its length, states at the samples, path and speeds; the limits' rows.
+        known, limits = self._of_driving.values(*self._given(drive), *(one.T for one in extremes))
+        require_driven(self.problem, drive, known[2])
+        return known, limits
+
+    def _measured(self, drive: Trajectory) -> list[list[Array]]:
+        # Regressors, responses, jacobians and what their columns add up, of every block of readings.
+        *groups, (states,) = self._of_measuring.values(*self._given(drive))
+        require_driven(self.problem, drive, states)
+        groups[2] = self._weighted(groups[2], drive)
+        require_measured(self.problem, drive, groups[1], groups[2])
         return groups
 
-    def full_information(self, trajectory: Trajectory, extremes: Sequence[Array]) -> dict[str, SquareRoot]:
-        *_, jacobians, summed, _ = self._values(trajectory, extremes)
+    def _given(self, drive: Trajectory) -> list[Array]:
+        robot, period = np.array(self.problem.system.nominal), np.array(drive.period)
+        return [drive.inputs.T, drive.starts.T, robot, period]
+
+    def full_information(self, trajectory: Trajectory) -> dict[str, SquareRoot]:
+        *_, jacobians, summed = self._measured(trajectory)
         _, full = self._square_roots(jacobians, summed)
         return {one.block.name: root for one, root in zip(self.estimations, full, strict=True)}
 
-    def jacobians(self, trajectory: Trajectory, extremes: Sequence[Array]) -> tuple[Array, ...]:
-        *_, found, _, _ = self._values(trajectory, extremes)
+    def jacobians(self, trajectory: Trajectory) -> tuple[Array, ...]:
+        *_, found, _ = self._measured(trajectory)
         return tuple(found)
 
-    def precision_over_time(self, trajectory: Trajectory, extremes: Sequence[Array], times: Array) -> Array:
-        """Standard deviations (n, p) by the readings until times (n,) of every run.
-
-        Args:
-            trajectory: what is driven.
-            extremes: of its splines.
-            times: [s].
-        """
-        *_, (jacobian,), (summed,), _ = self._values(trajectory, extremes)
+    def precision_over_time(self, trajectory: Trajectory, times: Array) -> Array:
+        """Standard deviations (n, p) by the readings until times (n,) [s] of every run."""
+        *_, (jacobian,), (summed,) = self._measured(trajectory)
         (one,), samples = self.estimations, trajectory.samples // trajectory.runs
         rows = row_times(
             self.problem.measurement.joint_sensors, self.problem.system, samples, trajectory.runs
@@ -246,13 +275,17 @@ class _Scorer:
             extremes: of its splines.
             share: of each limit's size.
         """
-        margins = self._margins(trajectory, self._values(trajectory, extremes), share)
+        margins = self._margins(trajectory, *self._driven(trajectory, extremes), share)
         return frozenset(margin.name for margin in margins if margin.violation > share * margin.size)
 
     def _margins(
-        self, trajectory: Trajectory, groups: Sequence[Sequence[Array]], share: float | None = None
+        self,
+        trajectory: Trajectory,
+        driven: Sequence[Array],
+        limits: Sequence[Array],
+        share: float | None = None,
     ) -> tuple[Margin, ...]:
-        problem, ((_, states, _, speeds), *_, limits) = self.problem, groups
+        problem, (_, states, _, speeds) = self.problem, driven
         sight = Sight.of(problem, trajectory, states, speeds.ravel())
         margins = [
             _margin(problem, limit, sight, rows, values.ravel(), share)
@@ -263,8 +296,9 @@ class _Scorer:
 
     def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
         problem = self.problem
-        groups = self._values(trajectory, extremes)
-        (length, states, path, _), regressors, responses, jacobians, summed, _ = groups
+        driven, limits = self._driven(trajectory, extremes)
+        regressors, responses, jacobians, summed = self._measured(trajectory)
+        length, states, path, _ = driven
         designs = self._designs(regressors, jacobians)
         roots, full = self._square_roots(jacobians, summed)
         robots, criterion = self._robots(trajectory, roots), problem.objective
@@ -281,7 +315,7 @@ class _Scorer:
             singular_values=np.sort(np.concatenate(singular))[::-1],
             norm_y=float(np.linalg.norm(np.concatenate(responses))),
             path_length=float(length.item()),
-            margins=self._margins(trajectory, groups),
+            margins=self._margins(trajectory, driven, limits),
             design_matrices=dict(zip(names, designs, strict=True)),
             square_roots=dict(zip(names, roots, strict=True)),
             full_square_roots=dict(zip(names, full, strict=True)),

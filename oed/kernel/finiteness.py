@@ -14,21 +14,13 @@ from oed.kernel.measurement.sensor import row_times
 from oed.kernel.problem import Problem
 
 
-def require_finite(
-    problem: Problem,
-    trajectory: Trajectory,
-    path: Array,
-    responses: Sequence[Array],
-    derivatives: Sequence[Array],
-) -> None:
+def require_driven(problem: Problem, trajectory: Trajectory, path: Array) -> None:
     """Refuse a drive that cannot be scored, or goes farther than anything that a study may speak of.
 
     Args:
         problem: that scores it.
         trajectory: the drive.
         path: its states, all runs at the same times, (rows, states).
-        responses: of each block of readings, (M,) or (M, 1).
-        derivatives: of these by what is estimated, (M, p).
 
     Raises:
         NotFinite: says what is not finite, or beyond `LARGEST`, and when.
@@ -36,6 +28,22 @@ def require_finite(
     for inside, what in ((np.isfinite(path), "not finite"), (np.abs(path) <= LARGEST, f"beyond {LARGEST:g}")):
         if not inside.all():
             raise NotFinite(Flaw((problem.model.noun,), _departure(problem, trajectory, inside, what)))
+
+
+def require_measured(
+    problem: Problem, trajectory: Trajectory, responses: Sequence[Array], derivatives: Sequence[Array]
+) -> None:
+    """Refuse a drive whose readings, or what they say, cannot be scored.
+
+    Args:
+        problem: that scores it.
+        trajectory: the drive.
+        responses: of each block of readings, (M,) or (M, 1).
+        derivatives: of these by what is estimated, (M, p).
+
+    Raises:
+        NotFinite: says what is not finite, and when.
+    """
     pairs = [("reading", array) for array in responses] + [("derivative", array) for array in derivatives]
     for what, array in pairs:
         rows = np.flatnonzero(~np.isfinite(np.atleast_2d(array.T)).all(axis=0))

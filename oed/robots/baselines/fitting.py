@@ -110,7 +110,10 @@ def _tried(problem: Problem, shape: Shape, laps: int, below: float) -> _Found | 
     size = largest_size(problem, shape, laps, below=below, halvings=COARSE)
     if size is None:
         return None
-    evaluation = evaluate(problem, shape.drive(size, laps))
+    try:
+        evaluation = evaluate(problem, shape.drive(size, laps))
+    except NotFinite:
+        return None
     return _Found(shape, laps, size, (evaluation.objective, evaluation.path_length))
 
 
