@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.foundation.work.parallel import Workers, run_tasks
+from oed.foundation.work.parallel import Workers, run_tasks, waiting
 from oed.kernel.criteria import D
 from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.problem import Problem
@@ -52,6 +52,8 @@ PERCENT = 100
 """Steps of an exploration's progress."""
 POOL_SECONDS = 8.0
 """Work left below which starting worker processes, each building its own program, takes longer."""
+READY_SECONDS = 2.0
+"""The same where processes are there and wait."""
 
 
 class _TimeUp(Exception):
@@ -193,6 +195,23 @@ class MultiStart:
                 self._try_starts([one.unknowns for one in each], BARRIERS[-1])
 
     def _sketches(self, found: Exploration, explorer: Explorer, attempts: Sequence[Attempt]) -> list[Sketch]:
+        budget, made = self.options.budget, list[Sketch]()
+        # The very first one here: it shows how long the others will take.
+        parts = (attempts,) if found.spent else (attempts[:1], attempts[1:])
+        for part in parts:
+            spent = found.spent + found.share * sum(one.iterations for one in made)
+            left = (time.perf_counter() - self.began) * (budget / spent - 1) if spent else 0.0
+            explorer = explorer.compiled(SPARED * left)
+            made += self._explored_from(explorer, part, self._workers(left))
+        after = found.spent + found.share * sum(one.iterations for one in made)
+        before, now = (int(min(PERCENT * one / budget, PERCENT)) for one in (found.spent, after))
+        for _ in range(now - before):
+            self.context.progress.advance()
+        return made
+
+    def _explored_from(
+        self, explorer: Explorer, attempts: Sequence[Attempt], workers: Workers
+    ) -> list[Sketch]:
         results = dict[int, Sketch]()
 
         def take(index: int, result: Sketch) -> None:
@@ -201,16 +220,8 @@ class MultiStart:
             if self._out_of_time():
                 raise _TimeUp
 
-        spent, budget = found.spent, self.options.budget
-        left = (time.perf_counter() - self.began) * (budget / spent - 1) if spent else 0.0
-        explorer = explorer.compiled(SPARED * left)
-        run_tasks(explorer, attempts, self.context.workers if left > POOL_SECONDS else 1, take)
-        made = [results[index] for index in range(len(attempts))]
-        after = spent + found.share * sum(one.iterations for one in made)
-        before, now = (int(min(PERCENT * one / budget, PERCENT)) for one in (spent, after))
-        for _ in range(now - before):
-            self.context.progress.advance()
-        return made
+        run_tasks(explorer, attempts, workers, take)
+        return [results[index] for index in range(len(attempts))]
 
     def _fall_back(self, screened: Screening) -> None:
         # No search is to end with less than the best drives that were only looked at.
@@ -239,10 +250,10 @@ class MultiStart:
         typical = float(np.mean([start.wall_seconds for start in self.starts])) if self.starts else 0.0
         return left * typical
 
-    @property
-    def _workers(self) -> Workers:
-        # How many processes share the work decides only when a design is found, not which.
-        return self.context.workers if self._seconds_left > POOL_SECONDS else 1
+    def _workers(self, left: float) -> Workers:
+        # How many processes share work of so many seconds decides only when a design is found, not which.
+        least = POOL_SECONDS if waiting() == 1 else min(READY_SECONDS, POOL_SECONDS)
+        return self.context.workers if left > least else 1
 
     def _compile(self, search: LocalSearch, left: float) -> None:
         slots, binary = search.compile(SPARED * left)
@@ -293,8 +304,9 @@ class MultiStart:
             if self._out_of_time():
                 raise _TimeUp
 
+        tasks = [self._task(point, barrier=barrier) for point in points]
         try:
-            run_tasks(work, [self._task(point, barrier=barrier) for point in points], self._workers, take)
+            run_tasks(work, tasks, self._workers(self._seconds_left), take)
         finally:
             # In the order of the starts, so that ties fall alike whatever the workers' timing.
             self._keep_best(results)

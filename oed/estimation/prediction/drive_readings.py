@@ -194,25 +194,38 @@ class DriveReadings:
         exact = np.concatenate([found.ravel() for found in self.nominal])
         white = rng.standard_normal(len(exact))
         if self.walk is None:
-            return exact + self.colour @ white, white[self.order]
+            return exact + self.coloured(white), white[self.order]
         units = [rng.standard_normal(root.shape[:2]) for root in self.walk.roots]
         errors = [
             np.einsum("kij,kj->ik", root, own) for root, own in zip(self.walk.roots, units, strict=True)
         ]
-        noise = self.colour @ white
+        noise = self.coloured(white)
         near = noise + self.walk.effect @ np.concatenate([own.ravel() for own in units])
         return self.walk.readings(errors) + noise, self.whitener @ near[self.order]
 
+    def coloured(self, white: Array) -> Array:
+        """Noise of standard normal numbers (M of all runs,), sensor by sensor; 0 for what is not read."""
+        return np.asarray(self._colouring.of(white if self._roots is None else white * (self._roots > 0)))
+
     @cached_property
-    def colour(self) -> Any:
-        """From standard normal numbers to noise, sensor by sensor; 0 for what is not read."""
+    def _colouring(self) -> _Solve:
         whitener, roots = self._whitener, self._roots
-        if roots is not None:
-            # Rows that are 0 have no inverse.
-            taken = roots > 0
-            whitener = whitener + scipy.sparse.diags_array((~taken).astype(float))
-        found = scipy.sparse.linalg.inv(scipy.sparse.csc_array(whitener))
-        return scipy.sparse.csr_array(found if roots is None else found * taken)
+        # Rows that are 0 have no inverse.
+        unread = None if roots is None else scipy.sparse.diags_array((roots == 0).astype(float))
+        return _Solve(whitener if unread is None else whitener + unread)
+
+
+class _Solve:
+    # A sparse matrix's factors, which another process makes anew: its inverse may be full.
+    def __init__(self, matrix: Any) -> None:
+        self._matrix = matrix
+        self._factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(matrix))
+
+    def __reduce__(self) -> tuple[type[_Solve], tuple[Any]]:
+        return _Solve, (self._matrix,)
+
+    def of(self, right: Array) -> Array:
+        return np.asarray(self._factors.solve(right))
 
 
 def _widened(rows: Array, leading: int, before: int, after: int) -> Array:
