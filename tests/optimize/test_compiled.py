@@ -16,12 +16,13 @@ from oed.kernel.dynamics.compiled import MANY, Making, compiled, compiler
 from oed.kernel.problem import Problem
 from oed.optimize.local import LocalSearch
 from oed.optimize.local_results import Settings
-from oed.optimize.terms import terms_of
 from oed.optimize.terms.layout import divisible
 from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
 from oed.robots.limits import YawRate
 from oed.robots.sensors import Poses
+
+SETTINGS = Settings(200, 1e-8, None, "none")
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
 
@@ -99,8 +100,9 @@ def problem() -> Problem:
 @pytest.mark.slow
 def test_what_a_search_calls_is_the_same_to_the_last_bit(shared: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(shared))
-    terms = terms_of(problem())
-    plain = list(vars(terms.functions(SLOTS)).values())
+    search = LocalSearch(problem(), SETTINGS)
+    terms, (slots, _) = search.design.terms, search.compile(0.0)
+    plain = list(vars(terms.functions(slots)).values())
     making = Making(plain)
     making.wait()
     quick = making.functions()
@@ -108,7 +110,7 @@ def test_what_a_search_calls_is_the_same_to_the_last_bit(shared: Path, monkeypat
     assert len(list((shared / "oed").iterdir())) == 1
     rng = np.random.default_rng(0)
     for _ in range(50):
-        given = [rng.uniform(-0.5, 0.5, terms.size), numbers_of(terms, rng)]
+        given = [rng.uniform(-0.5, 0.5, terms.size), numbers_of(terms, rng, slots)]
         weights = [rng.normal(size=plain[2].size1_in(place)) for place in (2, 3)]
         for one, other, more in zip(plain, quick, ([], [], weights), strict=True):
             for expected, found in zip(one.call([*given, *more]), other.call([*given, *more]), strict=True):
@@ -121,7 +123,7 @@ def test_a_search_ends_where_it_does_without(shared: Path, monkeypatch: pytest.M
     monkeypatch.setenv("XDG_CACHE_HOME", str(shared))
     ends = []
     for compiling in (False, True):
-        search = LocalSearch(replace(problem(), name=f"{compiling}"), Settings(200, 1e-8, None, "none"))
+        search = LocalSearch(replace(problem(), name=f"{compiling}"), SETTINGS)
         terms = search.design.terms
         if compiling:
             slots, binary = search.compile(np.inf)
@@ -158,16 +160,17 @@ def test_what_takes_longer_than_it_spares_is_not_compiled(
     cache: Path, shared: Path, monkeypatch: pytest.MonkeyPatch
 ):
     terms = Pieces(problem(), divisible(problem()))
-    assert terms.compile(SLOTS, spared=0.1) is None
-    assert terms.compile(SLOTS, spared=1.5) is not None
+    slots, _ = LocalSearch(problem(), SETTINGS).compile(0.0)
+    assert terms.compile(slots, spared=0.1) is None
+    assert terms.compile(slots, spared=1.5) is not None
     terms.compiled()
     assert not cache.exists() or not list(cache.iterdir())
-    assert not terms.functions(SLOTS).values.is_a("External")
+    assert not terms.functions(slots).values.is_a("External")
     # Where it turns out later that it pays, it is begun.
     monkeypatch.setenv("XDG_CACHE_HOME", str(shared))
-    terms.compile(SLOTS)
+    terms.compile(slots)
     terms.compiled()
-    assert terms.functions(SLOTS).values.is_a("External")
+    assert terms.functions(slots).values.is_a("External")
 
 
 def test_what_is_long_is_not_even_written_down(monkeypatch: pytest.MonkeyPatch):
