@@ -23,7 +23,8 @@ class Experiment:
     Attributes:
         problem: of the package.
         trajectory: what is done.
-        read: readings (M,) of the unknowns, parameters before start states, in the package's order.
+        read: readings (M,) of the unknowns (q,), parameters before start states, in the package's order; of
+            many sets of them (q, n) side by side (M, n).
         deviations: of the readings, (M,).
     """
 
@@ -61,9 +62,11 @@ def response(
         **parts,
     )
     trajectory = problem.design.trajectory(column, np.zeros((runs, 0)))
-    return Experiment(
-        problem, trajectory, lambda values: read(column[:, 0], *values), np.full(len(times), noise)
-    )
+
+    def read_of(values: np.ndarray) -> np.ndarray:
+        return read(column if np.ndim(values) > 1 else column[:, 0], *values)
+
+    return Experiment(problem, trajectory, read_of, np.full(len(times), noise))
 
 
 def box_and_lucas(noise: float) -> Experiment:
@@ -148,28 +151,35 @@ def pond(
     )
     held = np.zeros((48 * runs, 0)) if inputs is None else inputs
     trajectory = space.trajectory(held, np.tile(BEGIN, (runs, 1)))
-    catches = np.zeros(48 * runs) if inputs is None else inputs[:, 0]
+    catches = np.zeros((48, runs)) if inputs is None else inputs.reshape(runs, 48).T
 
     def read(values: np.ndarray) -> np.ndarray:
-        begins = np.tile(BEGIN, runs) if start == "known" else values[4:]
-        each = zip(np.split(catches, runs), np.reshape(begins, (runs, 2)), strict=True)
-        return np.concatenate([_pond(values[:4], own, begin).ravel() for own, begin in each])
+        # Runs and sets of values are integrated side by side.
+        many = np.reshape(values, (len(values), -1))
+        begins = np.tile(BEGIN, runs)[:, None] if start == "known" else many[4:]
+        states = np.broadcast_to(begins, (2 * runs, many.shape[1])).reshape(runs, 2, -1)
+        found = _pond(many[:4], catches, states.swapaxes(0, 1))
+        return found.transpose(2, 0, 1, 3).reshape(-1, *np.shape(values)[1:])
 
     return Experiment(problem, trajectory, read, np.tile([noise, 2 * noise], 49 * runs))
 
 
 def _pond(parameters: np.ndarray, catches: np.ndarray, begin: np.ndarray) -> np.ndarray:
-    # Both kinds at 49 times.
+    # Both kinds at 49 times, (49, 2, runs, n), of parameters (4, n), catches (48, runs), states (2, runs, n).
     birth, loss, gain, death = parameters
-    found = [np.asarray(begin, dtype=float)]
-    for catch in catches:
+    found = [begin]
+    for catch in catches[..., None]:
 
-        def rates(_: float, state: np.ndarray, catch: float = catch) -> list[float]:
-            prey, predators = state
-            return [
-                (birth - loss * predators - 0.4 * catch) * prey,
-                (gain * prey - death - 0.2 * catch) * predators,
-            ]
+        def rates(_: float, state: np.ndarray, catch: np.ndarray = catch) -> np.ndarray:
+            prey, predators = state.reshape(begin.shape)
+            return np.stack(
+                [
+                    (birth - loss * predators - 0.4 * catch) * prey,
+                    (gain * prey - death - 0.2 * catch) * predators,
+                ]
+            ).ravel()
 
-        found.append(solve_ivp(rates, (0, 0.25), found[-1], method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1])
+        last = found[-1].ravel()
+        ends = solve_ivp(rates, (0, 0.25), last, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+        found.append(ends.reshape(begin.shape))
     return np.array(found)

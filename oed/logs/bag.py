@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -165,13 +166,9 @@ def open_bag(file: Path) -> Iterator[Bag]:
         if special(part):
             raise LogError.about(part, f"cannot be read as a ROS bag: expected a file, got {special(part)}")
     highlevel = extra("rosbags.highlevel", "ros", NEEDED_FOR)
-    typesys = extra("rosbags.typesys", "ros", NEEDED_FOR)
-    # Bags before ROS 2 Iron do not say what their messages look like.
-    known = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    for name, text in CARS.items():
-        known.register(typesys.get_types_from_msg(text, name))
     try:
-        with highlevel.AnyReader([file], default_typestore=known) as reader:
+        with highlevel.AnyReader([file], default_typestore=_known_types()) as reader:
+            _share_types(reader)
             types = {one.topic: one.msgtype for one in reader.connections}
             yield Bag(str(file), reader, types)
     except LogError:
@@ -180,6 +177,31 @@ def open_bag(file: Path) -> Iterator[Bag]:
         # Broken files come to light as errors of the database, the compression or the library.
         reason = f"cannot be read as a ROS bag: {error}"
         raise LogError.about(file, reason) from None
+
+
+@cache
+def _known_types() -> Any:
+    # Bags before ROS 2 Iron do not say what their messages look like.
+    typesys = extra("rosbags.typesys", "ros", NEEDED_FOR)
+    known = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    for name, text in CARS.items():
+        known.register(typesys.get_types_from_msg(text, name))
+    return known
+
+
+def _share_types(reader: Any) -> None:
+    # The library writes and compiles a decoder of every type for each bag that is opened.
+    stated = frozenset((one.msgtype, str(one.msgdef)) for one in reader.connections)
+    first = _first_types(stated)
+    if not first:
+        first.append(reader.typestore)
+    reader.typestore = first[0]
+
+
+@lru_cache(maxsize=16)
+def _first_types(stated: frozenset[tuple[str, str]]) -> list[Any]:
+    # The types of the first bag with these definitions, once that is open.
+    return []
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pulls import SETS, require_pulls
 from sensed import PLACES, gyro, sighted, with_sensors
 from simulated import (
     ORIGIN,
@@ -265,35 +266,48 @@ def said(fit: Fit) -> Covariance:
     return ways[_most_trusted(ways, blocks_of(fit, None), rates, False, len(TRUE))]
 
 
-def covered(logs: Callable[[int], list[Log]], seconds: float, count: int = 200) -> list[np.ndarray]:
-    """Shares (3,) of the parameters' 95 % intervals that hold the truth, of so many sets; and of F^-1's."""
+def misses(logs: Callable[[int], list[Log]], seconds: float, count: int = SETS) -> np.ndarray:
+    """Errors of the parameters in units of half their 95 % intervals, and of those of F^-1, of so many sets,
+    (2, sets, 3).
+    """
     nothing = loosely(unknowns_of())
     fits = [fit_of(logs(seed), seconds=seconds, known=nothing) for seed in range(count)]
-    shares = []
-    for way in (said, information):
-        each = [(np.abs(fit.values - TRUE), way(fit)) for fit in fits]
-        shares.append(np.mean([off < one.half_width * one.deviations for off, one in each], axis=0))
-    return shares
+    each = [[(fit, way(fit)) for fit in fits] for way in (said, information)]
+    return np.array(
+        [[(fit.values - TRUE) / (one.half_width * one.deviations) for fit, one in own] for own in each]
+    )
+
+
+def shares(off: np.ndarray) -> np.ndarray:
+    """Of intervals that hold the truth, (2, 3)."""
+    return (np.abs(off) < 1).mean(axis=1)
 
 
 @pytest.mark.slow
 class TestCoverage:
-    """Of 200 logs where nothing else is said; 88 % are 4.5 deviations off 95 %, and 99 % are 2.6."""
+    """Of 120 sets of logs less than 88 % are seen in four of five cases where intervals would hold 85 %; what
+    is missing beside 200 sets their errors' sizes make up for.
+    """
 
     def test_two_short_logs(self):
-        own, white = covered(lambda seed: [driven(10 * seed + k, 5.0) for k in range(2)], np.inf)
+        off = misses(lambda seed: [driven(10 * seed + k, 5.0) for k in range(2)], np.inf)
+        own, white = shares(off)
+        require_pulls(1.96 * off[0])
         assert np.all((own >= 0.88) & (own <= 0.99))
         assert np.all(white < 0.6)
 
     def test_a_single_log_of_circles_in_one_direction(self):
         times = 0.2 * np.arange(150)
         wheels = np.column_stack([4 + 0.4 * np.sin(0.4 * times), 2.5 + 0.25 * np.sin(0.23 * times)])
-        own, white = covered(lambda seed: [driven(seed, 30.0, inputs=wheels, period=0.2)], 4.0)
+        off = misses(lambda seed: [driven(seed, 30.0, inputs=wheels, period=0.2)], 4.0)
+        own, white = shares(off)
+        require_pulls(1.96 * off[0])
         assert np.all((own >= 0.88) & (own <= 0.99))
         assert np.all(white < 0.6)
 
     def test_no_drift_at_all(self):
-        own, white = covered(lambda seed: [driven(seed, 50.0, 0.0, period=0.25)], np.inf, 100)
+        # If 85 % held the truth, or 99.5 %, three of four times that would be seen of 70, as of 100.
+        own, white = shares(misses(lambda seed: [driven(seed, 50.0, 0.0, period=0.25)], np.inf, 70))
         assert np.all((own >= 0.88) & (own <= 0.99))
         assert np.all((white >= 0.88) & (white <= 0.99))
 
@@ -302,6 +316,6 @@ class TestCoverage:
         def logs(seed: int) -> list[Log]:
             return [driven(1000 * seed + number, 40.0, 0.03, period=0.25) for number in range(2)]
 
-        own, white = covered(logs, np.inf, 40)
+        own, white = shares(misses(logs, np.inf, 40))
         assert np.all((own >= 0.88) & (own <= 0.99))
         assert np.all(white < 0.8)

@@ -15,6 +15,8 @@ from oed.foundation.errors import NotFinite, ProblemError
 
 CLOSE = 1e-6
 """Share of a standard error by which two least squares may differ."""
+QUOTIENT = np.finfo(float).eps ** (1 / 3)
+"""Step of central differences, in units of the unknowns."""
 
 
 def independent(one: Experiment, readings: np.ndarray, centre: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -25,8 +27,16 @@ def independent(one: Experiment, readings: np.ndarray, centre: np.ndarray, known
         values = scaled * sizes
         return np.concatenate([(one.read(values) - readings) / one.deviations, root @ (values - centre)])
 
+    def slopes(scaled: np.ndarray) -> np.ndarray:
+        # Central differences, all at once.
+        units = QUOTIENT * np.eye(len(scaled))
+        ahead, behind = np.hsplit(
+            one.read(sizes[:, None] * np.hstack([scaled[:, None] + units, scaled[:, None] - units])), 2
+        )
+        return np.vstack([(ahead - behind) / (2 * QUOTIENT) / one.deviations[:, None], root * sizes])
+
     found = least_squares(
-        residuals, np.ones(len(centre)), jac="3-point", method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15
+        residuals, np.ones(len(centre)), jac=slopes, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15
     )
     return found.x * sizes
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from oed.estimation.prediction.grids import grid_of
 from oed.estimation.prediction.layout import cut
 from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.measurement.sensor import Sensor
+from oed.kernel.problem import Problem
 from oed.logs.log import Log, SensorReadings
 from oed.robots.sensors import Landmarks, Poses, Ranges, Several, Tags, YawRate
 
@@ -164,8 +166,13 @@ TWINS = {
 }
 
 
+@cache
+def problem_with(sensors: tuple[Sensor, ...]) -> Problem:
+    return problem_of(model=ROBOT, measurement=Several(sensors=sensors))
+
+
 def calibrated(twin: Twin, *logs: Log, **options) -> Calibration:
-    problem = problem_of(model=ROBOT, measurement=Several(sensors=twin.sensors))
+    problem = problem_with(twin.sensors)
     chosen = CalibrationOptions(**{"segment": "log", "covariance": "information"} | options)
     return calibrate(problem, logs, chosen)
 

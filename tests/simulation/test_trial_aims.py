@@ -71,7 +71,8 @@ def test_a_pilot_drive_shows_the_discrepancy_that_slip_leaves():
 
 @pytest.mark.slow
 def test_a_trial_drives_them_and_says_so():
-    found = tried(STUDY + TASK + PILOT)
+    # Two robots are the fewest whose errors are compared.
+    found = tried(STUDY.replace("repeats: 3", "repeats: 2") + TASK + PILOT)
     names = [one["name"] for one in found["planned"]]
     models = ("differential drive", "lag")
     assert names == [

@@ -96,6 +96,7 @@ def inverse(root: Array) -> Array:
             own[:, row, column] = root[row - column, column::SIDE]
     across = np.linalg.inv(own)
     found, carried = across.transpose(0, 2, 1) @ across, below @ across
+    back, last = carried.transpose(0, 2, 1), found[-1]
     for index in range(count - 2, -1, -1):
-        found[index] += carried[index].T @ found[index + 1] @ carried[index]
+        last = found[index] = found[index] + back[index].dot(last).dot(carried[index])
     return banded(found, -found[1:] @ carried[:-1])

@@ -76,6 +76,7 @@ class Regression(Estimator):
         self.parameters = tuple(entry for block in chosen for entry in self.regressors.names[block])
         self.true = np.concatenate([self.regressors.true[block] for block in chosen])
         self._maps: dict[str, Array] = {}
+        self._spreads: dict[str, Any] = {}
         self._check_rank()
 
     @cached_property
@@ -265,6 +266,11 @@ class Regression(Estimator):
         return float(getattr(self.measurement.noise, name) or 0.0)
 
     def _spread(self, name: str) -> Any:
+        if name not in self._spreads:
+            self._spreads[name] = self._spread_of(name)
+        return self._spreads[name]
+
+    def _spread_of(self, name: str) -> Any:
         # D (rows, draws) of noise sigma D z, z white: neighbours share the error of the pose between them.
         rows = len(self.regressors.nominal_designs[name])
         if self.measurement.noise_model == "increments":

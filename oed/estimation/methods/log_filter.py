@@ -81,11 +81,10 @@ class LogFilter:
         """Derivative (13,) by the logarithms of what has derivatives `by_square` (n + 4, n + 4) by the square
         of the normal equations, and 1 by their volume.
         """
-        begins, function, width = self._forward(logs)[0], self._functions[1], self._width
+        before, function, width = self._forward(logs)[0], self._functions[1], self._width
         adjoint, total = (np.zeros((width, STATES)), np.zeros((STATES, STATES))), np.zeros(len(SIZES))
-        one = np.ones(1)
-        for begin, given in zip(reversed(begins), reversed(self._chunks), strict=True):
-            found = function(*begin, logs, *given, *adjoint, by_square, one)
+        for states, given in zip(reversed(before), reversed(self._chunks), strict=True):
+            found = function(*adjoint, logs, by_square, *(one[::-1] for one in (*states, *given)))
             adjoint = found[0].reshape(width, STATES), found[1].reshape(STATES, STATES)
             total += found[2]
         # What is there before the first reading has sizes, too.
@@ -100,11 +99,10 @@ class LogFilter:
         count, high = len(self.quantities), self._width
         for given in self._chunks:
             found = function(*state, logs, *given)
-            before = found[0].reshape(CHUNK, width, STATES).swapaxes(1, 2)
-            spread = found[1].reshape(CHUNK, STATES, STATES)
-            slopes.append(np.concatenate([state[0].T[None], before[:-1]]))
-            spreads.append(np.concatenate([state[1][None], spread[:-1]]))
-            state = before[-1].T.copy(), spread[-1].copy()
+            after = found[0].reshape(CHUNK, width, STATES), found[1].reshape(CHUNK, STATES, STATES)
+            slopes.append(_delayed(state[0], after[0]).swapaxes(1, 2))
+            spreads.append(_delayed(state[1], after[1]))
+            state = after[0][-1], after[1][-1]
             rows.append(found[2].reshape(CHUNK, high, count).swapaxes(1, 2))
             onward.append(found[3].reshape(CHUNK, STATES, STATES).swapaxes(1, 2))
             seen.append(found[4].reshape(CHUNK, STATES, count).swapaxes(1, 2))
@@ -126,19 +124,20 @@ class LogFilter:
 
     @cached_property
     def _remembered(self) -> dict[bytes, tuple[list[tuple[Array, Array]], Array, float]]:
-        # At the last sizes asked for.
+        # At the last sizes asked for: the states before all steps, and what is summed.
         return {}
 
     def _followed(self, logs: Array) -> tuple[list[tuple[Array, Array]], Array, float]:
         function, width, state = self._functions[0], self._width, self._begin(logs)
-        begins, square, volume = [], np.zeros((width, width)), 0.0
+        before, square, volume = [], np.zeros((width, width)), 0.0
         for given in self._chunks:
-            begins.append(state)
             found = function(*state, logs, *given)
-            state = found[0].reshape(width, STATES), found[1].reshape(STATES, STATES)
+            after = found[0].reshape(CHUNK, width, STATES), found[1].reshape(CHUNK, STATES, STATES)
+            before.append((_delayed(state[0], after[0]), _delayed(state[1], after[1])))
+            state = after[0][-1], after[1][-1]
             square += found[2].reshape(width, width)
             volume += float(found[3][0])
-        return begins, square, volume
+        return before, square, volume
 
     def _begin(self, logs: Array) -> tuple[Array, Array]:
         # Columns of the start, and what there is of errors before the first reading; as rows are columns.
@@ -204,6 +203,11 @@ _BEGIN = {
 """Sizes of what there is before the first reading, by its place in the state."""
 
 
+def _delayed(begin: Array, after: Array) -> Array:
+    # What is before each step, of what is after it.
+    return np.concatenate([begin[None], after[:-1]])
+
+
 def _at_begin(logs: Array) -> Array:
     found = np.zeros(STATES)
     for place, name in _BEGIN.items():
@@ -215,7 +219,8 @@ def _at_begin(logs: Array) -> Array:
 def _chunk(
     width: int, quantities: tuple[str, ...], within: bool
 ) -> tuple[DirectCall, DirectCall, DirectCall]:
-    # (D, P, logarithms of sizes, steps' numbers) -> D, P, square, volume; the same backwards; all on the way.
+    # (D, P, logarithms of sizes, steps' numbers) -> D and P after each, square, volume; slopes, from the last
+    # step to the first; all on the way.
     count = len(quantities)
     step = _step(width, quantities, within)
     slopes, spreads = ca.MX.sym("D", STATES, width), ca.MX.sym("P", STATES, STATES)
@@ -225,14 +230,8 @@ def _chunk(
     along = step.mapaccum("along", CHUNK, 2)
     every = along(slopes, spreads, ca.repmat(logs, 1, CHUNK), *given)
     rows = ca.vertcat(*ca.horzsplit(every[2], width))
-    ends = every[0][:, -width:], every[1][:, -STATES:]
-    names = ["D", "P", "logs", *STEP]
     inputs = [slopes, spreads, logs, *given]
-    results = [*ends, rows.T @ rows, ca.sum2(every[3])]
-    forward = ca.Function("forward", inputs, results, names, ["Dn", "Pn", "F", "L"])
-    back = forward.factory(
-        "back", [*names, "adj:Dn", "adj:Pn", "adj:F", "adj:L"], ["adj:D", "adj:P", "adj:logs"]
-    )
+    forward = ca.Function("forward", inputs, [*every[:2], rows.T @ rows, ca.sum2(every[3])])
     # Of a column of the state: what becomes of it, and of what is read.
     unity = _step(STATES, quantities, within).map(CHUNK)
     before = ca.horzcat(spreads, every[1][:, :-STATES])
@@ -241,7 +240,36 @@ def _chunk(
     filled = [nothing.get(name, one) for name, one in zip(STEP, given, strict=True)]
     onward, _, seen, _ = unity(eyes, before, ca.repmat(logs, 1, CHUNK), *filled)
     whole = ca.Function("whole", inputs, [*map(ca.densify, (every[0], every[1], every[2], onward, seen))])
+    back = _back(width, quantities, within)
     return DirectCall(_dense(forward)), DirectCall(_dense(back)), DirectCall(whole)
+
+
+def _back(width: int, quantities: tuple[str, ...], within: bool) -> ca.Function:
+    # (slopes by D and P after the last step, logarithms, slopes by the square, D and P before steps, steps'
+    # numbers) -> slopes by D and P before the first step, and by the logarithms; all from the last step on.
+    shapes = _shapes(width, len(quantities))
+    given = [ca.MX.sym(name, shapes[name][0], shapes[name][1] * CHUNK) for name in STEP]
+    slopes, spreads = ca.MX.sym("D", STATES, width * CHUNK), ca.MX.sym("P", STATES, STATES * CHUNK)
+    begin = ca.MX.sym("by_D", STATES, width), ca.MX.sym("by_P", STATES, STATES)
+    logs, square = ca.MX.sym("logs", len(SIZES)), ca.MX.sym("by_square", width, width)
+    along = _step_back(width, quantities, within).mapaccum("along", CHUNK, 2)
+    common = ca.repmat(logs, 1, CHUNK), ca.repmat(square, 1, CHUNK)
+    by_slopes, by_spreads, by_logs = along(*begin, *common, slopes, spreads, *given)
+    results = [by_slopes[:, -width:], by_spreads[:, -STATES:], ca.sum2(by_logs)]
+    return ca.Function("back", [*begin, logs, square, slopes, spreads, *given], results)
+
+
+@lru_cache(maxsize=8)
+def _step_back(width: int, quantities: tuple[str, ...], within: bool) -> ca.Function:
+    # Of one step, without what the slopes do not need of the way forward.
+    step = _step(width, quantities, within)
+    slopes, spread, logs, *given = step.sx_in()
+    by_slopes, by_spread = ca.SX.sym("by_D", STATES, width), ca.SX.sym("by_P", STATES, STATES)
+    square = ca.SX.sym("by_square", width, width)
+    after, covariance, rows, volume = step(slopes, spread, logs, *given)
+    total = ca.dot(by_slopes, after) + ca.dot(by_spread, covariance) + ca.dot(square, rows.T @ rows) + volume
+    found = [ca.densify(ca.gradient(total, one)) for one in (slopes, spread, logs)]
+    return ca.Function("back", [by_slopes, by_spread, logs, square, slopes, spread, *given], ca.cse(found))
 
 
 def _dense(function: ca.Function) -> ca.Function:
@@ -271,8 +299,7 @@ def _step(width: int, quantities: tuple[str, ...], within: bool) -> ca.Function:
     shapes = _shapes(width, len(quantities))
     begin, spread = ca.SX.sym("D", STATES, width), ca.SX.sym("P", STATES, STATES)
     logs, given = ca.SX.sym("logs", len(SIZES)), {name: ca.SX.sym(name, *shapes[name]) for name in STEP}
-    # By its upper half, lest rounding bend it.
-    slopes, covariance, rows, volume = begin, ca.triu2symm(ca.triu(spread)), [], ca.SX(0)
+    slopes, covariance, rows, volume = begin, _symmetric(spread), [], ca.SX(0)
     if within:
         drift = _drift(logs, given)
         slopes = ca.vertcat(slopes, ca.SX(2 * POSE, width))
@@ -294,7 +321,7 @@ def _step(width: int, quantities: tuple[str, ...], within: bool) -> ca.Function:
         variance = 1 + through @ gained
         root = ca.sqrt(variance)
         white, gain = (through @ slopes + weight * given["read"][place, :]) / root, gained / root
-        slopes, covariance = slopes - gain @ white, covariance - gain @ gain.T
+        slopes, covariance = slopes - gain @ white, _symmetric(covariance - gain @ gain.T)
         rows.append(white)
         volume += ca.log(variance) + ca.if_else(given["weights"][place] > 0, 2 * size, 0)
     moved = _moved(slopes, covariance, logs, given)
@@ -333,4 +360,9 @@ def _moved(slopes: ca.SX, covariance: ca.SX, logs: ca.SX, given: dict[str, ca.SX
     else:
         noise += effect @ _drift(logs, given) @ effect.T
     through = ca.vertcat(given["moved"], ca.SX(STATES - POSE, slopes.shape[1]))
-    return onward @ slopes + through, onward @ covariance @ onward.T + noise
+    return onward @ slopes + through, _symmetric(onward @ covariance @ onward.T + noise)
+
+
+def _symmetric(matrix: ca.SX) -> ca.SX:
+    # By its upper half, lest rounding bend it; the other one need not be computed.
+    return ca.triu2symm(ca.triu(matrix))

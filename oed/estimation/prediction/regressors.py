@@ -13,6 +13,9 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.robots.models.model import Model
 from oed.robots.sensors.displacements import Displacements
 
+COMPILED = ("_designs", "_position")
+"""Functions that are kept."""
+
 
 class Regressors:
     """Phi_theta and Phi_xy of one drive [Choi, eqs 10, 14] at coefficients that predict its headings."""
@@ -35,7 +38,7 @@ class Regressors:
     @cached_property
     def nominal_designs(self) -> dict[str, Array]:
         """W of each regression at the nominal coefficients: "heading" (P, q), "position" (2 P, q)."""
-        heading, position = self._function(self._measurement)(self.nominal)
+        heading, position = self._designs(self.nominal)
         return {"heading": np.array(heading), "position": np.array(position)}
 
     @cached_property
@@ -69,14 +72,18 @@ class Regressors:
         """Derivative of Phi_xy c by the coefficients that its headings are predicted from, (2 P, q)."""
         columns = len(self.names["heading"])
         coefficients = ca.SX.sym("c", len(self.nominal))
-        predicted = self._function(self._measurement)(coefficients)[1] @ ca.DM(self.nominal[columns:])
+        predicted = self._designs(coefficients)[1] @ ca.DM(self.nominal[columns:])
         slope = ca.jacobian(predicted, coefficients)[:, :columns]
         return np.array(ca.Function("effect", [coefficients], [ca.densify(slope)])(self.nominal))
 
     @cached_property
     def _position(self) -> ca.Function:
-        both, coefficients = self._function(self._measurement), ca.SX.sym("c", len(self.nominal))
-        return ca.Function("position", [coefficients], [both(coefficients)[1]])
+        coefficients = ca.SX.sym("c", len(self.nominal))
+        return ca.Function("position", [coefficients], [self._designs(coefficients)[1]])
+
+    @cached_property
+    def _designs(self) -> ca.Function:
+        return self._function(self._measurement)
 
     def _function(self, measurement: Displacements) -> ca.Function:
         coefficients = ca.SX.sym("c", len(self.nominal))
@@ -97,4 +104,4 @@ class Regressors:
 
     def __getstate__(self) -> dict[str, object]:
         """What workers need: compiled functions are made again there."""
-        return {key: value for key, value in vars(self).items() if key != "_position"}
+        return {key: value for key, value in vars(self).items() if key not in COMPILED}

@@ -277,14 +277,24 @@ def _several(model: System, periods: int, *, slopes: bool) -> ca.Function:
     width = states * (1 + size + states) if slopes else states
     start, parameters = ca.SX.sym("start", width), ca.SX.sym("p", size)
     inputs, times = ca.SX.sym("inputs", len(model.inputs), periods), ca.SX.sym("times", 1, periods)
-    found = [start]
+    one, found = _period(model, slopes=slopes), [start]
     for period in range(periods):
-        state, own = found[-1][:states], ca.reshape(found[-1][states:], states, -1)
-        given = state, inputs[:, period], parameters, times[period]
-        further = [ca.vec(carrier(model)(own, *given))] if slopes else []
-        found.append(ca.vertcat(ca.densify(stepper(model)(*given)), *further))
-    after = ca.cse([found[-1], ca.horzcat(*found[1:])])
-    return ca.Function("several", [start, inputs, parameters, times], after)
+        found.append(one(found[-1], inputs[:, period], parameters, times[period]))
+    return ca.Function("several", [start, inputs, parameters, times], [found[-1], ca.horzcat(*found[1:])])
+
+
+@lru_cache(maxsize=32)
+def _period(model: System, *, slopes: bool) -> ca.Function:
+    # Of one period: what it computes twice is looked for here, in a tenth of the expressions.
+    states, size = len(model.states), len(model.parameters)
+    start = ca.SX.sym("start", states)
+    given = start, ca.SX.sym("inputs", len(model.inputs)), ca.SX.sym("p", size), ca.SX.sym("time")
+    after = ca.densify(stepper(model)(*given))
+    if not slopes:
+        return ca.Function("period", [*given], [ca.cse(after)])
+    own = ca.SX.sym("S", states, size + states)
+    both = ca.vertcat(after, ca.vec(carrier(model)(own, *given)))
+    return ca.Function("period", [ca.vertcat(start, ca.vec(own)), *given[1:]], [ca.cse(both)])
 
 
 def _lengths(sensor: Sensor, times: Expression, instants: Sequence[Sequence[int]]) -> Expression:

@@ -57,9 +57,11 @@ def _options(root: Element, robot: PhysicsRobot) -> None:
         cone="elliptic",
         impratio=FRICTION_RATIO,
         tolerance=1e-10,
+        # A wheel's contact moves few of all joints.
+        jacobian="sparse",
     )
-    # A state that is not finite is reported, not started anew.
-    _add(option, "flag", autoreset="disable")
+    # A state that is not finite is reported, not started anew. One robot is one island: none is looked for.
+    _add(option, "flag", autoreset="disable", island="disable")
 
 
 def _floor_colours(root: Element) -> None:
