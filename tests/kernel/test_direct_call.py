@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -93,11 +95,13 @@ def test_what_is_compiled_already_stays_as_it_is(cache: Path):
 
 
 @needs_compiler
-def test_a_damaged_library_is_cleared_away_and_made_again(cache: Path):
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
+def test_a_library_cut_short_is_cleared_away_and_made_again(share: float, cache: Path):
     making = Making([example()])
     making.wait()
     assert making.binary is not None
-    making.binary.write_bytes(b"no library")
+    whole = making.binary.read_bytes()
+    making.binary.write_bytes(whole[: int(share * len(whole))])
     call = DirectCall(example())
     expected = called(call)
     assert call._spent == -np.inf
@@ -111,6 +115,30 @@ def test_a_damaged_library_is_cleared_away_and_made_again(cache: Path):
     assert making.binary.exists()
 
 
+@needs_compiler
+def test_a_library_of_which_a_byte_has_changed_is_not_used(cache: Path):
+    making = Making([example()])
+    making.wait()
+    assert making.binary is not None
+    content = bytearray(making.binary.read_bytes())
+    content[len(content) // 2] ^= 1
+    making.binary.write_bytes(content)
+    assert making.functions() is None
+    assert not making.binary.exists()
+
+
+@needs_compiler
+def test_what_was_left_of_a_compiler_that_was_killed_is_cleared_away(cache: Path):
+    cache.mkdir()
+    old, new = cache / "old.part", cache / "new.part"
+    for one in (old, new):
+        one.write_bytes(b"")
+    os.utime(old, (0, 0))
+    Making([example()]).wait()
+    assert not old.exists()
+    assert new.exists()
+
+
 def test_where_nobody_has_a_home_nothing_is_compiled(monkeypatch: pytest.MonkeyPatch):
     def homeless() -> Path:
         raise RuntimeError("Could not determine home directory.")
@@ -120,30 +148,74 @@ def test_where_nobody_has_a_home_nothing_is_compiled(monkeypatch: pytest.MonkeyP
     assert Making([example()]).binary is None
 
 
-@needs_compiler
-def test_a_compiler_that_is_stopped_leaves_nothing_at_work(cache: Path, tmp_path: Path, monkeypatch):
-    tool = tmp_path / "cc"
-    lines = [
-        "#!/bin/sh",
-        "[ $1 = -dumpfullversion ] && exit",
-        "sleep 60 &",
-        f"echo $! > {tmp_path}/own",
-        "wait",
-    ]
+@pytest.fixture
+def endless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A compiler that does not end, and the file in which it says what process is at work for it."""
+    tool, own = tmp_path / "cc", tmp_path / "own"
+    lines = ["#!/bin/sh", "[ $1 = --version ] && exit", "sleep 60 &", f"echo $! > {own}", "wait"]
     tool.write_text("\n".join(lines))
     tool.chmod(0o755)
     monkeypatch.setenv("CC", str(tool))
+    return own
+
+
+def test_a_compiler_that_is_stopped_leaves_nothing_at_work(cache: Path, endless: Path):
     making = Making([example()])
-    while not (tmp_path / "own").exists() or not (tmp_path / "own").read_text().strip():
-        time.sleep(0.01)
-    own = int((tmp_path / "own").read_text())
+    own = _process_in(endless)
     making.stop()
-    for _ in range(500):
-        if not _at_work(own):
-            break
-        time.sleep(0.01)
-    assert not _at_work(own)
+    assert _ends(own)
     assert not list(cache.glob("*.part"))
+
+
+@pytest.mark.slow
+def test_a_program_that_ends_leaves_no_compiler_at_work(cache: Path, endless: Path, tmp_path: Path):
+    """Even where nothing is collected at the end, and the compiler's job is part of a cycle."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    script = (
+        "import atexit, gc, pathlib, sys, time\n"
+        "atexit.register(gc.freeze)\n"
+        "import casadi as ca\n"
+        "from oed.kernel.dynamics.compiled import Making\n"
+        "x = ca.SX.sym('x')\n"
+        "making = Making([ca.Function('f', [x], [x + 1])])\n"
+        "making.itself = making\n"
+        "while not pathlib.Path(sys.argv[1]).exists():\n"
+        "    time.sleep(0.01)\n"
+    )
+    environment = {**os.environ, "TMPDIR": str(folder)}
+    subprocess.run([sys.executable, "-c", script, str(endless)], env=environment, check=True)
+    assert _ends(_process_in(endless))
+    assert not list(cache.iterdir())
+    assert not list(folder.iterdir())
+
+
+@needs_compiler
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
+def test_a_forked_process_leaves_the_compiler_to_its_parent(cache: Path):
+    making = Making([example()])
+    child = os.fork()
+    if child == 0:
+        making.functions()
+        making.stop()
+        os._exit(0)
+    os.waitpid(child, 0)
+    making.wait()
+    assert making.functions() is not None
+
+
+def _process_in(file: Path) -> int:
+    while not file.exists() or not file.read_text().strip():
+        time.sleep(0.01)
+    return int(file.read_text())
+
+
+def _ends(process: int) -> bool:
+    for _ in range(500):
+        if not _at_work(process):
+            return True
+        time.sleep(0.01)
+    return False
 
 
 def _at_work(process: int) -> bool:

@@ -5,14 +5,17 @@ What was compiled is kept for later processes in the user's cache folder (`XDG_C
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import os
+import platform
 import re
 import shutil
 import signal
 import subprocess
 import tempfile
 import time
+import weakref
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from itertools import pairwise
@@ -29,6 +32,10 @@ FLAGS = (
 )
 PATIENCE = 120.0
 """Time [s] after which a compiler is given up."""
+KNOWN = 10.0
+"""Time [s] after which a compiler that does not say its version is none."""
+SEAL = hashlib.sha256
+"""Of a library, behind it: one that was cut short or changed crashes what loads it, or computes what it likes."""
 MANY = 5000
 """Statements of a function from which it is translated as it stands: a compiler would look longer for what
 such a list has in common than a search takes; and it is called once where those of samples are called often.
@@ -72,17 +79,20 @@ class Making:
         self.binary: Path | None = None
         self._names = [function.name() for function in functions]
         self._process: subprocess.Popen[bytes] | None = None
+        # A process forked from this one has no part in it.
+        self._owner = os.getpid()
         tool = compiler()
         if tool is None:
             return
         # No room for the source, or for the code, or nobody's home: then there is none.
-        with suppress(OSError, RuntimeError), ExitStack() as stack:
+        with suppress(OSError, RuntimeError, subprocess.SubprocessError), ExitStack() as stack:
             folder = tempfile.mkdtemp(prefix="oed-")
             stack.callback(shutil.rmtree, folder, ignore_errors=True)
             source = _written(functions, folder)
             self.binary = _kept(source.read_bytes(), tool)
             if not self.binary.exists() and anew:
                 self.binary.parent.mkdir(parents=True, exist_ok=True)
+                _clear(self.binary.parent)
                 self._begin(tool, source)
                 # The source stays for as long as the compiler needs it.
                 self._left = stack.pop_all()
@@ -95,55 +105,64 @@ class Making:
         command = [tool, *FLAGS, str(source), "-o", str(self._part), "-lm"]
         self._began = time.monotonic()
         quiet = subprocess.DEVNULL
-        # A session of its own: what a compiler starts is stopped with it, and leaves nothing elsewhere.
-        self._process = subprocess.Popen(  # noqa: S603
-            command,
-            stdin=quiet,
-            stdout=quiet,
-            stderr=quiet,
-            env={**os.environ, "TMPDIR": str(source.parent)},
-            start_new_session=True,
-        )
+        try:
+            # A session of its own: what a compiler starts is stopped with it, and leaves nothing elsewhere.
+            self._process = subprocess.Popen(  # noqa: S603
+                command,
+                stdin=quiet,
+                stdout=quiet,
+                stderr=quiet,
+                env={**os.environ, "TMPDIR": str(source.parent)},
+                start_new_session=True,
+            )
+        except OSError:
+            self._part.unlink(missing_ok=True)
+            raise
+        _AT_WORK.add(self)
 
     def wait(self) -> None:
         """Until the compiler has ended, well or not."""
-        if self._process is not None:
+        if self._own is not None:
             try:
-                self._process.wait(PATIENCE)
+                self._own.wait(PATIENCE)
             except subprocess.TimeoutExpired:
-                self._kill()
-            self._ended()
+                self._kill(self._own)
+            self._ended(self._own)
 
     def functions(self) -> list[ca.Function] | None:
         """The functions in machine code; None as long as there is none."""
-        if self._process is not None and self._process.poll() is not None:
-            self._ended()
-        elif self._process is not None and time.monotonic() - self._began > PATIENCE:
+        if self._own is not None and self._own.poll() is not None:
+            self._ended(self._own)
+        elif self._own is not None and time.monotonic() - self._began > PATIENCE:
             self.stop()
         return None if self.binary is None else taken(self.binary, self._names)
 
     @property
     def ended(self) -> bool:
         """Whether no compiler is at work any more."""
-        return self._process is None
+        return self._own is None
+
+    @property
+    def _own(self) -> subprocess.Popen[bytes] | None:
+        return self._process if self._owner == os.getpid() else None
 
     def stop(self) -> None:
         """Give it up, if it is not there yet."""
-        if self._process is not None:
-            self._kill()
-            self._ended()
+        if self._own is not None:
+            self._kill(self._own)
+            self._ended(self._own)
 
-    def _kill(self) -> None:
-        assert self._process is not None
+    def _kill(self, process: subprocess.Popen[bytes]) -> None:
         with suppress(ProcessLookupError):
-            os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
 
-    def _ended(self) -> None:
-        assert self._process is not None
+    def _ended(self, process: subprocess.Popen[bytes]) -> None:
         assert self.binary is not None
         try:
-            if self._process.returncode == 0:
+            if process.returncode == 0:
+                with self._part.open("ab") as part:
+                    part.write(SEAL(self._part.read_bytes()).digest())
                 self._part.replace(self.binary)
         except OSError:
             pass
@@ -158,6 +177,24 @@ class Making:
             self.stop()
 
 
+_AT_WORK: weakref.WeakSet[Making] = weakref.WeakSet()
+
+
+@atexit.register
+def _stop_all() -> None:
+    # What nobody collects at the end is not left at work either.
+    for making in list(_AT_WORK):
+        making.stop()
+
+
+def _clear(cache: Path) -> None:
+    # What processes have left there that were killed.
+    for part in cache.glob("*.part"):
+        with suppress(OSError):
+            if time.time() - part.stat().st_mtime > 2 * PATIENCE:
+                part.unlink()
+
+
 def taken(binary: Path, names: Sequence[str]) -> list[ca.Function] | None:
     """Functions of a compiled file; None where there is none.
 
@@ -165,15 +202,19 @@ def taken(binary: Path, names: Sequence[str]) -> list[ca.Function] | None:
         binary: a file.
         names: of the functions.
     """
-    if not binary.exists():
-        return None
     try:
-        return [ca.external(name, str(binary)) for name in names]
-    except RuntimeError:
-        # Damaged, of another machine, or where nothing may be executed.
+        content = binary.read_bytes()
+    except OSError:
+        return None
+    size = SEAL().digest_size
+    if SEAL(content[:-size]).digest() != content[-size:]:
         with suppress(OSError):
             binary.unlink()
         return None
+    # Whole, it may still lie where nothing may be executed.
+    with suppress(RuntimeError):
+        return [ca.external(name, str(binary)) for name in names]
+    return None
 
 
 def _written(functions: Sequence[ca.Function], folder: str) -> Path:
@@ -195,8 +236,9 @@ def _as_they_stand(source: str) -> str:
 
 
 def _kept(source: bytes, tool: str) -> Path:
-    asked = subprocess.run([tool, "-dumpfullversion", "-dumpmachine"], capture_output=True, check=False)  # noqa: S603
-    parts = [source, *(flag.encode() for flag in FLAGS), tool.encode(), asked.stdout, ca.__version__.encode()]
+    asked = subprocess.run([tool, "--version"], capture_output=True, check=False, timeout=KNOWN)  # noqa: S603
+    made_by = [tool, *FLAGS, platform.system(), platform.machine(), ca.__version__]
+    parts = [source, *(one.encode() for one in made_by), asked.stdout]
     name = hashlib.sha256(b"\0".join(parts)).hexdigest()
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return cache / "oed" / f"{name}.so"
