@@ -8,6 +8,7 @@ problems", Journal of Optimization Theory and Applications 19, 1976].
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -22,7 +23,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import Terms
 from oed.optimize.terms.slots import Chosen
-from oed.optimize.transcription.program import SLOTS, Outcome, slots_for
+from oed.optimize.transcription.program import OUT_OF_TIME, SLOTS, Outcome, slots_for
 
 PER_UNKNOWN = 2.0
 """Instants per unknown of an input that a search begins with in a run."""
@@ -226,6 +227,7 @@ class Exchange:
         after: Outcome | None,
         instants: Instants,
         trajectory: Callable[[Array], Trajectory],
+        until: float = np.inf,
     ) -> tuple[Outcome, Instants]:
         """Solve, and go on with more instants until none is exceeded.
 
@@ -235,12 +237,15 @@ class Exchange:
             after: the solve that it goes on from.
             instants: to begin with.
             trajectory: the drive of unknowns.
+            until: by `time.perf_counter`; what is not done by then is as if Ipopt had run out of time.
         """
         if not self.needed:
             return solve(unknowns, after, None, False), instants
         # What comes before all instants that count are known need not be exact.
         iterations, evaluations, loosely = 0, 0, after is None
-        for _ in range(EXCHANGES):
+        for left in reversed(range(EXCHANGES)):
+            # What is handed on in the end is solved to the end.
+            loosely = loosely and left > 0
             chosen = self.chosen(instants, trajectory(unknowns))
             outcome = solve(unknowns, after, chosen, loosely)
             iterations, evaluations = iterations + outcome.iterations, evaluations + outcome.evaluations
@@ -248,6 +253,9 @@ class Exchange:
             drive = trajectory(unknowns)
             more = self.more(instants, drive)
             if not len(more) and not loosely:
+                break
+            if time.perf_counter() > until:
+                outcome = replace(outcome, return_status=OUT_OF_TIME)
                 break
             loosely = loosely and bool(np.any(self.violations(more, drive) > CLOSE))
             instants = self.with_more(instants, more, drive)

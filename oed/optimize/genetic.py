@@ -172,11 +172,19 @@ class Population:
         refine: points per sample at which positions are limited there.
         workers: who scores, where a generation takes long.
         expected: candidates that there will be at most.
+        until: when the search ends, by `time.perf_counter`.
     """
 
-    def __init__(self, design: DesignExpressions, refine: int, workers: Workers, expected: int = 0) -> None:
+    def __init__(
+        self,
+        design: DesignExpressions,
+        refine: int,
+        workers: Workers,
+        expected: int = 0,
+        until: float = np.inf,
+    ) -> None:
         """Compile nothing yet."""
-        self._expected, self._compiled = expected, False
+        self._expected, self._compiled, self._until = expected, False, until
         self._design, self._refine, self._workers = design, refine, workers
         self._seconds = 0.0
 
@@ -191,6 +199,7 @@ class Population:
         scores = self._design.score_many(candidates, threads)
         self._seconds = (time.perf_counter() - began) / len(candidates)
         left = self._seconds * (self._expected - len(candidates))
+        left = min(left, self._until - time.perf_counter())
         if not self._compiled and left >= COMPILED:
             self._design.compile_scores(SPARED * left)
             self._compiled = True
@@ -298,7 +307,8 @@ class _Run:
         seed = int(rng.integers(2**31))
         expected = options.population * options.generations
         expected = min(expected, options.evaluations or expected)
-        population = Population(self.design, refine, self.context.workers, expected)
+        until = np.inf if options.time_limit is None else self.began + options.time_limit
+        population = Population(self.design, refine, self.context.workers, expected, until)
         generations = options.begun(_as_pymoo(self.design, population), sampling, seed)
         self.context.progress.begin(options.kind, options.generations)
         while not generations.ended:
@@ -308,7 +318,7 @@ class _Run:
             kind = self.problem.criterion.kind
             note = "" if self.best is None else f"best by {kind}: {self.best[1].objective:.4g}"
             self.context.progress.advance(note)
-            if options.time_limit is not None and time.perf_counter() - self.began > options.time_limit:
+            if time.perf_counter() > until:
                 return Status.TIME_LIMIT
             if self._enough:
                 break

@@ -117,6 +117,7 @@ class LocalSearch:
         corrections: Array,
         instants: Instants | None = None,
         after: Outcome | None = None,
+        until: float = np.inf,
         **given: Any,
     ) -> tuple[Outcome, Instants]:
         """Solve from a start with ever more instants, until limits are kept: where that ends, and those.
@@ -127,6 +128,7 @@ class LocalSearch:
             corrections: of the grid.
             instants: to begin with; as every search does by default.
             after: the solve that it goes on from.
+            until: as of `Exchange.solved`.
             given: further arguments of `solved`.
         """
         known = self.exchange.begun() if instants is None else instants
@@ -138,7 +140,7 @@ class LocalSearch:
             how = {**given, "tolerance": tolerance}
             return self.solved(program, begin, corrections, after=before, chosen=chosen, **how)
 
-        return self.exchange.solved(solve, unknowns, after, known, self.grid.trajectory)
+        return self.exchange.solved(solve, unknowns, after, known, self.grid.trajectory, until)
 
     def maximise(self, unknowns: Array, barrier: float | None = None) -> Local:
         """Maximise the criterion from a start; the start itself if that is better than where this ends.
@@ -208,8 +210,10 @@ class LocalSearch:
     ) -> Local:
         # What is not finite ends a search, but takes nothing from the rounds before.
         began, rounds, reason = time.perf_counter(), list[Round](), ""
+        limit = self.settings.time_limit
+        until = np.inf if limit is None else began + limit
         try:
-            for one in self._rounds(stage, unknowns, floors, corrections, barrier):
+            for one in self._rounds(stage, unknowns, floors, corrections, until, barrier):
                 rounds.append(one)
         except NotFinite as error:
             reason = str(error)
@@ -236,7 +240,13 @@ class LocalSearch:
         return {limit.name: float(share / by) for limit, share, by in found if by > 0}
 
     def _rounds(
-        self, stage: Stage, unknowns: Array, floors: Array, corrections: Array, barrier: float | None = None
+        self,
+        stage: Stage,
+        unknowns: Array,
+        floors: Array,
+        corrections: Array,
+        until: float,
+        barrier: float | None = None,
     ) -> Iterator[Round]:
         # Solves under limits tightened again and again, each with what its end is worth.
         program = self.program if stage == "program" else self._second
@@ -244,7 +254,7 @@ class LocalSearch:
         after: Outcome | None = None
         instants = self.exchange.begun()
         for _ in range(ROUNDS):
-            given: dict[str, Any] = {"floors": floors, "backoff": backoff, "barrier": barrier}
+            given: dict[str, Any] = {"floors": floors, "backoff": backoff, "barrier": barrier, "until": until}
             outcome, instants = self.exchanged(program, unknowns, corrections, instants, after, **given)
             # Limits and corrections change little from round to round: each goes on from the one before.
             unknowns, after = outcome.unknowns, outcome if outcome.succeeded else None
@@ -254,10 +264,11 @@ class LocalSearch:
             excess = self._excess(evaluation)
             # A second stage that fails under tighter limits has no room left to choose in.
             lost = not outcome.succeeded and (stage == "second" or excess.max() > HOPELESS)
-            if lost or not (excess.any() or self._misled(unknowns, corrections, evaluation)):
+            kept = not (excess.any() or self._misled(unknowns, corrections, evaluation))
+            if lost or kept or time.perf_counter() > until:
                 break
             if outcome.succeeded and self._slips(excess):
-                yield from self._finer._rounds(stage, unknowns, floors, corrections)
+                yield from self._finer._rounds(stage, unknowns, floors, corrections, until)
                 return
             before, more = backoff, self._missed(instants, drive, excess)
             backoff = np.where(self._by_instants, 0.0, np.minimum(backoff + 1.1 * excess, NARROWEST))

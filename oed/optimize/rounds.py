@@ -10,7 +10,7 @@ import numpy as np
 from oed.kernel.evaluation import Evaluation
 from oed.kernel.solution import Status
 from oed.optimize.local_results import Local
-from oed.optimize.transcription.program import Outcome
+from oed.optimize.transcription.program import OUT_OF_TIME, Outcome
 
 Round: TypeAlias = tuple[Outcome, Evaluation]
 
@@ -24,7 +24,7 @@ _STATUS = {
     "Search_Direction_Becomes_Too_Small": Status.ACCEPTABLE,
     "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
     "Maximum_CpuTime_Exceeded": Status.TIME_LIMIT,
-    "Maximum_WallTime_Exceeded": Status.TIME_LIMIT,
+    OUT_OF_TIME: Status.TIME_LIMIT,
     "Infeasible_Problem_Detected": Status.INFEASIBLE,
     "Restoration_Failed": Status.INFEASIBLE,
 }

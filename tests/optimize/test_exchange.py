@@ -16,7 +16,7 @@ from oed.optimize import Ipopt, solve
 from oed.optimize.exchange import ENOUGH, IDLE, Exchange, Instants
 from oed.optimize.terms import terms_of
 from oed.optimize.transcription.coarse import Grid
-from oed.optimize.transcription.program import SLOTS
+from oed.optimize.transcription.program import OUT_OF_TIME, SLOTS, Outcome
 from oed.robots.limits import BodySpeed, Rectangle, YawRate
 from oed.robots.sensors import Poses
 
@@ -134,6 +134,36 @@ def test_on_fewer_samples_bounds_are_moved_by_what_rows_differ(problem: Problem)
     assert np.abs(apart).max() > 1e-3
     np.testing.assert_allclose(chosen.upper - unmoved.upper, apart, atol=1e-12)
     np.testing.assert_allclose(chosen.lower - unmoved.lower, apart, atol=1e-12)
+
+
+def passes(problem: Problem, exchange: Exchange, **given) -> tuple[list[bool], Outcome]:
+    """Which solves are loose where limits stay exceeded, and what is handed on."""
+    loose: list[bool] = []
+
+    def solve(begin, after, chosen, loosely: bool) -> Outcome:
+        loose.append(loosely)
+        return Outcome(
+            begin, np.zeros(0), "Solve_Succeeded", 1, 1, np.zeros(0), np.zeros(0), 1.0, np.zeros(0)
+        )
+
+    drive = fast(problem)
+    outcome, _ = exchange.solved(solve, np.zeros(4), None, exchange.begun(), lambda _: drive, **given)
+    return loose, outcome
+
+
+def test_what_is_handed_on_is_never_solved_loosely(problem: Problem, exchange: Exchange, monkeypatch):
+    for most in (1, 3):
+        monkeypatch.setattr("oed.optimize.exchange.EXCHANGES", most)
+        loose, outcome = passes(problem, exchange)
+        assert loose == [True] * (most - 1) + [False]
+        assert outcome.succeeded
+
+
+def test_exchanges_end_when_the_time_is_up_and_say_so(problem: Problem, exchange: Exchange):
+    loose, outcome = passes(problem, exchange, until=-np.inf)
+    assert len(loose) == 1
+    assert outcome.return_status == OUT_OF_TIME
+    assert not outcome.succeeded
 
 
 @pytest.mark.slow

@@ -172,6 +172,18 @@ class TestEnd:
         assert "raise time_limit" in solution.message
         assert solution.evaluation.feasible
 
+    @pytest.mark.slow
+    def test_a_compiler_that_does_not_end_is_not_waited_for(self, tmp_path, monkeypatch):
+        tool = tmp_path / "cc"
+        tool.write_text("#!/bin/sh\n[ $1 = --version ] || sleep 600\n")
+        tool.chmod(0o755)
+        monkeypatch.setenv("CC", str(tool))
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+        options = Genetic(population=400, generations=100_000, time_limit=1)
+        solution = solve(PROBLEM, options, seed=0, workers=1)
+        assert solution.status is Status.TIME_LIMIT
+        assert solution.wall_seconds < 30
+
     def test_interrupted_it_keeps_the_best(self):
         options = Genetic(population=40, generations=1000)
         listener = Listener(3, interrupt)
@@ -289,7 +301,8 @@ def test_generated_c_changes_no_design(monkeypatch, tmp_path):
     plain = solve(PROBLEM, options, seed=1, workers=1)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr("oed.optimize.genetic.COMPILED", 0.0)
-    monkeypatch.setattr("oed.optimize.transcription.design.COMPILING", 0.0)
+    # However little it spares.
+    monkeypatch.setattr("oed.optimize.genetic.SPARED", np.inf)
     quick = solve(PROBLEM, options, seed=1, workers=1)
     assert list((tmp_path / "oed").iterdir())
     np.testing.assert_array_equal(quick.trajectory.coefficients, plain.trajectory.coefficients)

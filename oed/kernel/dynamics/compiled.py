@@ -35,7 +35,7 @@ PATIENCE = 120.0
 KNOWN = 10.0
 """Time [s] after which a compiler that does not say its version is none."""
 SEAL = hashlib.sha256
-"""Of a library, behind it: one that was cut short or changed crashes what loads it, or computes what it likes."""
+"""Of a library, behind it: what was cut short or changed crashes whoever loads it, or errs."""
 MANY = 5000
 """Statements of a function from which it is translated as it stands: a compiler would look longer for what
 such a list has in common than a search takes; and it is called once where those of samples are called often.
@@ -47,15 +47,16 @@ def compiler() -> str | None:
     return shutil.which(os.environ.get("CC") or "cc") or shutil.which("gcc") or shutil.which("clang")
 
 
-def compiled(function: ca.Function, *, anew: bool = True) -> ca.Function:
+def compiled(function: ca.Function, *, anew: bool = True, patience: float = PATIENCE) -> ca.Function:
     """A function in machine code; itself where it cannot be compiled.
 
     Args:
         function: to be compiled.
         anew: whether to compile what was not compiled before; else it stays itself, too.
+        patience: time [s] after which the compiler is given up.
     """
     making = Making([function], anew=anew)
-    making.wait()
+    making.wait(patience)
     found = making.functions()
     return found[0] if found else function
 
@@ -120,11 +121,11 @@ class Making:
             raise
         _AT_WORK.add(self)
 
-    def wait(self) -> None:
-        """Until the compiler has ended, well or not."""
+    def wait(self, patience: float = PATIENCE) -> None:
+        """Until the compiler has ended, well or not, or is given up after a time [s]."""
         if self._own is not None:
             try:
-                self._own.wait(PATIENCE)
+                self._own.wait(min(patience, PATIENCE))
             except subprocess.TimeoutExpired:
                 self._kill(self._own)
             self._ended(self._own)

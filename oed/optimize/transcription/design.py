@@ -143,10 +143,10 @@ class DesignExpressions:
         """Let generated C score candidates, where there is a compiler; the numbers stay the same.
 
         Args:
-            spared: time [s] that this would spare; where compiling takes longer, only what was compiled
-                before is taken.
+            spared: time [s] that this would spare; where compiling takes longer, it is given up.
         """
-        found = compiled(self.terms.scores, anew=spared >= COMPILING * self.terms.written)
+        anew = spared >= COMPILING * self.terms.written
+        found = compiled(self.terms.scores, anew=anew, patience=spared)
         if found is not self.terms.scores:
             self._scores = found
 

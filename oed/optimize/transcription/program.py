@@ -50,6 +50,8 @@ class Outcome:
         return self.return_status == "Solve_Succeeded"
 
 
+OUT_OF_TIME = "Maximum_WallTime_Exceeded"
+"""What Ipopt says where its time is up."""
 IPOPT_OPTIONS: dict[str, Any] = {
     "print_time": False,
     "error_on_fail": False,
