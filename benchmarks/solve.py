@@ -49,7 +49,7 @@ class Timed:
 
 
 def figures() -> list[Figure]:
-    """Per form and number of samples: an iteration, and building in units of 20 iterations."""
+    """Per form and number of samples: an iteration, and building in units of `BUILT` iterations."""
     return [figure for form in FORMS for figure in _of_form(form)]
 
 
