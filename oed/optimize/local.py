@@ -365,7 +365,7 @@ class LocalSearch:
 
 
 _CACHE: OrderedDict[str, LocalSearch] = OrderedDict()
-"""Searches of this process by their tokens, the newest last."""
+"""Searches of this process by their tokens, the one used last behind the others."""
 _CACHED = 4
 """Searches that a process holds at once, each with its programs."""
 
@@ -382,4 +382,5 @@ def local_search(token: str, problem: Problem, settings: Settings) -> LocalSearc
         _CACHE[token] = LocalSearch(problem, settings)
         if len(_CACHE) > _CACHED:
             _CACHE.popitem(last=False)
+    _CACHE.move_to_end(token)
     return _CACHE[token]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
+
 import pytest
 from builders import SPEED, problem_of
 
@@ -9,6 +11,8 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Ipopt, solve
+from oed.optimize.local import _CACHED, local_search
+from oed.optimize.local_results import Settings
 from oed.robots.limits import Rectangle
 from oed.robots.sensors import Displacements
 
@@ -44,3 +48,12 @@ def test_of_the_first_instants_alone_hardly_a_search_would_end_inside(coarse: Pr
     monkeypatch.setattr("oed.optimize.exchange.EXCHANGES", 1)
     monkeypatch.setattr("oed.optimize.local.ROUNDS", 1)
     assert feasible_starts(solve(coarse, OPTIONS, seed=0, workers=1)) <= 1
+
+
+def test_a_search_in_use_is_not_the_first_to_go(monkeypatch):
+    monkeypatch.setattr("oed.optimize.local._CACHE", OrderedDict())
+    problem, settings = problem_of(), Settings(10, 1e-6, None, "none")
+    first = local_search("first", problem, settings)
+    for number in range(2 * _CACHED):
+        local_search(f"{number}", problem, settings)
+        assert local_search("first", problem, settings) is first
