@@ -309,19 +309,26 @@ def test_a_public_name_that_does_not_exist_is_refused():
     assert (error.value.name, error.value.obj) == ("Problm", oed)
 
 
-def said_by_mypy(user: Path, *options: str) -> str:
+@pytest.fixture(scope="module")
+def kept(pytestconfig: pytest.Config, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where mypy keeps what it knows of unchanged files, from one run of the tests to the next."""
+    cache = getattr(pytestconfig, "cache", None)
+    return tmp_path_factory.mktemp("mypy") if cache is None else Path(cache.mkdir("mypy"))
+
+
+def said_by_mypy(kept: Path, user: Path, *options: str) -> str:
     """What a user is told who has none of this project's settings."""
     pytest.importorskip("mypy")
-    settings = ("--strict", "--config-file=", f"--cache-dir={user.parent}")
+    settings = ("--strict", "--config-file=", f"--cache-dir={kept}")
     command = [sys.executable, "-m", "mypy", *settings, *options, str(user)]
     return subprocess.run(command, capture_output=True, text=True, cwd=PACKAGE.parent).stdout
 
 
 @pytest.mark.slow
-def test_type_checkers_know_the_public_names(tmp_path: Path):
+def test_type_checkers_know_the_public_names(tmp_path: Path, kept: Path):
     user = tmp_path / "user.py"
     user.write_text("from oed import Problem, nonsense, moved\n")
-    output = said_by_mypy(user, "--follow-imports=skip", str(PACKAGE / "__init__.pyi"))
+    output = said_by_mypy(kept, user, "--follow-imports=skip", str(PACKAGE / "__init__.pyi"))
     assert output.count("error:") == 2, output
     assert 'Module "oed" has no attribute "nonsense"' in output
     assert 'Module "oed" has no attribute "moved"' in output
@@ -344,11 +351,11 @@ track: float = options.tolerance
 
 
 @pytest.mark.slow
-def test_type_checkers_take_what_is_taken_when_it_runs(tmp_path: Path):
+def test_type_checkers_take_what_is_taken_when_it_runs(tmp_path: Path, kept: Path):
     exec(compile(TAKEN, "user.py", "exec"), {})
     user = tmp_path / "user.py"
     user.write_text(f"{TAKEN}wrong: str = options.tolerance\noed.Problem(model=1)\n")
-    output = said_by_mypy(user, "--follow-imports=silent")
+    output = said_by_mypy(kept, user, "--follow-imports=silent")
     lines = [line for line in output.splitlines() if "error:" in line]
     last = user.read_text().count("\n")
     assert {int(line.split(":")[1]) for line in lines} == {last - 1, last}, output

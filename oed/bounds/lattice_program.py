@@ -110,13 +110,12 @@ class LatticeProgram:
 
     def _trace(self, table: Sequence[Array]) -> Array:
         first, second = self.neighbours
-        place = np.unravel_index(int(np.argmax(table[0])), table[0].shape)
+        place = divmod(int(table[0].argmax()), table[0].shape[1])
         places = [place]
         for values in table[1:]:
             rows, columns = first[place[0]], second[place[1]]
-            part = values[np.ix_(rows, columns)]
-            row, column = np.unravel_index(int(np.argmax(part)), part.shape)
-            place = (rows[row], columns[column])
+            row, column = divmod(int(values[rows[:, None], columns].argmax()), len(columns))
+            place = (int(rows[row]), int(columns[column]))
             places.append(place)
         rows, columns = np.array(places).T
         return np.asarray(self.scaled[:, rows, columns].T)

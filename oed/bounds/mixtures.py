@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -234,9 +234,13 @@ class _Program:
     shares: Array
 
     def whole(self, point: Array) -> Array:
-        return np.asarray(self.known + np.tensordot(point, self.moving, axes=1))
+        return np.asarray(self.known + (point[None] @ self._flat).reshape(self.known.shape))
 
-    @property
+    @cached_property
+    def _flat(self) -> Array:
+        return self.moving.reshape(len(self.moving), -1)
+
+    @cached_property
     def rows(self) -> Array:
         # Of the weights' sums.
         rows = np.zeros((len(self.totals), len(self.moving)))
@@ -251,11 +255,12 @@ class _Program:
             point[-1] = -1.0
         barrier = 1.0
         while barrier > finest:
+            here = self._all(point, barrier)
             for _ in range(MOST_STEPS):
-                moved = self._moved(point, barrier)
+                moved = self._moved(point, here, barrier)
                 if moved is None:
                     break
-                point, near = moved
+                point, here, near = moved
                 if near:
                     break
             barrier *= FADING
@@ -275,16 +280,21 @@ class _Program:
             gradient[-1] += 1.0
         return value + barrier * float(np.log(weights).sum()), gradient, second
 
-    def _moved(self, point: Array, barrier: float) -> tuple[Array, bool] | None:
-        # One damped Newton step, and whether it was hardly needed; None where it leads nowhere.
-        value, gradient, second = self._all(point, barrier)
-        rows = self.rows
+    def _moved(
+        self, point: Array, here: Derivatives, barrier: float
+    ) -> tuple[Array, Derivatives, bool] | None:
+        # One damped Newton step, what is there, and whether it was hardly needed; None if it leads nowhere.
+        (value, gradient, second), count = here, len(point)
         # In the weights' own units, or those that fade would hide the others.
-        units = np.append(point[: self.count], np.ones(len(point) - self.count))
-        curved = second * np.outer(units, units)
-        system = np.block([[curved, (rows * units).T], [rows * units, np.zeros((len(rows),) * 2)]])
-        right = np.concatenate([-gradient * units, np.zeros(len(rows))])
-        step = units * _solution(system, right)[: len(point)]
+        units = np.ones(count)
+        units[: self.count] = point[: self.count]
+        rows = self.rows * units
+        system = np.zeros((count + len(rows),) * 2)
+        system[:count, :count] = second * np.outer(units, units)
+        system[count:, :count], system[:count, count:] = rows, rows.T
+        right = np.zeros(len(system))
+        right[:count] = -gradient * units
+        step = units * _solution(system, right)[:count]
         rise = float(gradient @ step)
         if not np.isfinite(rise) or rise <= LOST * abs(value):
             return None
@@ -292,8 +302,9 @@ class _Program:
         length = min(1.0, INSIDE / max(-ratios.min(), 1e-300))
         for _ in range(SHORTER):
             trial = point + length * step
-            if self._all(trial, barrier)[0] >= value + 1e-4 * length * rise - 1e-15 * abs(value):
-                return trial, rise / 2 <= CENTRED * barrier
+            there = self._all(trial, barrier)
+            if there[0] >= value + 1e-4 * length * rise - 1e-15 * abs(value):
+                return trial, there, rise / 2 <= CENTRED * barrier
             length /= 4
         return None
 

@@ -42,12 +42,28 @@ class Stencil:
     flat: bool
 
     @cached_property
-    def moves(self) -> tuple[Move, ...]:
-        """The points column by column: the node at or before one along x, the share of the way to the next
-        as single precision has it, and the same along y of each point.
+    def slanted(self) -> tuple[Move, ...]:
+        """The points beside columns of nodes, or on nodes, by their x: the node at or before it, the share of
+        the way to the next as single precision has it, and the same along y of each point.
         """
-        columns = [(x, self.points[self.points[:, 0] == x, 1]) for x in np.unique(self.points[:, 0])]
-        return tuple((*_split(x), tuple(map(_split, heights))) for x, heights in columns)
+        found = [(x, tuple(y for y in heights if x[1] or not y[1])) for x, heights in self._columns]
+        return tuple((*x, heights) for x, heights in found if heights)
+
+    @cached_property
+    def upright(self) -> tuple[tuple[Step, tuple[int, ...]], ...]:
+        """The points on columns of nodes that are between two of these, by their y, and the columns."""
+        found: dict[Step, list[int]] = {}
+        for x, heights in self._columns:
+            for y in heights:
+                if y[1] and not x[1]:
+                    found.setdefault(y, []).append(x[0])
+        return tuple((y, tuple(columns)) for y, columns in found.items())
+
+    @cached_property
+    def _columns(self) -> list[tuple[Step, list[Step]]]:
+        # The points, column by column.
+        columns = ((x, self.points[self.points[:, 0] == x, 1]) for x in np.unique(self.points[:, 0]))
+        return [(_split(x), [_split(y) for y in heights]) for x, heights in columns]
 
     @cached_property
     def places(self) -> Array:

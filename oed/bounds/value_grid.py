@@ -81,12 +81,14 @@ class ValueGrid:
         if distance <= 0:
             return values
         here = self.stencil(distance)
-        raised, walls = _raised(values, here, known)
+        # Functions stand side by side at every node: steps from node to node are steps along a flat array.
+        beside = np.ascontiguousarray(values.transpose(1, 2, 0))
+        raised, walls = _raised(beside, here, None if known is None else known[..., None])
         twisted = _twists(raised, known)
         best = _around(raised + np.float32(here.piece / 4) * twisted, here)
-        np.maximum(best, _inside(raised, here.columns), out=best)
+        np.maximum(best, _inside(raised, here), out=best)
         _raise_near_walls(best, walls, here)
-        return best
+        return np.ascontiguousarray(best.transpose(2, 0, 1))
 
 
 def rounded_up(largest: float, steps: int) -> float:
@@ -96,7 +98,7 @@ def rounded_up(largest: float, steps: int) -> float:
 
 def dilated(values: Singles) -> Singles:
     """The largest of every node and its neighbours."""
-    return _spread(values, 1, 1)
+    return _spread(_spread(values, 1, 1), 2, 1)
 
 
 def over_cells(values: Singles) -> Singles:
@@ -105,65 +107,81 @@ def over_cells(values: Singles) -> Singles:
     return np.asarray(np.maximum(along[:, :, 1:], along[:, :, :-1]))
 
 
-Walls: TypeAlias = tuple[Singles, Singles] | None
+Beside: TypeAlias = npt.NDArray[np.float32]
+"""Values of k functions side by side at each node, (nx, ny, k)."""
+Walls: TypeAlias = tuple[Beside, Beside] | None
 
 
-def _raised(values: Singles, here: Stencil, known: Bools | None) -> tuple[Singles, Walls]:
+def _raised(values: Beside, here: Stencil, known: Bools | None) -> tuple[Beside, Walls]:
     # The values and a quarter of their bends downwards nearby; apart from these, where they need not count
-    # for all nodes, the bends at the walls across x, (k, 2, ny), and across y, (k, nx, 2).
-    padded = np.pad(values, ((0, 0), (1, 1), (1, 1)), mode="edge")
+    # for all nodes, the bends at the walls across x, (2, ny, k), and across y, (nx, 2, k).
+    padded = _padded(values, 1)
     twice = values + values
-    across = np.maximum(twice - padded[:, :-2, 1:-1] - padded[:, 2:, 1:-1], 0)
-    along = np.maximum(twice - padded[:, 1:-1, :-2] - padded[:, 1:-1, 2:], 0)
+    across = np.maximum(twice - padded[:-2, 1:-1] - padded[2:, 1:-1], 0)
+    along = np.maximum(twice - padded[1:-1, :-2] - padded[1:-1, 2:], 0)
     if known is not None:
         across, along = np.where(known, across, 0), np.where(known, along, 0)
     walls = None
     # A grid so narrow that one wall is near the other does without.
     if here.flat and all(
-        size > radius + 4 for size, radius in zip(values.shape[1:], here.radii, strict=True)
+        size > radius + 4 for size, radius in zip(values.shape[:2], here.radii, strict=True)
     ):
-        walls = across[:, [0, -1]].copy(), along[:, :, [0, -1]].copy()
-        across[:, [0, -1]], along[:, :, [0, -1]] = 0, 0
-    raised = values + (_spread(across, 1, 2) + _spread(along, 1, 1)) / 4
-    return np.asarray(raised, dtype=np.float32), walls
+        walls = across[[0, -1]].copy(), along[:, [0, -1]].copy()
+        across[[0, -1]], along[:, [0, -1]] = 0, 0
+    bends = _spread(_spread(across, 0, 1), 1, 2) + _spread(_spread(along, 0, 1), 1, 1)
+    return np.asarray(values + bends / 4, dtype=np.float32), walls
 
 
-def _raise_near_walls(best: Singles, walls: Walls, here: Stencil) -> None:
+def _raise_near_walls(best: Beside, walls: Walls, here: Stencil) -> None:
     # Bends at the walls, for all nodes within reach of them but those at that wall.
     if walls is None:
         return
     across, along = walls
     near, far = (int(np.ceil(radius)) for radius in here.radii)
-    own = scipy.ndimage.maximum_filter1d(across, 2 * far + 3, axis=2, mode="nearest") / 4
-    best[:, 1 : near + 2] += own[:, :1]
-    best[:, -near - 2 : -1] += own[:, 1:]
-    own = scipy.ndimage.maximum_filter1d(along, 2 * near + 3, axis=1, mode="nearest") / 4
-    best[:, :, 1 : far + 2] += own[:, :, :1]
-    best[:, :, -far - 2 : -1] += own[:, :, 1:]
+    own = scipy.ndimage.maximum_filter1d(across, 2 * far + 3, axis=1, mode="nearest") / 4
+    best[1 : near + 2] += own[:1]
+    best[-near - 2 : -1] += own[1:]
+    own = scipy.ndimage.maximum_filter1d(along, 2 * near + 3, axis=0, mode="nearest") / 4
+    best[:, 1 : far + 2] += own[:, :1]
+    best[:, -far - 2 : -1] += own[:, 1:]
 
 
-def _twists(values: Singles, known: Bools | None) -> Singles:
+def _twists(values: Beside, known: Bools | None) -> Beside:
     # How far each node's cells are from linear: the largest difference of differences.
-    twist = np.abs(values[:, :-1, :-1] + values[:, 1:, 1:] - values[:, 1:, :-1] - values[:, :-1, 1:])
+    twist = np.abs(values[:-1, :-1] + values[1:, 1:] - values[1:, :-1] - values[:-1, 1:])
     if known is not None:
         # Cells with a node that has no value are none of a path's.
-        valued = values[0] > NOWHERE / 2
+        valued = values[..., 0] > NOWHERE / 2
         whole = valued[:-1, :-1] & valued[1:, 1:] & valued[1:, :-1] & valued[:-1, 1:]
-        twist = np.where(whole, twist, 0)
-    padded = np.pad(twist, ((0, 0), (1, 1), (1, 1)))
-    along = np.maximum(padded[:, 1:], padded[:, :-1])
-    return np.asarray(np.maximum(along[:, :, 1:], along[:, :, :-1]))
+        twist = np.where(whole[..., None], twist, 0)
+    # No cell at the walls has none of its nodes beside another.
+    rows, columns, count = values.shape
+    padded = np.zeros((rows + 1, columns + 1, count), dtype=np.float32)
+    padded[1:-1, 1:-1] = twist
+    along = np.maximum(padded[1:], padded[:-1])
+    return np.asarray(np.maximum(along[:, 1:], along[:, :-1]))
 
 
-def _around(values: Singles, here: Stencil) -> Singles:
-    # The largest value at the stencil's points around each node. Functions stand side by side at every node,
-    # so that a step to another is one along a flat array: what runs over a row's end is left out afterwards.
-    margin, (count, rows, columns) = here.reach, values.shape
-    padded = np.pad(values.transpose(1, 2, 0), ((margin, margin), (margin, margin), (0, 0)), mode="edge")
+def _padded(values: Beside, margin: int) -> Beside:
+    # The values, and so many nodes around that go on as the nearest.
+    rows, columns, count = values.shape
+    found = np.empty((rows + 2 * margin, columns + 2 * margin, count), dtype=np.float32)
+    own = found[margin:-margin]
+    own[:, margin:-margin] = values
+    own[:, :margin], own[:, -margin:] = values[:, :1], values[:, -1:]
+    found[:margin], found[-margin:] = own[:1], own[-1:]
+    return found
+
+
+def _around(values: Beside, here: Stencil) -> Beside:
+    # The largest value at the stencil's points around each node. Steps beyond a row's end run over into the
+    # next one's margin, and are left out afterwards.
+    margin, (rows, columns, count) = here.reach, values.shape
+    padded = _padded(values, margin)
     width, flat = padded.shape[1] * count, padded.ravel()
     best = np.full(rows * width, 10 * NOWHERE, dtype=np.float32)
-    mixed, taken = np.empty_like(best), np.empty_like(best)
-    for first, share, heights in here.moves:
+    mixed, taken = np.empty_like(best), np.empty_like(flat)
+    for first, share, heights in here.slanted:
         begin = (margin + first) * width
         column = flat[begin : begin + len(best)]
         if share:
@@ -172,9 +190,19 @@ def _around(values: Singles, here: Stencil) -> Singles:
             part = column[(margin + start) * count :]
             if rest:
                 part = _between(part[:-count], part[count:], rest, taken)
-            own = best[: len(part)]
-            np.maximum(own, part, out=own)
-    return np.ascontiguousarray(best.reshape(rows, -1, count)[:, :columns].transpose(2, 0, 1))
+            _raise_to(best, part)
+    for (start, rest), firsts in here.upright:
+        # Mixed once for all columns of nodes.
+        height = flat[(margin + start) * count :]
+        height = _between(height[:-count], height[count:], rest, taken)
+        for first in firsts:
+            _raise_to(best, height[(margin + first) * width :])
+    return best.reshape(rows, -1, count)[:, :columns]
+
+
+def _raise_to(best: Singles, part: Singles) -> None:
+    own = best[: len(part)]
+    np.maximum(own, part[: len(own)], out=own)
 
 
 def _between(ones: Singles, others: Singles, share: np.float32, out: Singles) -> Singles:
@@ -186,35 +214,31 @@ def _between(ones: Singles, others: Singles, share: np.float32, out: Singles) ->
     return found
 
 
-def _inside(values: Singles, heights: npt.NDArray[np.int64]) -> Singles:
-    # The largest value at the nodes inside.
-    best, column, height = np.full_like(values, 10 * NOWHERE), values, 0
-    for x in range(len(heights) - 1, -1, -1):
-        column = _taller(column, values, height, int(heights[x]))
-        height = int(heights[x])
-        count = values.shape[1] - x
-        if count <= 0:
-            continue
-        np.maximum(best[:, :count], column[:, x:], out=best[:, :count])
-        np.maximum(best[:, x:], column[:, :count], out=best[:, x:])
-    return best
+def _inside(values: Beside, here: Stencil) -> Beside:
+    # The largest value at the nodes inside. Beyond a wall it goes on as at the wall, which is inside then.
+    margin, (rows, columns, count) = here.reach, values.shape
+    padded = _padded(values, margin)
+    width, flat = padded.shape[1] * count, padded.ravel()
+    best = np.full(rows * width, 10 * NOWHERE, dtype=np.float32)
+    column, height = flat.copy(), 0
+    for x in range(len(here.columns) - 1, -1, -1):
+        for y in range(height + 1, int(here.columns[x]) + 1):
+            np.maximum(column[y * count :], flat[: -y * count], out=column[y * count :])
+            np.maximum(column[: -y * count], flat[y * count :], out=column[: -y * count])
+        height = max(height, int(here.columns[x]))
+        for first in {x, -x}:
+            begin = (margin + first) * width
+            np.maximum(best, column[begin : begin + len(best)], out=best)
+    return best.reshape(rows, -1, count)[:, margin : margin + columns]
 
 
-def _taller(column: Singles, values: Singles, height: int, wanted: int) -> Singles:
-    # The largest of the values up to `wanted` nodes away along y, from those up to `height` away.
-    if wanted == height:
-        return column
-    found = column.copy()
-    for shift in range(height + 1, min(wanted, values.shape[2] - 1) + 1):
-        np.maximum(found[:, :, shift:], values[:, :, :-shift], out=found[:, :, shift:])
-        np.maximum(found[:, :, :-shift], values[:, :, shift:], out=found[:, :, :-shift])
-    return found
-
-
-def _spread(values: Singles, rows: int, columns: int) -> Singles:
-    # The largest value up to so many nodes away along each axis.
+def _spread(values: Singles, axis: int, most: int) -> Singles:
+    # The largest value up to so many nodes away along an axis.
     found = values.copy()
-    for shift in range(1, rows + 1):
-        np.maximum(found[:, shift:], values[:, :-shift], out=found[:, shift:])
-        np.maximum(found[:, :-shift], values[:, shift:], out=found[:, :-shift])
-    return _taller(found, found, 0, columns)
+    for shift in range(1, min(most, values.shape[axis] - 1) + 1):
+        ahead, behind = [slice(None)] * values.ndim, [slice(None)] * values.ndim
+        ahead[axis], behind[axis] = slice(shift, None), slice(None, -shift)
+        one, other = tuple(ahead), tuple(behind)
+        np.maximum(found[one], values[other], out=found[one])
+        np.maximum(found[other], values[one], out=found[other])
+    return found

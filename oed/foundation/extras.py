@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -28,6 +29,7 @@ def extra(module: str, name: str, purpose: str) -> Any:
         raise UserMistake(f"{purpose} needs an extra of the package: pip install 'oed[{name}]'") from None
 
 
+@cache
 def package_version(package: str) -> str:
     """The version of an installed package, "unknown" of one that is not."""
     try:

@@ -23,7 +23,7 @@ from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Estimation, Problem
 
 DRIVES = 6
-"""Random drives whose information is added up: what none of them identifies, no drive does."""
+"""Random drives whose information is added up at most: what none of them identifies, no drive does."""
 DECADES = 4.0
 """How near the ends of their ranges, in powers of ten, inputs are tried where other drives hide something."""
 ANY = 1.0
@@ -102,32 +102,35 @@ def _hidden(problem: Problem, drives: int) -> tuple[Ambiguity, ...]:
     only = problem.design.only
     for shares in (_anywhere, _near_an_end):
         tried = [_random_drive(problem, rng, shares) for _ in range(drives)] if only is None else [only]
-        _inform(problem, tried, found, failed)
-        pairs = [
-            (one, SquareRoot.together([each[one.block.name] for each in found]))
-            for one in problem.any_estimations
-            if found
-        ]
-        asked = [root.leading(len(one.judged)).scaled(one.scales) for one, root in pairs]
-        if found and problem.objective.identifiable(asked):
-            return ()
+        for drive in tried:
+            # Of drives that are finite: a system at its fastest may go beyond all bounds.
+            try:
+                found.append(full_information(problem, drive))
+            except NotFinite as error:
+                failed.append(error)
+                continue
+            # What some drives identify, more of them do as well.
+            pairs = _together(problem, found)
+            if _identified(problem, pairs):
+                return ()
     if not found:
         raise failed[0]
     return tuple(ambiguity for one, root in pairs for ambiguity in _null_combinations(one, root))
 
 
-def _inform(
-    problem: Problem,
-    drives: Sequence[Trajectory],
-    found: list[dict[str, SquareRoot]],
-    failed: list[NotFinite],
-) -> None:
-    # Of drives that are finite: a system at its fastest may go beyond all bounds.
-    for drive in drives:
-        try:
-            found.append(full_information(problem, drive))
-        except NotFinite as error:
-            failed.append(error)
+def _together(
+    problem: Problem, found: Sequence[Mapping[str, SquareRoot]]
+) -> list[tuple[Estimation, SquareRoot]]:
+    # What drives say together of what each sensor's block estimates.
+    return [
+        (one, SquareRoot.together([each[one.block.name] for each in found]))
+        for one in problem.any_estimations
+    ]
+
+
+def _identified(problem: Problem, pairs: Sequence[tuple[Estimation, SquareRoot]]) -> bool:
+    asked = [root.leading(len(one.judged)).scaled(one.scales) for one, root in pairs]
+    return bool(problem.objective.identifiable(asked))
 
 
 def _null_combinations(one: Estimation, root: SquareRoot) -> list[Ambiguity]:

@@ -221,7 +221,8 @@ def test_fewer_passes_bound_as_well():
 @pytest.mark.slow
 def test_heading_is_certified_within_eight_percent():
     made = load_study(PROBLEMS / "heading.yaml").problem
-    certificate = bound(made)
+    # By few passes: more of them are never worse.
+    certificate = bound(made, nodes=4)
     assert certificate.method == METHOD
     assert BEST_KNOWN <= certificate.upper_bound <= 1.08 * BEST_KNOWN
     assert certificate.widened.upper_bound >= certificate.upper_bound

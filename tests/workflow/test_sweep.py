@@ -285,7 +285,7 @@ class TestCommand:
     @pytest.mark.slow
     def test_no_feasible_drive_anywhere(self, tmp_path: Path, monkeypatch, capsys):
         monkeypatch.chdir(tmp_path)
-        write_study(tmp_path, INFEASIBLE.replace("{kind: ipopt, starts: 2}", TINY))
+        write_study(tmp_path, INFEASIBLE.replace("{kind: ipopt, starts: 1, perturbations: 0}", TINY))
         assert main(["sweep", "study.yaml", "--over", "seed=1", "--quiet", "--workers", "1"]) == 1
         assert "no feasible drive" in capsys.readouterr().out
         assert (tmp_path / "reports" / "study-sweep" / "report.html").is_file()
