@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property, lru_cache
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -16,8 +15,7 @@ from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Flaw, NotFinite
 from oed.kernel.between import GAP, Sight, most_exceeded
-from oed.kernel.dynamics.direct_call import direct_call
-from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.direct_call import Outputs
 from oed.kernel.dynamics.rollout import FINE, any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluated import Evaluation as Evaluation
@@ -79,6 +77,11 @@ def precision_over_time(problem: Problem, trajectory: Trajectory, times: Array) 
 
     Under drift a time's readings are innovations, which say what is new beside all readings before.
 
+    Args:
+        problem: with the sensors.
+        trajectory: what is driven.
+        times: [s].
+
     Raises:
         ValueError, NotFinite: as `evaluate` does.
     """
@@ -127,25 +130,6 @@ def require_shape(problem: Problem, trajectory: Trajectory) -> None:
         )
 
 
-class _Outputs:
-    """A function whose outputs come in groups."""
-
-    def __init__(
-        self, name: str, arguments: Sequence[Expression], groups: Sequence[Sequence[Expression]]
-    ) -> None:
-        self._edges = np.cumsum([0, *map(len, groups)])
-        outputs = [ca.densify(output) for group in groups for output in group]
-        self._function = ca.Function(name, list(arguments), outputs)
-
-    def values(self, *arguments: Array) -> list[list[Array]]:
-        """Of arguments whose rows are the function's columns."""
-        results = direct_call(self._function, *arguments)
-        arrays = [
-            result.reshape(self._function.size_out(place), order="F") for place, result in enumerate(results)
-        ]
-        return [arrays[first:last] for first, last in pairwise(self._edges)]
-
-
 class _Scorer:
     """The compiled functions that score trajectories of one number of samples."""
 
@@ -165,16 +149,16 @@ class _Scorer:
         return self.problem.estimations(self._drive)
 
     @cached_property
-    def _of_driving(self) -> _Outputs:
+    def _of_driving(self) -> Outputs:
         drive = self._drive
         groups = [
             [drive.path_length(), drive.states, drive.path, drive.speeds],
             [rows.expression for rows in self.rows],
         ]
-        return _Outputs("driven", [*self._symbols, *self._extremes], groups)
+        return Outputs("driven", [*self._symbols, *self._extremes], groups)
 
     @cached_property
-    def _of_measuring(self) -> _Outputs:
+    def _of_measuring(self) -> Outputs:
         groups = [
             # Of sensors the jacobian's first columns: they are not asked for twice.
             [one.block.design_matrix for one in self.estimations if one.block.raw],
@@ -183,7 +167,7 @@ class _Scorer:
             [one.block.magnitudes for one in self.estimations],
             [self._drive.states],
         ]
-        return _Outputs("measured", self._symbols, groups)
+        return Outputs("measured", self._symbols, groups)
 
     @cached_property
     def _jacobians(self) -> ca.Function:

@@ -226,7 +226,8 @@ def test_workers_take_what_was_compiled(monkeypatch: pytest.MonkeyPatch, tmp_pat
     monkeypatch.setattr(genetic, "run_tasks", watching)
     for name in ("oed.optimize.genetic.WORTH", "oed.optimize.genetic.COMPILED"):
         monkeypatch.setattr(name, 0.0)
-    monkeypatch.setattr("oed.optimize.transcription.design.COMPILING", 0.0)
+    # However little it spares.
+    monkeypatch.setattr(genetic, "SPARED", np.inf)
     design = DesignExpressions(problem_of(), refine=2)
     candidates = random_drives(design, np.linspace(0.1, 1, 11), np.random.default_rng(0))
     expected = DesignExpressions(problem_of(), refine=2).score_many(candidates)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.compiled import Making
+from oed.kernel.dynamics.expression import Expression
 
 PAYS = 1.0
 """Time [s] that calls of a function have taken by which a compiler is let at it: what was called for so long
@@ -101,3 +103,29 @@ def direct_call(function: ca.Function, *arguments: Array) -> list[Array]:
     """A function's results, one flat array each, of dense arguments whose rows are CasADi's columns."""
     # Called once, it is not worth a compiler.
     return DirectCall(function, lasting=False)(*arguments)
+
+
+class Outputs:
+    """A function whose outputs come in groups."""
+
+    def __init__(
+        self, name: str, arguments: Sequence[Expression], groups: Sequence[Sequence[Expression]]
+    ) -> None:
+        """Make it.
+
+        Args:
+            name: of the function.
+            arguments: its symbols.
+            groups: of expressions.
+        """
+        self._edges = np.cumsum([0, *map(len, groups)])
+        outputs = [ca.densify(output) for group in groups for output in group]
+        self._function = ca.Function(name, list(arguments), outputs)
+
+    def values(self, *arguments: Array) -> list[list[Array]]:
+        """Of arguments whose rows are the function's columns."""
+        results = direct_call(self._function, *arguments)
+        arrays = [
+            result.reshape(self._function.size_out(place), order="F") for place, result in enumerate(results)
+        ]
+        return [arrays[first:last] for first, last in pairwise(self._edges)]
