@@ -23,7 +23,7 @@ from oed.optimize.terms.row_bounds import RowBounds
 from oed.optimize.terms.slots import Slots
 from oed.optimize.terms.small_drives import splines_of
 
-COMPILING = 3e-4
+COMPILING = 2e-4
 """Time [s] that a compiler takes for one operation written out."""
 DIFFERENTIATED = 12
 """How many times as long it takes with first and second derivatives."""
