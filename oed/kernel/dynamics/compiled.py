@@ -24,8 +24,8 @@ from pathlib import Path
 import casadi as ca
 
 # No contraction to fused operations and no fast mathematics: with them the last digits, and so the designs
-# that a search finds, would depend on whether there is a compiler. Long lists of operations gain by little but
-# vectors, and a compiler at work beside the search takes twice as long with all that it knows.
+# that a search finds, would depend on whether there is a compiler. Long lists of operations gain by vectors
+# and little else, and a compiler at work beside the search takes twice as long with all that it knows.
 FLAGS = (
     *("-O1", "-ftree-vectorize", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared"),
     # Only what CasADi loads is seen from outside, so that all else is inlined.
