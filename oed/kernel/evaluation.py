@@ -141,7 +141,11 @@ class _Scorer:
             given["motion_inputs"] = None
         self._symbols, self._drive = any_drive(system, samples, runs, refine=FINE, **given)
         self.problem = problem
-        self.rows: list[Rows] = problem.limit_rows(self._drive)
+
+    @cached_property
+    def rows(self) -> list[Rows]:
+        """The limits'; what only asks for information does not pay for them."""
+        return self.problem.limit_rows(self._drive)
 
     @cached_property
     def estimations(self) -> Sequence[Estimation]:

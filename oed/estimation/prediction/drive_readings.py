@@ -205,7 +205,7 @@ class DriveReadings:
 
     def coloured(self, white: Array) -> Array:
         """Noise of standard normal numbers (M of all runs,), sensor by sensor; 0 for what is not read."""
-        return np.asarray(self._colouring.of(white if self._roots is None else white * (self._roots > 0)))
+        return self._colouring.of(white if self._roots is None else white * (self._roots > 0))
 
     @cached_property
     def _colouring(self) -> _Solve:
