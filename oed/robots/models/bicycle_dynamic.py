@@ -120,8 +120,40 @@ class BicycleDynamic(WheeledRobot):
             parameters: values, (p,), SI.
             period: [s]; 0 for the instant itself.
         """
-        twist, speeds = _integrated(self)(state[3:], inputs, parameters, period)
-        return twist, speeds
+        (ahead, across, yaw_rate), speeds = self._moved(state, inputs, parameters, period)
+        half_turn = period * yaw_rate / 2
+        cosine, sine, short = ca.cos(half_turn), ca.sin(half_turn), sinc(half_turn)
+        along, beside = cosine * ahead + sine * across, cosine * across - sine * ahead
+        return ca.vertcat(along / short, beside / short, yaw_rate), speeds
+
+    def step(
+        self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
+    ) -> Expression:
+        """The state (6,) after a period: where `motion` leads, without the arc, of which it has no need.
+
+        Args:
+            state: at the begin of the period, (6,), SI.
+            inputs: throttle and steering angle, (2,).
+            parameters: values, (p,), SI.
+            period: [s].
+        """
+        if self.integration != "arc":
+            return super().step(state, inputs, parameters, period)
+        (ahead, across, yaw_rate), speeds = self._moved(state, inputs, parameters, period)
+        cosine, sine = ca.cos(state[2]), ca.sin(state[2])
+        return ca.vertcat(
+            state[0] + period * (cosine * ahead - sine * across),
+            state[1] + period * (sine * ahead + cosine * across),
+            state[2] + period * yaw_rate,
+            speeds,
+        )
+
+    def _moved(
+        self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
+    ) -> tuple[list[Expression], Expression]:
+        # Mean velocities of a period as the car sees them at its begin, and the speeds at its end.
+        mean, speeds = _integrated(self)(state[3:], inputs, parameters, period)
+        return ca.vertsplit(mean), speeds
 
     def accelerations(self, speeds: Expression, inputs: Expression, parameters: Expression) -> Expression:
         """Derivatives (3,) of forward speed, lateral speed and yaw rate [Rajamani, 2012, 2.2 and 2.3].
@@ -198,28 +230,26 @@ class BicycleDynamic(WheeledRobot):
 
 @lru_cache(maxsize=32)
 def _integrated(robot: BicycleDynamic) -> ca.Function:
-    # The function (speeds, inputs, parameters, period) -> twist of the arc, speeds at the period's end.
+    # The function (speeds, inputs, parameters, period) -> mean velocities as seen from the period's begin,
+    # speeds at its end.
     inputs, parameters = ca.SX.sym("inputs", 2), ca.SX.sym("p", len(robot.parameters))
     begin, period, now = ca.SX.sym("speeds", 3), ca.SX.sym("period"), ca.SX.sym("now", 6)
-    speeds, cosine, sine = now[:3], ca.cos(now[3]), ca.sin(now[3])
-    velocity = ca.vertcat(cosine * now[0] - sine * now[1], sine * now[0] + cosine * now[1])
-    # Where the car is, seen from where the period began, follows last, for an elimination without fill-in.
-    slope = ca.vertcat(robot.accelerations(speeds, inputs, parameters), now[2], velocity)
+    cosine, sine, speeds = ca.cos(now[2]), ca.sin(now[2]), now[3:]
+    velocity = ca.vertcat(cosine * speeds[0] - sine * speeds[1], sine * speeds[0] + cosine * speeds[1])
+    # Where the car is, seen from where the period began, goes first: what an elimination begins with at the
+    # other end is solved without it, and it follows by products alone.
+    slope = ca.vertcat(velocity, speeds[2], robot.accelerations(speeds, inputs, parameters))
     given = [now, inputs, parameters]
     derivative = ca.Function("derivative", given, [slope])
     jacobian = ca.Function("jacobian", given, [ca.jacobian(slope, now)])
     ended, mean = rodas3(
         lambda state: derivative(state, inputs, parameters),
         lambda state: jacobian(state, inputs, parameters),
-        ca.vertcat(begin, ca.SX.zeros(3)),
+        ca.vertcat(ca.SX.zeros(3), begin),
         period,
         robot.substeps,
     )
-    half_turn = period * mean[3] / 2
-    cosine, sine, short = ca.cos(half_turn), ca.sin(half_turn), sinc(half_turn)
-    ahead, across = cosine * mean[4] + sine * mean[5], cosine * mean[5] - sine * mean[4]
-    twist = ca.vertcat(ahead / short, across / short, mean[3])
-    return ca.Function("integrated", [begin, inputs, parameters, period], [twist, ended[:3]])
+    return ca.Function("integrated", [begin, inputs, parameters, period], [mean[:3], ended[3:]])
 
 
 @lru_cache(maxsize=32)
