@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.foundation.work.parallel import Workers, run_tasks, waiting
+from oed.foundation.work.parallel import Workers, at_once, run_tasks, waiting
 from oed.kernel.criteria import D
 from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.problem import Problem
@@ -39,6 +39,7 @@ from oed.optimize.transcription.starting_points import (
 
 if TYPE_CHECKING:
     from oed.optimize.ipopt import Ipopt
+    from oed.optimize.terms.base import Terms
 
 ROUND = 4
 """Perturbations tried from one design before the best of them is perturbed in turn."""
@@ -196,13 +197,13 @@ class MultiStart:
 
     def _sketches(self, found: Exploration, explorer: Explorer, attempts: Sequence[Attempt]) -> list[Sketch]:
         budget, made = self.options.budget, list[Sketch]()
-        # The very first one here: it shows how long the others will take.
-        parts = (attempts,) if found.spent else (attempts[:1], attempts[1:])
-        for part in parts:
+        while rest := attempts[len(made) :]:
             spent = found.spent + found.share * sum(one.iterations for one in made)
             left = (time.perf_counter() - self.began) * (budget / spent - 1) if spent else 0.0
-            explorer = explorer.compiled(SPARED * left)
-            made += self._explored_from(explorer, part, self._workers(left))
+            explorer, workers = explorer.compiled(SPARED * left), self._workers(left)
+            # The very first one alone: it shows how long the others will take.
+            count = self._count(rest, workers, explorer.search.design.terms) if spent else 1
+            made += self._explored_from(explorer, rest[:count], workers)
         after = found.spent + found.share * sum(one.iterations for one in made)
         before, now = (int(min(PERCENT * one / budget, PERCENT)) for one in (found.spent, after))
         for _ in range(now - before):
@@ -255,6 +256,10 @@ class MultiStart:
         least = POOL_SECONDS if waiting() == 1 else min(READY_SECONDS, POOL_SECONDS)
         return self.context.workers if left > least else 1
 
+    def _count(self, tasks: Sequence[object], workers: Workers, terms: Terms) -> int:
+        # Few as long as a compiler is at work, which takes a processor: what is begun now goes without it.
+        return max(at_once(workers) - 1, 1) if terms.compiling else len(tasks)
+
     def _compile(self, search: LocalSearch, left: float) -> None:
         slots, binary = search.compile(SPARED * left)
         if binary is not None:
@@ -295,7 +300,7 @@ class MultiStart:
         results += [None] * len(points)
 
         def take(index: int, result: Local) -> None:
-            results[index] = result
+            results[begun + index] = result
             self._note_history(result)
             if result.evaluation is not None:
                 seconds = time.perf_counter() - self.began
@@ -304,9 +309,13 @@ class MultiStart:
             if self._out_of_time():
                 raise _TimeUp
 
-        tasks = [self._task(point, barrier=barrier) for point in points]
+        tasks, begun = [self._task(point, barrier=barrier) for point in points], 0
+        workers = self._workers(self._seconds_left)
         try:
-            run_tasks(work, tasks, self._workers(self._seconds_left), take)
+            while rest := tasks[begun:]:
+                part = rest[: self._count(rest, workers, self.design.terms)]
+                run_tasks(work, part, workers, take)
+                begun += len(part)
         finally:
             # In the order of the starts, so that ties fall alike whatever the workers' timing.
             self._keep_best(results)

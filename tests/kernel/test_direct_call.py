@@ -7,6 +7,7 @@ import pickle
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import casadi as ca
@@ -191,6 +192,14 @@ def test_a_program_that_ends_leaves_no_compiler_at_work(cache: Path, endless: Pa
 
 
 @needs_compiler
+def test_what_a_compiler_made_is_there_for_all_processes_once_it_has_ended(cache: Path):
+    making = Making([example()])
+    assert _becomes(lambda: making.ended)
+    assert making.binary is not None
+    assert making.binary.exists()
+
+
+@needs_compiler
 @pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
 def test_a_forked_process_leaves_the_compiler_to_its_parent(cache: Path):
     making = Making([example()])
@@ -211,8 +220,12 @@ def _process_in(file: Path) -> int:
 
 
 def _ends(process: int) -> bool:
+    return _becomes(lambda: not _at_work(process))
+
+
+def _becomes(asked: Callable[[], bool]) -> bool:
     for _ in range(500):
-        if not _at_work(process):
+        if asked():
             return True
         time.sleep(0.01)
     return False

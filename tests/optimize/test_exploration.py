@@ -20,6 +20,7 @@ from oed.optimize.exploration import BUDGET, HOPELESS, LEAST, QUICK, ROUND, SHAR
 from oed.optimize.local import LocalSearch
 from oed.optimize.local_results import Settings, Sketch
 from oed.optimize.sketches import Sketches
+from oed.optimize.terms.base import Terms
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.perturbations import varied_design
 from oed.optimize.transcription.starting_points import screen, varied_starts
@@ -145,6 +146,25 @@ def test_the_result_is_the_same_for_any_number_of_workers(monkeypatch):
     assert one.explored.spent == pytest.approx(one.explored.iterations * 24 / 200)
     assert one.evaluation.objective == evaluate(problem, one.trajectory).objective
     assert "iterations" in one.message
+
+
+def test_few_starts_are_begun_as_long_as_a_compiler_is_at_work(monkeypatch):
+    # What it makes is for those that are begun after it.
+    sizes, asked = [], iter([False, True, True])
+    monkeypatch.setattr(Terms, "compiling", property(lambda _: next(asked, False)))
+    monkeypatch.setattr("oed.optimize.multi_start.MultiStart._workers", lambda *_: 3)
+
+    def run(work, tasks, workers, take):
+        sizes.append(len(tasks))
+        for place, task in enumerate(tasks):
+            take(place, work(task))
+
+    monkeypatch.setattr("oed.optimize.multi_start.run_tasks", run)
+    problem = problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION))
+    found = solve(problem, Ipopt(starts=8, perturbations=0, second_stage="none"), seed=0, workers=3)
+    assert sizes == [1, 2, 1, 4]
+    assert len(found.starts) == 8
+    assert all(start is not None for start in found.starts)
 
 
 def shared(*solvers):

@@ -133,16 +133,20 @@ class Making:
 
     def functions(self) -> list[ca.Function] | None:
         """The functions in machine code; None as long as there is none."""
-        if self._own is not None and self._own.poll() is not None:
-            self._ended(self._own)
-        elif self._own is not None and time.monotonic() - self._began > PATIENCE:
-            self.stop()
+        self._look()
         return None if self.binary is None else taken(self.binary, self._names)
 
     @property
     def ended(self) -> bool:
-        """Whether no compiler is at work any more."""
+        """Whether no compiler is at work any more: then all processes find what it has made."""
+        self._look()
         return self._own is None
+
+    def _look(self) -> None:
+        if self._own is not None and self._own.poll() is not None:
+            self._ended(self._own)
+        elif self._own is not None and time.monotonic() - self._began > PATIENCE:
+            self.stop()
 
     @property
     def _own(self) -> subprocess.Popen[bytes] | None:

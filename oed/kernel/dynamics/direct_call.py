@@ -67,10 +67,11 @@ class DirectCall:
         # Begins it, and takes what has come of it.
         if self._making is None:
             self._making = Making([self._function]) if _worth(self._function) else None
+        over = self._making is None or self._making.ended
         found = None if self._making is None else self._making.functions()
         if found:
             self._take(found[0])
-        if found or self._making is None or self._making.ended:
+        if found or over:
             self._spent = -np.inf
 
 

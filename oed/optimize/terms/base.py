@@ -285,6 +285,11 @@ class Terms(ABC):
             self._binaries[slots] = self._making[slots].binary
         return self._binaries.get(slots)
 
+    @property
+    def compiling(self) -> bool:
+        """Whether a compiler is at work."""
+        return any(not making.ended for making in self._making.values())
+
     def compiled(self) -> None:
         """Wait until the compiler has ended."""
         for making in self._making.values():
