@@ -172,7 +172,11 @@ class Exploration:
     @property
     def spent(self) -> float:
         """Iterations spent, as budgets count."""
-        return self.share * self.iterations
+        return self.spent_with([])
+
+    def spent_with(self, more: Sequence[Sketch]) -> float:
+        """The same with solves that were not counted yet."""
+        return self.share * (self.iterations + sum(one.iterations for one in more))
 
     @property
     def done(self) -> bool:

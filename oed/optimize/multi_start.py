@@ -198,15 +198,16 @@ class MultiStart:
     def _sketches(self, found: Exploration, explorer: Explorer, attempts: Sequence[Attempt]) -> list[Sketch]:
         budget, made = self.options.budget, list[Sketch]()
         while rest := attempts[len(made) :]:
-            spent = found.spent + found.share * sum(one.iterations for one in made)
-            left = (time.perf_counter() - self.began) * (budget / spent - 1) if spent else 0.0
+            spent = found.spent_with(made)
+            # What is begun of a round is made, whatever it spends.
+            share = max(budget / spent - 1, len(rest) / (found.solves + len(made))) if spent else 0.0
+            left = share * (time.perf_counter() - self.began)
             explorer, workers = explorer.compiled(SPARED * left), self._workers(left)
             # The very first one alone: it shows how long the others will take.
             count = self._count(rest, workers, explorer.search.design.terms) if spent else 1
             made += self._explored_from(explorer, rest[:count], workers)
-        after = found.spent + found.share * sum(one.iterations for one in made)
-        before, now = (int(min(PERCENT * one / budget, PERCENT)) for one in (found.spent, after))
-        for _ in range(now - before):
+        before, now = (min(PERCENT * found.spent_with(one) / budget, PERCENT) for one in ([], made))
+        for _ in range(int(now) - int(before)):
             self.context.progress.advance()
         return made
 

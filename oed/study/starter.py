@@ -215,6 +215,7 @@ def _text(
         kind=_kind(choice.robot),
         preset=choice.robot in preset_names(),
         skids=_model(choice.robot).skids,
+        inert=_kind(choice.robot) in INERT,
         known=known,
         typical=[key for key in known if not choice.sizes.get(key)],
         sizes={**known, **{key: value for key, value in choice.sizes.items() if value or key not in known}},
