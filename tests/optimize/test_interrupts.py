@@ -12,7 +12,7 @@ import casadi as ca
 import pytest
 
 from oed.foundation.errors import UserMistake
-from oed.foundation.work.signals import ending_alike, interrupts_named
+from oed.foundation.work.signals import SOON, ending_alike, interrupts_named
 from oed.optimize.transcription.solver_calls import interrupts_kept
 
 pytestmark = pytest.mark.usefixtures("interruptible")
@@ -158,3 +158,19 @@ def test_a_solver_hears_of_it_at_once():
     with ending_alike(), pytest.raises(KeyboardInterrupt):
         work()
     assert time.monotonic() - before < 1
+
+
+def test_a_solver_that_heard_of_it_is_the_last_to_hear():
+    # Whoever has its name for what the wrappers make of it: answered once, it does not come again.
+    after = []
+
+    def work() -> None:
+        with interrupts_named():
+            with contextlib.suppress(KeyboardInterrupt), interrupts_kept(), contextlib.suppress(TypeError):
+                ca.DM(2) + Odd(signal.SIGINT)
+            time.sleep(20 * SOON)
+            after.append(True)
+
+    with ending_alike():
+        work()
+    assert after

@@ -25,6 +25,8 @@ WRAPPERS = "casadi.casadi"
 """Module of CasADi's wrappers."""
 SOON = 1e-3
 """Time [s] after which a signal that would have been lost is answered again."""
+Answer = Callable[[int, FrameType | None], Any]
+"""To a signal, in the frame where it came."""
 PARENT_DIED = 1
 """Of Linux's `prctl`: the signal that a process gets when its parent ends."""
 
@@ -49,7 +51,7 @@ def ending_alike() -> Iterator[None]:
 
 
 @contextmanager
-def _handled(handlers: Mapping[int, Callable[[int, FrameType | None], Any]]) -> Iterator[None]:
+def _handled(handlers: Mapping[int, Answer]) -> Iterator[None]:
     # Answer signals by other handlers while the context lasts.
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
@@ -87,6 +89,27 @@ class Ending:
     def at_once(self, number: int, frame: FrameType | None) -> None:
         """Raise it: for solvers, which end by it."""
         raise KeyboardInterrupt
+
+
+class _Noting:
+    # An answer that is noted before it is given.
+
+    def __init__(self, answer: Answer, noted: list[int]) -> None:
+        self._answer, self._noted = answer, noted
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self._noted.append(number)
+        self._answer(number, frame)
+
+    def at_once(self, number: int, frame: FrameType | None) -> None:
+        self._noted.append(number)
+        at_once(self._answer)(number, frame)
+
+
+def at_once(answer: Answer) -> Answer:
+    """What a handler does where nothing is lost: it does not wait, nor comes again later."""
+    found: Answer = getattr(answer, "at_once", answer)
+    return found
 
 
 def _send(number: int) -> None:
@@ -132,16 +155,8 @@ def interrupts_named() -> Iterator[None]:
     They take it for an argument that does not fit, and complain of that, or for an error of the system.
     """
     signalled: list[int] = []
-
-    def noting(answer: Callable[[int, FrameType | None], Any]) -> Callable[[int, FrameType | None], None]:
-        def note(number: int, frame: FrameType | None) -> None:
-            signalled.append(number)
-            answer(number, frame)
-
-        return note
-
     try:
-        with _handled({number: noting(answer) for number, answer in answered().items()}):
+        with _handled({number: _Noting(answer, signalled) for number, answer in answered().items()}):
             yield
     except (OedError, OSError):
         raise

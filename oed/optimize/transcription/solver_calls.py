@@ -14,7 +14,7 @@ from typing import Any
 
 import casadi
 
-from oed.foundation.work.signals import Ending, answered
+from oed.foundation.work.signals import Answer, answered, at_once
 
 Control = tuple[Callable[[], int], Callable[[int], Any]]
 
@@ -26,15 +26,14 @@ def interrupts_kept() -> Iterator[None]:
     # An ignored signal (a worker's) is not ours to answer.
     previous = answered()
 
-    def noting(answer: Callable[[int, FrameType | None], Any]) -> Callable[[int, FrameType | None], None]:
+    def noting(answer: Answer) -> Answer:
         def note(number: int, frame: FrameType | None) -> None:
             nonlocal signalled
             signalled = True
             # CasADi says of the exception what it is called, and in which line of its own it met it.
             quiet.enter_context(redirect_stderr(io.StringIO()))
             # A solver ends by the exception, whatever its wrapper then makes of it.
-            at_once = answer.at_once if isinstance(answer, Ending) else answer
-            at_once(number, frame)
+            at_once(answer)(number, frame)
 
         return note
 
