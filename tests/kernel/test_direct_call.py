@@ -6,6 +6,7 @@ import os
 import pickle
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,8 +15,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from oed.kernel.dynamics import compiled as compiled_module
 from oed.kernel.dynamics import direct_call as module
-from oed.kernel.dynamics.compiled import Making, compiled, compiler
+from oed.kernel.dynamics.compiled import SOURCES, Making, compiled, compiler
 from oed.kernel.dynamics.direct_call import DirectCall, direct_call
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
@@ -129,15 +131,37 @@ def test_a_library_of_which_a_byte_has_changed_is_not_used(cache: Path):
 
 
 @needs_compiler
-def test_what_was_left_of_a_compiler_that_was_killed_is_cleared_away(cache: Path):
+def test_what_was_left_of_a_compiler_that_was_killed_is_cleared_away(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     cache.mkdir()
     old, new = cache / "old.part", cache / "new.part"
     for one in (old, new):
         one.write_bytes(b"")
-    os.utime(old, (0, 0))
+    sources = [tmp_path / f"{SOURCES}{name}" for name in ("old", "new")]
+    for one in sources:
+        one.mkdir()
+        (one / "generated.c").write_text("")
+    for one in (old, sources[0]):
+        os.utime(one, (0, 0))
     Making([example()]).wait()
-    assert not old.exists()
-    assert new.exists()
+    assert [one.exists() for one in (old, new, *sources)] == [False, True, False, True]
+
+
+def test_a_compiler_that_does_not_say_its_version_is_asked_once_and_leaves_nothing_at_work(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(compiled_module, "KNOWN", 0.5)
+    tool, own, asked = tmp_path / "silent", tmp_path / "own", tmp_path / "asked"
+    lines = ["#!/bin/sh", f"echo >> {asked}", "sleep 60 &", f"echo $! > {own}", "wait"]
+    tool.write_text("\n".join(lines))
+    tool.chmod(0o755)
+    monkeypatch.setenv("CC", str(tool))
+    assert Making([example()]).binary is None
+    assert _ends(_process_in(own))
+    assert Making([example()]).binary is None
+    assert asked.read_text() == "\n"
 
 
 def test_where_nobody_has_a_home_nothing_is_compiled(monkeypatch: pytest.MonkeyPatch):

@@ -18,6 +18,7 @@ import time
 import weakref
 from collections.abc import Sequence
 from contextlib import ExitStack, suppress
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -33,6 +34,8 @@ FLAGS = (
 )
 PATIENCE = 120.0
 """Time [s] after which a compiler is given up."""
+SOURCES = "oed-compiling-"
+"""What folders of sources are called, where the system has temporary ones."""
 KNOWN = 10.0
 """Time [s] after which a compiler that does not say its version is none."""
 SEAL = hashlib.sha256
@@ -88,7 +91,7 @@ class Making:
             return
         # No room for the source, or for the code, or nobody's home: then there is none.
         with suppress(OSError, RuntimeError, subprocess.SubprocessError), ExitStack() as stack:
-            folder = tempfile.mkdtemp(prefix="oed-")
+            folder = tempfile.mkdtemp(prefix=SOURCES)
             stack.callback(shutil.rmtree, folder, ignore_errors=True)
             source = _written(functions, folder)
             self.binary = _kept(source.read_bytes(), tool)
@@ -128,7 +131,7 @@ class Making:
             try:
                 self._own.wait(min(patience, PATIENCE))
             except subprocess.TimeoutExpired:
-                self._kill(self._own)
+                _end(self._own)
             self._ended(self._own)
 
     def functions(self) -> list[ca.Function] | None:
@@ -155,13 +158,8 @@ class Making:
     def stop(self) -> None:
         """Give it up, if it is not there yet."""
         if self._own is not None:
-            self._kill(self._own)
+            _end(self._own)
             self._ended(self._own)
-
-    def _kill(self, process: subprocess.Popen[bytes]) -> None:
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
 
     def _ended(self, process: subprocess.Popen[bytes]) -> None:
         assert self.binary is not None
@@ -194,11 +192,12 @@ def _stop_all() -> None:
 
 
 def _clear(cache: Path) -> None:
-    # What processes have left there that were killed.
-    for part in cache.glob("*.part"):
+    # What processes have left that were killed, there and of sources.
+    old = time.time() - 2 * PATIENCE
+    for left in (*cache.glob("*.part"), *Path(tempfile.gettempdir()).glob(f"{SOURCES}*")):
         with suppress(OSError):
-            if time.time() - part.stat().st_mtime > 2 * PATIENCE:
-                part.unlink()
+            if left.stat().st_mtime < old:
+                shutil.rmtree(left) if left.is_dir() else left.unlink()
 
 
 def taken(binary: Path, names: Sequence[str]) -> list[ca.Function] | None:
@@ -241,10 +240,34 @@ def _as_they_stand(source: str) -> str:
     return parts[0] + "".join(light * (part.count(";") > MANY) + part for part in parts[1:])
 
 
+@lru_cache(maxsize=4)
+def _version(tool: str) -> bytes | None:
+    # What it says; None of one that does not. It is asked once, for one that hangs costs time.
+    pipe, quiet = subprocess.PIPE, subprocess.DEVNULL
+    command = [tool, "--version"]
+    with subprocess.Popen(  # noqa: S603
+        command, stdin=quiet, stdout=pipe, stderr=quiet, start_new_session=True
+    ) as asked:
+        try:
+            return asked.communicate(timeout=KNOWN)[0]
+        except subprocess.TimeoutExpired:
+            # With what it has started, which may hold the pipe.
+            _end(asked)
+            return None
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
 def _kept(source: bytes, tool: str) -> Path:
-    asked = subprocess.run([tool, "--version"], capture_output=True, check=False, timeout=KNOWN)  # noqa: S603
+    version = _version(tool)
+    if version is None:
+        raise OSError(f"{tool} does not say its version")
     made_by = [tool, *FLAGS, platform.system(), platform.machine(), ca.__version__]
-    parts = [source, *(one.encode() for one in made_by), asked.stdout]
+    parts = [source, *(one.encode() for one in made_by), version]
     name = hashlib.sha256(b"\0".join(parts)).hexdigest()
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return cache / "oed" / f"{name}.so"
