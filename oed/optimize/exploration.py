@@ -6,13 +6,14 @@ so that the result is the same for any number of workers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from oed.foundation.arrays import Array
+from oed.foundation.work.parallel import Workers, run_tasks
 from oed.kernel.coarser import coarse_samples
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Explored
@@ -105,6 +106,27 @@ class Explorer:
             self.search.design.terms.take(*self.binary)
         return Sketches(self.search)(attempt.unknowns, attempt.barrier, self.pace.tolerance)
 
+    def made(
+        self, attempts: Sequence[Attempt], workers: Workers, hear: Callable[[Sketch], None]
+    ) -> Iterator[tuple[Attempt, Sketch]]:
+        """Make several, and hand them over in their order: cut short, those that have ended all the same.
+
+        Args:
+            attempts: to make.
+            workers: that share them.
+            hear: called with each as it ends.
+        """
+        ended = dict[int, Sketch]()
+
+        def take(index: int, sketch: Sketch) -> None:
+            ended[index] = sketch
+            hear(sketch)
+
+        try:
+            run_tasks(self, attempts, workers, take)
+        finally:
+            yield from [(attempts[index], ended[index]) for index in sorted(ended)]
+
     def compiled(self, spared: float) -> Explorer:
         """With what a compiler makes of it, where that takes less time [s] than it spares."""
         slots, binary = Sketches(self.search).compile(spared) if spared else (0, None)
@@ -172,11 +194,7 @@ class Exploration:
     @property
     def spent(self) -> float:
         """Iterations spent, as budgets count."""
-        return self.spent_with([])
-
-    def spent_with(self, more: Sequence[Sketch]) -> float:
-        """The same with solves that were not counted yet."""
-        return self.share * (self.iterations + sum(one.iterations for one in more))
+        return self.share * self.iterations
 
     @property
     def done(self) -> bool:
@@ -186,12 +204,11 @@ class Exploration:
         often = enough and self._again >= self.pace.again and self.solves - self._risen >= self._risen / 2
         return self.spent >= self.budget or often or lost
 
-    def run(self, solve: Callable[[Sequence[Attempt]], Sequence[Sketch]]) -> None:
-        """Explore until done, `solve` making the solves of a round."""
+    def run(self, solve: Callable[[Sequence[Attempt]], Iterable[tuple[Attempt, Sketch]]]) -> None:
+        """Explore until done, `solve` making the solves of a round, in their order."""
         turn = 0
         while not self.done:
-            attempts = self._round(turn)
-            for attempt, sketch in zip(attempts, solve(attempts), strict=True):
+            for attempt, sketch in solve(self._round(turn)):
                 self.take(attempt, sketch)
             turn += 1
 

@@ -210,10 +210,8 @@ class LocalSearch:
     ) -> Local:
         # What is not finite ends a search, but takes nothing from the rounds before.
         began, rounds, reason = time.perf_counter(), list[Round](), ""
-        limit = self.settings.time_limit
-        until = np.inf if limit is None else began + limit
         try:
-            for one in self._rounds(stage, unknowns, floors, corrections, until, barrier):
+            for one in self._rounds(stage, unknowns, floors, corrections, self.settings.until, barrier):
                 rounds.append(one)
         except NotFinite as error:
             reason = str(error)

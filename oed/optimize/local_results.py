@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -64,13 +65,24 @@ class Sketch:
 
 @dataclass(frozen=True)
 class Settings:
-    """What a local search needs to know of the solver's options."""
+    """What a local search needs to know of the solver's options, and when the time of the whole search is up.
+
+    Attributes:
+        max_iterations, tolerance, time_limit, second_stage, search_samples: as of `Ipopt`.
+        deadline: by `time.time`, the same for all processes; None where there is no limit.
+    """
 
     max_iterations: int
     tolerance: float
     time_limit: float | None
     second_stage: str
     search_samples: int | None = None
+    deadline: float | None = None
+
+    @property
+    def until(self) -> float:
+        """The deadline by this process's `time.perf_counter`; infinity where there is none."""
+        return np.inf if self.deadline is None else time.perf_counter() + self.deadline - time.time()
 
     @property
     def ipopt(self) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -104,6 +104,7 @@ class MultiStart:
             options.time_limit,
             options.second_stage,
             options.search_samples,
+            deadline=None if options.time_limit is None else time.time() + options.time_limit,
         )
         # The same expressions that starts solved in this process use.
         search = local_search(self.token, self.problem, self.settings)
@@ -195,35 +196,29 @@ class MultiStart:
             if self.best is None or each[0].value > self.best.objective:
                 self._try_starts([one.unknowns for one in each], BARRIERS[-1])
 
-    def _sketches(self, found: Exploration, explorer: Explorer, attempts: Sequence[Attempt]) -> list[Sketch]:
-        budget, made = self.options.budget, list[Sketch]()
-        while rest := attempts[len(made) :]:
-            spent = found.spent_with(made)
+    def _sketches(
+        self, found: Exploration, explorer: Explorer, attempts: Sequence[Attempt]
+    ) -> Iterator[tuple[Attempt, Sketch]]:
+        # Some are found, and counted, before the next ones are begun.
+        budget, begun = self.options.budget, 0
+        while rest := attempts[begun:]:
+            spent = found.spent
             # What is begun of a round is made, whatever it spends.
-            share = max(budget / spent - 1, len(rest) / (found.solves + len(made))) if spent else 0.0
+            share = max(budget / spent - 1, len(rest) / found.solves) if spent else 0.0
             left = share * (time.perf_counter() - self.began)
             explorer, workers = explorer.compiled(SPARED * left), self._workers(left)
             # The very first one alone: it shows how long the others will take.
             count = self._count(rest, workers, explorer.search.design.terms) if spent else 1
-            made += self._explored_from(explorer, rest[:count], workers)
-        before, now = (min(PERCENT * found.spent_with(one) / budget, PERCENT) for one in ([], made))
-        for _ in range(int(now) - int(before)):
-            self.context.progress.advance()
-        return made
+            yield from explorer.made(rest[:count], workers, self._hear)
+            before, now = (int(min(PERCENT * one / budget, PERCENT)) for one in (spent, found.spent))
+            for _ in range(now - before):
+                self.context.progress.advance()
+            begun += count
 
-    def _explored_from(
-        self, explorer: Explorer, attempts: Sequence[Attempt], workers: Workers
-    ) -> list[Sketch]:
-        results = dict[int, Sketch]()
-
-        def take(index: int, result: Sketch) -> None:
-            results[index] = result
-            self.evaluations += result.iterations
-            if self._out_of_time():
-                raise _TimeUp
-
-        run_tasks(explorer, attempts, workers, take)
-        return [results[index] for index in range(len(attempts))]
+    def _hear(self, sketch: Sketch) -> None:
+        self.evaluations += sketch.iterations
+        if self._out_of_time():
+            raise _TimeUp
 
     def _fall_back(self, screened: Screening) -> None:
         # No search is to end with less than the best drives that were only looked at.

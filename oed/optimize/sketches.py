@@ -60,6 +60,7 @@ class Sketches:
         search = self._search
         how: dict[str, Any] = {"floors": search.no_floors, "barrier": barrier, "tolerance": tolerance}
         if not self._at_once:
+            how["until"] = search.settings.until
             return search.exchanged(search.program, unknowns, self._nothing, self._known, **how)[0]
         chosen = self._exchange.chosen(self._known, search.design.trajectory(unknowns))
         return search.solved(search.program, unknowns, self._nothing, chosen=chosen, **how)

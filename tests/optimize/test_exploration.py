@@ -72,30 +72,30 @@ def test_perturbations_are_of_all_sizes(design):
 def test_the_budget_counts_iterations_by_samples(design):
     found = exploration(design, budget=60)
     rising = count()
-    found.run(lambda attempts: [Sketch(one.unknowns, next(rising), 50) for one in attempts])
+    found.run(lambda attempts: [(one, Sketch(one.unknowns, next(rising), 50)) for one in attempts])
     # 24 samples of 200: 0.12 of an iteration each, so that 500 of them are the budget, up to a round.
     assert 500 <= found.iterations < 500 + ROUND * 50
 
 
 def test_it_ends_when_the_best_is_found_again_and_again(design):
     found, values = exploration(design, budget=700), iter([1.0, 2.0] * 4 + [3.0] + [1.0, 3.0] * 100)
-    found.run(lambda attempts: [Sketch(one.unknowns, next(values), 50) for one in attempts])
+    found.run(lambda attempts: [(one, Sketch(one.unknowns, next(values), 50)) for one in attempts])
     # Up to a round.
     assert 9 + 2 * QUICK.again <= found.solves < 9 + 2 * QUICK.again + ROUND
 
 
 def test_where_solves_are_cheap_it_goes_on_for_more_of_them(design):
     found = exploration(design, budget=150)
-    found.run(lambda attempts: [Sketch(one.unknowns, 1.0, 10) for one in attempts])
+    found.run(lambda attempts: [(one, Sketch(one.unknowns, 1.0, 10)) for one in attempts])
     assert LEAST <= found.iterations < LEAST + ROUND * 10 < 150 / found.share
     large = exploration(design, budget=BUDGET)
-    large.run(lambda attempts: [Sketch(one.unknowns, 1.0, 10) for one in attempts])
+    large.run(lambda attempts: [(one, Sketch(one.unknowns, 1.0, 10)) for one in attempts])
     assert SHARE * BUDGET <= large.spent < SHARE * BUDGET + 10
 
 
 def test_it_ends_where_no_drive_keeps_the_limits(design):
     found = exploration(design)
-    found.run(lambda attempts: [Sketch(one.unknowns, -np.inf, 1) for one in attempts])
+    found.run(lambda attempts: [(one, Sketch(one.unknowns, -np.inf, 1)) for one in attempts])
     assert found.solves == HOPELESS
     assert found.worth_finishing == []
 
@@ -125,6 +125,20 @@ def test_cut_short_it_hands_back_a_drive_met_on_the_way(monkeypatch):
     assert found.status is Status.TIME_LIMIT
     assert found.evaluation is not None
     assert found.evaluation.feasible
+
+
+def test_cut_short_in_a_round_it_hands_back_the_best_that_had_ended(monkeypatch):
+    asked, ended = iter([False, False]), []
+    monkeypatch.setattr("oed.optimize.multi_start.MultiStart._out_of_time", lambda _: next(asked, True))
+    take = Exploration.take
+    monkeypatch.setattr(
+        Exploration, "take", lambda self, attempt, one: (ended.append(one.value), take(self, attempt, one))
+    )
+    problem = problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION))
+    found = solve(problem, Ipopt(starts="auto", second_stage="none"), seed=0, workers=1)
+    assert found.status is Status.TIME_LIMIT
+    assert found.explored.solves == len(ended) == 2
+    assert found.evaluation.objective == pytest.approx(max(ended), rel=1e-6)
 
 
 def test_equal_optima_are_one_and_the_best_leads(design):

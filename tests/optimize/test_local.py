@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import time
 from collections import OrderedDict
 
+import numpy as np
 import pytest
 from builders import SPEED, problem_of
 
@@ -41,6 +43,20 @@ def test_instants_between_the_samples_are_added(coarse: Problem):
     solution = solve(coarse, OPTIONS, seed=0, workers=1)
     assert feasible_starts(solution) >= 3
     assert evaluate(coarse, solution.trajectory).feasible
+
+
+def test_a_start_has_what_is_left_of_the_whole_time(coarse: Problem):
+    # Not the whole limit once more: that is up after a solve.
+    ends = []
+    for left in (-1.0, 100.0):
+        settings = Settings(200, 1e-6, 100.0, "none", deadline=time.time() + left)
+        assert settings.until == pytest.approx(time.perf_counter() + left, abs=0.1)
+        search = local_search(f"{left} s left", coarse, settings)
+        ends.append(search.maximise(np.random.default_rng(0).uniform(-0.5, 0.5, search.design.terms.size)))
+    cut, whole = ends
+    assert whole.status is Status.CONVERGED
+    assert cut.status is not Status.CONVERGED
+    assert cut.iterations < whole.iterations
 
 
 @pytest.mark.slow
