@@ -178,7 +178,6 @@ def test_few_starts_are_begun_as_long_as_a_compiler_is_at_work(monkeypatch):
     found = solve(problem, Ipopt(starts=8, perturbations=0, second_stage="none"), seed=0, workers=3)
     assert sizes == [1, 2, 1, 4]
     assert len(found.starts) == 8
-    assert all(start is not None for start in found.starts)
 
 
 def shared(*solvers):

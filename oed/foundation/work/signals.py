@@ -103,10 +103,10 @@ class _Noting:
 
     def at_once(self, number: int, frame: FrameType | None) -> None:
         self._noted.append(number)
-        at_once(self._answer)(number, frame)
+        immediate(self._answer)(number, frame)
 
 
-def at_once(answer: Answer) -> Answer:
+def immediate(answer: Answer) -> Answer:
     """What a handler does where nothing is lost: it does not wait, nor comes again later."""
     found: Answer = getattr(answer, "at_once", answer)
     return found

@@ -90,7 +90,7 @@ class Making:
         if tool is None:
             return
         # No room for the source, or for the code, or nobody's home: then there is none.
-        with suppress(OSError, RuntimeError, subprocess.SubprocessError), ExitStack() as stack:
+        with suppress(OSError, RuntimeError), ExitStack() as stack:
             folder = tempfile.mkdtemp(prefix=SOURCES)
             stack.callback(shutil.rmtree, folder, ignore_errors=True)
             source = _written(functions, folder)

@@ -14,7 +14,7 @@ from typing import Any
 
 import casadi
 
-from oed.foundation.work.signals import Answer, answered, at_once
+from oed.foundation.work.signals import Answer, answered, immediate
 
 Control = tuple[Callable[[], int], Callable[[int], Any]]
 
@@ -33,7 +33,7 @@ def interrupts_kept() -> Iterator[None]:
             # CasADi says of the exception what it is called, and in which line of its own it met it.
             quiet.enter_context(redirect_stderr(io.StringIO()))
             # A solver ends by the exception, whatever its wrapper then makes of it.
-            at_once(answer)(number, frame)
+            immediate(answer)(number, frame)
 
         return note
 
