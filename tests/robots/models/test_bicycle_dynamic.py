@@ -67,13 +67,14 @@ def test_steps_converge_to_the_solution_with_order_three(car, speeds, least: flo
     assert errors[0] < error
 
 
+@pytest.mark.parametrize("rule", ["arc", "midpoint"])
 @pytest.mark.parametrize("car", [CAR, FULL], ids=["plain", "all effects"])
-def test_a_step_leads_to_the_end_of_the_arc_that_readings_see(car):
-    state, inputs = np.array([0.3, -0.2, 0.7, 1.5, 0.1, -0.8]), np.array([0.6, 0.3])
+def test_a_step_leads_to_the_end_of_the_arc_that_readings_see(car, rule: str):
+    car, state, inputs = car.system(rule), np.array([0.3, -0.2, 0.7, 1.5, 0.1, -0.8]), np.array([0.6, 0.3])
     for period in (0.2, 0.01, 0.0):
         given = [*map(ca.SX, (ca.DM(state), ca.DM(inputs), ca.DM(car.nominal))), ca.SX(period)]
         twist, further = car.motion(*given)
-        expected = np.array(ca.evalf(after_arc(given[0], twist, further, period, "arc"))).ravel()
+        expected = np.array(ca.evalf(after_arc(given[0], twist, further, period, rule))).ravel()
         assert np.abs(stepped(car, state, inputs, period) - expected).max() < 1e-14
         assert period or np.array(ca.evalf(twist)).ravel() == pytest.approx(state[3:], abs=1e-15)
 
