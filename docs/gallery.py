@@ -1,4 +1,4 @@
-"""The gallery: every study of problems/, solved as it stands but from few starts, with a figure of its drive.
+"""The gallery: every study of a robot in problems/, solved as it stands but from few starts, and its drive.
 
 What was solved is kept beside the pages, and not solved again until the study or the package changes.
 `OED_DOCS_GALLERY` names the studies to show, without suffix; all by default.
@@ -32,8 +32,9 @@ LEAST = 40
 """Iterations of the one start of each, where all is quick."""
 ESTIMATED = "Logs are estimated from with this study, too: {doc}`/howto/estimate`."
 SAID = (
-    "Every study that comes with the package, in `problems/`. Each is solved here as it stands, but from "
-    f"{STARTS} starts and without its other searches; `oed run problems/NAME.yaml` does all that it asks for."
+    "Every study of a robot that comes with the package, in `problems/`. Each is solved here as it stands, "
+    f"but from {STARTS} starts and without its other searches; `oed run problems/NAME.yaml` does all that it "
+    "asks for."
 )
 
 
@@ -70,7 +71,7 @@ def write(problems: Path, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     wanted = os.environ.get(ONLY, "").split()
     files = [one for one in sorted(problems.glob("*.yaml")) if not wanted or one.stem in wanted]
-    shown = [_shown(file, folder) for file in files]
+    shown = [_shown(file, folder) for file in files if _drives(file)]
     for one in shown:
         keep(folder / f"{one.stem}.md", _page(one))
     keep(folder / "index.md", _index(shown))
@@ -80,6 +81,11 @@ def keep(file: Path, text: str) -> None:
     """Write a page, unless it says the same already: then it is not built again."""
     if not file.exists() or file.read_text(encoding="utf-8") != text:
         file.write_text(text, encoding="utf-8")
+
+
+def _drives(file: Path) -> bool:
+    # Whether it is of a robot: an experiment on another system has no path to be drawn.
+    return hasattr(oed.load_study(file).file, "robot")
 
 
 def _shown(file: Path, folder: Path) -> Shown:
