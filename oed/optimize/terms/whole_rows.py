@@ -1,7 +1,10 @@
 """Rows of limits that need whole runs, around the states and inputs of all samples.
 
 The states are known, with their derivatives, where samples begin; the limits' own formulas are differentiated
-along the columns of these, so that writing them takes as long for many unknowns as for few.
+by all of them at once: backwards from few rows, and twice along as many directions as the pattern of their
+second derivatives has colours [Gebremedhin, Manne and Pothen, "What color is your Jacobian?", SIAM Review 47,
+2005]. Where unknowns are fewer, it is along the columns of the states' derivatives. So writing them takes as
+long for many unknowns as for few.
 """
 
 from __future__ import annotations
@@ -120,6 +123,16 @@ class Formulas:
         bent = ca.densify(ca.jtimes(gradient, self.given, direction))
         return ca.Function("whole_bent", [self.given, weights, direction], [bent])
 
+    @cached_property
+    def inner(self) -> ca.Sparsity:
+        """Where second derivatives by what is given are not always 0."""
+        return ca.jacobian_sparsity(self._gradient[1], self.given)
+
+    @cached_property
+    def colours(self) -> ca.Sparsity:
+        """Columns of these that no row has two of, together, (given, colours)."""
+        return self.inner.uni_coloring()
+
 
 def picked(table: Expression, rows: Sequence[int]) -> Expression:
     """Some rows of a table; none of them is a table too."""
@@ -187,8 +200,8 @@ class WholeSweep:
 
     @cached_property
     def _given_slopes(self) -> Expression:
-        # Its derivatives by z.
-        others = ca.densify(picked(ca.MX(self._formulas.affine), self._others))
+        # Its derivatives by z, sparse.
+        others = ca.MX(picked(self._formulas.affine, self._others))
         if self._begun is None:
             return others
         state, place = self._formulas.of_states
@@ -203,17 +216,20 @@ class WholeSweep:
     @property
     def row_slopes(self) -> Expression:
         """Derivatives of the rows by z, sparse."""
-        along = self._formulas.along.map("along", "serial", self._sweep.z.shape[0], [0], [])
-        dense = along(self._given, self._given_slopes)
-        return picked(ca.project(dense, self._whole.pattern), self._whole.kept)
+        formulas, size, count = self._formulas, self._sweep.z.shape[0], self._whole.pattern.size1()
+        if count < size:
+            back = formulas.gradient.map("back", "serial", count, [0], [])
+            found = back(self._given, ca.DM.eye(count)).T @ self._given_slopes
+        else:
+            along = formulas.along.map("along", "serial", size, [0], [])
+            found = along(self._given, ca.densify(self._given_slopes))
+        return picked(ca.project(found, self._whole.pattern), self._whole.kept)
 
     def curvature(self, weights: Expression) -> tuple[Expression, list[Weighed]]:
         """Second derivatives by z of the weighted sum, but for those of states; what these weigh."""
         # Rows that no unknown moves have weights as well.
         weights = _spread(weights, self._whole.kept, self._whole.pattern.size1())
-        bent = self._formulas.bent.map("bent", "serial", self._sweep.z.shape[0], [0, 1], [])
-        across = self._given_slopes
-        around = across.T @ bent(self._given, weights, across)
+        around = self._given_slopes.T @ self._bent(weights)
         if self._begun is None:
             return around, []
         state, place = self._formulas.of_states
@@ -221,6 +237,24 @@ class WholeSweep:
         count = self._begun.states.shape[0]
         own = _spread(gradient, (place * count + state).tolist(), self._begun.states.numel())
         return around, [Weighed(self._begun, ca.reshape(own, *self._begun.states.shape))]
+
+    def _bent(self, weights: Expression) -> Expression:
+        # How the gradient of the rows' weighted sum by what is given moves with z.
+        formulas, across = self._formulas, self._given_slopes
+        inner, colours = formulas.inner, formulas.colours
+        if not inner.nnz():
+            return ca.MX(*across.shape)
+        fewer = colours.size2() < across.shape[1]
+        directions = ca.MX(ca.DM(colours, 1.0)) if fewer else across
+        bent = formulas.bent.map("bent", "serial", directions.shape[1], [0, 1], [])
+        found = bent(self._given, weights, ca.densify(directions))
+        if not fewer:
+            return found
+        colour = np.empty(inner.size2(), dtype=np.int64)
+        colour[colours.row()] = colours.get_col()
+        rows, columns = map(np.array, inner.get_triplet())
+        entries = ca.vec(found)[(rows + inner.size1() * colour[columns]).tolist()]
+        return ca.sparsity_cast(entries, inner) @ across
 
 
 def _spread(entries: Expression, places: Sequence[int], count: int) -> Expression:
