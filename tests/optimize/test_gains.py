@@ -66,7 +66,7 @@ LARGER: dict[str, tuple[Limit, Limit, float]] = {
     ),
 }
 """Limits by name, each with the same one a little wider, and by how much in its SI unit."""
-SEEDS = {"end_heading": 2, "path_length": 5, "obstacles": 3}
+SEEDS = {"end_heading": 2, "path_length": 1, "obstacles": 3}
 """Of searches whose best drive is held by the limit, where the usual one's is not."""
 
 

@@ -210,6 +210,7 @@ PROBLEMS: dict[str, dict[str, Any]] = {
     "coefficients from poses": {"measurement": POSES, "estimate": ("c11", "c12", "c21", "c22")},
     "segments of several pieces": {"measurement": Displacements(segments=2), "design": space(samples=120)},
     "per sample": {"measurement": Displacements(segments="samples")},
+    "per sample, of runs": {"measurement": Displacements(segments="samples"), "design": FREE_RUNS},
     "runs": {"design": space(runs=2)},
     "runs from free starts": {"design": space(runs=2, start="free"), "limits": EVERYTHING},
     "free start": {"design": space(start="free"), "limits": (SPEED, Circle(radius=2), ROUND)},
@@ -226,6 +227,7 @@ PROBLEMS: dict[str, dict[str, Any]] = {
     "a limit on free starts": {"limits": (SPEED, Begin(), BOX), "design": FREE_RUNS},
     "an end alone": {"limits": (SPEED, EndPosition(at={"x": 0.5, "y": 0}))},
     "a length alone": {"limits": (PathLength(bounds=3), SPEED)},
+    "lengths of runs": {"limits": (PathLength(bounds=3), SPEED), "design": FREE_RUNS},
     "other limits than they say": {"limits": (Steps(), SPEED, Splines(), Held(), Product(), BOX)},
     "sideways": {
         "model": Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.35),

@@ -76,6 +76,33 @@ def dense(matrix: ca.DM) -> np.ndarray:
     return np.array(ca.DM(matrix))
 
 
+def same_as_whole(problem: oed.Problem) -> None:
+    """Terms from pieces are those of the drive written out."""
+    pieces, whole = in_pieces(problem), Unrolled(problem)
+    assert pieces.linear == whole.linear == [True] * 3
+    for one, other in zip(pieces.rows, whole.rows, strict=True):
+        np.testing.assert_array_equal(one.lower, other.lower)
+        np.testing.assert_array_equal(one.upper, other.upper)
+    z = np.random.default_rng(1).uniform(0.1, 1.0, pieces.size)
+    for name in ("values", "jacobian"):
+        for one, other in zip(getattr(pieces, name)(z), getattr(whole, name)(z), strict=True):
+            np.testing.assert_allclose(dense(one), dense(other), rtol=1e-9, atol=1e-11)
+    found, expected = (one.hessian(z, *weights_of(pieces)) for one in (pieces, whole))
+    np.testing.assert_allclose(dense(found), dense(expected), rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize("start", ["chosen", "fixed"])
+@pytest.mark.slow
+def test_pieces_of_runs_that_share_every_input_are_the_whole_drive(start: str):
+    shared = (PiecewiseLinear(pieces=3, shared=True), *2 * (Constant(shared=True),))
+    bounds = ((0.2, 1.0 if start == "chosen" else 0.2), (0.1, 0.1))
+    problem = problem_of(shared, start_bounds=bounds)
+    terms = in_pieces(problem)
+    # Three inputs of 4, 1 and 1 unknowns, and of both runs the one state that is chosen.
+    assert terms.size == (8 if start == "chosen" else 6)
+    same_as_whole(problem)
+
+
 @pytest.mark.parametrize("signals", MIXED, ids=["steps", "smooth"])
 class TestTermsOfSignals:
     @pytest.mark.parametrize("start", ["known", "unknown"])
@@ -84,17 +111,7 @@ class TestTermsOfSignals:
         problem = problem_of(signals)
         unknown = oed.Outputs(noise={"a": 0.1, "b": 0.1}, every=2, start=start)
         problem = replace(problem, measurement=unknown, estimate=("k1", "k2"))
-        pieces, whole = in_pieces(problem), Unrolled(problem)
-        assert pieces.linear == whole.linear == [True] * 3
-        for one, other in zip(pieces.rows, whole.rows, strict=True):
-            np.testing.assert_array_equal(one.lower, other.lower)
-            np.testing.assert_array_equal(one.upper, other.upper)
-        z = np.random.default_rng(1).uniform(0.1, 1.0, pieces.size)
-        for name in ("values", "jacobian"):
-            for one, other in zip(getattr(pieces, name)(z), getattr(whole, name)(z), strict=True):
-                np.testing.assert_allclose(dense(one), dense(other), rtol=1e-9, atol=1e-11)
-        found, expected = (one.hessian(z, *weights_of(pieces)) for one in (pieces, whole))
-        np.testing.assert_allclose(dense(found), dense(expected), rtol=1e-8, atol=1e-10)
+        same_as_whole(problem)
 
     def test_derivatives_are_those_of_differences(self, signals: tuple[Signal, ...]):
         terms = in_pieces(problem_of(signals))

@@ -1,10 +1,10 @@
-"""Condensing: from what pieces do by their own few unknowns to what the drive does by all unknowns.
+"""Condensing: from what pieces do by their own few unknowns to what the runs do by all of theirs.
 
 States and their sensitivities go from piece to piece, information adds up. Their first derivatives follow by
 the chain rule forwards, weights (adjoints) backwards; second derivatives are those of the pieces, each
 weighted, between the first ones [Bock and Plitt, "A multiple shooting algorithm for direct solution of
-optimal control problems", IFAC 1984]. Matrices of pieces stand side by side; those by z are transposed, z
-down the rows, so that pieces add up in one product.
+optimal control problems", IFAC 1984]. Matrices of pieces stand side by side; those by a run's unknowns are
+transposed, unknowns down the rows, so that pieces add up in one product.
 """
 
 from __future__ import annotations
@@ -19,42 +19,38 @@ from oed.kernel.dynamics.expression import Expression
 from oed.optimize.terms.blocks import backwards, begins
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.link import Link
+from oed.optimize.terms.run_unknowns import RunUnknowns, summed
 
 
 class Condensing:
-    """The functions that one piece after the other goes through, for `size` unknowns z.
+    """The functions that one piece after the other goes through, for `size` unknowns of a run.
 
     Args:
         link: a piece and what it hands on.
-        size: of z.
         layout: the pieces.
+        unknowns: of every run.
     """
 
-    def __init__(self, link: Link, size: int, layout: PieceLayout) -> None:
+    def __init__(self, link: Link, layout: PieceLayout, unknowns: RunUnknowns) -> None:
         """Take the parts."""
-        self.link, self.size, self.each, self.runs = link, size, layout.each, layout.space.runs
-        self.count, self.places = layout.count, layout.places
+        self.link, self.unknowns, self.size = link, unknowns, unknowns.own
+        self.layout, self.each, self.runs, self.count = layout, layout.each, layout.space.runs, layout.count
 
     def spread(self, own: Expression, width: int) -> Expression:
-        """Matrices (own, width) by each piece's own unknowns, as (size, width) by z (sparse)."""
+        """Matrices (own, width) by each piece's own unknowns, as (size, width) by the run's (sparse)."""
         if width == 0:
             return ca.MX(self.size, 0)
-        rows = np.repeat(self.places, width, axis=0)
+        rows = np.tile(np.repeat(self.layout.within, width, axis=0), (self.runs, 1))
         starts = np.arange(0, rows.size + 1, rows.shape[1])
         pattern = ca.Sparsity(self.size, len(rows), starts.tolist(), rows.ravel().tolist())
         return ca.sparsity_cast(ca.densify(own), pattern)
 
     def gathered(self, own: Expression) -> Expression:
-        """The sum (size, size) of matrices (own, own) of all pieces."""
-        count = self.places.shape[1]
-        place = self.places[:, None, :] + self.size * self.places[:, :, None]
-        columns = list(range(self.count * count**2 + 1))
-        pattern = ca.Sparsity(self.size**2, self.count * count**2, columns, place.ravel().tolist())
-        total = ca.DM(pattern, 1.0) @ ca.vec(own)
-        return ca.densify(ca.reshape(total, self.size, self.size))
+        """The sum, by z, of matrices (own, own) of all pieces."""
+        return summed(self.layout.places, self.unknowns.size, own)
 
     def slopes(self, begin: Expression, onward: Expression, own: Expression) -> Expression:
-        """Derivatives (size, states) of every piece's begin by z, and those of the runs' ends behind them.
+        """Derivatives (size, states) of every piece's begin, and those of the runs' ends behind them.
 
         Args:
             begin: of the runs' begins, (size, states * runs).
@@ -92,10 +88,10 @@ class Condensing:
     def curvature(
         self, slopes: Expression, inner: Expression, mixed: Expression, own: Expression
     ) -> Expression:
-        """Second derivatives (size, size) by z.
+        """Second derivatives by z.
 
         Args:
-            slopes: of every piece's begin by z, (size, states) each.
+            slopes: of every piece's begin, (size, states) each.
             inner: entries of second derivatives by its begin.
             mixed: by its own unknowns and its bent begin, (own, bent states) each.
             own: by its own unknowns, (own, own) each.
@@ -109,6 +105,8 @@ class Condensing:
             "half", [slope, within, moved], [chosen, chosen @ self.link.inner.matrix(within / 2) + moved]
         )
         shifted = ca.densify(self.spread(mixed, len(bent)))
-        left, right = half.map(self.count)(slopes, inner, shifted)
+        halves = half.map(self.count)(slopes, inner, shifted)
+        left, right = (ca.MX.sym(name, self.size, len(bent) * self.each) for name in ("left", "right"))
         product = left @ right.T
-        return product + product.T + self.gathered(own)
+        both = ca.Function("both", [left, right], [product + product.T]).map(self.runs)
+        return self.unknowns.square(both(*halves)) + self.gathered(own)

@@ -11,6 +11,7 @@ from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.embedding import Embedding, embedding_of
 from oed.kernel.dynamics.space import Space
 from oed.kernel.problem import Problem
+from oed.optimize.terms.run_unknowns import RunUnknowns
 
 
 @dataclass(frozen=True)
@@ -103,14 +104,19 @@ class PieceLayout:
         return found
 
     @cached_property
+    def within(self) -> Places:
+        """Where the own unknowns of each of a run's pieces stand among the inputs' of the run, (pieces of a
+        run, own), ascending.
+        """
+        firsts = np.cumsum([0, *self.embedding.counts[:-1]])
+        columns = [first + one.places for first, one in zip(firsts, self.windows, strict=True)]
+        return np.concatenate(columns, axis=1)
+
+    @cached_property
     def places(self) -> Places:
         """Where each piece's own unknowns stand in z, (pieces, own), ascending."""
-        embedding, columns = self.embedding, []
-        each = zip(self.windows, embedding.slices, embedding.counts, embedding.shared, strict=True)
-        for one, own, count, shared in each:
-            runs = np.arange(self.space.runs) * (0 if shared else count)
-            columns.append((own.start + runs[:, None, None] + one.places).reshape(self.count, -1))
-        return np.concatenate(columns, axis=1)
+        inputs = RunUnknowns.of(self.embedding, self.embedding.size)
+        return inputs.places[:, self.within].reshape(self.count, self.own)
 
 
 LEAST, MOST = 2, 50

@@ -28,7 +28,7 @@ class Sweep:
         self.plan, self.z = plan, ca.MX.sym("z", plan.terms.size)
         self._values = plan.kernel.cell.values if values is None else values
         self._kernel, self._link, self._join = plan.kernel, plan.link, plan.condensing
-        self._size = plan.terms.size
+        self._size, self._unknowns = plan.terms.size, plan.unknowns
         self._count, self._runs = plan.layout.count, plan.layout.space.runs
 
     @cached_property
@@ -47,9 +47,10 @@ class Sweep:
 
     @cached_property
     def _start_slopes(self) -> list[Array]:
-        # Of what each run begins with, by z: (size, width).
+        # Of what each run begins with, by its unknowns: (own, width).
         width = self._link.width - self._kernel.states
-        return [np.pad(one.T, ((0, 0), (0, width))) for one in self.plan.terms.start_slopes]
+        runs = zip(self.plan.terms.start_slopes, self._unknowns.places, strict=True)
+        return [np.pad(one[:, places].T, ((0, 0), (0, width))) for one, places in runs]
 
     @cached_property
     def _states(self) -> Expression:
@@ -88,12 +89,11 @@ class Sweep:
 
     @cached_property
     def _last_held(self) -> Array:
-        # The inputs held at the runs' ends by z, (runs * inputs, size).
-        layout, inputs = self.plan.layout, self._kernel.inputs
-        found = np.zeros((self._runs, inputs, self._size))
-        for run in range(self._runs):
-            found[run][:, layout.places[(run + 1) * layout.each - 1]] = layout.basis[-1, -1]
-        return found.reshape(-1, self._size)
+        # The inputs held at a run's end by its unknowns, (own, inputs).
+        layout = self.plan.layout
+        found = np.zeros((self._unknowns.own, self._kernel.inputs))
+        found[layout.within[-1]] = layout.basis[-1, -1].T
+        return found
 
     @cached_property
     def _groups(self) -> Expression:
@@ -137,29 +137,34 @@ class Sweep:
 
     @property
     def begin_slopes(self) -> Expression:
-        """Derivatives of what is handed on at every piece's begin by z, (size, width * pieces)."""
+        """Derivatives of what is handed on at every piece's begin by the unknowns of its run, (own, width *
+        pieces).
+        """
         return self._slopes[:, : self._link.width * self._count]
 
     @cached_property
     def _end_slopes(self) -> list[Expression]:
-        # (handed on, held) at the runs' ends by z, (size, width + inputs) each.
-        held = np.split(self._last_held.T, self._runs, axis=1)
+        # (handed on, held) at the runs' ends by their unknowns, (own, width + inputs) each.
         first, width = self._link.width * self._count, self._link.width
         ends = [self._slopes[:, first + run * width : first + (run + 1) * width] for run in range(self._runs)]
-        return [ca.horzcat(*(ca.horzcat(end, ca.DM(own)) for end, own in zip(ends, held, strict=True)))]
+        return [ca.horzcat(*(ca.horzcat(end, ca.DM(self._last_held)) for end in ends))]
 
     @cached_property
     def _group_slopes(self) -> Expression:
+        # By z, (size * added, groups).
         _, _, begin, own = self._link_slopes
-        link, join = self._link, self._join
+        link, join, unknowns = self._link, self._join, self._unknowns
         added = link.added_by_begin.chained(self.begin_slopes, begin)
         added = ca.densify(added + join.spread(own, link.added))
-        total = ca.reshape(added, self._size * link.added, self._count) @ self.plan.total.membership
+        parts, groups = self.plan.total.by_runs
+        total = ca.reshape(added, unknowns.own * link.added, self._count) @ parts
         ending = self.plan.ending
-        if ending is None:
-            return total
-        more = ending.slopes.map(self._runs)(*self._end_arguments, *self._end_slopes)
-        return total + ca.reshape(more, self._size * link.added, self._runs)
+        if ending is not None:
+            more = ending.slopes.map(self._runs)(*self._end_arguments, *self._end_slopes)
+            total += ca.reshape(more, unknowns.own * link.added, self._runs)
+        wide = unknowns.wide(ca.reshape(total, unknowns.own, -1))
+        found = ca.reshape(wide, self._size * link.added, parts.shape[1])
+        return found if groups.is_square() else found @ groups
 
     @cached_property
     def _sum_slopes(self) -> Expression:
@@ -213,7 +218,7 @@ class Sweep:
         if ending is None:
             return ca.MX.zeros(self._link.width, self._runs), 0
         weights, parts = ending.curvature.map(self._runs)(*self._end_arguments, *self._end_slopes, groups)
-        return weights, sum(ca.horzsplit(parts, self._size))
+        return weights, self._unknowns.square(parts)
 
     def begun(self, samples: Expression) -> BegunInPieces:
         """What is known at the begins of some samples (1, K), counted through all runs."""
@@ -235,6 +240,7 @@ class BegunInPieces(Begun):
         self._kernel, self._layout, self._link = plan.kernel, plan.layout, plan.link
         self._states, self._inputs = self._kernel.states, self._kernel.inputs
         self._piece = ca.floor(samples / self._layout.samples)
+        self._unknowns = plan.unknowns
         self.states = gathered(sweep.rolled[0], first_entries(samples, self._kernel.cell.width, self._states))
         self.held = gathered(sweep.inputs, first_entries(samples, self._inputs, self._inputs))
 
@@ -252,8 +258,8 @@ class BegunInPieces(Begun):
 
     @cached_property
     def _begins(self) -> Expression:
-        # Derivatives by z of the states that their pieces begin with, (size, states K).
-        size = self._sweep.plan.terms.size
+        # Derivatives of the states that their pieces begin with by the runs' unknowns, (own, states K).
+        size = self._unknowns.own
         begins = first_entries(self._piece, self._link.width, self._states)
         whole = gathered(self._sweep.begin_slopes, first_entries(ca.vec(begins).T, size, size))
         return ca.reshape(whole, size, -1)
@@ -265,28 +271,35 @@ class BegunInPieces(Begun):
         return gathered(ca.DM(self._layout.places.T), first_entries(self._piece, acting, acting))
 
     @cached_property
+    def _run_places(self) -> Expression:
+        # Of their runs' unknowns in z, (own, K).
+        run, own = ca.floor(self._piece / self._layout.each), self._unknowns.own
+        return gathered(ca.DM(self._unknowns.places.T), first_entries(run, own, own))
+
+    @cached_property
     def slopes(self) -> Expression:
         """Derivatives by z."""
-        size, each, acting = self._sweep.plan.terms.size, self.each, self._layout.own
         by_begin, own = self._steps[: self._states, :], self._steps[self._states :, :]
-        through = _through(size, self._states, each).map(self._count)
-        target = ca.repmat(self._own_places, each, 1) + ca.DM(
-            np.repeat(size * np.arange(each), acting)[:, None] + each * size * np.arange(self._count)
-        )
-        spread = scattered(ca.vec(own), ca.vec(target), size * each * self._count)
-        return through(self._begins, by_begin) + ca.reshape(spread, size, -1)
+        through = _through(self._unknowns.own, self._states, self.each).map(self._count)
+        return self._by_z(through(self._begins, by_begin), own)
 
     def pulled(self, gradients: Expression) -> Expression:
         """Derivatives by z of rows, of which those by states and inputs are given."""
-        kernel, size = self._kernel, self._sweep.plan.terms.size
-        local = _through(kernel.size, self.each).map(self._count)(self._steps, gradients)
+        local = _through(self._kernel.size, self.each).map(self._count)(self._steps, gradients)
         by_begin, own = local[: self._states, :], local[self._states :, :]
-        found = _through(size, self._states).map(self._count)(self._begins, by_begin)
-        target = self._own_places + ca.repmat(
-            ca.DM(size * np.arange(self._count)[None, :]), self._own_places.shape[0], 1
-        )
-        spread = scattered(ca.vec(own), ca.vec(target), size * self._count)
-        return found + ca.reshape(spread, size, -1)
+        through = _through(self._unknowns.own, self._states).map(self._count)
+        return self._by_z(through(self._begins, by_begin), own)
+
+    def _by_z(self, by_run: Expression, own: Expression) -> Expression:
+        # Derivatives (size, n) by z, n / K of every sample, of those by its run's unknowns and its piece's.
+        size, columns = self._sweep.plan.terms.size, own.shape[1]
+        each, shifts = np.repeat(np.arange(self._count), columns // self._count).tolist(), np.arange(columns)
+        entries, places = own, self._own_places[:, each]
+        if not self._unknowns.common:
+            entries, places = ca.vertcat(by_run, own), ca.vertcat(self._run_places[:, each], places)
+        target = places + ca.repmat(ca.DM(size * shifts[None, :]), places.shape[0], 1)
+        total = ca.reshape(scattered(ca.vec(entries), ca.vec(target), size * columns), size, -1)
+        return total + by_run if self._unknowns.common else total
 
     def inner(self, weighed: Weighed) -> Expression:
         """Second derivatives by the pieces' own unknowns, (size, size) of each piece."""

@@ -17,6 +17,7 @@ from oed.optimize.terms.kernel import Kernel
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.link import Link
 from oed.optimize.terms.matrices import symmetric
+from oed.optimize.terms.run_unknowns import RunUnknowns
 from oed.optimize.terms.totals import Totals
 
 
@@ -43,13 +44,13 @@ class Ending:
 
     @cached_property
     def slopes(self) -> ca.Function:
-        """(the same, their derivatives by z) -> derivatives (size, added) of the information by z."""
+        """(the same, their derivatives) -> derivatives (size, added) of the information by unknowns."""
         slope = self._slopes @ ca.jacobian(self._gathered, ca.vertcat(*self._arguments)).T
         return ca.Function("ending_slopes", [*self._arguments, self._slopes], [ca.densify(slope)])
 
     @cached_property
     def curvature(self) -> ca.Function:
-        """(the same, weights of the information) -> weights of the state, second derivatives by z."""
+        """(the same, weights of the information) -> weights of the state, second derivatives."""
         weights = ca.SX.sym("weights", self._gathered.shape[0])
         bent, slope = ca.hessian(ca.dot(weights, self._gathered), ca.vertcat(*self._arguments))
         whole: Expression = self._slopes @ bent @ self._slopes.T
@@ -76,15 +77,20 @@ class Plan:
     total: Totals
 
     @cached_property
+    def unknowns(self) -> RunUnknowns:
+        """Which each run has."""
+        return RunUnknowns.of(self.terms.embedding, self.terms.size)
+
+    @cached_property
     def condensing(self) -> Condensing:
         """How the pieces follow each other."""
-        return Condensing(self.link, self.terms.size, self.layout)
+        return Condensing(self.link, self.layout, self.unknowns)
 
     @cached_property
     def ending(self) -> Ending | None:
         """What is read at the runs' last instants; None of regressions."""
         return (
-            Ending(self.terms.problem, self.link, self.terms.size, self.kernel.cell.scale)
+            Ending(self.terms.problem, self.link, self.unknowns.own, self.kernel.cell.scale)
             if self.total.sensors
             else None
         )

@@ -61,8 +61,17 @@ class Totals:
     @property
     def membership(self) -> ca.DM:
         """The matrix (pieces, groups) that adds pieces up."""
-        starts = np.searchsorted(self.group, np.arange(self.groups + 1)).tolist()
-        return ca.DM(ca.Sparsity(len(self.group), self.groups, starts, list(range(len(self.group)))), 1.0)
+        return _membership(self.group)
+
+    @property
+    def by_runs(self) -> tuple[ca.DM, ca.DM]:
+        """The matrices (pieces, parts) and (parts, groups) that add pieces up within runs first, to as many
+        parts of every run.
+        """
+        runs = self.problem.design.runs
+        if self.groups >= runs:
+            return self.membership, ca.DM.eye(self.groups)
+        return _membership(np.repeat(np.arange(runs), len(self.group) // runs)), ca.DM.ones(runs, 1)
 
     @cached_property
     def _blocks(self) -> dict[str, tuple[int, int]]:
@@ -153,6 +162,13 @@ class Totals:
 
     def _wide(self, slopes: Expression) -> Expression:
         return ca.reshape(slopes, self._size, self._added * self.groups)
+
+
+def _membership(group: Places) -> ca.DM:
+    # What adds members (n,) of groups up, (n, groups).
+    count = int(group[-1]) + 1
+    starts = np.searchsorted(group, np.arange(count + 1)).tolist()
+    return ca.DM(ca.Sparsity(len(group), count, starts, list(range(len(group)))), 1.0)
 
 
 def _reader(matrix: Expression, index: Sequence[int] | dict[int, int]) -> Reader:
