@@ -44,7 +44,7 @@ class Frame:
         kept = (least <= most)[self._unknown] & (not relaxing)
         self._simple, self._unknown = self._simple[kept], self._unknown[kept]
         self._slope, self._constant = self._slope[kept], self._constant[kept]
-        self._rest = np.setdiff1d(np.arange(len(self._owner)), self._simple)
+        self._rest = np.delete(np.arange(len(self._owner)), self._simple)
         weights = np.where(np.array(terms.linear) & (not relaxing), LINEAR_WEIGHT, 1.0) / self._sizes
         self._weights = weights[self._owner[self._rest]]
 
