@@ -8,7 +8,6 @@ from functools import cached_property
 
 import casadi as ca
 
-from oed.kernel.dynamics.expression import Expression
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import Terms
 from oed.optimize.terms.cell import read_end
@@ -35,7 +34,9 @@ class Ending:
         turned = carry.turned(symmetric(gathered, carry.gathered_size), carry.whole(state[link.states :]))
         self._arguments, self._gathered = [state, held], ca.cse(turned)
         self._width = link.width
-        self._slopes = ca.SX.sym("slopes", size, link.width + held.shape[0])
+        # What the products by unknowns are of (MX): written out they would be most of the generated C.
+        self._given = [ca.MX.sym("state", state.shape[0]), ca.MX.sym("held", held.shape[0])]
+        self._slopes = ca.MX.sym("slopes", size, state.shape[0] + held.shape[0])
 
     @cached_property
     def values(self) -> ca.Function:
@@ -45,17 +46,25 @@ class Ending:
     @cached_property
     def slopes(self) -> ca.Function:
         """(the same, their derivatives) -> derivatives (size, added) of the information by unknowns."""
-        slope = self._slopes @ ca.jacobian(self._gathered, ca.vertcat(*self._arguments)).T
-        return ca.Function("ending_slopes", [*self._arguments, self._slopes], [ca.densify(slope)])
+        steep = ca.jacobian(self._gathered, ca.vertcat(*self._arguments))
+        own = ca.Function("ending_jacobian", self._arguments, [ca.cse(steep)])
+        slope = ca.densify(self._slopes @ own(*self._given).T)
+        return ca.Function("ending_slopes", [*self._given, self._slopes], [slope])
 
     @cached_property
     def curvature(self) -> ca.Function:
         """(the same, weights of the information) -> weights of the state, second derivatives."""
         weights = ca.SX.sym("weights", self._gathered.shape[0])
         bent, slope = ca.hessian(ca.dot(weights, self._gathered), ca.vertcat(*self._arguments))
-        whole: Expression = self._slopes @ bent @ self._slopes.T
-        results = [ca.densify(slope[: self._width, :]), ca.densify(whole)]
-        return ca.Function("ending_curvature", [*self._arguments, self._slopes, weights], results)
+        own = ca.Function(
+            "ending_hessian",
+            [*self._arguments, weights],
+            ca.cse([ca.densify(slope[: self._width, :]), ca.densify(bent)]),
+        )
+        weighing = ca.MX.sym("weights", weights.shape[0])
+        first, second = own(*self._given, weighing)
+        whole = self._slopes @ second @ self._slopes.T
+        return ca.Function("ending_curvature", [*self._given, self._slopes, weighing], [first, whole])
 
 
 @dataclass(frozen=True)
