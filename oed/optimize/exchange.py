@@ -10,17 +10,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from oed.foundation.arrays import Array, Bools, Places
-from oed.kernel.between.periods import periods_of
+from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics import spline
 from oed.kernel.dynamics.embedding import OneSpline
 from oed.kernel.dynamics.rollout import FINE
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
+from oed.optimize.lower_level import Instants, LowerLevel, within
 from oed.optimize.terms.base import Terms
 from oed.optimize.terms.slots import Chosen
 from oed.optimize.transcription.program import OUT_OF_TIME, SLOTS, Outcome, slots_for
@@ -47,55 +47,22 @@ TIMES = 2000
 """Times of a run at which limits are looked at, at least."""
 
 
-@dataclass(frozen=True)
-class Instants:
-    """Rows of instants.
-
-    Attributes:
-        row: which of an instant's rows, (K,).
-        run: of the drive, (K,).
-        time: on the run's clock [s], (K,).
-    """
-
-    row: Places
-    run: Places
-    time: Array
-
-    def __len__(self) -> int:
-        """K."""
-        return len(self.row)
-
-    def joined(self, other: Instants) -> Instants:
-        """These and others."""
-        return Instants(
-            np.concatenate([self.row, other.row]),
-            np.concatenate([self.run, other.run]),
-            np.concatenate([self.time, other.time]),
-        )
-
-    def some(self, which: Bools) -> Instants:
-        """Some of them."""
-        return Instants(self.row[which], self.run[which], self.time[which])
-
-    def near(self, other: Instants, apart: float) -> Bools:
-        """Which are of a row that the other ones have less than some time apart [s], (K,)."""
-        same = (self.row[:, None] == other.row) & (self.run[:, None] == other.run)
-        close = np.abs(self.time[:, None] - other.time) < apart
-        return np.asarray((same & close).any(axis=1))
-
-
 class Exchange:
     """Which instants a search looks at, of one problem.
 
     Args:
         problem: all of whose samples count.
         terms: of the search, on all samples or on fewer.
+
+    Attributes:
+        lower: where given drives exceed the limits.
     """
 
     def __init__(self, problem: Problem, terms: Terms) -> None:
         """Take both."""
         self._problem, self._terms = problem, terms
         self._rows, self._own = terms.instants, terms.problem
+        self.lower = LowerLevel(problem, terms)
         self.needed = self._rows.count > 0
         """Whether any limit is on instants."""
         self.fine = max(FINE, -(-TIMES // problem.design.samples))
@@ -123,31 +90,6 @@ class Exchange:
         run = np.tile(np.repeat(np.arange(space.runs), count), rows)
         return Instants(row, run, np.tile(times, rows * space.runs))
 
-    def exceeded(self, drive: Trajectory, share: float, fine: int) -> Instants:
-        """The worst instants of a drive: of every row the highest in each stretch where it is exceeded.
-
-        Args:
-            drive: of the problem.
-            share: of a limit's size by which it is exceeded at least.
-            fine: times of a period that are looked at.
-        """
-        table, times = self._table(drive, fine)
-        excess = self._rows.excess(table)
-        runs, _ = times.shape
-        # Of every row and run its course over time, (rows, runs, times).
-        courses = excess.reshape(runs, -1, self._rows.count).transpose(2, 0, 1)
-        wide = np.pad(courses, ((0, 0), (0, 0), (1, 1)), constant_values=-np.inf)
-        before, after = wide[:, :, :-2], wide[:, :, 2:]
-        peaks = (courses > share) & (courses >= before) & (courses > after)
-        row, run, place = np.nonzero(peaks)
-        left, here, right = (one[peaks] for one in (before, courses, after))
-        # The vertex of the parabola through the highest point and its neighbours.
-        with np.errstate(invalid="ignore", divide="ignore"):
-            shift = 0.5 * (left - right) / (left - 2 * here + right)
-        inside = (place > 0) & (place < times.shape[1] - 1) & (np.abs(shift) <= 0.5)
-        step = drive.period / fine
-        return Instants(row, run, times[run, place] + np.where(inside, shift, 0.0) * step)
-
     def chosen(self, instants: Instants, drive: Trajectory) -> Chosen:
         """Instants as rows of the search's program, at a drive of the problem close to which it looks.
 
@@ -161,20 +103,11 @@ class Exchange:
         space = self._own.design
         if space.samples != self._problem.design.samples:
             coarse = replace(drive, samples=space.all_samples)
-            shift = self._at(coarse, instants) - self._at(drive, instants)
+            shift = self.lower.at(coarse, instants) - self.lower.at(drive, instants)
             lower, upper = lower + shift, upper + shift
-        sample, elapsed = _within(instants, space.samples, space.period)
+        sample, elapsed = within(instants, space.samples, space.period)
         basis, places = self._basis(instants)
         return Chosen(sample, elapsed, instants.row, basis, places, lower, upper, self._rows.count)
-
-    def violations(self, instants: Instants, drive: Trajectory) -> Array:
-        """By how much a drive exceeds the rows of instants, in shares of their limits' sizes, (K,).
-
-        Args:
-            instants: of the problem's drives.
-            drive: of all samples.
-        """
-        return self._rows.excess(self._at(drive, instants), instants.row)
 
     def _basis(self, instants: Instants) -> tuple[Array, Places]:
         # Values of the basis functions that are not 0, and the first input's unknowns that they are of.
@@ -191,34 +124,6 @@ class Exchange:
         place[embedding.free] = np.arange(len(embedding.free))
         found = place[every]
         return np.where(found < 0, 0.0, band.entries).T, np.maximum(found, 0).T
-
-    def _table(self, drive: Trajectory, fine: int) -> tuple[Array, Array]:
-        # Rows (instants, R) at so many times of every period, run by run, and those times (runs, instants).
-        samples = drive.samples // drive.runs
-        steps = np.arange(0 if self._problem.design.start_is_free else 1, samples * fine + 1)
-        times = np.tile(drive.period * steps / fine, (drive.runs, 1))
-        run = np.repeat(np.arange(drive.runs), len(steps))
-        sample = np.minimum(np.tile(np.maximum(steps - 1, 0) // fine, drive.runs), samples - 1)
-        elapsed = times.ravel() - drive.period * sample
-        return self._rows_of(drive, run * samples + sample, elapsed, run, times.ravel()), times
-
-    def _at(self, drive: Trajectory, instants: Instants) -> Array:
-        # Each one's own row.
-        place, elapsed = _within(instants, drive.samples // drive.runs, drive.period)
-        table = self._rows_of(drive, place, elapsed, instants.run, instants.time)
-        return table[np.arange(len(instants)), instants.row]
-
-    def _rows_of(self, drive: Trajectory, place: Places, elapsed: Array, run: Places, time: Array) -> Array:
-        system, scale = self._problem.system, self._terms.input_scale
-        periods = periods_of(system, drive, np.array([system.nominal]), drive.starts[None])
-        parts = [periods.states[place], drive.inputs[place] / scale]
-        if self._rows.asking:
-            asked = np.empty_like(parts[1])
-            for number, one in enumerate(drive.each):
-                own = run == number
-                asked[own] = one.inputs_at(time[own]) / scale
-            parts.append(asked)
-        return self._rows.table(np.hstack(parts), elapsed)
 
     def solved(
         self,
@@ -257,7 +162,7 @@ class Exchange:
             if time.perf_counter() > until:
                 outcome = replace(outcome, return_status=OUT_OF_TIME)
                 break
-            loosely = loosely and bool(np.any(self.violations(more, drive) > CLOSE))
+            loosely = loosely and bool(np.any(self.lower.violations(more, drive) > CLOSE))
             instants = self.with_more(instants, more, drive)
         return replace(outcome, iterations=iterations, evaluations=evaluations), instants
 
@@ -272,7 +177,7 @@ class Exchange:
         missing = len(more) - (-len(instants) % SLOTS)
         if missing <= 0:
             return instants.joined(more)
-        excess = self.violations(instants, drive)
+        excess = self.lower.violations(instants, drive)
         idle = np.argsort(excess, kind="stable")[:missing]
         idle = idle[excess[idle] < -IDLE]
         first = np.arange(len(more)) < len(idle)
@@ -292,11 +197,5 @@ class Exchange:
         if not np.isfinite(drive.coefficients).all():
             return instants.some(np.zeros(len(instants), dtype=bool))
         fine = finer * self.fine
-        found = self.exceeded(drive, ENOUGH, fine)
+        found = self.lower.exceeded(drive, ENOUGH, fine)
         return found.some(~found.near(instants, drive.period / (2 * fine)))
-
-
-def _within(instants: Instants, samples: int, period: float) -> tuple[Places, Array]:
-    # The sample that each is in, counted through all runs, and the time since that began [s].
-    own = np.clip(np.ceil(instants.time / period).astype(int) - 1, 0, samples - 1)
-    return instants.run * samples + own, instants.time - period * own

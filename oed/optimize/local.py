@@ -22,8 +22,9 @@ from oed.kernel.limit import PathLimit
 from oed.kernel.measurement.square_root import SQUARED
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Status
-from oed.optimize.exchange import Exchange, Instants
+from oed.optimize.exchange import Exchange
 from oed.optimize.local_results import Local, Settings
+from oed.optimize.lower_level import Instants
 from oed.optimize.rounds import Round, chosen_of, judged, surely_better
 from oed.optimize.terms.slots import Chosen
 from oed.optimize.transcription.chain import SLIGHT

@@ -11,9 +11,10 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.foundation.errors import NotFinite
 from oed.kernel.evaluation import TOLERANCE
-from oed.optimize.exchange import Exchange, Instants
+from oed.optimize.exchange import Exchange
 from oed.optimize.local import LocalSearch
 from oed.optimize.local_results import Sketch
+from oed.optimize.lower_level import Instants
 from oed.optimize.transcription.program import Outcome
 
 
@@ -70,7 +71,7 @@ class Sketches:
         if not self._at_once:
             return 0.0
         drive = self._search.design.trajectory(outcome.unknowns)
-        return float(self._exchange.violations(self._known, drive).max())
+        return float(self._exchange.lower.violations(self._known, drive).max())
 
     @property
     def _nothing(self) -> Array:

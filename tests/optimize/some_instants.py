@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from oed.optimize.exchange import Exchange, Instants
+from oed.optimize.exchange import Exchange
+from oed.optimize.lower_level import Instants
 from oed.optimize.terms.base import Terms
 
 SLOTS = 8

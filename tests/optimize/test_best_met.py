@@ -16,9 +16,9 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Status
 from oed.optimize import Genetic, Ipopt, genetic, local, solve
-from oed.optimize.exchange import Instants
 from oed.optimize.local import LocalSearch
 from oed.optimize.local_results import Settings
+from oed.optimize.lower_level import Instants
 from oed.optimize.solver import Context
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.program import Outcome

@@ -1,0 +1,141 @@
+"""The lower level of limits at all times: at which instants a drive exceeds them, and by how much.
+
+What a search over drives is to a semi-infinite program, this is to each of its limits: the search for the
+instant at which a given drive exceeds it most.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from oed.foundation.arrays import Array, Bools, Places
+from oed.kernel.between.periods import periods_of
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.problem import Problem
+from oed.optimize.terms.base import Terms
+
+
+@dataclass(frozen=True)
+class Instants:
+    """Rows of instants.
+
+    Attributes:
+        row: which of an instant's rows, (K,).
+        run: of the drive, (K,).
+        time: on the run's clock [s], (K,).
+    """
+
+    row: Places
+    run: Places
+    time: Array
+
+    def __len__(self) -> int:
+        """K."""
+        return len(self.row)
+
+    def joined(self, other: Instants) -> Instants:
+        """These and others."""
+        return Instants(
+            np.concatenate([self.row, other.row]),
+            np.concatenate([self.run, other.run]),
+            np.concatenate([self.time, other.time]),
+        )
+
+    def some(self, which: Bools) -> Instants:
+        """Some of them."""
+        return Instants(self.row[which], self.run[which], self.time[which])
+
+    def near(self, other: Instants, apart: float) -> Bools:
+        """Which are of a row that the other ones have less than some time apart [s], (K,)."""
+        same = (self.row[:, None] == other.row) & (self.run[:, None] == other.run)
+        close = np.abs(self.time[:, None] - other.time) < apart
+        return np.asarray((same & close).any(axis=1))
+
+
+class LowerLevel:
+    """A problem's limits on instants, along given drives.
+
+    Args:
+        problem: all of whose samples count.
+        terms: of the search, on all samples or on fewer.
+    """
+
+    def __init__(self, problem: Problem, terms: Terms) -> None:
+        """Take both."""
+        self._problem, self._rows, self._scale = problem, terms.instants, terms.input_scale
+
+    def exceeded(self, drive: Trajectory, share: float, fine: int) -> Instants:
+        """The worst instants of a drive: of every row the highest in each stretch where it is exceeded.
+
+        Args:
+            drive: of the problem.
+            share: of a limit's size by which it is exceeded at least.
+            fine: times of a period that are looked at.
+        """
+        table, times = self._table(drive, fine)
+        excess = self._rows.excess(table)
+        runs, _ = times.shape
+        # Of every row and run its course over time, (rows, runs, times).
+        courses = excess.reshape(runs, -1, self._rows.count).transpose(2, 0, 1)
+        wide = np.pad(courses, ((0, 0), (0, 0), (1, 1)), constant_values=-np.inf)
+        before, after = wide[:, :, :-2], wide[:, :, 2:]
+        peaks = (courses > share) & (courses >= before) & (courses > after)
+        row, run, place = np.nonzero(peaks)
+        left, here, right = (one[peaks] for one in (before, courses, after))
+        # The vertex of the parabola through the highest point and its neighbours.
+        with np.errstate(invalid="ignore", divide="ignore"):
+            shift = 0.5 * (left - right) / (left - 2 * here + right)
+        inside = (place > 0) & (place < times.shape[1] - 1) & (np.abs(shift) <= 0.5)
+        step = drive.period / fine
+        return Instants(row, run, times[run, place] + np.where(inside, shift, 0.0) * step)
+
+    def violations(self, instants: Instants, drive: Trajectory) -> Array:
+        """By how much a drive exceeds the rows of instants, in shares of their limits' sizes, (K,).
+
+        Args:
+            instants: of the problem's drives.
+            drive: of all samples.
+        """
+        return self._rows.excess(self.at(drive, instants), instants.row)
+
+    def _table(self, drive: Trajectory, fine: int) -> tuple[Array, Array]:
+        # Rows (instants, R) at so many times of every period, run by run, and those times (runs, instants).
+        samples = drive.samples // drive.runs
+        steps = np.arange(0 if self._problem.design.start_is_free else 1, samples * fine + 1)
+        times = np.tile(drive.period * steps / fine, (drive.runs, 1))
+        run = np.repeat(np.arange(drive.runs), len(steps))
+        sample = np.minimum(np.tile(np.maximum(steps - 1, 0) // fine, drive.runs), samples - 1)
+        elapsed = times.ravel() - drive.period * sample
+        return self._rows_of(drive, run * samples + sample, elapsed, run, times.ravel()), times
+
+    def at(self, drive: Trajectory, instants: Instants) -> Array:
+        """Each instant's own row at a drive, (K,)."""
+        place, elapsed = within(instants, drive.samples // drive.runs, drive.period)
+        table = self._rows_of(drive, place, elapsed, instants.run, instants.time)
+        return table[np.arange(len(instants)), instants.row]
+
+    def _rows_of(self, drive: Trajectory, place: Places, elapsed: Array, run: Places, time: Array) -> Array:
+        system, scale = self._problem.system, self._scale
+        periods = periods_of(system, drive, np.array([system.nominal]), drive.starts[None])
+        parts = [periods.states[place], drive.inputs[place] / scale]
+        if self._rows.asking:
+            asked = np.empty_like(parts[1])
+            for number, one in enumerate(drive.each):
+                own = run == number
+                asked[own] = one.inputs_at(time[own]) / scale
+            parts.append(asked)
+        return self._rows.table(np.hstack(parts), elapsed)
+
+
+def within(instants: Instants, samples: int, period: float) -> tuple[Places, Array]:
+    """The sample that each instant is in, counted through all runs, and the time since that began [s].
+
+    Args:
+        instants: of a drive.
+        samples: of a run.
+        period: of a sample [s].
+    """
+    own = np.clip(np.ceil(instants.time / period).astype(int) - 1, 0, samples - 1)
+    return instants.run * samples + own, instants.time - period * own
