@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from places import PROBLEMS
 
 from oed.bounds import bound
+from oed.bounds.closed_form import regression_bounds
 from oed.bounds.effort import Effort
 from oed.bounds.heading_search import METHOD, _course, heading_bounds
 from oed.bounds.reversals import Reversals, Segment, most_squares
@@ -83,23 +84,23 @@ def ways_and_turns(given: Problem, rng: np.random.Generator) -> np.ndarray:
 
 
 def drives_of(made: Problem, seed: int) -> list[np.ndarray]:
-    """Speeds of feasible drives, random ones and the designs that local searches end with."""
+    """Speeds of feasible drives, random ones and the design that a local search ends with."""
     rng, found = np.random.default_rng(seed), []
     for index in range(60):
         kind = ("diagonal", "spin", "noise", "bang_bang")[index % 4]
         wanted = wanted_speeds(made, kind, rng) if index % 3 == 0 else ways_and_turns(made, rng)
         kept = keep(made, within_limits(made, wanted), start_pose(made, kind, rng))
         found += [] if kept is None else [kept[0]]
-    for one in range(4):
-        options = Ipopt(starts=1, perturbations=0, second_stage="none")
-        designed = solve(made, options, seed=100 * seed + one, workers=1)
-        # Within what scoring tolerates: a hair slower it keeps the limits exactly.
-        found += [] if designed.trajectory is None else [designed.trajectory.inputs * (1 - 2e-3)]
-    return found
+    options = Ipopt(starts=1, perturbations=0, second_stage="none")
+    designed = solve(made, options, seed=100 * seed, workers=1)
+    # Within what scoring tolerates: a hair slower it keeps the limits exactly.
+    return found if designed.trajectory is None else [*found, designed.trajectory.inputs * (1 - 2e-3)]
 
 
+# Starts in the middle of the room, near it, in a corner and anywhere; the drives reach the bound of a class
+# with ways in 4 and 6, and 95 % of it in 1 and 2.
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [4, *(pytest.param(one, marks=pytest.mark.slow) for one in (0, 1, 2, 3, 5))])
+@pytest.mark.parametrize("seed", [1, 2, 4, 5, 6])
 def test_no_drive_is_worth_more_than_its_class(seed):
     made, share = problem(seed, segments=3 + seed % 2), SHARES[seed % 3]
     course, groups = course_of(made), dict[int, list[tuple[int, float]]]()
@@ -115,11 +116,12 @@ def test_no_drive_is_worth_more_than_its_class(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-def test_no_design_is_better_than_the_bound(seed):
-    made = problem(seed, segments=3)
+@pytest.mark.parametrize(("seed", "segments"), [(0, 2), (1, 2), (2, 3)])
+def test_no_design_is_better_than_the_bound(seed, segments):
+    made = problem(seed, segments=segments)
     certificate = bound(made, nodes=2)
-    assert METHOD in [one.method for one in certificate.bounds]
+    assert certificate.method == METHOD
+    assert certificate.widened.upper_bound >= certificate.upper_bound
     found = solve(made, Ipopt(starts=3, perturbations=0, second_stage="none"), seed=seed, workers=1)
     assert found.evaluation is None or certificate.bound_on(found.evaluation) >= found.evaluation.objective
     best, tried = best_objective(made, np.random.default_rng(seed), 20, 20)
@@ -211,18 +213,17 @@ def test_it_is_for_one_run_by_exact_arcs_in_a_room():
     assert list(heading_bounds(made, Effort(nodes=1)))
 
 
-@pytest.mark.slow
 def test_fewer_passes_bound_as_well():
-    made = problem(1, segments=3)
+    made = problem(4, segments=2)
     (one,), (many,) = (list(heading_bounds(made, Effort(nodes=nodes))) for nodes in (1, 4))
-    assert many.value <= one.value
+    # By different shares.
+    assert many.value < one.value
 
 
 @pytest.mark.slow
 def test_heading_is_certified_within_eight_percent():
     made = load_study(PROBLEMS / "heading.yaml").problem
     # By few passes: more of them are never worse.
-    certificate = bound(made, nodes=4)
-    assert certificate.method == METHOD
-    assert BEST_KNOWN <= certificate.upper_bound <= 1.08 * BEST_KNOWN
-    assert certificate.widened.upper_bound >= certificate.upper_bound
+    (found,) = heading_bounds(made, Effort(nodes=4))
+    assert BEST_KNOWN <= found.value <= 1.08 * BEST_KNOWN
+    assert found.value < min(other.value for other in regression_bounds(made))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -30,6 +31,8 @@ Bools = npt.NDArray[np.bool_]
 Box = tuple[float, float, float, float]
 
 LEGS, RUNS = 6, 240
+SEEDS = (4, 5, 6, 9, 11, 16, 21, 26, 27, 28, 14, 17, 23, 25)
+"""Ten with a start, of which paths use up most of the bound, and four without; 1, 2, 4 and 8 images."""
 
 
 def spread_of(paths: Array, read: Bools) -> Array:
@@ -84,9 +87,7 @@ def drawn_case(rng: np.random.Generator) -> tuple[Box, Array, Bools, Array | Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 30))]
-)
+@pytest.mark.parametrize("seed", SEEDS)
 def test_no_path_is_spread_further(seed: int) -> None:
     rng = np.random.default_rng(seed)
     box, steps, read, start = drawn_case(rng)
@@ -117,7 +118,7 @@ def test_turning_out_of_the_first_heading_takes_time() -> None:
     steps, read = np.full(40, 0.1), np.ones(41, bool)
     box = (-1.0, 1.0, -1.0, 1.0)
     values = [
-        largest_planar_spread(box, steps, read, Start((0.0, 0.0), 0.0, heading, 0.0, 0.3), Effort(nodes=40))
+        largest_planar_spread(box, steps, read, Start((0.0, 0.0), 0.0, heading, 0.0, 0.3), Effort(nodes=20))
         for heading in (0.0, np.pi / 4)
     ]
     assert values[0] < 0.99 * values[1]
@@ -170,9 +171,11 @@ def test_certificates_of_positions_use_it_for_exact_and_widened_limits() -> None
 
 @pytest.mark.slow
 def test_the_laser_tracker_is_bounded_by_less_than_three_quarters_of_its_room() -> None:
-    problem = oed.load_study(PROBLEMS / "laser_tracker.yaml").problem
-    found = bound(problem, workers=1)
-    corners = 201 * 2 / (3 * 0.01**2)
+    # Of as many readings as show it, by half the usual centres.
+    study = oed.load_study(PROBLEMS / "laser_tracker.yaml").problem
+    problem = replace(study, design=study.design.model_copy(update={"samples": 50}))
+    found = bound(problem, nodes=120, workers=1)
+    corners = 51 * 2 / (3 * 0.01**2)
     assert 0.682 * corners < found.upper_bound < 0.735 * corners
 
 
