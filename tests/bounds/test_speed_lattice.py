@@ -123,11 +123,12 @@ def test_speeds_sampled_in_the_middle_of_periods() -> None:
 
 
 @pytest.mark.slow
-def test_a_time_limit_leaves_a_gap() -> None:
-    allowed = limits(300, ends=0.0)
-    found = lattice_bound(allowed, BOTH, NOTHING, time_limit=3.0)
+def test_few_nodes_leave_a_gap() -> None:
+    allowed = limits(120, ends=0.0)
+    found = lattice_bound(allowed, BOTH, NOTHING, nodes=8, time_limit=60.0)
     assert_honest(found, allowed, BOTH)
-    assert found.root == pytest.approx(292.4, abs=0.1)
+    assert not found.complete
+    assert found.root == pytest.approx(112.4, abs=0.1)
     assert found.upper / found.lower - 1 < 0.06
 
 
@@ -137,7 +138,7 @@ def test_no_time_at_all_still_gives_a_bound() -> None:
     hurried = lattice_bound(allowed, BOTH, NOTHING, time_limit=0.0)
     assert not hurried.complete
     assert_honest(hurried, allowed, BOTH)
-    assert hurried.upper >= lattice_bound(allowed, BOTH, NOTHING, time_limit=0.4).lower
+    assert hurried.upper >= lattice_bound(allowed, BOTH, NOTHING, nodes=4).lower
 
 
 TINY = [
@@ -156,7 +157,7 @@ TINY = [
 @pytest.mark.parametrize("weights", [np.array([1.0, 1.0]), np.array([1.0, 0.4])])
 def test_bounds_hold_what_enumeration_finds(allowed: SpeedLimits, weights: Array) -> None:
     everything = corners_of_all(allowed)
-    found = lattice_bound(allowed, weights, NOTHING, time_limit=5.0)
+    found = lattice_bound(allowed, weights, NOTHING, nodes=40)
     assert_honest(found, allowed, weights)
     best = smallest(everything, weights).max()
     assert best <= found.upper * (1 + 1e-9)
@@ -198,8 +199,9 @@ def test_the_largest_trace_is_that_of_enumeration(allowed: SpeedLimits) -> None:
 @pytest.mark.slow
 def test_no_speeds_beat_the_bound(bounds: Any, step: float, ends: float, constant: Array) -> None:
     rng = np.random.default_rng(1)
-    allowed, weights = limits(14, bounds, step, ends), np.array([0.3, 0.2])
-    found = lattice_bound(allowed, weights, constant, time_limit=0.25)
+    # Of so few samples drawn speeds come near the bound.
+    allowed, weights = limits(8, bounds, step, ends), np.array([0.3, 0.2])
+    found = lattice_bound(allowed, weights, constant, nodes=12)
     assert_honest(found, allowed, weights, constant)
     drawn = random_speeds(allowed, rng, 4000)
     for speeds in drawn[:5]:
@@ -244,9 +246,9 @@ def test_the_lattice_holds_all_bounds_and_steps_from_them() -> None:
 def test_the_certificate_hands_back_a_drive_of_its_own_value(integration: Any, loss: float) -> None:
     """Arcs tell a little less than chords of full length."""
     problem = problem_of(
-        design=DesignSpace(duration=4, samples=40, integration=integration),
+        design=DesignSpace(duration=2, samples=20, integration=integration),
         measurement=Displacements(segments="samples"),
-        limits=(WheelSpeed(bounds=10), WheelAcceleration(bounds=20)),
+        limits=(WheelSpeed(bounds=10), WheelAcceleration(bounds=40)),
     )
     # As long as it takes: a busy machine must not end the search early.
     certificate = bound(problem, time_limit=120)
