@@ -24,7 +24,7 @@ from places import PROBLEMS
 
 from oed.bounds import NOTHING, OF_E, ROOMLESS, Certificate, bound
 from oed.bounds.certificate import INFLATION
-from oed.bounds.closed_form import TURNED, largest_squares, most_turning
+from oed.bounds.closed_form import TURNED, largest_squares, most_turning, regression_bounds
 from oed.kernel.criteria import A, E, ModifiedE
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.prior import Prior
@@ -40,7 +40,7 @@ COEFFICIENTS = ("c11", "c12", "c21", "c22")
 LENGTHS = ("wheel_radius_right", "wheel_radius_left", "track")
 SIGMA = 0.01
 NOISE = AbsoluteNoise(position=SIGMA, heading=0.02)
-SHORT = DesignSpace(duration=4, samples=40)
+SHORT = DesignSpace(duration=4, samples=16)
 
 
 def methods(certificate: Certificate, words: str) -> list[float]:
@@ -117,8 +117,8 @@ def test_joint_coefficients_of_a_start_known_may_lie_twice_as_far() -> None:
 
 @pytest.mark.slow
 def test_joint_lengths() -> None:
-    certificate = tracker()
-    loosest = 201 * 2 / (3 * SIGMA**2)
+    certificate = tracker(design=DesignSpace(duration=20, samples=50))
+    loosest = 51 * 2 / (3 * SIGMA**2)
     assert methods(certificate, "corner") == [pytest.approx(loosest, rel=2 * INFLATION)]
     assert certificate.upper_bound < 0.80 * loosest
     assert "top speed" in certificate.method
@@ -126,15 +126,15 @@ def test_joint_lengths() -> None:
 
 @pytest.mark.slow
 def test_joint_lengths_count_the_readings() -> None:
-    certificate = tracker(measurement=Poses(noise=NOISE, every=10))
-    assert methods(certificate, "corner") == [pytest.approx(21 * 2 / (3 * SIGMA**2))]
+    certificate = tracker(design=SHORT, measurement=Poses(noise=NOISE, every=4))
+    assert methods(certificate, "corner") == [pytest.approx(5 * 2 / (3 * SIGMA**2))]
 
 
 @pytest.mark.slow
 def test_joint_lengths_of_a_room_of_any_shape() -> None:
     box = Rectangle(x=(-1, 3), y=(0, 1))
     found = methods(tracker(design=SHORT, limits=(SPEED, box)), "corner")
-    assert found == [pytest.approx(41 * (2**2 + 0.5**2) / (3 * SIGMA**2))]
+    assert found == [pytest.approx(17 * (2**2 + 0.5**2) / (3 * SIGMA**2))]
 
 
 @pytest.mark.parametrize("pose", ["known", {"position": 0.01, "heading": 0.02}])
@@ -152,7 +152,7 @@ def test_no_room_no_bound() -> None:
 def test_ranges_tell_no_more_than_all_beacons_in_line() -> None:
     beacons = ((3.0, 0.0), (0.0, 3.0), (-3.0, 0.0))
     certificate = tracker(design=SHORT, measurement=Ranges(beacons=beacons, noise=SIGMA))
-    assert methods(certificate, "corner") == [pytest.approx(3 * 41 * 2 / (3 * SIGMA**2))]
+    assert methods(certificate, "corner") == [pytest.approx(3 * 17 * 2 / (3 * SIGMA**2))]
 
 
 @pytest.mark.slow
@@ -184,7 +184,7 @@ def test_other_criteria_have_no_bound(criterion: Any, measurement: Any) -> None:
 
 @pytest.mark.slow
 def test_variances_add_up_to_more_than_that_of_one_direction() -> None:
-    given = {"measurement": POSES, "limits": (SPEED, BOX)}
+    given = {"measurement": POSES, "limits": (SPEED, BOX), "samples": 16}
     smallest = bound(problem_of(criterion=E(), **given), nodes=4)
     certificate = bound(problem_of(criterion=A(), **given), nodes=4)
     assert -0.9 / smallest.upper_bound > certificate.upper_bound > -1.1 / smallest.upper_bound
@@ -292,7 +292,7 @@ def test_no_angles_say_more_than_one_input_that_turns_round() -> None:
 @pytest.mark.slow
 def test_headings_are_bounded_by_an_input_that_turns_round() -> None:
     problem = load_study(PROBLEMS / "heading.yaml").problem
-    by_method = {one.method: one.value for one in bound(problem, nodes=1).bounds}
+    by_method = {one.method: one.value for one in regression_bounds(problem)}
     assert by_method[TURNED] < 0.985 * max(by_method.values())
     # Runs of which each turns one way say more together than the sum of what they say alone.
     several = replace(problem, design=problem.design.model_copy(update={"runs": 2}))
