@@ -70,7 +70,7 @@ def best_objective(problem: Problem, rng: np.random.Generator, drives: int, clim
 
 
 @pytest.mark.parametrize("make", [random_regression, random_joint])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.slow
 def test_no_runs_beat_the_bound(make: Any, seed: int):
     rng = np.random.default_rng(300 + seed)
@@ -90,7 +90,7 @@ def test_no_runs_beat_the_bound(make: Any, seed: int):
 def test_runs_times_the_bound_of_one(runs: int, segments):
     """Closed forms of a regression; what a lattice finds is of one run alone."""
     one = problem_of(measurement=Displacements(segments=segments))
-    single, joint = bound(one, time_limit=0.2), bound(several(one, runs))
+    single, joint = bound(one, nodes=1), bound(several(one, runs))
     plain = {one.method: one.value for one in single.bounds if LATTICE not in one.method}
     found = {one.method: one.value for one in joint.bounds}
     assert found == pytest.approx({method: runs * value for method, value in plain.items()}, rel=1e-9)
@@ -113,7 +113,7 @@ def test_starts_of_their_own_give_the_sum_of_the_bounds(measurement: Any):
     """The spread of positions depends on where a run starts."""
     one = problem_of(
         measurement=measurement,
-        design=DesignSpace(duration=2, samples=20),
+        design=DesignSpace(duration=2, samples=16),
         limits=(SPEED, BOX),
         estimate=("wheel_radius_right", "wheel_radius_left", "track"),
     )

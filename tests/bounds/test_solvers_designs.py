@@ -17,7 +17,7 @@ from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import Displacements, Poses
 
 SOLVERS: dict[str, Solver] = {
-    "ipopt": Ipopt(starts=2, perturbations=1),
+    "ipopt": Ipopt(starts=1, perturbations=0),
     "genetic": Genetic(population=40, generations=40),
 }
 UNEQUAL = DifferentialDrive(wheel_radius_right=0.05, wheel_radius_left=0.045, track=0.18)
@@ -42,7 +42,7 @@ PROBLEMS: dict[str, Problem] = {
 @cache
 def bounded(problem: Problem) -> Certificate:
     """Both solvers' designs are held against the same bound."""
-    return bound(problem, time_limit=0.5)
+    return bound(problem, time_limit=0.2)
 
 
 @pytest.mark.slow
