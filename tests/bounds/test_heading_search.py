@@ -213,6 +213,12 @@ def test_it_is_for_one_run_by_exact_arcs_in_a_room():
     assert list(heading_bounds(made, Effort(nodes=1)))
 
 
+# Of ten segments with slow wheels; of twelve.
+@pytest.mark.parametrize(("seed", "segments"), [(5, 10), (6, 12)], ids=["no lower", "too long"])
+def test_where_it_would_be_no_lower_or_take_too_long_there_is_none(seed, segments):
+    assert not list(heading_bounds(problem(seed, segments=segments), Effort(nodes=1)))
+
+
 def test_fewer_passes_bound_as_well():
     made = problem(4, segments=2)
     (one,), (many,) = (list(heading_bounds(made, Effort(nodes=nodes))) for nodes in (1, 4))
