@@ -84,7 +84,6 @@ def test_no_runs_beat_the_bound(make: Any, seed: int):
     assert best <= certificate.upper_bound
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("runs", [2, 5])
 @pytest.mark.parametrize("segments", [1, 4, "samples"])
 def test_runs_times_the_bound_of_one(runs: int, segments):

@@ -289,7 +289,6 @@ def test_no_angles_say_more_than_one_input_that_turns_round() -> None:
         assert most <= (np.add.reduceat(reach, edges[:-1]) ** 2).sum() / 2 + 1e-12
 
 
-@pytest.mark.slow
 def test_headings_are_bounded_by_an_input_that_turns_round() -> None:
     problem = load_study(PROBLEMS / "heading.yaml").problem
     by_method = {one.method: one.value for one in regression_bounds(problem)}

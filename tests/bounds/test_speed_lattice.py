@@ -132,7 +132,6 @@ def test_few_nodes_leave_a_gap() -> None:
     assert found.upper / found.lower - 1 < 0.06
 
 
-@pytest.mark.slow
 def test_no_time_at_all_still_gives_a_bound() -> None:
     allowed = limits(30, ends=1.0)
     hurried = lattice_bound(allowed, BOTH, NOTHING, time_limit=0.0)
@@ -196,7 +195,6 @@ def test_the_largest_trace_is_that_of_enumeration(allowed: SpeedLimits) -> None:
     ],
 )
 @pytest.mark.parametrize("constant", [NOTHING, np.array([[3.0, -1.0], [-1.0, 2.0]])])
-@pytest.mark.slow
 def test_no_speeds_beat_the_bound(bounds: Any, step: float, ends: float, constant: Array) -> None:
     rng = np.random.default_rng(1)
     # Of so few samples drawn speeds come near the bound.
