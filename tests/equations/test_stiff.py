@@ -228,7 +228,7 @@ def test_mistakes_are_named_by_key_and_column(keys: dict[str, Any], key: str, wo
 
 def tank(substeps: int, jacket: str = "285 K") -> oed.Problem:
     space = oed.SignalSpace(
-        duration="6 min", samples=12, spline=oed.Spline(degree=0, coefficients=12), rest_to_rest=False
+        duration="3 min", samples=6, spline=oed.Spline(degree=0, coefficients=6), rest_to_rest=False
     )
     return oed.Problem(
         model=system(CSTR, substeps=substeps, parameters={**CSTR["parameters"], "T_jacket": jacket}),
@@ -242,9 +242,9 @@ def tank(substeps: int, jacket: str = "285 K") -> oed.Problem:
 
 @pytest.mark.slow
 def test_a_design_is_better_than_a_steady_feed_and_certified_by_finer_steps():
-    own, finer = tank(4), tank(16)
-    steady = own.design.trajectory(np.full((12, 1), 350.0), own.fixed_starts)
-    found = oed.solve(own, oed.Ipopt(starts=2, perturbations=0), seed=0, workers=1)
+    own, finer = tank(2), tank(8)
+    steady = own.design.trajectory(np.full((6, 1), 350.0), own.fixed_starts)
+    found = oed.solve(own, oed.Ipopt(starts=1, perturbations=0), seed=0, workers=1)
     assert found.status is oed.Status.CONVERGED
     assert found.evaluation.feasible
     assert found.evaluation.objective > oed.evaluate(own, steady).objective + 1.0
@@ -255,6 +255,6 @@ def test_a_design_is_better_than_a_steady_feed_and_certified_by_finer_steps():
 def test_a_step_that_is_not_solved_is_said_and_no_design():
     """In one step to where a reaction runs away."""
     own = tank(1, jacket="330 K")
-    drive = own.design.trajectory(np.full((12, 1), 360.0), own.fixed_starts)
+    drive = own.design.trajectory(np.full((6, 1), 360.0), own.fixed_starts)
     with pytest.raises(NotFinite, match=r"not finite from .* s on; .* take more substeps"):
         oed.evaluate(own, drive)
