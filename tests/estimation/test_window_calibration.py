@@ -81,8 +81,8 @@ def test_everything_after_the_fit_works_as_for_any_other(found):
 
 @pytest.mark.parametrize("method", ["gls", "two_stage"])
 def test_intervals_of_two_short_logs_of_a_robot_that_drifts_cover(method):
-    # Four windows. If 95 % of intervals hold the truth, fewer do so of 80 sets once in a hundred times.
-    count, held = 80, []
+    # Four windows. If 95 % of intervals hold the truth, fewer do so of 40 sets once in a hundred times.
+    count, held = 40, []
     for seed in range(count):
         drives = [
             drifting(course(seconds=5.0, seed=one), TRUE, USUALLY, one) for one in (2 * seed, 2 * seed + 1)

@@ -176,7 +176,7 @@ def test_the_sandwich_is_right_where_the_papers_errors_are_not(drift, naive):
         log = log_of(drifting(drive, TRUE, drift, seed), noise=(0.001, 0.005), seed=seed)
         return two_stage([log])
 
-    errors, fits = misses(fit, TRUE, 80)
+    errors, fits = misses(fit, TRUE, 60)
     promised = spread(errors, [one.inverse for one in fits])
     assert np.all(promised < naive if naive < 1 else promised > naive), promised
     blocks = blocks_of(fits[0], 4.0)
