@@ -43,7 +43,7 @@ def car_drive(seed: int, seconds: float) -> Twin:
     return driven(inputs, twists, seconds)
 
 
-def car_log(folder: Path, seed: int, seconds: float = 40.0) -> Path:
+def car_log(folder: Path, seed: int, seconds: float = 20.0) -> Path:
     """Speeds of the rim as the car's computer has them, by 30 cm; steering ticks that begin anew; GNSS."""
     twin = car_drive(seed, seconds)
     rows, seen = twin.rows(40), twin.rows(10, 0.1)
@@ -95,7 +95,7 @@ MECANUM_TRUTH = {
 }
 
 
-def mecanum_log(folder: Path, seed: int, seconds: float = 30.0) -> Path:
+def mecanum_log(folder: Path, seed: int, seconds: float = 15.0) -> Path:
     """Every wheel by an encoder of its own sort, at 50 Hz; mocap in the same rows."""
     radii, arm = np.array(list(MECANUM_TRUTH.values())[:4]), MECANUM_TRUTH["half_wheelbase_plus_half_track"]
     # Rolling of each wheel by forward speed, lateral speed and yaw rate: rollers that form an X from above.

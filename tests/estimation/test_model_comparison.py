@@ -36,7 +36,7 @@ from oed.foundation.errors import PartError, ProblemError, StudyError
 from oed.kernel.measurement.prior import Prior
 from oed.records.calibration_outcome import estimate_of
 from oed.records.record import load_estimate
-from oed.report import write_estimate
+from oed.report import page, write_estimate
 from oed.robots.models import DifferentialDrive, Mecanum, SkidSteer, SkidSteerIcr, SkidSteerSlip
 from oed.study.study import Study
 from oed.workflow.estimate_logs import estimate
@@ -427,7 +427,11 @@ class TestStudy:
             study(MODELS.replace("name: half known, ", ""))
 
     @pytest.mark.slow
-    def test_an_estimate_has_them_everywhere(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    def test_an_estimate_has_them_everywhere(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ):
+        # Its figures are drawn elsewhere.
+        monkeypatch.setattr(page, "_svg", lambda _: "<svg/>")
         record = estimate(study(MODELS), [LOG], out=tmp_path)
         assert [one.name for one in record.models] == [
             "differential_drive",

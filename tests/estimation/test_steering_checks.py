@@ -19,10 +19,10 @@ CAR, TRUCK = Ackermann(wheel_radius=0.05, wheelbase=0.4), Tricycle(wheel_radius=
 MODELS = pytest.mark.parametrize("model", [CAR, TRUCK], ids=["ackermann", "tricycle"])
 
 
-def steered(model: Model, off: float, clock: float = 0.0) -> Log:
+def steered(model: Model, off: float, clock: float = 0.0, seconds: float = 30.0) -> Log:
     """A log whose steering encoder shows `off` [deg] straight ahead."""
-    inputs = course(model, truth_of(model), seconds=30.0).inputs * [1.0, 1.5]
-    drive = course(model, truth_of(model), seconds=30.0, inputs=inputs)
+    inputs = course(model, truth_of(model), seconds=seconds).inputs * [1.0, 1.5]
+    drive = course(model, truth_of(model), seconds=seconds, inputs=inputs)
     log = log_of(drive, noise=(0.002, 0.003), offset=clock)
     turned = np.outer(log.input_times - log.input_times[0], [0.0, np.radians(off)])
     return replace(log, integrals=log.integrals + turned)
@@ -76,7 +76,7 @@ def test_a_missing_zero_is_named_where_clocks_are_apart():
 @MODELS
 @pytest.mark.parametrize("off", [-3.0, 0.0, 2.0])
 def test_a_small_one_is_what_is_estimated(model: Model, off: float):
-    found = calibrate(logged_problem(model=model), [steered(model, off)])
+    found = calibrate(logged_problem(model=model), [steered(model, off, seconds=12.0)])
     place = found.parameters.index("steering_offset")
     error = np.sqrt(found.covariance[place, place])
     assert abs(found.values[place] + np.radians(off)) < 4 * error + 1e-3
@@ -106,5 +106,5 @@ def test_angles_beyond_what_the_robot_steers(model: Model, most: float | None, o
 def test_angles_beyond_them_are_said_with_the_estimate():
     problem = logged_problem(model=CAR)
     limits = (*(one for one in problem.limits if one.name != "steering_angle"), SteeringAngle(bounds="4 deg"))
-    (log,) = calibrate(replace(problem, limits=limits), [steered(CAR, 0.0)]).logs
+    (log,) = calibrate(replace(problem, limits=limits), [steered(CAR, 0.0, seconds=12.0)]).logs
     assert "steered_beyond" in {one.name for one in log.findings}

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy
 from builders import problem_of, random_drive
+from pulls import require_pulls
 from simulated import (
     ORIGIN,
     ROBOT,
@@ -38,6 +39,7 @@ from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
 from oed.logs.log import Log
 from oed.records.calibration_outcome import estimate_of
+from oed.report import page
 from oed.report.estimate import write_estimate
 from oed.report.estimate.fit import error_bars
 from oed.robots.sensors import Poses
@@ -214,13 +216,13 @@ def test_a_path_far_off_dead_reckoning_is_found():
 
 @pytest.mark.slow
 def test_sizes_are_those_of_what_errs():
-    fit = fit_of([driven(seed, 60.0, 1.0, (0.004, 6.0)) for seed in range(3)], seconds=4.0)
+    fit = fit_of([driven(seed, 40.0, 1.0, (0.006, 3.0)) for seed in range(2)], seconds=4.0)
     found = WholeLogs(fit).found()
     spread = dict(zip(SIZES, np.sqrt(np.diag(found.spread)), strict=True))
     true = {
         "heading": NOISE[1],
-        "lasting_position": 0.004,
-        "lasting_seconds": 6.0,
+        "lasting_position": 0.006,
+        "lasting_seconds": 3.0,
         **dict(zip(DRIFT, USUALLY, strict=True)),
     }
     for name, size in true.items():
@@ -239,23 +241,20 @@ def test_drift_shows_where_there_is_some():
     )
 
 
-def scatter(logs: Callable[[int], list[Log]], count: int) -> tuple[np.ndarray, float]:
-    """Root mean square of errors in units of standard errors (3,), and the share of intervals that hold."""
-    off, held = [], []
-    for seed in range(count):
-        found = WholeLogs(fit_of(logs(seed), seconds=4.0, known=loosely(unknowns_of()))).found()
-        assert found.fit.converged
-        off.append((found.fit.values - TRUE) / np.sqrt(np.diag(found.covariance)))
-        held.append(np.abs(off[-1]) < scipy.stats.t.ppf(0.975, found.degrees))
-    return np.sqrt(np.mean(np.square(off), axis=0)), float(np.mean(held))
-
-
 @pytest.mark.slow
 def test_standard_errors_are_those_of_the_estimates():
-    # Of 15 logs, by which a deviation is known to 18 %.
-    ratios, held = scatter(lambda seed: [driven(seed, 30.0, 1.0, (0.004, 6.0))], 15)
-    assert np.all((ratios > 0.55) & (ratios < 1.45))
-    assert held > 0.88
+    # Of 10 logs all three errors together are known to 13 %.
+    off, covariances, held = [], [], []
+    for seed in range(10):
+        log = driven(seed, 30.0, 1.0, (0.004, 6.0))
+        found = WholeLogs(fit_of([log], seconds=4.0, known=loosely(unknowns_of()))).found()
+        assert found.fit.converged
+        off.append(found.fit.values - TRUE)
+        covariances.append(found.covariance)
+        reach = scipy.stats.t.ppf(0.975, found.degrees) * np.sqrt(np.diag(found.covariance))
+        held.append(np.abs(off[-1]) < reach)
+    require_pulls(np.array(off), covariances)
+    assert np.mean(held) > 0.88
 
 
 @pytest.mark.slow
@@ -276,7 +275,9 @@ def test_refuses_what_it_is_not_for():
 def test_logs_whose_noise_lasts_are_not_refused():
     # Other methods find by themselves that it does.
     logs = [
-        lasting(log_of(course(seconds=40.0, seed=seed), noise=NOISE, name=str(seed)), 0.01, 5.0, seed)
+        lasting(
+            log_of(course(seconds=40.0, seed=seed, period=0.2), noise=NOISE, name=str(seed)), 0.01, 5.0, seed
+        )
         for seed in (0, 1)
     ]
     assert calibrate(logged_problem(), logs, options()).fit.correlated is not None
@@ -346,7 +347,9 @@ def test_maximises_the_likelihood_that_designs_are_simulated_with():
 
 
 @pytest.mark.slow
-def test_the_page_says_what_errs_and_how_sure_that_is(tmp_path):
+def test_the_page_says_what_errs_and_how_sure_that_is(tmp_path, monkeypatch):
+    # Its figures are drawn elsewhere.
+    monkeypatch.setattr(page, "_svg", lambda _: "<svg/>")
     study = parse_study(
         "format: 1\nname: Drifting\nrobot: {kind: differential_drive, wheel_radius: 5 cm, track: 20 cm}\n"
         "measurement: {kind: poses, noise: {position: 2 mm, heading: 0.3 deg}}\n"
@@ -356,13 +359,13 @@ def test_the_page_says_what_errs_and_how_sure_that_is(tmp_path):
     held = np.vstack([log.inputs_between(log.pose_times), np.zeros(2)])
     for time, inputs, pose in zip(log.pose_times, held, log.poses, strict=True):
         rows.append(",".join(map(str, [time, *inputs, *pose])))
-    text = "t,wheel_speed_right,wheel_speed_left,x,y,heading\n" + "\n".join(rows) + "\n"
-    (tmp_path / "log.csv").write_text(text)
+    table = "t,wheel_speed_right,wheel_speed_left,x,y,heading\n" + "\n".join(rows) + "\n"
+    (tmp_path / "log.csv").write_text(table)
     found = estimate(study, [tmp_path / "log.csv"])
     assert [one.name for one in found.log_errors] == list(SIZES)
     assert all(one.interval[0] <= one.size <= one.interval[1] for one in found.log_errors)
-    page = (write_estimate(found, tmp_path).parent / "estimate.md").read_text()
-    assert "estimated by the likelihood of whole logs" in page
-    assert "Standard errors are those of F⁻¹ under drift" in page
-    assert "| noise of readings | position |" in page
-    assert "| drift | heading, after 1 rad of turning |" in page
+    text = (write_estimate(found, tmp_path).parent / "estimate.md").read_text()
+    assert "estimated by the likelihood of whole logs" in text
+    assert "Standard errors are those of F⁻¹ under drift" in text
+    assert "| noise of readings | position |" in text
+    assert "| drift | heading, after 1 rad of turning |" in text
