@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy
+from pulls import REFUSED
 from simulated import ROBOT, TRUTH, course, log_of, logged_problem, options, truth_of
 from windowed import TRICYCLE, TRICYCLE_TRUTH, drifting
 
@@ -82,7 +83,7 @@ def test_everything_after_the_fit_works_as_for_any_other(found):
 @pytest.mark.parametrize("method", ["gls", "two_stage"])
 def test_intervals_of_two_short_logs_of_a_robot_that_drifts_cover(method):
     # Four windows. If 95 % of intervals hold the truth, fewer do so of 40 sets once in a hundred times.
-    count, held = 40, []
+    count, pulls = 40, []
     for seed in range(count):
         drives = [
             drifting(course(seconds=5.0, seed=one), TRUE, USUALLY, one) for one in (2 * seed, 2 * seed + 1)
@@ -93,8 +94,10 @@ def test_intervals_of_two_short_logs_of_a_robot_that_drifts_cover(method):
         asked = quick(method=method, sensor_place=(), clock_offset=False)
         found = calibrate(logged_problem(), logs, asked)
         reach = found.covariances[0].half_width * np.sqrt(np.diag(found.covariance))
-        held.append(np.abs(found.values - TRUE) < reach)
-    assert np.all(np.sum(held, axis=0) >= scipy.stats.binom.ppf(0.01, count, 0.95))
+        pulls.append((found.values - TRUE) / reach)
+    assert np.all(np.sum(np.abs(pulls) < 1, axis=0) >= scipy.stats.binom.ppf(0.01, count, 0.95))
+    # Nor are they larger than what half of an interval is 1.96 times of.
+    assert np.all(np.sum((1.96 * np.array(pulls)) ** 2, axis=0) < scipy.stats.chi2.isf(REFUSED, count))
 
 
 @pytest.mark.slow
