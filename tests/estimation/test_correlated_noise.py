@@ -311,3 +311,5 @@ def test_standard_errors_allow_for_the_correlation():
         errors.append(found.values - TRUE)
         covariances.append(found.covariance * (found.covariances[0].half_width / 1.96) ** 2)
     require_pulls(np.array(errors), covariances)
+    reach = 1.96 * np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+    assert np.mean(np.abs(errors) < reach) > 0.88
