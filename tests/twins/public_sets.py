@@ -293,7 +293,7 @@ HUSKY = {"wheel_radius_right": 0.1642, "wheel_radius_left": 0.1631, "track": 1.1
 ANTENNA = {"sensor_x": 0.31, "sensor_y": -0.08}
 
 
-def husky(folder: Path, seed: int, seconds: float = 80.0) -> Path:
+def husky(folder: Path, seed: int, seconds: float = 120.0) -> Path:
     """Dates; rims' speeds by the nominal radius; RTK at 5 Hz, whose errors last for some ten seconds."""
     twin = driven(lambda t: bumps(t, seed, (2.5, 2.5), (2.5, 2.5)), lambda u: two_wheels(HUSKY, u), seconds)
     rows, seen = twin.rows(10), twin.rows(5, 0.4)
