@@ -80,6 +80,7 @@ def test_everything_after_the_fit_works_as_for_any_other(found):
     assert len(data["residuals"][0]["value"]) == 15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "count"), [("gls", 80), ("two_stage", 40)])
 def test_intervals_of_two_short_logs_of_a_robot_that_drifts_cover(method: str, count: int):
     # Four windows. If 95 % of intervals hold the truth, fewer do so once in a hundred times.
