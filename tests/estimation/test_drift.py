@@ -308,21 +308,16 @@ class TestCoverage:
         assert held(*white).max() < 0.6 * SETS
 
     def test_no_drift_at_all(self):
-        logs = [driven(seed, 50.0, 0.0, period=0.5) for seed in range(60)]
-        fits = [fit_of([log], known=loosely(unknowns_of())) for log in logs]
-        white = halved(fits, information)
-        require_pulls(np.array([fit.values - TRUE for fit in fits]), white)
-        # Never less is said than by F^-1, which is right, and of most logs not twice as much. Were it a third
-        # more, 99.5 % of intervals would hold the truth.
-        wider = np.sqrt(np.diagonal(halved(fits[:20], said) / white[:20], axis1=1, axis2=2))
-        assert wider.min() > 0.99
-        assert np.median(wider, axis=0).max() < 2
+        # If 85 % held the truth, or 99.5 %, three of four times that would be seen of 70, as of 100.
+        for one in misses(lambda seed: [driven(seed, 50.0, 0.0, period=0.25)], np.inf, 70):
+            share = held(*one) / 70
+            assert np.all((share >= 0.88) & (share <= 0.99))
 
     def test_drift_that_no_window_shows(self):
+        # Of 40 sets of logs, by which 88 % are two standard deviations off 95 %.
         def logs(seed: int) -> list[Log]:
-            return [driven(1000 * seed + number, 40.0, 0.04, period=0.5) for number in range(2)]
+            return [driven(1000 * seed + number, 40.0, 0.03, period=0.25) for number in range(2)]
 
-        own, white = misses(logs, np.inf, 25)
-        require_pulls(*own)
-        assert held(*own).min() >= fewest_held(25)
-        assert held(*white).max() < 0.8 * 25
+        own, white = (held(*one) / 40 for one in misses(logs, np.inf, 40))
+        assert np.all((own >= 0.88) & (own <= 0.99))
+        assert np.all(white < 0.8)
