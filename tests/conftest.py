@@ -34,6 +34,7 @@ from hypothesis import settings
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.optimize import Ipopt, solve
+from oed.report import page
 from oed.robots.sensors import Displacements
 
 settings.register_profile("seeded", derandomize=True, deadline=None, max_examples=12)
@@ -78,6 +79,12 @@ def interruptible() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Empty figures on pages of which words alone are read: drawing takes most of the time of a page."""
+    monkeypatch.setattr(page, "_svg", lambda _: "<svg></svg>")
 
 
 @pytest.fixture(scope="session")

@@ -20,6 +20,8 @@ from oed.cli.terminal.console import percent
 from oed.foundation.errors import Flaw, ProblemError
 from oed.records.record import load_record
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 TEXT = small(baselines="[circle]", validation="{replicates: 200}")
 
 

@@ -18,6 +18,8 @@ from studies import GENETIC, small, write_study
 from oed.cli import main
 from oed.records.record import load_record
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 @pytest.fixture
 def unread() -> Iterator[TextIO]:

@@ -13,6 +13,8 @@ from oed.cli import main
 from oed.exporters import EXPORTERS
 from oed.foundation.vocabulary import spoken
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 ROBOTS = re.compile(r"\b(drives?|robots?|wheels?|paths?|driven|turns? in place)\b", re.IGNORECASE)
 BOX_LUCAS = str(PROBLEMS / "published" / "box_lucas.yaml")
 

@@ -39,7 +39,6 @@ from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
 from oed.logs.log import Log
 from oed.records.calibration_outcome import estimate_of
-from oed.report import page
 from oed.report.estimate import write_estimate
 from oed.report.estimate.fit import error_bars
 from oed.robots.sensors import Poses
@@ -347,9 +346,8 @@ def test_maximises_the_likelihood_that_designs_are_simulated_with():
 
 
 @pytest.mark.slow
-def test_the_page_says_what_errs_and_how_sure_that_is(tmp_path, monkeypatch):
-    # Its figures are drawn elsewhere.
-    monkeypatch.setattr(page, "_svg", lambda _: "<svg/>")
+@pytest.mark.usefixtures("undrawn")
+def test_the_page_says_what_errs_and_how_sure_that_is(tmp_path):
     study = parse_study(
         "format: 1\nname: Drifting\nrobot: {kind: differential_drive, wheel_radius: 5 cm, track: 20 cm}\n"
         "measurement: {kind: poses, noise: {position: 2 mm, heading: 0.3 deg}}\n"

@@ -30,6 +30,8 @@ from oed.report.sections.searches import convergence, time_to
 from oed.report.sections.summary import question, summary
 from oed.report.sections.validation import validation
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 UPPER_BOUND = 2 * 10 * (0.18 / 0.049) ** 2
 
 

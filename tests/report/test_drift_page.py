@@ -7,6 +7,8 @@ import pytest
 
 from oed import evaluate, load_record, load_study, run, write_report
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 STUDY = """
 format: 1
 name: A robot that drifts

@@ -14,6 +14,8 @@ from oed.records.record import Record
 from oed.report.sections.limits import Room
 from oed.robots.limits import LIMITS
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 def with_gains(record: Record, **gains: float | None) -> Record:
     """A record whose best drive says what looser limits gain per SI unit, of other limits 0."""

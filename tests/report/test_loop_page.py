@@ -10,6 +10,8 @@ import pytest
 from oed.records.stored.loop import KnownParameter, LoopRound, StoredLoop
 from oed.report import write_loop
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 def rounds_of(count: int, wanted: float | None, **changes: Any) -> StoredLoop:
     known = {"name": "track", "unit": "m", "value": 0.16, "size": 0.16, "wanted": wanted}

@@ -18,6 +18,8 @@ from oed.report.sections.candidates import candidates
 from oed.report.sections.limits import exceeded
 from oed.report.sections.robustness import robustness
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 TRACK = {"name": "track", "unit": "m", "nominal": 0.18, "low": 0.171, "high": 0.189, "uniform": True}
 SLIP = {"name": "slip_outer", "unit": "", "nominal": 0.0, "low": -0.1, "high": 0.1, "uniform": False}
 ONE_SIDED = {**TRACK, "low": 0.17, "high": 0.2}

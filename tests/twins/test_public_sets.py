@@ -13,7 +13,6 @@ from twin_drives import pulls
 
 from oed.cli import main
 from oed.records.record import load_estimate
-from oed.report import page
 
 HERE = Path(__file__).parent
 MOST_LINES = 30
@@ -36,13 +35,10 @@ def test_its_study_is_short_and_says_nothing_of_designs(own: PublicSet):
 @pytest.mark.slow
 @pytest.mark.parametrize("own", SETS, ids=str)
 def test_its_intervals_hold_the_truth(
-    own: PublicSet,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    own: PublicSet, tmp_path: Path, capsys: pytest.CaptureFixture[str], request: pytest.FixtureRequest
 ):
     if own.name not in DRAWN:
-        monkeypatch.setattr(page, "_svg", lambda _: "<svg/>")
+        request.getfixturevalue("undrawn")
     logs, out = own.logs(tmp_path), tmp_path / "out"
     assert main(["estimate", str(study_of(own)), *map(str, logs), "--out", str(out), "--quiet"]) == 0
     record = load_estimate(out)

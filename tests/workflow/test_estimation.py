@@ -21,6 +21,8 @@ from oed.workflow.estimate_logs import estimate
 from oed.workflow.saving import NotSaved
 from oed.workflow.studies import parse_study
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 STUDY = """\
 format: 1
 name: Logged

@@ -16,6 +16,8 @@ from oed.cli import main
 from oed.exporters import export
 from oed.workflow.studies import parse_study
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 
 def recorded(bag: Path, times: np.ndarray, wheels: np.ndarray, poses: np.ndarray) -> None:
     """Write what a robot's joints and a tracker say, as the recorder does: the metadata last."""

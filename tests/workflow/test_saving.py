@@ -27,6 +27,8 @@ from oed.records.stored.study_record import Provenance
 from oed.study.study import Study
 from oed.workflow.runner import run
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
 TEXT = small(solvers=GENETIC, baselines="[circle]")
 
 
