@@ -1,7 +1,8 @@
-"""A small campaign: some 100 cases of those that `make campaign` runs by the thousand."""
+"""A small campaign: some 80 cases of those that `make campaign` runs by the thousand."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -10,10 +11,17 @@ from .damage.material import make_material
 from .runner import Task, run_case
 
 SEED = 1
-PROBLEMS, CHUNK, FILES = 60, 10, 42
+PROBLEMS = (
+    *(0, 2, 4, 6, 8, 9, 10, 11, 13, 16, 17, 18, 19, 20, 22, 23, 25, 26, 29, 31, 32, 33, 36, 41, 46, 48),
+    *(49, 50, 51, 56, 57, 140),
+)
+"""Of the first sixty those that together go through every branch of the package, and have every key and kind
+of a study, that all sixty do; 140 searches from a given start, which takes 39 ten times as long.
+"""
+CHUNK, FILES = 8, 42
 
 
-def expect_none(sort: str, indices: range, material: Path) -> None:
+def expect_none(sort: str, indices: Iterable[int], material: Path) -> None:
     """No case fails; else one line for everything that does not hold, with the command that repeats it."""
     tasks = [Task(sort, index, SEED, material, quick=True) for index in indices]
     found = [f"{task.command}: {one.asked}: {one.wrong}" for task in tasks for one in run_case(task).failures]
@@ -21,9 +29,9 @@ def expect_none(sort: str, indices: range, material: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(0, PROBLEMS, CHUNK))
+@pytest.mark.parametrize("first", range(0, len(PROBLEMS), CHUNK))
 def test_random_problems(first: int, tmp_path: Path) -> None:
-    expect_none("problem", range(first, first + CHUNK), tmp_path)
+    expect_none("problem", PROBLEMS[first : first + CHUNK], tmp_path)
 
 
 @pytest.fixture(scope="module")
