@@ -72,14 +72,21 @@ def test_growth_is_found_in_residuals():
     assert flat[2] * 3 < 0.003
 
 
-@pytest.mark.slow
-def test_an_estimate_of_a_pilot_drive_gives_the_numbers(tmp_path: Path):
+@pytest.fixture(scope="module")
+def estimated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the estimate of a log in `pilot`."""
+    folder = tmp_path_factory.mktemp("estimated")
     study = load_study(PROBLEMS / "room_robot.yaml")
-    oed.estimate(study, [PROBLEMS / "logs" / "room_robot.csv"], out=tmp_path / "pilot")
-    file = tmp_path / "study.yaml"
+    oed.estimate(study, [PROBLEMS / "logs" / "room_robot.csv"], out=folder / "pilot")
+    return folder
+
+
+@pytest.mark.slow
+def test_an_estimate_of_a_pilot_drive_gives_the_numbers(estimated: Path):
+    file = estimated / "study.yaml"
     file.write_text(with_discrepancy("discrepancy: {record: pilot}"))
     found = load_study(file).problem.measurement.noise.discrepancy
-    own = [one for one in load_estimate(tmp_path / "pilot").residuals if one.quantity == "heading"]
+    own = [one for one in load_estimate(estimated / "pilot").residuals if one.quantity == "heading"]
     table = np.concatenate([np.array([one.value, one.speed, one.yaw_rate]).T for one in own])
     _, per_speed, per_yaw_rate = growth(*table.T)
     assert found.heading_per_speed == per_speed
@@ -119,14 +126,12 @@ def with_drift(text: str) -> str:
 
 
 @pytest.mark.slow
-def test_an_estimate_of_logs_gives_their_drift(tmp_path: Path):
-    study = load_study(PROBLEMS / "room_robot.yaml")
-    oed.estimate(study, [PROBLEMS / "logs" / "room_robot.csv"], out=tmp_path / "logs")
-    file = tmp_path / "study.yaml"
-    file.write_text(with_drift("{record: logs}"))
+def test_an_estimate_of_logs_gives_their_drift(estimated: Path):
+    file = estimated / "study.yaml"
+    file.write_text(with_drift("{record: pilot}"))
     found, reported = (
         load_study(file).problem.measurement.process_noise,
-        load_estimate(tmp_path / "logs").drift,
+        load_estimate(estimated / "pilot").drift,
     )
     assert found.heading_per_radian == reported.turn_by_turning > 0
     assert found.ahead_per_metre == reported.ahead > 0

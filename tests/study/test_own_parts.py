@@ -65,17 +65,28 @@ def load(folder: Path, text: str = STUDY, module: str = OWN_PARTS) -> Study:
     return load_study(folder / "study.yaml")
 
 
-def saved(folder: Path) -> Path:
-    """A run of such a study, saved, whose code has not been run since."""
-    run(load(folder), folder / "out", workers=1)
-    (folder / "was_run").unlink()
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[oed.Record, Path]:
+    """A run of such a study, and the folder that it is in, saved in `out`."""
+    folder = tmp_path_factory.mktemp("own")
+    return run(load(folder), folder / "out", workers=1), folder
+
+
+@pytest.fixture
+def home(done: tuple[oed.Record, Path], monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The folder of that run, whose code has not been run since."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    (done[1] / "was_run").unlink(missing_ok=True)
     forget()
-    return folder / "out"
+    yield done[1]
+    forget()
 
 
 @pytest.mark.slow
-def test_a_study_of_ones_own_parts_is_solved_saved_and_read_again(folder: Path) -> None:
-    fresh = run(load(folder), folder / "out", workers=1)
+def test_a_study_of_ones_own_parts_is_solved_saved_and_read_again(
+    done: tuple[oed.Record, Path], home: Path, folder: Path
+) -> None:
+    fresh, _ = done
     best = fresh.best
     assert best is not None
     by_e = load(folder, STUDY.replace("python, object: own:LogSmallest", "E")).problem
@@ -83,10 +94,10 @@ def test_a_study_of_ones_own_parts_is_solved_saved_and_read_again(folder: Path) 
     assert {margin.limit for margin in best.margins} >= {"wheel_speed", "strip"}
     assert np.abs(np.array(best.drive.poses)[:, 1]).max() <= 0.3 * 1.001
 
-    again = load_record(folder / "out")
+    again = load_record(home / "out")
     assert again.data == json.loads(fresh.to_json())
     study = recorded_study(again, trust=True)
-    assert study.problem.measurement == load(folder).problem.measurement
+    assert study.problem.measurement == load(home).problem.measurement
     assert oed.evaluate(study.problem, best.drive.trajectory).objective == pytest.approx(best.objective)
 
 
@@ -100,28 +111,27 @@ def test_its_echo_is_the_same_study(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_no_code_is_run_to_report_again(folder: Path) -> None:
-    place = saved(folder)
+def test_no_code_is_run_to_report_again(home: Path) -> None:
+    place = home / "out"
     assert main(["report", str(place)]) == 0
-    assert not (folder / "was_run").exists()
+    assert not (home / "was_run").exists()
     text = (place / "report.md").read_text()
     assert "the compass at every 2nd sample (11 times) with a standard deviation of 1.146 deg" in text
     assert "The criterion is log smallest, the logarithm of the smallest eigenvalue" in text
 
 
 @pytest.mark.slow
-def test_the_page_is_the_same_with_and_without_the_code(folder: Path) -> None:
-    fresh = run(load(folder), folder / "out", workers=1)
-    read = load_record(folder / "out")
+def test_the_page_is_the_same_with_and_without_the_code(done: tuple[oed.Record, Path], home: Path) -> None:
+    fresh, _ = done
+    read = load_record(home / "out")
     for mine, other in zip(sections_of(fresh), sections_of(read), strict=True):
         assert (mine.title, mine.paragraphs) == (other.title, other.paragraphs)
         assert [table.rows for table in mine.tables] == [table.rows for table in other.tables]
 
 
 @pytest.mark.slow
-def test_code_is_run_for_who_trusts_it_only(folder: Path) -> None:
-    place = saved(folder)
-    record = load_record(place)
+def test_code_is_run_for_who_trusts_it_only(home: Path) -> None:
+    record = load_record(home / "out")
     with pytest.raises(RecordError) as caught:
         validated(record, validation_options(record, replicates=100))
     keys = [flaw.key for flaw in caught.value.flaws]
@@ -129,14 +139,14 @@ def test_code_is_run_for_who_trusts_it_only(folder: Path) -> None:
     assert all(
         "own.py, and would be run; read it, and if you trust it" in str(one) for one in caught.value.flaws
     )
-    assert not (folder / "was_run").exists()
+    assert not (home / "was_run").exists()
     assert validated(record, validation_options(record, replicates=100), trust=True, workers=1)
-    assert (folder / "was_run").exists()
+    assert (home / "was_run").exists()
 
 
 @pytest.mark.slow
-def test_what_needs_the_code_says_so(folder: Path) -> None:
-    (sensor,) = load_record(saved(folder)).study.measurement.joint_sensors[1:]
+def test_what_needs_the_code_says_so(home: Path) -> None:
+    (sensor,) = load_record(home / "out").study.measurement.joint_sensors[1:]
     assert isinstance(sensor, PythonSensor)
     assert sensor.columns(20) == list(range(0, 21, 2))
     with pytest.raises(UserMistake, match=r"own:Compass is code, of .*own\.py, and was not run"):

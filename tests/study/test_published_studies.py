@@ -17,7 +17,7 @@ MINUTE, HOUR = 60.0, 3600.0
 
 
 MOST = 1000
-"""Experiments that are simulated here of the tens of thousands of some: standard errors off by a tenth are seen."""
+"""Experiments simulated here of the ten thousand of some: standard errors off by a tenth are seen."""
 FIRST_START = {"kind": "ipopt", "starts": 1, "perturbations": 0, "second_stage": "none"}
 FEWER = {
     "box_lucas": {"validation": {"replicates": MOST}},

@@ -60,18 +60,26 @@ def uncommented(text: str, *keys: str) -> str:
     return "\n".join(lines)
 
 
+SKIDDING = [robot for robot in robots() if usual_duration(robot) == PILOT]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", [robot for robot in robots() if usual_duration(robot) == PILOT])
+@pytest.mark.parametrize("robot", [*(one for one in SKIDDING if one not in preset_names()), "husky"])
 def test_a_pilot_drive_stays_in_the_room_for_every_track(robot: str):
-    study = parse_study(starter(Choice(robot)).replace("samples: 50", "samples: 25"))
-    problem = study.problem
+    # Every kind, and of the presets, which are other sizes of one of these, the one with the wider track.
+    study = parse_study(starter(Choice(robot)).replace("samples: 50", "samples: 20"))
     (options,) = study.solvers
     quick = options.model_copy(update={"starts": 1, "perturbations": 0, "second_stage": "none"})
-    found = solve(problem, quick, workers=1)
+    found = solve(study.problem, quick, workers=1)
     assert found.trajectory is not None
-    # Of robots drawn anew, ten times as many.
-    assert violation_probability(problem, found.trajectory, draws=20_000, seed=1).surely_below(0.01)
-    spread = given_spread(problem.uncertain_system)
+    # Of robots drawn anew, more than the search counts with.
+    assert violation_probability(study.problem, found.trajectory, draws=5000, seed=1).surely_below(0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", SKIDDING)
+def test_a_pilot_drive_is_for_all_tracks_that_skidding_makes(robot: str):
+    spread = given_spread(parse_study(starter(Choice(robot))).problem.uncertain_system)
     ratios = np.abs(spread.high / spread.low)
     assert np.maximum(ratios, 1 / ratios).max() == pytest.approx(MOST / LEAST, rel=0.01)
 

@@ -161,13 +161,14 @@ def of_robots(pairs: list[tuple[Example, str]]) -> Any:
 @of_robots([pair for pair in PAIRS if pair not in FOLDED])
 def test_every_robot_drives_what_suits_it(example: Example, name: str):
     # What limits may be exceeded by between samples is bounded the sooner the shorter a car's periods are.
-    problem = robot_problem(example.model, samples=150 if example.motion is None else 600)
+    duration, samples = (60, 150) if example.motion is None else (10, 100)
+    problem = robot_problem(example.model, duration=duration, samples=samples)
     chosen, fitted = baselines(problem, name, length=4.0)
     assert chosen.evaluation.feasible
-    assert chosen.trajectory.duration == 60
-    np.testing.assert_allclose(chosen.trajectory.inputs_at(np.array([0.0, 60.0])), 0, atol=1e-6)
+    assert chosen.trajectory.duration == duration
+    np.testing.assert_allclose(chosen.trajectory.inputs_at(np.array([0.0, duration])), 0, atol=1e-6)
     assert fitted.evaluation.path_length == pytest.approx(4.0, rel=0.01)
-    assert fitted.trajectory.duration == 60
+    assert fitted.trajectory.duration == duration
     if name == "random":
         return
     largest = driven_once(problem, name)
