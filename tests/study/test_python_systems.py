@@ -42,7 +42,7 @@ SHARED = textwrap.dedent("""\
       samples: 20
       inputs: {feed: {range: [0 mol/m^3/s, 1 mol/m^3/s], signal: {kind: piecewise_constant, pieces: 4}}}
     measurement: {kind: outputs, noise: {b: 0.01 mol/m^3}}
-    solvers: [{kind: ipopt, starts: 2, perturbations: 0}]
+    solvers: [{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}]
     """)
 BY_CLASS = textwrap.dedent("""\
     format: 1

@@ -30,7 +30,7 @@ BUFFERED = textwrap.dedent("""\
       inputs: {feed: [0 mol/m^3/s, 1 mol/m^3/s]}
     measurement: {kind: outputs, noise: {read: 0.01 mol/m^3}}
     criterion: D
-    solvers: [{kind: ipopt, starts: 1}]
+    solvers: [{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}]
     """)
 
 
