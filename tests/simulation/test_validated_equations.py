@@ -17,16 +17,16 @@ FEW = 200
 
 
 MANY = 1000
-"""That are to pass, too: a standard error that is off by a tenth is seen."""
+"""A standard error that is off by a tenth is seen."""
 
 
 @cache
-def few_of(name: str) -> oed.Validation:
+def found_of(name: str) -> oed.Validation:
     """Of small noise, for all that looks at it."""
-    return validated(SMALL[name])
+    return validated(SMALL[name], FEW if name in SAME else MANY)
 
 
-def validated(one: Experiment, replicates: int = FEW, **options) -> oed.Validation:
+def validated(one: Experiment, replicates: int, **options) -> oed.Validation:
     return oed.validate(one.problem, one.trajectory, replicates=replicates, seed=1, **options)
 
 
@@ -51,7 +51,7 @@ class TestSmallNoise:
     @pytest.mark.slow
     @pytest.mark.parametrize("name", SMALL)
     def test_estimates_scatter_as_evaluate_says(self, name: str):
-        one, found = SMALL[name], few_of(name)
+        one, found = SMALL[name], found_of(name)
         (covariance,) = oed.evaluate(one.problem, one.trajectory).covariances.values()
         np.testing.assert_allclose(found.predicted, covariance, rtol=1e-9)
         assert found.passed, found.verdict
@@ -59,16 +59,12 @@ class TestSmallNoise:
         assert found.units == one.problem.any_estimations[0].units
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("name", [name for name in SMALL if name not in SAME])
-    def test_so_do_many(self, name: str):
-        assert validated(SMALL[name], MANY).passed
-
-    @pytest.mark.slow
     @pytest.mark.parametrize("name", SAME)
     def test_many_would_be_those_of(self, name: str):
         # The same numbers are drawn, and the same estimates follow from each: so they would from many.
-        one, other = few_of(name), few_of(SAME[name])
-        np.testing.assert_allclose(one.estimates, other.estimates, rtol=1e-9)
+        one, other = found_of(name), found_of(SAME[name])
+        np.testing.assert_allclose(one.estimates, other.estimates[: len(one.estimates)], rtol=1e-9)
+        assert len(one.estimates) == FEW
         np.testing.assert_allclose(one.predicted, other.predicted, rtol=1e-9)
 
     @pytest.mark.slow
@@ -96,7 +92,7 @@ class TestLinearisation:
     @pytest.mark.slow
     @pytest.mark.parametrize("name", SMALL)
     def test_holds_where_noise_is_small(self, name: str):
-        found = few_of(name)
+        found = found_of(name)
         assert found.linearisation.small_enough is True
         assert "small enough for linearisation" in found.linearisation.sentence
         assert "linearisation" not in found.verdict

@@ -138,14 +138,15 @@ def assert_it_steers_without_a_stop(trajectory: Trajectory, model: Model):
 
 
 # One of every kind: what a second one of a kind changes is its numbers. Every path by one robot that steers,
-# one that spins and one that lags behind; the others on those whose shape depends on them.
+# one that spins and one that drags a trailer, one that lags straight ahead, too; the others to both sides.
 KINDS = list({example.model.kind: example for example in ROBOTS}.values())
-FEW = ("straight", "figure_eight", "random")
+FEW = ("figure_eight", "random")
+EVERY, STRAIGHT = ("ackermann", "mecanum", "tractor_trailer"), ("unicycle",)
 PAIRS = [
     (example, name)
     for example in KINDS
     for name in driven(example.model)
-    if name in FEW or example.model.kind in ("ackermann", "mecanum", "tractor_trailer")
+    if name in FEW or example.model.kind in EVERY or (name == "straight" and example.model.kind in STRAIGHT)
 ]
 # A trailer that a spin on the spot folds up beyond its limit.
 FOLDED = [pair for pair in PAIRS if "trailer_angle" in pair[0].model.states and pair[1] in SPINNING]
