@@ -26,7 +26,7 @@ BUFFERED = textwrap.dedent("""\
       integrator: radau
     experiment:
       duration: 60 s
-      samples: 6
+      samples: 3
       inputs: {feed: [0 mol/m^3/s, 1 mol/m^3/s]}
     measurement: {kind: outputs, noise: {read: 0.01 mol/m^3}}
     criterion: D

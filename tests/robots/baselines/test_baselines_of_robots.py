@@ -162,7 +162,7 @@ def of_robots(pairs: list[tuple[Example, str]]) -> Any:
 @of_robots([pair for pair in PAIRS if pair not in FOLDED])
 def test_every_robot_drives_what_suits_it(example: Example, name: str):
     # What limits may be exceeded by between samples is bounded the sooner the shorter a car's periods are.
-    duration, samples = (60, 150) if example.motion is None else (10, 100)
+    duration, samples = (60, 150) if example.motion is None else (5, 50)
     problem = robot_problem(example.model, duration=duration, samples=samples)
     chosen, fitted = baselines(problem, name, length=4.0)
     assert chosen.evaluation.feasible
