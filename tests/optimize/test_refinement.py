@@ -35,6 +35,12 @@ def found() -> Solution:
     return solve(problem(), QUICK, seed=0, workers=1)
 
 
+@pytest.fixture(scope="module")
+def alone() -> Solution:
+    """The search on the first spline, no finer."""
+    return solve(on_spline(problem(), Spline(coefficients=16)), QUICK, seed=0, workers=1)
+
+
 def test_levels_double_the_pieces_until_there_is_a_coefficient_for_every_sample():
     counts = [one.count for one in finer_splines(problem())]
     assert counts == [29, 55]
@@ -77,8 +83,7 @@ def test_every_level_is_at_least_as_good_and_keeps_the_limits(found):
 
 
 @pytest.mark.slow
-def test_the_first_level_is_the_search_on_its_spline(found):
-    alone = solve(on_spline(problem(), Spline(coefficients=16)), QUICK, seed=0, workers=1)
+def test_the_first_level_is_the_search_on_its_spline(found, alone):
     assert alone.evaluation.objective == found.levels[0].objective
     assert not alone.levels
 
@@ -113,23 +118,24 @@ def test_a_search_that_starts_from_a_refined_one_takes_its_design_on_the_same_sp
 
 
 @pytest.mark.slow
-def test_a_fixed_finer_spline_starts_from_a_coarser_design():
-    coarse = solve(on_spline(problem(), Spline(coefficients=16)), QUICK, seed=0, workers=1)
+def test_a_fixed_finer_spline_starts_from_a_coarser_design(alone):
     fine = on_spline(problem(), Spline(coefficients=29))
     options = Ipopt(starts=1, perturbations=0, second_stage="none", start_from="ipopt", name="second")
-    found = solve(fine, options, seed=0, workers=1, earlier={"ipopt": coarse})
-    assert found.evaluation.objective >= coarse.evaluation.objective
+    found = solve(fine, options, seed=0, workers=1, earlier={"ipopt": alone})
+    assert found.evaluation.objective >= alone.evaluation.objective
     with pytest.raises(ValueError, match="expected knots that have all those of the curves"):
-        solve(on_spline(problem(), Spline(coefficients=20)), options, workers=1, earlier={"ipopt": coarse})
+        solve(on_spline(problem(), Spline(coefficients=20)), options, workers=1, earlier={"ipopt": alone})
 
 
 @pytest.mark.slow
 def test_by_another_criterion_levels_are_in_its_numbers():
     options = QUICK.model_copy(update={"criterion": D(scaling="none")})
-    found = solve(problem(), options, seed=0, workers=1)
-    own = replace(problem(), criterion=D(scaling="none"))
+    short = problem(samples=20)
+    found = solve(short, options, seed=0, workers=1)
+    own = replace(short, criterion=D(scaling="none"))
+    assert len(found.levels) > 1
     assert found.levels[-1].objective == evaluate(own, found.trajectory).objective
-    assert found.evaluation.objective == evaluate(problem(), found.trajectory).objective
+    assert found.evaluation.objective == evaluate(short, found.trajectory).objective
 
 
 def test_populations_stay_on_the_first_spline_and_say_so():
@@ -167,14 +173,13 @@ def test_a_search_that_ends_while_it_refines_keeps_the_levels_before(found):
 
 
 @pytest.mark.slow
-def test_a_search_that_was_interrupted_on_the_first_spline_goes_on_no_finer(found):
+def test_a_search_that_was_interrupted_on_the_first_spline_goes_on_no_finer(found, alone):
     def first_only(options, problem, context):
         assert problem.design.spline.count == found.levels[0].coefficients
-        return replace(searched, status=Status.INTERRUPTED)
+        return replace(alone, status=Status.INTERRUPTED)
 
-    problem = found.problem
-    searched = solve(on_spline(problem, problem.design.spline.first), QUICK, seed=0)
-    ended = refined(QUICK, problem, Context(0), first_only)
+    assert found.problem.design.spline.first == alone.problem.design.spline
+    ended = refined(QUICK, found.problem, Context(0), first_only)
     assert ended.status is Status.INTERRUPTED
     assert [one.coefficients for one in ended.levels] == [found.levels[0].coefficients]
     assert ended.detail.endswith("were searched; the search ended before it was refined.")
@@ -190,7 +195,8 @@ def test_a_level_that_is_worse_is_not_taken(found):
 
 @pytest.mark.slow
 def test_a_robust_design_is_refined_and_still_keeps_its_limits():
-    robust = problem(within={"wheel_radius_right": "5 %"}, robust=Robust(confidence=0.95, draws=500))
+    uncertain = {"within": {"wheel_radius_right": "5 %"}, "robust": Robust(confidence=0.95, draws=500)}
+    robust = problem(samples=20, **uncertain)
     found = solve(robust, QUICK, seed=0, workers=1)
     assert found.status.usable
     assert len(found.levels) > 1
@@ -199,21 +205,21 @@ def test_a_robust_design_is_refined_and_still_keeps_its_limits():
         assert after.objective >= before.objective * (1 - 1e-3)
 
 
+SORTS = {
+    "runs": {"runs": 2, "start": "free"},
+    "polygons": {"degree": 1},
+    "steps": {"degree": 0, "rest_to_rest": False},
+    "midpoint": {"integration": "midpoint"},
+}
+
+
 @pytest.mark.parametrize(
-    "parts",
-    [
-        {"runs": 2, "start": "free"},
-        {"degree": 1},
-        {"degree": 0, "rest_to_rest": False},
-        {"integration": "midpoint", "samples": 20},
-    ],
-    ids=["runs", "polygons", "steps", "midpoint"],
+    ("sort", "starts"), [*((sort, 1) for sort in SORTS), ("runs", "auto"), ("midpoint", "auto")]
 )
-@pytest.mark.parametrize("starts", [1, "auto"])
 @pytest.mark.slow
-def test_drives_of_every_sort_are_refined(parts, starts):
-    made = problem(**parts)
-    own = {"iterations": 40} if starts == "auto" else {"perturbations": 0}
+def test_drives_of_every_sort_are_refined(sort, starts):
+    made = problem(samples=20, **SORTS[sort])
+    own = {"iterations": 10} if starts == "auto" else {"perturbations": 0}
     options = Ipopt(starts=starts, **own)
     found = solve(made, options, seed=1, workers=1)
     assert found.status.usable
