@@ -17,8 +17,8 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
-from oed.optimize import Genetic, Ipopt, solve
-from oed.optimize.assurance import FINAL, NARROWER, ROUNDS, UNTRIED
+from oed.optimize import Genetic, Ipopt, assurance, solve
+from oed.optimize.assurance import FINAL, NARROWER, UNTRIED
 from oed.optimize.solver import Context, Solver
 from oed.robots.limits import Rectangle
 from oed.robots.sensors import Poses
@@ -175,9 +175,11 @@ class TestRaised:
 
 @pytest.mark.slow
 class TestGivenUp:
-    def test_after_so_many_searches(self):
+    def test_after_so_many_searches(self, monkeypatch: pytest.MonkeyPatch):
+        assert assurance.ROUNDS > 3
+        monkeypatch.setattr(assurance, "ROUNDS", 3)
         solution = solve(robust_problem(robust=tightened()), Larger(stubborn=True), workers=1)
-        assert len(Larger.asked) == ROUNDS
+        assert len(Larger.asked) == 3
         assert solution.status is Status.FAILED
         assert (solution.trajectory, solution.evaluation) == (None, None)
         assert "On the last drive 100.00 % of 300 robots violated the limits" in solution.message
@@ -213,7 +215,8 @@ class TestInterrupted:
         assert solution.trajectory is not None
         assert solution.violation.interval[1] > 1 - CONFIDENCE
 
-    @pytest.mark.parametrize(("number", "beta"), [(2, 4.0), (2, BETA), (3, BETA), (4, BETA)])
+    @pytest.mark.parametrize(("number", "beta"), [(2, 4.0), (2, BETA), (5, BETA)])
+    # Of five searches the last is a whole one; enough at once, there is but one.
     def test_whichever_search_it_interrupts(self, number: int, beta: float, monkeypatch: pytest.MonkeyPatch):
         searched = Larger.search
 
@@ -225,7 +228,7 @@ class TestInterrupted:
         monkeypatch.setattr(Larger, "search", strike)
         solution = solve(robust_problem(robust=tightened(beta=beta)), Larger(), seed=3, workers=1)
         reached = len(Larger.asked) == number
-        assert len(Larger.asked) <= number
+        assert reached == (beta == BETA)
         assert (solution.status is Status.INTERRUPTED) == reached
         assert solution.trajectory is not None
 
@@ -286,15 +289,14 @@ class TestSearches:
 
     def test_workers_do_not_matter(self, monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr("oed.optimize.multi_start.POOL_SECONDS", 0.0)
-        problem = robust_problem(robust=tightened(beta=2.0))
-        one, two = (solve(problem, QUICK, seed=1, workers=workers) for workers in (1, 2))
+        (_, one), (_, two) = designed(), designed(workers=2)
         np.testing.assert_array_equal(one.trajectory.coefficients, two.trajectory.coefficients)
         assert one.violation.probability == two.violation.probability
         assert one.robust == two.robust
 
     def test_genetic_searches_are_made_sure_of_too(self):
         problem = robust_problem(robust=tightened())
-        solution = solve(problem, Genetic(population=30, generations=15), seed=1, workers=1)
+        solution = solve(problem, Genetic(population=30, generations=8), seed=1, workers=1)
         assert enough(problem, solution)
         assert solution.evaluation.feasible
         assert solution.robust.reach > BETA

@@ -21,6 +21,7 @@ def make_cornered(lowest: float = 3.0, half_side: float = 0.1) -> Problem:
     """Wheels that must turn forward all the time, in a box too small to turn in."""
     return problem_of(
         duration=5,
+        samples=20,
         rest_to_rest=False,
         limits=(
             WheelSpeed(bounds=(lowest, 10)),
@@ -96,6 +97,7 @@ def test_an_angle_is_in_degrees():
     # Wheels that turn alike but for 0.1 rad/s turn a robot by a few degrees only.
     straight = problem_of(
         duration=5,
+        samples=20,
         limits=(SPEED, YawRateLimit(bounds=0.01), EndHeading(at=1.5)),
         start={"x": 0, "y": 0, "heading": 0},
     )
