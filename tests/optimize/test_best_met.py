@@ -28,7 +28,7 @@ from oed.robots.sensors import Displacements, Poses
 QUICK = Ipopt(starts=2, perturbations=0, second_stage="none")
 SETTINGS = Settings(200, 1e-8, None, "none")
 
-GIVEN_UP = (0, 19, 131)
+GIVEN_UP = (0, 19)
 """Problems of feasible starts whose searches ended outside between the samples and were given up."""
 WORSE = (126,)
 """Problems whose searches end with less than one of their starts, or with nothing."""
@@ -64,7 +64,7 @@ def test_a_search_ends_with_no_less_than_its_best_feasible_start(seed: int):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(200, 208))
+@pytest.mark.parametrize("seed", range(203, 208))
 def test_of_many_problems(seed: int):
     problem = random_problem(seed)
     least = best_start(problem, QUICK.starts)

@@ -103,7 +103,7 @@ def test_corrected_it_tells_what_all_samples_tell(measurement, runs: int):
 @pytest.mark.parametrize(
     "overrides",
     [
-        {"measurement": Poses(noise={"covariance": np.eye(3 * 241) * 1e-4})},
+        {"measurement": Poses(noise={"covariance": np.eye(3 * 81) * 1e-4})},
         {
             "measurement": POSES,
             "criterion": E(),
@@ -114,7 +114,7 @@ def test_corrected_it_tells_what_all_samples_tell(measurement, runs: int):
     ids=["a covariance of all readings", "several robots judged"],
 )
 def test_what_needs_all_samples_gets_them(overrides: dict):
-    assert not Grid(fine_problem(**overrides), 60).coarse
+    assert not Grid(fine_problem(samples=80, **overrides), 20).coarse
 
 
 @pytest.mark.slow
