@@ -169,7 +169,8 @@ def test_exchanges_end_when_the_time_is_up_and_say_so(problem: Problem, exchange
 
 @pytest.mark.slow
 def test_in_the_end_limits_hold_at_all_times(problem: Problem):
-    searched = Ipopt(starts=2, perturbations=0, second_stage="shortest_path")
+    problem = replace(problem, design=problem_of(samples=20, coefficients=6).design)
+    searched = Ipopt(starts=1, perturbations=0, second_stage="shortest_path")
     found = solve(problem, searched, seed=0, workers=1)
     drive = found.trajectory
     margins = {one.name: one for one in evaluate(problem, drive).margins}
