@@ -90,6 +90,8 @@ def test_a_cache_that_cannot_be_written_is_done_without(monkeypatch: pytest.Monk
 
 def problem() -> Problem:
     return problem_of(
+        samples=12,
+        coefficients=6,
         measurement=Poses(noise={"position": 0.01, "heading": 0.02}),
         limits=(SPEED, BOX, YawRate(bounds=1)),
         criterion=E(),
@@ -142,14 +144,14 @@ def test_a_search_ends_where_it_does_without(shared: Path, monkeypatch: pytest.M
 @needs_compiler
 @pytest.mark.slow
 def test_long_lists_are_compiled_as_they_stand(cache: Path):
-    x = ca.SX.sym("x", 40)
+    x = ca.SX.sym("x", 20)
     total = sum(ca.sin(one) * other for one in ca.vertsplit(x) for other in ca.vertsplit(x**2))
     plain = ca.Function("long", [x], [total, ca.hessian(total, x)[0]])
-    wrapped = ca.Function("wrapped", [symbol := ca.MX.sym("x", 40)], plain.call([symbol]))
+    wrapped = ca.Function("wrapped", [symbol := ca.MX.sym("x", 20)], plain.call([symbol]))
     assert plain.n_instructions() > MANY
     quick = compiled(wrapped)
     assert quick.is_a("External")
-    point = np.random.default_rng(0).normal(size=40)
+    point = np.random.default_rng(0).normal(size=20)
     for found, expected in zip(quick(point), wrapped(point), strict=True):
         np.testing.assert_array_equal(np.array(found), np.array(expected))
 

@@ -80,7 +80,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def candidates(terms: Terms) -> Array:
     # Many: what rounds otherwise shows in one number of some thousand.
     rng = np.random.default_rng(4)
-    return rng.uniform(-1, 1, (terms.size, 3000)) * rng.uniform(0.1, 1.5, 3000)
+    return rng.uniform(-1, 1, (terms.size, 1000)) * rng.uniform(0.1, 1.5, 1000)
 
 
 def scored(function: ca.Function, terms: Terms) -> list[Array]:
