@@ -164,10 +164,9 @@ def test_searches_that_cannot_know_say_nothing():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["laser_tracker", "tricycle"])
-def test_gains_of_shipped_studies_hold_at_the_steps_that_reports_state(name: str):
+def test_gains_of_a_shipped_study_hold_at_the_step_that_reports_state():
     # A quarter of the samples: the same gains within a few per cent, in a third of the time.
-    text = (PROBLEMS / f"{name}.yaml").read_text()
+    text = (PROBLEMS / "tricycle.yaml").read_text()
     text = re.sub(r"samples: (\d+)\n", lambda found: f"samples: {int(found[1]) // 4}\n", text)
     problem = parse_study(text).problem
     room = workspace_of(problem.limits)

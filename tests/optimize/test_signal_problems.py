@@ -338,11 +338,11 @@ def fishing(samples: int, pieces: int) -> oed.Problem:
 @pytest.mark.slow
 def test_steps_are_as_cheap_as_a_spline_of_degree_0():
     """The same drives by both descriptions: the same unknowns, pieces, operations and numbers."""
-    problem = fishing(samples=120, pieces=12)
-    spline = oed.Spline(degree=0, coefficients=12)
-    usual = oed.SignalSpace(duration=12, samples=120, start=(0.5, 0.7), spline=spline, rest_to_rest=False)
+    problem = fishing(samples=60, pieces=6)
+    spline = oed.Spline(degree=0, coefficients=6)
+    usual = oed.SignalSpace(duration=12, samples=60, start=(0.5, 0.7), spline=spline, rest_to_rest=False)
     signals, splines = in_pieces(problem), in_pieces(replace(problem, design=usual))
-    z = np.random.default_rng(0).uniform(0, 1, 12)
+    z = np.random.default_rng(0).uniform(0, 1, 6)
     for name in ("values", "jacobian", "hessian"):
         found, expected = getattr(signals, name), getattr(splines, name)
         assert found.n_instructions() == expected.n_instructions()
