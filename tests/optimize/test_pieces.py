@@ -193,7 +193,12 @@ def space(**changes: Any) -> DesignSpace:
 QUICK = (
     "position",
     "heading",
+    "both",
+    "some coefficients",
     "coefficients from poses",
+    "midpoint, no rest",
+    "trapezoids",
+    "steps",
     "whole runs",
     "a limit on what is fixed",
 )
