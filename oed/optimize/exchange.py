@@ -55,14 +55,14 @@ class Exchange:
         terms: of the search, on all samples or on fewer.
 
     Attributes:
-        lower: where given drives exceed the limits.
+        lower_level: where given drives exceed the limits.
     """
 
     def __init__(self, problem: Problem, terms: Terms) -> None:
         """Take both."""
         self._problem, self._terms = problem, terms
         self._rows, self._own = terms.instants, terms.problem
-        self.lower = LowerLevel(problem, terms)
+        self.lower_level = LowerLevel(problem, terms)
         self.needed = self._rows.count > 0
         """Whether any limit is on instants."""
         self.fine = max(FINE, -(-TIMES // problem.design.samples))
@@ -103,7 +103,7 @@ class Exchange:
         space = self._own.design
         if space.samples != self._problem.design.samples:
             coarse = replace(drive, samples=space.all_samples)
-            shift = self.lower.at(coarse, instants) - self.lower.at(drive, instants)
+            shift = self.lower_level.at(coarse, instants) - self.lower_level.at(drive, instants)
             lower, upper = lower + shift, upper + shift
         sample, elapsed = within(instants, space.samples, space.period)
         basis, places = self._basis(instants)
@@ -162,7 +162,7 @@ class Exchange:
             if time.perf_counter() > until:
                 outcome = replace(outcome, return_status=OUT_OF_TIME)
                 break
-            loosely = loosely and bool(np.any(self.lower.violations(more, drive) > CLOSE))
+            loosely = loosely and bool(np.any(self.lower_level.violations(more, drive) > CLOSE))
             instants = self.with_more(instants, more, drive)
         return replace(outcome, iterations=iterations, evaluations=evaluations), instants
 
@@ -177,7 +177,7 @@ class Exchange:
         missing = len(more) - (-len(instants) % SLOTS)
         if missing <= 0:
             return instants.joined(more)
-        excess = self.lower.violations(instants, drive)
+        excess = self.lower_level.violations(instants, drive)
         idle = np.argsort(excess, kind="stable")[:missing]
         idle = idle[excess[idle] < -IDLE]
         first = np.arange(len(more)) < len(idle)
@@ -197,5 +197,5 @@ class Exchange:
         if not np.isfinite(drive.coefficients).all():
             return instants.some(np.zeros(len(instants), dtype=bool))
         fine = finer * self.fine
-        found = self.lower.exceeded(drive, ENOUGH, fine)
+        found = self.lower_level.exceeded(drive, ENOUGH, fine)
         return found.some(~found.near(instants, drive.period / (2 * fine)))

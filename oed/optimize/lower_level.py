@@ -100,6 +100,12 @@ class LowerLevel:
         """
         return self._rows.excess(self.at(drive, instants), instants.row)
 
+    def at(self, drive: Trajectory, instants: Instants) -> Array:
+        """Each instant's own row at a drive, (K,)."""
+        place, elapsed = within(instants, drive.samples // drive.runs, drive.period)
+        table = self._rows_of(drive, place, elapsed, instants.run, instants.time)
+        return table[np.arange(len(instants)), instants.row]
+
     def _table(self, drive: Trajectory, fine: int) -> tuple[Array, Array]:
         # Rows (instants, R) at so many times of every period, run by run, and those times (runs, instants).
         samples = drive.samples // drive.runs
@@ -109,12 +115,6 @@ class LowerLevel:
         sample = np.minimum(np.tile(np.maximum(steps - 1, 0) // fine, drive.runs), samples - 1)
         elapsed = times.ravel() - drive.period * sample
         return self._rows_of(drive, run * samples + sample, elapsed, run, times.ravel()), times
-
-    def at(self, drive: Trajectory, instants: Instants) -> Array:
-        """Each instant's own row at a drive, (K,)."""
-        place, elapsed = within(instants, drive.samples // drive.runs, drive.period)
-        table = self._rows_of(drive, place, elapsed, instants.run, instants.time)
-        return table[np.arange(len(instants)), instants.row]
 
     def _rows_of(self, drive: Trajectory, place: Places, elapsed: Array, run: Places, time: Array) -> Array:
         system, scale = self._problem.system, self._scale

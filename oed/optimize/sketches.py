@@ -71,7 +71,7 @@ class Sketches:
         if not self._at_once:
             return 0.0
         drive = self._search.design.trajectory(outcome.unknowns)
-        return float(self._exchange.lower.violations(self._known, drive).max())
+        return float(self._exchange.lower_level.violations(self._known, drive).max())
 
     @property
     def _nothing(self) -> Array:

@@ -74,7 +74,7 @@ def rolled(
 
 def test_what_is_exceeded_is_the_worst_of_every_stretch(problem: Problem, exchange: Exchange):
     drive = fast(problem)
-    found = exchange.lower.exceeded(drive, ENOUGH, FINE)
+    found = exchange.lower_level.exceeded(drive, ENOUGH, FINE)
     steps = FINE * drive.samples
     times = drive.duration * np.arange(1, steps + 1) / steps
     rows = all_rows(problem, drive, times)
@@ -85,7 +85,7 @@ def test_what_is_exceeded_is_the_worst_of_every_stretch(problem: Problem, exchan
         high = np.flatnonzero((course > ENOUGH) & (course >= before) & (course > after))
         np.testing.assert_allclose(np.sort(own), times[high], atol=drive.period / FINE)
         np.testing.assert_allclose(
-            exchange.lower.violations(found.some(found.row == row), drive)[np.argsort(own)],
+            exchange.lower_level.violations(found.some(found.row == row), drive)[np.argsort(own)],
             all_rows(problem, drive, np.sort(own))[row],
             atol=1e-9,
         )
@@ -93,7 +93,7 @@ def test_what_is_exceeded_is_the_worst_of_every_stretch(problem: Problem, exchan
 
 def test_the_vertex_between_the_times_looked_at_is_found(problem: Problem, exchange: Exchange):
     drive = fast(problem)
-    coarse, fine = (exchange.lower.exceeded(drive, 0.05, times) for times in (10, 1000))
+    coarse, fine = (exchange.lower_level.exceeded(drive, 0.05, times) for times in (10, 1000))
     inside = coarse.some((coarse.row < 2) & (coarse.time < drive.duration))
     assert len(inside)
     for row, time in zip(inside.row, inside.time, strict=True):
@@ -110,7 +110,7 @@ def test_those_that_a_drive_stays_away_from_give_way(problem: Problem, exchange:
     assert set(times) <= set(found.time[found.row == 0])
     given_way = ~begun.near(found, 1e-12)
     assert given_way.sum() == 5
-    excess = exchange.lower.violations(begun, drive)
+    excess = exchange.lower_level.violations(begun, drive)
     assert excess[given_way].max() <= min(excess[~given_way].min(), -IDLE)
     # Where there is room, all stay.
     assert len(exchange.with_more(begun, more.some(times < times[room]), drive)) == len(begun) + room
@@ -118,7 +118,7 @@ def test_those_that_a_drive_stays_away_from_give_way(problem: Problem, exchange:
 
 def test_nothing_gives_way_to_what_is_as_close(problem: Problem, exchange: Exchange):
     drive = fast(problem)
-    close = exchange.lower.exceeded(drive, -IDLE / 2, FINE)
+    close = exchange.lower_level.exceeded(drive, -IDLE / 2, FINE)
     several = Instants(*(np.tile(one, SLOTS) for one in (close.row, close.run, close.time)))
     assert len(exchange.with_more(several, close, drive)) == len(several) + len(close)
 
@@ -131,7 +131,7 @@ def test_on_fewer_samples_bounds_are_moved_by_what_rows_differ(problem: Problem)
     instants = exchange.begun()
     chosen, unmoved = (one.chosen(instants, drive) for one in (exchange, own))
     coarse = replace(drive, samples=grid.design.problem.design.samples)
-    apart = own.lower.at(coarse, instants) - exchange.lower.at(drive, instants)
+    apart = own.lower_level.at(coarse, instants) - exchange.lower_level.at(drive, instants)
     assert np.abs(apart).max() > 1e-3
     np.testing.assert_allclose(chosen.upper - unmoved.upper, apart, atol=1e-12)
     np.testing.assert_allclose(chosen.lower - unmoved.lower, apart, atol=1e-12)

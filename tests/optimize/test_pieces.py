@@ -24,6 +24,7 @@ from oed.optimize.terms.layout import PieceLayout, divisible
 from oed.optimize.terms.needs import by_instants, needs_of
 from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
+from oed.optimize.terms.whole_rows import Formulas
 from oed.robots.limits import (
     BodySpeed,
     EndHeading,
@@ -173,6 +174,25 @@ class Begin(Limit):
         return at_most(ca.vec(first), 1.0, "")
 
 
+class Step(Limit):
+    """On how far a run goes in its first sample: where it stands still, the slope is not finite."""
+
+    name: ClassVar[str] = "step"
+
+    def rows(self, drive: Drive) -> Rows:
+        first = drive.poses[1, :2] - drive.poses[0, :2]
+        return at_most(ca.sqrt(ca.sumsqr(first)), 1.0, "m")
+
+
+class Mean(Limit):
+    """On the mean of what is held in a whole run, which the first step is of as well; linear."""
+
+    name: ClassVar[str] = "mean"
+
+    def rows(self, drive: Drive) -> Rows:
+        return at_most(ca.vertcat(ca.sum1(drive.inputs[:, 0]), ca.sum1(drive.inputs[:, 1])) / 24, 5.0, "")
+
+
 OWN = (Bend(), SPEED, Power(), Sum(), BOX)
 WHOLE_RUNS = (
     EndPosition(at="start"),
@@ -201,6 +221,8 @@ QUICK = (
     "steps",
     "whole runs",
     "a limit on what is fixed",
+    "an end alone",
+    "runs",
 )
 """Those that are tried every time."""
 PROBLEMS: dict[str, dict[str, Any]] = {
@@ -309,6 +331,25 @@ def assert_close(found: Any, expected: Any, weight: float = 1e-9) -> None:
 def test_pieces_say_what_the_whole_drive_says(overrides: dict[str, Any]):
     problem = small_problem(**overrides)
     agree(problem, Pieces(problem, short(problem)), Unrolled(problem))
+
+
+def test_a_slope_that_is_not_finite_spoils_no_other_limit():
+    problem = small_problem(limits=(Step(), SPEED, Mean()), design=space(rest_to_rest=False))
+    pieces, whole = Pieces(problem, short(problem)), Unrolled(problem)
+    found, expected = (np.array(ca.densify(one.jacobian(np.zeros(one.size))[1])) for one in (pieces, whole))
+    spoilt = np.isnan(expected).any(axis=1)
+    assert 0 < spoilt.sum() < len(spoilt)
+    np.testing.assert_array_equal(np.isnan(found).any(axis=1), spoilt)
+    assert_close(found[~spoilt], expected[~spoilt])
+
+
+def test_second_derivatives_with_more_entries_in_a_row_than_unknowns_are_not_coloured(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    # It would take as long as the number of samples, cubed.
+    monkeypatch.setattr(Formulas, "colours", property(lambda _: pytest.fail("coloured")))
+    problem = small_problem(limits=(Effort(), SPEED))
+    Pieces(problem, short(problem)).functions()
 
 
 BETWEEN = [

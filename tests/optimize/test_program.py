@@ -188,8 +188,8 @@ class TestProgram:
         free = program.solve(start, np.zeros(0), chosen=replace(chosen, lower=-none, upper=none))
         outcome = program.solve(start, np.zeros(0), chosen=chosen)
         far, near = (program.design.trajectory(one.unknowns) for one in (free, outcome))
-        assert exchange.lower.violations(begun, far).max() > 0.1
-        assert exchange.lower.violations(begun, near).max() <= 1e-7
+        assert exchange.lower_level.violations(begun, far).max() > 0.1
+        assert exchange.lower_level.violations(begun, near).max() <= 1e-7
         assert float(reached(outcome.unknowns)) == pytest.approx(1, abs=1e-5)
 
 

@@ -23,7 +23,10 @@ from oed.optimize.terms.run_unknowns import RunUnknowns, summed
 
 
 class Condensing:
-    """The functions that one piece after the other goes through, for `size` unknowns of a run.
+    """The functions that one piece after the other goes through.
+
+    Attributes:
+        size: how many unknowns a run has.
 
     Args:
         link: a piece and what it hands on.
@@ -33,7 +36,7 @@ class Condensing:
 
     def __init__(self, link: Link, layout: PieceLayout, unknowns: RunUnknowns) -> None:
         """Take the parts."""
-        self.link, self.unknowns, self.size = link, unknowns, unknowns.own
+        self.link, self.unknowns, self.size = link, unknowns, unknowns.per_run
         self.layout, self.each, self.runs, self.count = layout, layout.each, layout.space.runs, layout.count
 
     def spread(self, own: Expression, width: int) -> Expression:

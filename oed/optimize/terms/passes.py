@@ -47,7 +47,7 @@ class Sweep:
 
     @cached_property
     def _start_slopes(self) -> list[Array]:
-        # Of what each run begins with, by its unknowns: (own, width).
+        # Of what each run begins with, by its unknowns: (per run, width).
         width = self._link.width - self._kernel.states
         runs = zip(self.plan.terms.start_slopes, self._unknowns.places, strict=True)
         return [np.pad(one[:, places].T, ((0, 0), (0, width))) for one, places in runs]
@@ -89,9 +89,9 @@ class Sweep:
 
     @cached_property
     def _last_held(self) -> Array:
-        # The inputs held at a run's end by its unknowns, (own, inputs).
+        # The inputs held at a run's end by its unknowns, (per run, inputs).
         layout = self.plan.layout
-        found = np.zeros((self._unknowns.own, self._kernel.inputs))
+        found = np.zeros((self._unknowns.per_run, self._kernel.inputs))
         found[layout.within[-1]] = layout.basis[-1, -1].T
         return found
 
@@ -137,14 +137,14 @@ class Sweep:
 
     @property
     def begin_slopes(self) -> Expression:
-        """Derivatives of what is handed on at every piece's begin by the unknowns of its run, (own, width *
+        """Derivatives of what is handed on at every piece's begin, by its run's unknowns, (per run, width *
         pieces).
         """
         return self._slopes[:, : self._link.width * self._count]
 
     @cached_property
     def _end_slopes(self) -> list[Expression]:
-        # (handed on, held) at the runs' ends by their unknowns, (own, width + inputs) each.
+        # (handed on, held) at the runs' ends by their unknowns, (per run, width + inputs) each.
         first, width = self._link.width * self._count, self._link.width
         ends = [self._slopes[:, first + run * width : first + (run + 1) * width] for run in range(self._runs)]
         return [ca.horzcat(*(ca.horzcat(end, ca.DM(self._last_held)) for end in ends))]
@@ -156,15 +156,14 @@ class Sweep:
         link, join, unknowns = self._link, self._join, self._unknowns
         added = link.added_by_begin.chained(self.begin_slopes, begin)
         added = ca.densify(added + join.spread(own, link.added))
-        parts, groups = self.plan.total.by_runs
-        total = ca.reshape(added, unknowns.own * link.added, self._count) @ parts
+        parts, together = self.plan.total.by_runs
+        total = ca.reshape(added, unknowns.per_run * link.added, self._count) @ parts
         ending = self.plan.ending
         if ending is not None:
             more = ending.slopes.map(self._runs)(*self._end_arguments, *self._end_slopes)
-            total += ca.reshape(more, unknowns.own * link.added, self._runs)
-        wide = unknowns.wide(ca.reshape(total, unknowns.own, -1))
-        found = ca.reshape(wide, self._size * link.added, parts.shape[1])
-        return found if groups.is_square() else found @ groups
+            total += ca.reshape(more, unknowns.per_run * link.added, self._runs)
+        wide = unknowns.wide(ca.reshape(total, unknowns.per_run, -1))
+        return ca.reshape(wide, self._size * link.added, parts.shape[1]) @ together
 
     @cached_property
     def _sum_slopes(self) -> Expression:
@@ -258,8 +257,8 @@ class BegunInPieces(Begun):
 
     @cached_property
     def _begins(self) -> Expression:
-        # Derivatives of the states that their pieces begin with by the runs' unknowns, (own, states K).
-        size = self._unknowns.own
+        # Derivatives of the states that their pieces begin with by the runs' unknowns, (per run, states K).
+        size = self._unknowns.per_run
         begins = first_entries(self._piece, self._link.width, self._states)
         whole = gathered(self._sweep.begin_slopes, first_entries(ca.vec(begins).T, size, size))
         return ca.reshape(whole, size, -1)
@@ -272,26 +271,27 @@ class BegunInPieces(Begun):
 
     @cached_property
     def _run_places(self) -> Expression:
-        # Of their runs' unknowns in z, (own, K).
-        run, own = ca.floor(self._piece / self._layout.each), self._unknowns.own
+        # Of their runs' unknowns in z, (per run, K).
+        run, own = ca.floor(self._piece / self._layout.each), self._unknowns.per_run
         return gathered(ca.DM(self._unknowns.places.T), first_entries(run, own, own))
 
     @cached_property
     def slopes(self) -> Expression:
         """Derivatives by z."""
         by_begin, own = self._steps[: self._states, :], self._steps[self._states :, :]
-        through = _through(self._unknowns.own, self._states, self.each).map(self._count)
+        through = _through(self._unknowns.per_run, self._states, self.each).map(self._count)
         return self._by_z(through(self._begins, by_begin), own)
 
     def pulled(self, gradients: Expression) -> Expression:
         """Derivatives by z of rows, of which those by states and inputs are given."""
         local = _through(self._kernel.size, self.each).map(self._count)(self._steps, gradients)
         by_begin, own = local[: self._states, :], local[self._states :, :]
-        through = _through(self._unknowns.own, self._states).map(self._count)
+        through = _through(self._unknowns.per_run, self._states).map(self._count)
         return self._by_z(through(self._begins, by_begin), own)
 
     def _by_z(self, by_run: Expression, own: Expression) -> Expression:
-        # Derivatives (size, n) by z, n / K of every sample, of those by its run's unknowns and its piece's.
+        # Derivatives (size, n) by z, as many of every sample: the sum of those by the unknowns of its run
+        # (per run, n) and of its piece (own, n). Of a run that has all unknowns nothing need be moved.
         size, columns = self._sweep.plan.terms.size, own.shape[1]
         each, shifts = np.repeat(np.arange(self._count), columns // self._count).tolist(), np.arange(columns)
         entries, places = own, self._own_places[:, each]

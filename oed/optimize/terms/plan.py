@@ -99,7 +99,7 @@ class Plan:
     def ending(self) -> Ending | None:
         """What is read at the runs' last instants; None of regressions."""
         return (
-            Ending(self.terms.problem, self.link, self.unknowns.own, self.kernel.cell.scale)
+            Ending(self.terms.problem, self.link, self.unknowns.per_run, self.kernel.cell.scale)
             if self.total.sensors
             else None
         )

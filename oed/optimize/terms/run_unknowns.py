@@ -21,7 +21,7 @@ class RunUnknowns:
     """The unknowns of every run, some of which runs may share.
 
     Attributes:
-        places: where they stand in z, (runs, own), ascending.
+        places: where they stand in z, (runs, per run), ascending.
         size: of z.
     """
 
@@ -54,27 +54,27 @@ class RunUnknowns:
         return len(self.places)
 
     @property
-    def own(self) -> int:
+    def per_run(self) -> int:
         """How many unknowns a run has."""
         return int(self.places.shape[1])
 
     @property
     def common(self) -> bool:
         """Whether every run has all of them."""
-        return self.own == self.size
+        return self.per_run == self.size
 
     def wide(self, slopes: Expression) -> Expression:
-        """Derivatives (size, n) by all unknowns of those (own, n) by the runs' own, run by run as many."""
+        """Derivatives (size, n) by all unknowns, of those (per run, n) by the runs' own, as many of each."""
         if self.common:
             return slopes
         columns = slopes.shape[1]
         rows = np.repeat(self.places, columns // self.runs, axis=0)
-        starts = np.arange(0, rows.size + 1, self.own)
+        starts = np.arange(0, rows.size + 1, self.per_run)
         pattern = ca.Sparsity(self.size, columns, starts.tolist(), rows.ravel().tolist())
         return ca.densify(ca.sparsity_cast(ca.densify(slopes), pattern))
 
     def square(self, inner: Expression) -> Expression:
-        """Second derivatives (size, size) by all, the sum of the runs' (own, own * runs)."""
+        """Second derivatives (size, size) by all, the sum of the runs' (per run, per run * runs)."""
         if self.common:
             return sum(ca.horzsplit(inner, self.size))
         return summed(self.places, self.size, inner)

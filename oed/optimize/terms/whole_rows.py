@@ -1,10 +1,10 @@
 """Rows of limits that need whole runs, around the states and inputs of all samples.
 
 The states are known, with their derivatives, where samples begin; the limits' own formulas are differentiated
-by all of them at once: backwards from few rows, and twice along as many directions as the pattern of their
-second derivatives has colours [Gebremedhin, Manne and Pothen, "What color is your Jacobian?", SIAM Review 47,
-2005]. Where unknowns are fewer, it is along the columns of the states' derivatives. So writing them takes as
-long for many unknowns as for few.
+by all of them at once: backwards from each row, and the gradient once more along as many directions as the
+pattern of second derivatives has colours [Gebremedhin, Manne and Pothen, "What color is your Jacobian?", SIAM
+Review 47, 2005]. Where there are fewer unknowns than rows, or than colours, both are along the derivatives of
+the states by them. So writing them takes as long for many unknowns as for few.
 """
 
 from __future__ import annotations
@@ -97,28 +97,37 @@ class Formulas:
         """Given -> rows."""
         return ca.Function("whole", [self.given], [self.stacked])
 
-    @cached_property
-    def along(self) -> ca.Function:
-        """(given, a direction) -> derivatives of the rows along it."""
-        direction = ca.SX.sym("direction", len(self.needed))
-        slope = ca.jtimes(self.stacked, self.given, direction)
-        return ca.Function("whole_along", [self.given, direction], [ca.densify(slope)])
+    def slopes(self, given: Expression, slopes: Expression) -> Expression:
+        """Derivatives (rows, size) of the rows by z, of what they need and the derivatives of that."""
+        found, size = [ca.MX(0, slopes.shape[1])], slopes.shape[1]
+        # Limit by limit: a slope that is infinite in one is not to spread to the others.
+        for rows in (ca.densify(one.expression) for one in self.rows):
+            count = rows.shape[0]
+            if count >= size:
+                direction = ca.SX.sym("direction", len(self.needed))
+                slope = ca.densify(ca.jtimes(rows, self.given, direction))
+                along = ca.Function("whole_along", [self.given, direction], [slope])
+                found.append(along.map("along", "serial", size, [0], [])(given, ca.densify(slopes)))
+            elif count:
+                back = ca.Function("whole_gradient", *self._gradient(rows))
+                each = back.map("back", "serial", count, [0], [])(given, ca.DM.eye(count))
+                found.append(each.T @ slopes)
+        return ca.vertcat(*found)
 
-    @cached_property
-    def _gradient(self) -> tuple[Expression, Expression]:
-        weights = ca.SX.sym("weights", self.stacked.shape[0])
-        return weights, ca.densify(ca.jtimes(self.stacked, self.given, weights, True))
+    def _gradient(self, rows: Expression) -> tuple[list[Expression], list[Expression]]:
+        # (given, weights of the rows) -> weights of what is given.
+        weights = ca.SX.sym("weights", rows.shape[0])
+        return [self.given, weights], [ca.densify(ca.jtimes(rows, self.given, weights, True))]
 
     @cached_property
     def gradient(self) -> ca.Function:
         """(given, weights of the rows) -> weights of what is given."""
-        weights, gradient = self._gradient
-        return ca.Function("whole_gradient", [self.given, weights], [gradient])
+        return ca.Function("whole_gradient", *self._gradient(self.stacked))
 
     @cached_property
     def bent(self) -> ca.Function:
         """(given, weights of the rows, a direction) -> derivatives of the gradient along it."""
-        weights, gradient = self._gradient
+        (_, weights), (gradient,) = self._gradient(self.stacked)
         direction = ca.SX.sym("direction", len(self.needed))
         bent = ca.densify(ca.jtimes(gradient, self.given, direction))
         return ca.Function("whole_bent", [self.given, weights, direction], [bent])
@@ -126,7 +135,8 @@ class Formulas:
     @cached_property
     def inner(self) -> ca.Sparsity:
         """Where second derivatives by what is given are not always 0."""
-        return ca.jacobian_sparsity(self._gradient[1], self.given)
+        (_, _), (gradient,) = self._gradient(self.stacked)
+        return ca.jacobian_sparsity(gradient, self.given)
 
     @cached_property
     def colours(self) -> ca.Sparsity:
@@ -200,7 +210,7 @@ class WholeSweep:
 
     @cached_property
     def _given_slopes(self) -> Expression:
-        # Its derivatives by z, sparse.
+        # Its derivatives by z; those of inputs are sparse.
         others = ca.MX(picked(self._formulas.affine, self._others))
         if self._begun is None:
             return others
@@ -216,13 +226,7 @@ class WholeSweep:
     @property
     def row_slopes(self) -> Expression:
         """Derivatives of the rows by z, sparse."""
-        formulas, size, count = self._formulas, self._sweep.z.shape[0], self._whole.pattern.size1()
-        if count < size:
-            back = formulas.gradient.map("back", "serial", count, [0], [])
-            found = back(self._given, ca.DM.eye(count)).T @ self._given_slopes
-        else:
-            along = formulas.along.map("along", "serial", size, [0], [])
-            found = along(self._given, ca.densify(self._given_slopes))
+        found = self._formulas.slopes(self._given, self._given_slopes)
         return picked(ca.project(found, self._whole.pattern), self._whole.kept)
 
     def curvature(self, weights: Expression) -> tuple[Expression, list[Weighed]]:
@@ -241,14 +245,16 @@ class WholeSweep:
     def _bent(self, weights: Expression) -> Expression:
         # How the gradient of the rows' weighted sum by what is given moves with z.
         formulas, across = self._formulas, self._given_slopes
-        inner, colours = formulas.inner, formulas.colours
+        inner, size = formulas.inner, across.shape[1]
         if not inner.nnz():
             return ca.MX(*across.shape)
-        fewer = colours.size2() < across.shape[1]
+        # Colours are as many as a row has entries, at least, and take long to find where these are many.
+        colours = formulas.colours if np.bincount(inner.row()).max() < size else None
+        fewer = colours is not None and colours.size2() < size
         directions = ca.MX(ca.DM(colours, 1.0)) if fewer else across
         bent = formulas.bent.map("bent", "serial", directions.shape[1], [0, 1], [])
         found = bent(self._given, weights, ca.densify(directions))
-        if not fewer:
+        if colours is None or not fewer:
             return found
         colour = np.empty(inner.size2(), dtype=np.int64)
         colour[colours.row()] = colours.get_col()
