@@ -28,7 +28,7 @@ ONLY = "OED_DOCS_GALLERY"
 """Environment variable: the studies to show, separated by blanks."""
 STARTS = 4
 """Of the search of each study: as good as the study's own in most, in a fraction of the time."""
-LEAST = 40
+LEAST = 10
 """Iterations of the one start of each, where all is quick."""
 ESTIMATED = "Logs are estimated from with this study, too: {doc}`/howto/estimate`."
 SAID = (
