@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from builders import problem_of
 from studies import small, without_seconds, write_study
+from worker_tasks import dying_once
 
 from oed.foundation.errors import Failure
 from oed.foundation.work import parallel
@@ -43,26 +44,11 @@ def done_by(function: Any, tasks: list[Any], workers: Any) -> dict[int, Any]:
     return found
 
 
-def dying_once(task: tuple[Path, int]) -> int:
-    """Task 1 ends its process the first time."""
-    marker, number = task
-    if number == 1 and not marker.exists():
-        marker.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return number**2
-
-
 @pytest.mark.slow
 def test_a_worker_killed_loses_nothing(tmp_path: Path):
     tasks = [(tmp_path / "died", number) for number in range(4)]
     assert done_by(dying_once, tasks, 2) == {number: number**2 for number in range(4)}
     assert (tmp_path / "died").exists()
-
-
-def sleeping(task: Path) -> None:
-    """Says which process does it, and takes for ever."""
-    (task / str(os.getpid())).touch()
-    time.sleep(600)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
@@ -71,7 +57,7 @@ def sleeping(task: Path) -> None:
 def test_workers_end_with_their_parent_and_say_nothing(tmp_path: Path, number: int):
     program = (
         "import signal, sys, pathlib; from oed.foundation.work.signals import ending_alike\n"
-        "from oed.foundation.work.parallel import run_tasks; from test_parallel import sleeping\n"
+        "from oed.foundation.work.parallel import run_tasks; from worker_tasks import sleeping\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "try:\n"
         "    with ending_alike():\n"

@@ -1,0 +1,23 @@
+"""Tasks of worker processes, in a module that takes them no time to load."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+
+def dying_once(task: tuple[Path, int]) -> int:
+    """Task 1 ends its process the first time."""
+    marker, number = task
+    if number == 1 and not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number**2
+
+
+def sleeping(task: Path) -> None:
+    """Says which process does it, and takes for ever."""
+    (task / str(os.getpid())).touch()
+    time.sleep(600)
