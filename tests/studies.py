@@ -29,7 +29,7 @@ INFEASIBLE = """\
 format: 1
 name: Too fast for its room
 robot: {kind: differential_drive, wheel_radius: 4.9 cm, track: 18 cm}
-trajectory: {duration: 20 s, samples: 40, spline: {degree: 3, coefficients: 8}, rest_to_rest: false}
+trajectory: {duration: 20 s, samples: 20, spline: {degree: 3, coefficients: 5}, rest_to_rest: false}
 measurement: {kind: displacements, segments: 4}
 limits:
   wheel_speed: [3 rad/s, 10 rad/s]

@@ -122,7 +122,8 @@ class TestAtRandom:
     [("obstacle_course", how) for how in ("deleted", "null", "shorter", "longer", "huge")],
 )
 def test_every_key_of_a_record(tmp_path: Path, name: str, how: str):
-    data, known = shipped(name), set[Any]()
+    # Of a design and a path: further results have the same keys.
+    data, known = {**shipped(name), "results": shipped(name)["results"][:2]}, set[Any]()
     for key in keys_of(data):
         # Places of a list are alike.
         alike = tuple(0 if isinstance(part, int) else part for part in key)

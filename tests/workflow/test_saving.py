@@ -6,6 +6,7 @@ import json
 import math
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -41,15 +42,21 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     return saved_study(tmp_path_factory.mktemp("study"), TEXT)
 
 
-@pytest.fixture
-def finished(study: Study, tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def made(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a finished run, with a report and something of the user's own."""
-    out = tmp_path / "out"
+    out = tmp_path_factory.mktemp("made") / "out"
     run(study, out, workers=1, seed=1)
     (out / "figures").mkdir()
     for name in ("report.html", "report.md", "figures/paths.svg", "figures/estimate_paths.svg", "notes.txt"):
         (out / name).write_text("old")
     return out
+
+
+@pytest.fixture
+def finished(made: Path, tmp_path: Path) -> Path:
+    """Such a folder that may be written into."""
+    return shutil.copytree(made, tmp_path / "out")
 
 
 class Striking:
