@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import gc
 import os
+import pickle
 import signal
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 # Tests run on all processors already; threads of the linear algebra would only be in each other's way.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -34,7 +36,6 @@ from hypothesis import settings
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.optimize import Ipopt, solve
-from oed.report import page
 from oed.robots.sensors import Displacements
 from oed.robots.space import DesignSpace
 
@@ -82,10 +83,32 @@ def interruptible() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.fixture(scope="module")
+def drawn_once() -> Iterator[None]:
+    """Figures of pages that tests of a file have alike, to the last number, are drawn once."""
+    from oed.report import page
+
+    draw, kept = page._svg, dict[bytes, str]()
+
+    def drawn(figure: Any) -> str:
+        key = pickle.dumps(figure)
+        if key not in kept:
+            kept[key] = draw(figure)
+        return kept[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page, "_svg", drawn)
+        yield
+
+
 @pytest.fixture
-def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Empty figures on pages of which words alone are read: drawing takes most of the time of a page."""
-    monkeypatch.setattr(page, "_svg", lambda _: "<svg></svg>")
+def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages with all their figures, which are empty: drawing them takes longer than all else."""
+
+    def empty(sections: list[Any]) -> dict[str, str]:
+        return {picture.name: "<svg/>" for section in sections for picture in section.pictures}
+
+    monkeypatch.setattr("oed.report.page._drawings", empty)
 
 
 @pytest.fixture(scope="session")

@@ -7,6 +7,7 @@ import importlib
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -101,7 +102,8 @@ def import_nodes(tree: ast.AST, *, lazy: bool) -> Iterator[ast.Import | ast.Impo
             yield from import_nodes(node, lazy=lazy)
 
 
-def imported(module: str, *, lazy: bool) -> set[str]:
+@cache
+def imported(module: str, *, lazy: bool) -> frozenset[str]:
     """Full names of what a module imports; a submodule by its own name."""
     names: set[str] = set()
     for node in import_nodes(MODULES[module], lazy=lazy):
@@ -113,7 +115,7 @@ def imported(module: str, *, lazy: bool) -> set[str]:
         names |= submodules
         if len(submodules) < len(node.names):
             names.add(str(node.module))
-    return names
+    return frozenset(names)
 
 
 def libraries(module: str, *, lazy: bool) -> set[str]:

@@ -50,6 +50,7 @@ def test_one_object_and_a_film(folder: Path, capsys: pytest.CaptureFixture[str])
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("blank_figures")
 def test_the_report_shows_it(folder: Path, capsys: pytest.CaptureFixture[str]):
     keep_results(folder, "ipopt", "circle")
     assert main(["report", str(folder)]) == 0

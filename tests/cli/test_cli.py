@@ -20,8 +20,6 @@ from oed.cli.terminal.console import percent
 from oed.foundation.errors import Flaw, ProblemError
 from oed.records.record import load_record
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 TEXT = small(baselines="[circle]", validation="{replicates: 200}")
 
 
@@ -283,6 +281,7 @@ class TestRun:
         assert code == 2
         assert "pdf" in err
 
+    @pytest.mark.usefixtures("blank_figures")
     def test_several_are_compared(self, ran, capsys, folder: Path):
         *_, other = ran
         first = str(other / "reports" / "my study")
@@ -291,6 +290,7 @@ class TestRun:
         assert Path(data["report"]).parent == Path("both")
         assert (folder / "both" / "report.html").exists()
 
+    @pytest.mark.usefixtures("blank_figures")
     def test_in_words_into_another_folder(self, capsys, folder: Path):
         code, out, _ = call(capsys, "run", "quick.yaml", "--quiet", "--workers", "1", "--out", "there")
         assert code == 0
@@ -310,6 +310,7 @@ class TestRun:
         assert err == "interrupted; the record is saved: `oed report there` makes the report\n"
         assert (folder / "there" / "record.json").is_file()
 
+    @pytest.mark.usefixtures("blank_figures")
     def test_without_a_solution(self, capsys, folder: Path):
         write_study(folder, INFEASIBLE, "infeasible.yaml")
         code, out, _ = call(capsys, "run", "infeasible.yaml", "--quiet", "--workers", "1")
@@ -536,6 +537,7 @@ class TestValidate:
         return folder
 
     @pytest.mark.slow
+    @pytest.mark.usefixtures("blank_figures")
     def test_the_record_and_report_are_updated(self, folder: Path, capsys: pytest.CaptureFixture[str]):
         assert (
             main(["validate", str(folder), "--heading", "predicted", "--replicates", "500", "--quiet"]) == 0

@@ -18,7 +18,7 @@ from studies import GENETIC, small, write_study
 from oed.cli import main
 from oed.records.record import load_record
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("blank_figures")
 
 
 @pytest.fixture

@@ -13,10 +13,12 @@ from oed.cli import main
 from oed.exporters import EXPORTERS
 from oed.foundation.vocabulary import spoken
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 ROBOTS = re.compile(r"\b(drives?|robots?|wheels?|paths?|driven|turns? in place)\b", re.IGNORECASE)
 BOX_LUCAS = str(PROBLEMS / "published" / "box_lucas.yaml")
+
+
+# Whatever is on a page of words; the figures are drawn in tests of reports.
+pytestmark = pytest.mark.usefixtures("blank_figures")
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +27,8 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("systems")
     for name, file in (("tank", PROBLEMS / "heated_tank.yaml"), ("points", Path(BOX_LUCAS))):
         study = oed.load_study(file).changed(
-            solvers=[{"kind": "ipopt", "starts": 1, "perturbations": 0}], validation={"replicates": 100}
+            solvers=[{"kind": "ipopt", "starts": 1, "perturbations": 0, "second_stage": "none"}],
+            validation={"replicates": 100},
         )
         (folder / f"{name}.yaml").write_text(study.text)
         oed.run(study, folder / name)

@@ -346,7 +346,7 @@ def test_maximises_the_likelihood_that_designs_are_simulated_with():
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("blank_figures")
 def test_the_page_says_what_errs_and_how_sure_that_is(tmp_path):
     study = parse_study(
         "format: 1\nname: Drifting\nrobot: {kind: differential_drive, wheel_radius: 5 cm, track: 20 cm}\n"

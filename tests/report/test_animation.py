@@ -22,13 +22,8 @@ from oed.report.film.cast import PAUSE, Cast, motion
 from oed.report.film.stage import FACE, TRACE, Stage
 from oed.report.film.writing import FORMATS, Frame
 from oed.report.parts.reading import called
-from oed.report.parts.section import Section
 
 QUICK = {"speed": 8.0, "fps": 5.0}
-
-
-def empty_figures(sections: list[Section]) -> dict[str, str]:
-    return {picture.name: "<svg/>" for section in sections for picture in section.pictures}
 
 
 def looks_like(frame: Frame, colour: str) -> np.ndarray:
@@ -215,6 +210,7 @@ class TestAnimate:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("blank_figures")
 class TestReport:
     """A report shows the film that lies beside it, if it is of its drives."""
 
@@ -222,11 +218,6 @@ class TestReport:
     def pages(record: Record, folder: Path) -> tuple[str, str]:
         html = write_report(record, folder).read_text(encoding="utf-8")
         return html, (folder / "report.md").read_text(encoding="utf-8")
-
-    @pytest.fixture(autouse=True)
-    def undrawn(self, monkeypatch: pytest.MonkeyPatch):
-        # The figures are not looked at here, and take longer than all else.
-        monkeypatch.setattr("oed.report.page._drawings", empty_figures)
 
     def test_without_one_it_says_how_to_make_it(self, tmp_path: Path):
         html, markdown = self.pages(towing(), tmp_path)

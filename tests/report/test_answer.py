@@ -20,7 +20,7 @@ from oed.report.page import write_report
 from oed.report.parts.judging import judged
 from oed.report.refusal import refusal_of
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("blank_figures")
 
 SAVED = {path.parent.name: path.parent for path in REPORTS.rglob("record.json")}
 SAMPLES = {

@@ -30,7 +30,7 @@ from oed.report.sections.searches import convergence, time_to
 from oed.report.sections.summary import question, summary
 from oed.report.sections.validation import validation
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("blank_figures")
 
 UPPER_BOUND = 2 * 10 * (0.18 / 0.049) ** 2
 

@@ -7,8 +7,6 @@ import pytest
 
 from oed import evaluate, load_record, load_study, run, write_report
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 STUDY = """
 format: 1
 name: A robot that drifts
@@ -28,6 +26,9 @@ solvers:
   - {kind: ipopt, name: blind, starts: 2, perturbations: 0, without_drift: true}
 baselines: [square]
 """
+
+
+pytestmark = pytest.mark.usefixtures("drawn_once")
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +77,7 @@ def test_the_page_says_what_drift_does(drifted):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("blank_figures")
 def test_what_does_not_drift_has_no_such_section(tmp_path):
     lines = [line for line in STUDY.splitlines() if "drift:" not in line and "without_drift" not in line]
     (tmp_path / "study.yaml").write_text("\n".join(lines))

@@ -20,6 +20,8 @@ from oed.report.figures.calibration import residuals, residuals_of
 from oed.report.figures.reckoned import LOOKS, errors
 from oed.report.parts.section import Section, Table, lasting, span_text
 
+pytestmark = pytest.mark.usefixtures("drawn_once")
+
 
 def section(data: Data, title: str) -> Section:
     return next(one for one in estimate_sections(read(data)) if one.title == title)

@@ -14,7 +14,7 @@ from oed.records.record import Record
 from oed.report.sections.limits import Room
 from oed.robots.limits import LIMITS
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("blank_figures")
 
 
 def with_gains(record: Record, **gains: float | None) -> Record:

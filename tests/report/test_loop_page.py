@@ -10,7 +10,7 @@ import pytest
 from oed.records.stored.loop import KnownParameter, LoopRound, StoredLoop
 from oed.report import write_loop
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("blank_figures")
 
 
 def rounds_of(count: int, wanted: float | None, **changes: Any) -> StoredLoop:

@@ -30,9 +30,11 @@ from oed.robots.limits.workspace import OBSTACLES, WORKSPACES
 from oed.robots.models import MODELS
 from oed.robots.sensors import SENSORS
 
+pytestmark = pytest.mark.usefixtures("drawn_once")
+
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def written(drawn_once: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a report on `full`."""
     folder = tmp_path_factory.mktemp("report")
     write_report(sample_records.full(), folder)
@@ -101,7 +103,9 @@ def test_every_record_gets_a_whole_report(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_same_record_same_bytes(tmp_path: Path) -> None:
+def test_same_record_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Both drawn anew.
+    monkeypatch.setattr("oed.report.page._svg", svg_text)
     save_record(sample_records.single(), tmp_path)
     contents = []
     for name in ("first", "second"):

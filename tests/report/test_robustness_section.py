@@ -18,7 +18,7 @@ from oed.report.sections.candidates import candidates
 from oed.report.sections.limits import exceeded
 from oed.report.sections.robustness import robustness
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("blank_figures")
 
 TRACK = {"name": "track", "unit": "m", "nominal": 0.18, "low": 0.171, "high": 0.189, "uniform": True}
 SLIP = {"name": "slip_outer", "unit": "", "nominal": 0.0, "low": -0.1, "high": 0.1, "uniform": False}

@@ -38,7 +38,7 @@ def test_its_intervals_hold_the_truth(
     own: PublicSet, tmp_path: Path, capsys: pytest.CaptureFixture[str], request: pytest.FixtureRequest
 ):
     if own.name not in DRAWN:
-        request.getfixturevalue("undrawn")
+        request.getfixturevalue("blank_figures")
     logs, out = own.logs(tmp_path), tmp_path / "out"
     assert main(["estimate", str(study_of(own)), *map(str, logs), "--out", str(out), "--quiet"]) == 0
     record = load_estimate(out)

@@ -21,7 +21,7 @@ from oed.workflow.estimate_logs import estimate
 from oed.workflow.saving import NotSaved
 from oed.workflow.studies import parse_study
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("blank_figures")
 
 STUDY = """\
 format: 1

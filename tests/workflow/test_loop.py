@@ -330,6 +330,7 @@ class TestLogs:
 class TestCommand:
     """`--command`, in a process of its own."""
 
+    @pytest.mark.usefixtures("blank_figures")
     def test_from_the_command_line(self, tmp_path: Path, logs: Path, capsys):
         (tmp_path / "study.yaml").write_text(STUDY)
         script = tmp_path / "drive.py"

@@ -16,7 +16,7 @@ from oed.cli import main
 from oed.exporters import export
 from oed.workflow.studies import parse_study
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("blank_figures")
 
 
 def recorded(bag: Path, times: np.ndarray, wheels: np.ndarray, poses: np.ndarray) -> None:

@@ -28,8 +28,6 @@ from oed.records.stored.study_record import Provenance
 from oed.study.study import Study
 from oed.workflow.runner import run
 
-pytestmark = pytest.mark.usefixtures("undrawn")
-
 TEXT = small(solvers=GENETIC, baselines="[circle]")
 
 
@@ -120,6 +118,7 @@ class TestAgain:
         assert load_record(kept).best.name == "genetic"
 
     @pytest.mark.slow
+    @pytest.mark.usefixtures("blank_figures")
     def test_what_is_kept_has_a_report(self, study: Study, finished: Path, capsys):
         record = run(study, finished, workers=1, progress=Striking("score", KeyboardInterrupt()))
         assert main(["report", str(record.folder)]) == 0
