@@ -50,17 +50,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 LONGEST = (
     "test_docs.py",
-    "test_heading_search.py",
-    "test_whole_logs.py",
-    "test_validated_equations.py",
     "test_drift.py",
-    "test_campaign.py",
-    "test_other_criteria.py",
+    "test_sensors.py",
     "test_baselines_of_robots.py",
-    "test_planar.py",
+    "test_architecture.py",
     "test_starter.py",
+    "test_campaign.py",
 )
-"""Files of more than 20 s of processor time beside those of the solvers, from the longest one down."""
+"""Files of more than 10 s of processor time beside those of the solvers, from the longest one down."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
