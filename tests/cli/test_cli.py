@@ -264,6 +264,7 @@ class TestRun:
         }
         assert sorted(path.name for path in folder.iterdir()) == ["my study.yaml", "reports"]
 
+    @pytest.mark.usefixtures("blank_figures")
     def test_the_report_is_made_again(self, ran, capsys):
         *_, folder = ran
         out = folder / "reports" / "my study"

@@ -83,6 +83,7 @@ def test_play_moves_the_robot(page: Path, tmp_path: Path):
     assert now["heading"] != 0
 
 
+@pytest.mark.usefixtures("blank_figures")
 @pytest.mark.parametrize("make", [crab, towing])
 def test_rooms_bodies_and_trailers_play_without_console_errors(
     make: Callable[[], Record], tmp_path: Path

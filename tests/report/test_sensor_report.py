@@ -445,6 +445,7 @@ def test_beacons_are_drawn_as_far_as_they_are_near():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("blank_figures")
 def test_sensors_compare_with_displacements(tmp_path: Path):
     named = [("first", record("sensors")), ("second", record("absolute")), ("third", record("by_D"))]
     write_comparison(named, tmp_path)

@@ -24,6 +24,8 @@ from oed.workflow.plan import Planned, _answer, _in_room, _noisy, _reaching, pla
 from oed.workflow.repeated import drives_needed, information_of, standard_errors
 from oed.workflow.studies import load_study, parse_study
 
+pytestmark = pytest.mark.usefixtures("drawn_once")
+
 TINY = "{kind: genetic, population: 20, generations: 3}"
 
 

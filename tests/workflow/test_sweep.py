@@ -23,7 +23,7 @@ from oed.workflow.studies import load_study
 from oed.workflow.sweep import Axis, load_sweep, parse_axis, sweep
 from oed.workflow.sweep import run as running
 
-pytestmark = pytest.mark.usefixtures("blank_figures")
+pytestmark = pytest.mark.usefixtures("drawn_once")
 
 TINY = "{kind: genetic, population: 20, generations: 3}"
 OVER = "limits.wheel_speed=5,10 rad/s"
