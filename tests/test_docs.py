@@ -313,9 +313,10 @@ def test_the_estimate_shown_is_that_of_the_shipped_log():
 
 QUICKER = {
     "equations": (
-        ("Ipopt(starts=4", "Ipopt(starts=1"),
+        ("Ipopt(starts=4)", "Ipopt(starts=1, perturbations=0)"),
+        ("Ipopt(starts=4,", "Ipopt(starts=1,"),
         ('integrator="radau",', 'integrator="radau", substeps=1,'),
-        ("Ipopt(starts=1, perturbations=0), seed=0).t", "Ipopt(starts=1, max_iterations=20), seed=0).t"),
+        ("perturbations=0), seed=0).t", "perturbations=0, max_iterations=20), seed=0).t"),
     )
 }
 """Searches and steps that find the same, digit by digit, from fewer starts, steps and iterations."""

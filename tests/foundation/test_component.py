@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import pytest
@@ -39,6 +40,7 @@ def numeric(schema: dict[str, Any]) -> bool:
     return schema.get("type") in ("number", "integer") or any(map(numeric, schema.get("anyOf", [])))
 
 
+@cache
 def numbers() -> list[tuple[type[Component], str]]:
     """Every field of every part that is a number, or may be."""
     found = []
