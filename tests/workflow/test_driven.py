@@ -55,6 +55,7 @@ def test_the_log_of_a_drive_is_worth_the_drive(study, record, saved, tmp_path):
     assert found.best == (best.name, best.objective)
     assert found.first.efficiency == pytest.approx(found.first.result.objective / best.objective)
     assert found.bound == record.certificate.upper_bound >= best.objective
+    assert found.first.share_of_bound == pytest.approx(found.first.result.objective / found.bound)
     assert 0 < found.first.share_of_bound <= found.first.efficiency
 
 
