@@ -47,12 +47,12 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def opened(page: Path, fragment: str, profile: Path) -> tuple[str, list[str]]:
-    """The page's elements after four seconds of its own time, and what it wrote to the console."""
+    """The page's elements after a second of its own time, and what it wrote to the console."""
     command = [
         str(BROWSER),
         *FLAGS,
         f"--user-data-dir={profile}",
-        "--virtual-time-budget=4000",
+        "--virtual-time-budget=1000",
         "--dump-dom",
         f"{page.as_uri()}{fragment}",
     ]
