@@ -178,7 +178,7 @@ def test_legends_fit_their_figures() -> None:
 
 
 @pytest.mark.parametrize("count", [1, 4, 6])
-@pytest.mark.parametrize("lines", [1, 3])
+@pytest.mark.parametrize("lines", [1, 2, 3])
 @pytest.mark.slow
 def test_titles_of_several_lines_are_whole(count: int, lines: int) -> None:
     record = sample_rooms.crab()
