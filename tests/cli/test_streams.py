@@ -40,7 +40,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("blank_figures")
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
 def test_a_run_whose_reader_leaves_is_done_all_the_same(
     folder: Path, unread: TextIO, monkeypatch: pytest.MonkeyPatch, stream: str

@@ -93,7 +93,6 @@ def test_a_row_for_each_parameter_in_its_unit(make: Any):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("blank_figures")
 def test_it_is_the_same_on_page_and_terminal(tmp_path, capsys):
     record = changed()
     answer = answer_of(record)

@@ -247,7 +247,6 @@ class TestFinding:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("blank_figures")
 def test_the_committed_report_is_what_its_record_gives(flagship: Record, tmp_path: Path):
     write_report(flagship, tmp_path)
     committed = REPORTS / "choi_skid_steer" / "report.md"

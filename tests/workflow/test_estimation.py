@@ -299,7 +299,6 @@ class TestWithoutTrajectory:
     )
 
     @pytest.mark.slow
-    @pytest.mark.usefixtures("blank_figures")
     def test_estimates_are_the_same(self, folder: Path, record: EstimateRecord):
         drives = [folder / "drive_0.csv", folder / "drive_1.csv"]
         out = folder / "only"

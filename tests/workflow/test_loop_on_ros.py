@@ -94,7 +94,6 @@ def test_drives_that_their_nodes_play(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("blank_figures")
 def test_the_line_that_estimates_from_a_drive_of_two_runs(tmp_path: Path, monkeypatch, capsys):
     """It is run as it is printed, where the study is; the bags are elsewhere, in a folder with a space."""
     text = STUDY.replace("samples: 40", "samples: 40\n  runs: 2")
