@@ -25,13 +25,13 @@ from oed.optimize.terms.run_unknowns import RunUnknowns, summed
 class Condensing:
     """The functions that one piece after the other goes through.
 
-    Attributes:
-        size: how many unknowns a run has.
-
     Args:
         link: a piece and what it hands on.
         layout: the pieces.
         unknowns: of every run.
+
+    Attributes:
+        size: how many unknowns a run has.
     """
 
     def __init__(self, link: Link, layout: PieceLayout, unknowns: RunUnknowns) -> None:

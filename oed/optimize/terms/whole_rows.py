@@ -249,13 +249,13 @@ class WholeSweep:
         if not inner.nnz():
             return ca.MX(*across.shape)
         # Colours are as many as a row has entries, at least, and take long to find where these are many.
-        colours = formulas.colours if np.bincount(inner.row()).max() < size else None
-        fewer = colours is not None and colours.size2() < size
-        directions = ca.MX(ca.DM(colours, 1.0)) if fewer else across
+        fewer = np.bincount(inner.row()).max() < size and formulas.colours.size2() < size
+        directions = ca.MX(ca.DM(formulas.colours, 1.0)) if fewer else across
         bent = formulas.bent.map("bent", "serial", directions.shape[1], [0, 1], [])
         found = bent(self._given, weights, ca.densify(directions))
-        if colours is None or not fewer:
+        if not fewer:
             return found
+        colours = formulas.colours
         colour = np.empty(inner.size2(), dtype=np.int64)
         colour[colours.row()] = colours.get_col()
         rows, columns = map(np.array, inner.get_triplet())
