@@ -95,6 +95,8 @@ def drawn_once() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(page, "_svg", drawn)
+        # What other processes draw, those that files before this one have left waiting, is not kept here.
+        patch.setattr(page, "waiting", lambda: 1)
         yield
 
 
