@@ -3,31 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from oed.estimation.assessment.by_likelihood import covariance_of, likeliest
-from oed.estimation.assessment.covariance import (
-    Blocks,
-    Covariance,
-    blocks_of,
-    bootstrap,
-    information,
-    judgeable,
-    sandwich,
-)
+from oed.estimation.assessment.covariance import Covariance
 from oed.estimation.assessment.dead_reckoning import HeldOut, cross_validated, held_out
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
 from oed.estimation.assessment.doubts import Doubt, plausibility_doubts, stray_doubts
-from oed.estimation.assessment.drift import drift, drift_of_motions
 from oed.estimation.assessment.further_sensors import odd_points, unread
 from oed.estimation.assessment.input_noise import Dilution, dilution_doubts, dilution_of
 from oed.estimation.assessment.model_selection import Comparison, ModelSelection
 from oed.estimation.assessment.prior_weight import weighted_with_prior
+from oed.estimation.assessment.trusted_covariance import covariances_of
 from oed.estimation.methods.drift_rates import DriftRates, drift_rates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting
@@ -36,7 +28,7 @@ from oed.estimation.methods.whole_logs import Likeliest
 from oed.estimation.prediction.motion_layout import noise_specified
 from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess, thinned, thinning_notes
 from oed.estimation.preprocessing.steering_checks import steered_beyond
-from oed.estimation.setup.options import CalibrationOptions, CovarianceName, alternative_flaws
+from oed.estimation.setup.options import CalibrationOptions, alternative_flaws
 from oed.estimation.setup.unknowns import PLACE
 from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
@@ -53,9 +45,6 @@ ITSELF_DRIFTING = (
     "dead reckoning is compared with the path that the relative poses make up, one after the other: it "
     "drifts itself, and what it drifts counts as dead reckoning's error"
 )
-MATTERS = 1.25
-"""Times F^-1's standard errors from which on drift that logs leave open counts: below, intervals of 95 % hold
-the truth 88 % of the time even if it is all there."""
 CLOCKS_APART = 0.1
 """Offset of two clocks that is worth a warning [s]."""
 
@@ -217,53 +206,62 @@ class _Work:
         if flaws:
             raise ProblemError(flaws)
         self.announce("comparing wheels and poses")
-        found, other = self._preprocess(self.logs), self._preprocess(test_logs) if test_logs else None
-        if other is not None and not _has_positions(other.logs):
-            text = "dead reckoning needs positions to compare a test log with: name x and y in log.poses"
-            raise LogError.about(other.logs[0].file, text)
+        found, other = self._prepared(test_logs)
         self.announce("fitting")
         fitted = self._fitting.fitted(found)
-        segmenting, plain = fitted.segmenting, fitted.fit
-        notes = [*thinning_notes(self.logs, found.logs), *fitted.notes]
-        notes += unread(self.problem.measurement, found.logs)
         self.announce("error bars")
-        judged = self._judged(plain, segmenting)
-        fit, covariances, rates, errors = judged.fit, judged.covariances, judged.drift, judged.errors
-        notes += judged.notes
-        doubts, dilution = plausibility_doubts(fit, covariances[0].matrix), dilution_of(plain, self.seed)
+        judged = self._judged(fitted.fit, fitted.segmenting)
+        fit, rates, dilution = judged.fit, judged.drift, dilution_of(fitted.fit, self.seed)
+        # The other ways stay what their names say.
+        chosen, *others = judged.covariances
         if dilution is not None:
-            doubts += dilution_doubts(fit, dilution, covariances[0].matrix)
-            # The other ways stay what their names say.
-            chosen, *others = covariances
-            covariances = (replace(chosen, matrix=dilution.widened(chosen.matrix)), *others)
-        doubts += odd_points(fit)
-        doubts = (*stray_doubts(found.logs, self.options.loss), *doubts)
-        if len(covariances) == 1 and not fit.correlated and errors is None:
-            doubts += (Doubt("", "short_logs", TOO_SHORT),)
-        if rates is not None and (errors is not None or covariances[0].name == "drift"):
-            notes.append(rates.words)
-        notes += [ITSELF_DRIFTING] if found.relative else []
+            chosen = replace(chosen, matrix=dilution.widened(chosen.matrix))
         self.announce("checks")
         logs = _with_clocks(found.logs, fit)
         alone = len(logs) == 1 and _has_positions(logs)
         return Calibration(
             robot=robot_of(self.problem.system),
             fit=fit,
-            covariances=covariances,
+            covariances=(chosen, *others),
             segmenting=judged.segmenting,
             drift=rates,
-            log_errors=errors,
+            log_errors=judged.errors,
             logs=logs,
             diagnostics=diagnostics(fit, noise_specified(self.problem.measurement, logs)),
-            weak_directions=weak_directions(fit, covariances[0].matrix),
-            doubts=doubts,
+            weak_directions=weak_directions(fit, chosen.matrix),
+            doubts=self._doubts(found, judged, dilution),
             dilution=dilution,
             cross_validation=cross_validated(fit) if _has_positions(logs) else (),
             held_out=None if other is None else held_out(fit, fit.values, other.logs, _clocks(fit, other)),
             own=held_out(fit, fit.values, logs, fit.clocks_of(logs)) if alone else None,
-            comparison=self._comparison(found, plain, judged),
-            notes=(*notes, *fit.notes),
+            comparison=self._comparison(found, fitted.fit, judged),
+            notes=(*self._notes(found, fitted.notes, judged), *fit.notes),
         )
+
+    def _prepared(self, test_logs: tuple[Log, ...]) -> tuple[PreparedLogs, PreparedLogs | None]:
+        found, other = self._preprocess(self.logs), self._preprocess(test_logs) if test_logs else None
+        if other is not None and not _has_positions(other.logs):
+            text = "dead reckoning needs positions to compare a test log with: name x and y in log.poses"
+            raise LogError.about(other.logs[0].file, text)
+        return found, other
+
+    def _doubts(self, found: PreparedLogs, judged: _Judged, dilution: Dilution | None) -> tuple[Doubt, ...]:
+        fit, chosen = judged.fit, judged.covariances[0]
+        doubts = (*stray_doubts(found.logs, self.options.loss), *plausibility_doubts(fit, chosen.matrix))
+        if dilution is not None:
+            doubts += dilution_doubts(fit, dilution, chosen.matrix)
+        doubts += odd_points(fit)
+        if len(judged.covariances) == 1 and not fit.correlated and judged.errors is None:
+            doubts += (Doubt("", "short_logs", TOO_SHORT),)
+        return doubts
+
+    def _notes(self, found: PreparedLogs, of_fit: Sequence[str], judged: _Judged) -> list[str]:
+        notes = [*thinning_notes(self.logs, found.logs), *of_fit]
+        notes += [*unread(self.problem.measurement, found.logs), *judged.notes]
+        rates, chosen = judged.drift, judged.covariances[0]
+        if rates is not None and (judged.errors is not None or chosen.name == "drift"):
+            notes.append(rates.words)
+        return [*notes, ITSELF_DRIFTING] if found.relative else notes
 
     def _comparison(self, found: PreparedLogs, fit: Fit, judged: _Judged) -> Comparison | None:
         if not self.options.models:
@@ -280,12 +278,14 @@ class _Work:
         # The fit and how sure it is: of whole logs where these are asked for, else of what was fitted.
         if self.options.method != "likelihood":
             rates = drift_rates(plain)
-            fit, ways, notes = weighted_with_prior(plain, self._covariances(plain, segmenting, rates))
+            drifts = segmenting is not None and segmenting.drifts
+            ways = covariances_of(plain, self.options, rates, drifts=drifts, seed=self.seed)
+            fit, ways, notes = weighted_with_prior(plain, ways)
             return _Judged(fit, ways, rates, None, segmenting, notes)
         found = likeliest(plain, self.options, self.problem.measurement)
         chosen = None if segmenting is None else replace(segmenting, seconds=math.inf, fit=found.fit)
-        drifts = DriftRates.of_whole_logs(found)
-        return _Judged(found.fit, (covariance_of(found),), drifts, found, chosen)
+        rates = DriftRates.of_whole_logs(found)
+        return _Judged(found.fit, (covariance_of(found),), rates, found, chosen)
 
     def _preprocess(self, logs: Sequence[Log]) -> PreparedLogs:
         # What is too long for a fit is too long for all that goes before and comes after it.
@@ -318,65 +318,11 @@ class _Work:
                 matrix[np.ix_(places, places)] += one.prior[np.ix_(own, own)]
         return matrix
 
-    def _covariances(
-        self, fit: Fit, segmenting: Segmenting | None, rates: DriftRates | None
-    ) -> tuple[Covariance, ...]:
-        block = None if self.options.block == "auto" else float(self.options.block)
-        blocks, rng = blocks_of(fit, block), np.random.default_rng(self.seed)
-        found = [information(fit)]
-        if rates is not None:
-            found.append(drift(fit, rates))
-        if fit.parts is not None:
-            found.append(drift_of_motions(fit))
-        # From very few parts their disagreement cannot be judged.
-        if judgeable(fit, blocks):
-            found += [sandwich(fit, blocks), bootstrap(fit, blocks, self.options.replicates, rng)]
-        ways, wanted = {one.name: one for one in found}, self.options.covariance
-        if wanted == "auto":
-            drifts = segmenting is not None and segmenting.drifts
-            trusted = partial(_most_trusted, ways, blocks, rates, drifts, len(fit.unknowns.parameters))
-            wanted = "information" if fit.correlated else trusted()
-        if wanted not in ways:
-            raise ProblemError.about(("calibration", "covariance"), _missing(wanted, blocks))
-        return tuple(sorted(found, key=lambda one: one.name != wanted))
-
 
 def _clocks(fit: Fit, other: PreparedLogs) -> list[float]:
     # Of logs from a file of the fit as that has them.
     known = dict(zip(fit.layout.clocks, map(float, fit.clock_offsets), strict=True))
     return [known.get(log.file, own) for log, own in zip(other.logs, other.clocks, strict=True)]
-
-
-def _most_trusted(
-    ways: Mapping[CovarianceName, Covariance],
-    blocks: Blocks,
-    rates: DriftRates | None,
-    drifts: bool,
-    parameters: int,
-) -> CovarianceName:
-    if "drift" not in ways:
-        return "bootstrap" if "bootstrap" in ways else "information"
-    errors = {name: one.deviations[:parameters] for name, one in ways.items()}
-    if rates is not None and rates.shown is False and not drifts:
-        matters = np.any(errors["drift"] > MATTERS * errors["information"])
-        return "drift" if matters else "information"
-    if "bootstrap" not in ways:
-        return "drift"
-    # How much whole logs disagree shows whatever goes wrong. Parts of a log share what is wrong with all of
-    # it, and disagree too little; but where they disagree more than drift explains, there is more than drift.
-    if blocks.whole_logs or (rates is not None and rates.seconds is None):
-        return "bootstrap"
-    widths = [errors[name] * ways[name].half_width for name in ("bootstrap", "drift")]
-    more = np.subtract(*np.log(np.maximum(widths, np.finfo(float).tiny)))
-    return "bootstrap" if more.max() > -more.min() else "drift"
-
-
-def _missing(wanted: CovarianceName, blocks: Blocks) -> str:
-    if wanted == "drift":
-        return "drift is judged beside poses; each of relative_poses begins where the robot is: use bootstrap"
-    return (
-        f"the logs are too short for {wanted}: {blocks.independent} blocks; log more, or information or drift"
-    )
 
 
 def _has_positions(logs: Sequence[Log]) -> bool:

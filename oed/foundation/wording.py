@@ -19,27 +19,49 @@ KIND = "kind"
 """The key by which parts are told apart."""
 
 
+_BOUNDS = {
+    "greater_than": ("gt", "more than"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "at most"),
+}
+"""Pydantic's kinds of errors about bounds: where it keeps the bound, and words for it."""
+_SENTENCES = {
+    "missing": "missing",
+    "extra_forbidden": "unknown key",
+    "union_tag_not_found": "the key kind is missing, which says what this is",
+}
+_EXPECTED = {
+    "invalid_key": "a name as a key",
+    "too_short": "at least {min_length} of them",
+    "too_long": "at most {max_length} of them",
+    "model_type": "keys and values",
+    "model_attributes_type": "keys and values",
+    "int_parsing": "a whole number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "float_parsing": "a number",
+    "float_type": "a number",
+    "bool_parsing": "true or false",
+    "bool_type": "true or false",
+    "string_type": "text",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "dict_type": "keys and values",
+    "finite_number": "a finite number",
+}
+
+
 def in_words(detail: ErrorDetails) -> str:
     """What is wrong with one value."""
-    context = detail.get("ctx", {})
+    kind, context = detail["type"], detail.get("ctx", {})
     got = f"got {written(detail['input'])}"
-    bounds = {
-        "greater_than": ("gt", "more than"),
-        "greater_than_equal": ("ge", "at least"),
-        "less_than": ("lt", "less than"),
-        "less_than_equal": ("le", "at most"),
-    }
-    kind = detail["type"]
-    if kind == "missing":
-        return "missing"
-    if kind == "extra_forbidden":
-        return "unknown key"
-    if kind == "invalid_key":
-        return f"expected a name as a key, {got}"
+    if kind in _SENTENCES:
+        return _SENTENCES[kind]
     if kind == "value_error":
         return str(context["error"])
-    if kind in bounds:
-        key, words = bounds[kind]
+    if kind in _BOUNDS:
+        key, words = _BOUNDS[kind]
         why = counts_as_zero(detail["input"]) if context[key] == 0 and kind == "greater_than" else ""
         return f"expected {words} {context[key]}, {got}{why}"
     if kind in ("literal_error", "union_tag_invalid"):
@@ -48,29 +70,11 @@ def in_words(detail: ErrorDetails) -> str:
         given = context.get("tag", detail["input"])
         known = re.findall(r"'([^']+)'", str(expected))
         return f"expected {expected}, {came}{did_you_mean(given, known) if isinstance(given, str) else ''}"
-    if kind == "union_tag_not_found":
-        return "the key kind is missing, which says what this is"
-    if kind == "too_short":
-        return f"expected at least {context['min_length']} of them, {got}"
-    if kind == "too_long":
-        return f"expected at most {context['max_length']} of them, {got}"
-    plain = {
-        "model_type": "keys and values",
-        "model_attributes_type": "keys and values",
-        "int_parsing": "a whole number",
-        "int_type": "a whole number",
-        "int_from_float": "a whole number",
-        "float_parsing": "a number",
-        "float_type": "a number",
-        "bool_parsing": "true or false",
-        "bool_type": "true or false",
-        "string_type": "text",
-        "tuple_type": "a list",
-        "list_type": "a list",
-        "dict_type": "keys and values",
-        "finite_number": "a finite number",
-    }
-    return f"expected {plain[kind]}, {got}" if kind in plain else f"{detail['msg']}, {got}"
+    return (
+        f"expected {_EXPECTED[kind].format(**context)}, {got}"
+        if kind in _EXPECTED
+        else f"{detail['msg']}, {got}"
+    )
 
 
 def part_error(error: ValidationError, part: type[BaseModel], given: Mapping[str, Any]) -> PartError:

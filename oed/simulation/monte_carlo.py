@@ -211,19 +211,10 @@ def validate(
     if replicates < least:
         text = f"expected at least {least}, one more than there are parameters, got {replicates}"
         raise ProblemError.about(("validation", "replicates"), text)
-    listener = progress or Silent()
-    size = min(BATCH, SLOW_BATCH) if chosen.name == "nonlinear" else BATCH
-    batches = [(index, min(size, replicates - index * size)) for index in range(math.ceil(replicates / size))]
-    listener.begin("simulate experiments", len(batches))
-    total, directions = _Total(), directions_of(chosen.covariance)
-
-    def take(index: int, result: _Result) -> None:
-        total.take(index, result)
-        listener.advance()
-
-    run_tasks(partial(_simulate, chosen, directions, seed), batches, workers, take)
-    found, true, predicted = total.result, chosen.true, chosen.covariance
-    root, whitened = np.linalg.cholesky(predicted), found.tally.whitened
+    directions = directions_of(chosen.covariance)
+    found = _simulated(chosen, directions, replicates, seed, workers, progress or Silent())
+    predicted, whitened = chosen.covariance, found.tally.whitened
+    root = np.linalg.cholesky(predicted)
     # E[linear^2] is known exactly, so only the difference of squares is left to chance.
     ratio = np.diag(chosen.linear_covariance) / np.diag(predicted) + found.paired.mean
     return Validation(
@@ -234,8 +225,8 @@ def validate(
         alpha=alpha,
         parameters=chosen.parameters,
         units=_units(problem, chosen.parameters),
-        true=true,
-        mean=true + root @ whitened.mean,
+        true=chosen.true,
+        mean=chosen.true + root @ whitened.mean,
         predicted=predicted,
         sampled=root @ whitened.covariance @ root.T,
         paired_ratio=ratio,
@@ -246,6 +237,28 @@ def validate(
             chosen.parameters, directions, chosen.linear_covariance, found.pairs, alpha
         ),
     )
+
+
+def _simulated(
+    chosen: Estimator,
+    directions: Array,
+    replicates: int,
+    seed: int,
+    workers: Workers,
+    listener: Progress,
+) -> _Result:
+    # In batches that are drawn by their number, whoever draws them.
+    size = min(BATCH, SLOW_BATCH) if chosen.name == "nonlinear" else BATCH
+    batches = [(index, min(size, replicates - index * size)) for index in range(math.ceil(replicates / size))]
+    listener.begin("simulate experiments", len(batches))
+    total = _Total()
+
+    def take(index: int, result: _Result) -> None:
+        total.take(index, result)
+        listener.advance()
+
+    run_tasks(partial(_simulate, chosen, directions, seed), batches, workers, take)
+    return total.result
 
 
 @dataclass

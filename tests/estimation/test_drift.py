@@ -31,7 +31,7 @@ from windowed import drifting
 from oed.estimation import calibrate
 from oed.estimation.assessment.covariance import Covariance, blocks_of, information
 from oed.estimation.assessment.drift import carried_along, drift, drifting_scores
-from oed.estimation.calibration import _most_trusted
+from oed.estimation.assessment.trusted_covariance import most_trusted
 from oed.estimation.methods.drift_rates import USUAL, DriftRates, drift_rates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.prediction.layout import cut
@@ -263,7 +263,7 @@ def said(fit: Fit) -> Covariance:
     """What `calibrate` takes for a fit to few logs."""
     rates = drift_rates(fit)
     ways = {one.name: one for one in (information(fit), drift(fit, rates))}
-    return ways[_most_trusted(ways, blocks_of(fit, None), rates, False, len(TRUE))]
+    return ways[most_trusted(ways, blocks_of(fit, None), rates, False, len(TRUE))]
 
 
 Misses = tuple[np.ndarray, np.ndarray]

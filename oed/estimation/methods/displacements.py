@@ -178,21 +178,7 @@ class Regression(Estimator):
     def _fit(self, readings: dict[str, Array], values: Array, errors: Array | None) -> Fit:
         # Over the measurement's segments, whose readings are the turn, the displacement or both. Information
         # and scores are those of the regressions as they are weighted, with the headings that were used.
-        edges, parts, first = self.regressors.edges, [], 0
-        turned = self._position_designs(readings, errors)
-        for name in self.measurement.regressions:
-            design = self.regressors.nominal_designs[name]
-            if name == "position" and turned is not None:
-                design = turned[..., 0]
-            rows = np.zeros((len(design), len(values)))
-            rows[:, first : first + design.shape[1]] = design
-            first += design.shape[1]
-            own = np.column_stack([readings[name][0] - rows @ values, rows])
-            white = whitened(self._roots[name], own / self._noise(name))
-            weighted = white if self._weights else own / self._noise(name)
-            both = np.column_stack([readings[name][0], own[:, 0], white[:, 0], weighted])
-            parts.append(both.reshape(len(edges) - 1, -1, both.shape[1]))
-        found = np.concatenate(parts, axis=1)
+        found, edges = self._columns(readings, values, errors), self.regressors.edges
         measured, left, white, pull = np.moveaxis(found[..., :4], -1, 0)
         rows = found[..., 4:]
         information = np.einsum("sia,sib->sab", rows, rows)
@@ -217,6 +203,24 @@ class Regression(Estimator):
             knowledge=np.zeros(inverse.shape),
             converged=True,
         )
+
+    def _columns(self, readings: dict[str, Array], values: Array, errors: Array | None) -> Array:
+        # Of each segment: what was read, what is left of it, that whitened, that as it is weighted, and
+        # the regressors as they are weighted, (segments, rows, 4 + parameters).
+        parts, first, turned = [], 0, self._position_designs(readings, errors)
+        for name in self.measurement.regressions:
+            design = self.regressors.nominal_designs[name]
+            if name == "position" and turned is not None:
+                design = turned[..., 0]
+            rows = np.zeros((len(design), len(values)))
+            rows[:, first : first + design.shape[1]] = design
+            first += design.shape[1]
+            own = np.column_stack([readings[name][0] - rows @ values, rows])
+            white = whitened(self._roots[name], own / self._noise(name))
+            weighted = white if self._weights else own / self._noise(name)
+            both = np.column_stack([readings[name][0], own[:, 0], white[:, 0], weighted])
+            parts.append(both.reshape(len(self.regressors.edges) - 1, -1, both.shape[1]))
+        return np.concatenate(parts, axis=1)
 
     def _estimates(self, readings: dict[str, Array], errors: Array | None = None) -> Array:
         # Of replicates (R, rows) by regression, with heading errors (R, N) where headings are measured.

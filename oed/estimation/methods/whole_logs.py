@@ -187,16 +187,10 @@ class WholeLogs:
             averaged=np.maximum(counts, 1.0),
             cut_at=(),
         )
-        each = [one.alone(logs) for one in linear.filters]
+        information, scores, white = self._alone(linear, logs)
         rates = zip(*steps.rates(values, paths), strict=True)
         speeds, yaw_rates = (_padded([np.asarray(one) for one in part]) for part in rates)
-        size, sizes = plain.unknowns.size, dict(zip(SIZES, np.exp(logs), strict=True))
-        information, scores = np.zeros((len(each), size, size)), np.zeros((len(each), size))
-        for row, (one, (square, _)) in enumerate(zip(linear.filters, each, strict=True)):
-            own = list(one.columns)
-            information[row][np.ix_(own, own)] = square[:-1, :-1]
-            scores[row, own] = -square[:-1, -1]
-        white = _padded([-innovations for _, innovations in each])
+        sizes = dict(zip(SIZES, np.exp(logs), strict=True))
         return replace(
             plain,
             values=values,
@@ -217,6 +211,16 @@ class WholeLogs:
             by_errors=None,
             innovations=True,
         )
+
+    def _alone(self, linear: _Linear, logs: Array) -> tuple[Array, Array, Array]:
+        # Of each stretch by itself: information (S, n, n), scores (S, n), and innovations over their errors.
+        each, size = [one.alone(logs) for one in linear.filters], self.fit.unknowns.size
+        information, scores = np.zeros((len(each), size, size)), np.zeros((len(each), size))
+        for row, (one, (square, _)) in enumerate(zip(linear.filters, each, strict=True)):
+            own = list(one.columns)
+            information[row][np.ix_(own, own)] = square[:-1, :-1]
+            scores[row, own] = -square[:-1, -1]
+        return information, scores, _padded([-innovations for _, innovations in each])
 
     def _read_of(self, path: Array, values: Array) -> Array:
         # Poses of the sensor where the robot is at poses (S, K, 3).

@@ -193,38 +193,17 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
         # Without poses there is nothing to compare the wheels with before a fit.
         return PreparedLogs(tuple(logs), np.zeros(len({log.file for log in logs})), 0.0)
     relative = logs[0].motions is not None
-    files, apart = list(dict.fromkeys(log.file for log in logs)), np.zeros(0)
     if relative:
-        # Before anything is made of their path, of which one that is wrong bends all that follows.
-        apart = motion_clock_offsets(robot, logs) if compare_clocks else np.zeros(len(files))
-        each = [float(apart[files.index(log.file)]) for log in logs]
-        logs = [
-            with_left_out(without_strays(robot, log, own), own) for log, own in zip(logs, each, strict=True)
-        ]
+        logs, apart = _without_strays(robot, logs, compare_clocks)
     moves = Moves.of(robot, logs)
     if relative or compare_clocks:
         moves = replace(moves, offsets=apart if relative else clock_offsets(moves))
     flaws, doubts = [], dict[str, str]()
     for index, file in enumerate(moves.layout.clocks):
-        own = moves.within(moves.layout.clock == index)
-        # Few motions that are long differ by more than the nominal sizes' first order.
-        left = None if relative and own.layout.count < FEWEST else poorly_explained(own)
-        found = [one for log in logs if log.file == file for one in log.findings]
-        odd = (f"; {one.message}" for one in found if one.name in (IN_DEGREES, STEERED))
-        key, wrong = _what_is_wrong(own, left, next(odd, ""))
-        # As of crossed wires, clocks that agree may be taken to be apart.
-        agreeing = replace(own, offsets=np.zeros_like(own.offsets))
-        zero = zero_fault(agreeing) or zero_fault(own) if wrong or left is not None else None
-        if wrong and zero is not None:
-            key, wrong = zero
-        if relative:
-            wrong = motion_fault(own, [log for log in logs if log.file == file]) or wrong
-        if wrong:
-            wild = (f"; {one.message}" for one in found if one.name == WILD_READING)
-            flaws.append(FileFlaw(file, 0, 0, key, f"{wrong}{next(wild, '')}"))
-        elif left is not None:
-            doubts[file] = f"the wheels leave {100 * left:.0f} % of the measured motion unexplained"
-            doubts[file] += "" if zero is None else f"; {zero[0]}: {zero[1]}"
+        flaw, doubt = _judged(moves.within(moves.layout.clock == index), file, logs)
+        flaws += flaw
+        if doubt:
+            doubts[file] = doubt
     if flaws:
         raise LogError(flaws)
     prepared = tuple(
@@ -232,6 +211,41 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
         for log in logs
     )
     return PreparedLogs(prepared, moves.offsets, moves.mounting())
+
+
+def _without_strays(robot: Model, logs: Sequence[Log], compare_clocks: bool) -> tuple[list[Log], Array]:
+    # Relative poses and their clocks: before anything is made of their path, of which one that is wrong
+    # bends all that follows.
+    files = list(dict.fromkeys(log.file for log in logs))
+    apart = motion_clock_offsets(robot, logs) if compare_clocks else np.zeros(len(files))
+    each = [float(apart[files.index(log.file)]) for log in logs]
+    kept = [with_left_out(without_strays(robot, log, own), own) for log, own in zip(logs, each, strict=True)]
+    return kept, apart
+
+
+def _judged(moves: Moves, file: str, logs: Sequence[Log]) -> tuple[list[FileFlaw], str]:
+    # What is plainly wrong with a file, or what may be.
+    own = [log for log in logs if log.file == file]
+    relative = own[0].motions is not None
+    # Few motions that are long differ by more than the nominal sizes' first order.
+    left = None if relative and moves.layout.count < FEWEST else poorly_explained(moves)
+    found = [one for log in own for one in log.findings]
+    odd = (f"; {one.message}" for one in found if one.name in (IN_DEGREES, STEERED))
+    key, wrong = _what_is_wrong(moves, left, next(odd, ""))
+    # As of crossed wires, clocks that agree may be taken to be apart.
+    agreeing = replace(moves, offsets=np.zeros_like(moves.offsets))
+    zero = zero_fault(agreeing) or zero_fault(moves) if wrong or left is not None else None
+    if wrong and zero is not None:
+        key, wrong = zero
+    if relative:
+        wrong = motion_fault(moves, own) or wrong
+    if wrong:
+        wild = (f"; {one.message}" for one in found if one.name == WILD_READING)
+        return [FileFlaw(file, 0, 0, key, f"{wrong}{next(wild, '')}")], ""
+    if left is None:
+        return [], ""
+    doubt = f"the wheels leave {100 * left:.0f} % of the measured motion unexplained"
+    return [], doubt + ("" if zero is None else f"; {zero[0]}: {zero[1]}")
 
 
 def _what_is_wrong(moves: Moves, left: float | None, odd: str) -> tuple[str, str]:

@@ -237,10 +237,7 @@ def roll_out(
     count, held = inputs.shape[0], inputs.T
     if states is None:
         assert start is not None, "either a start or the states"
-        begin = start.T if runs > 1 else ca.reshape(start, -1, 1)
-        step = stepper(system).mapaccum(count // runs)
-        each = zip(ca.horzsplit(begin), ca.horzsplit(held, count // runs), strict=True)
-        states = [ca.horzcat(first, step(first, own, parameters, period)) for first, own in each]
+        states = _stepped(system, start.T if runs > 1 else ca.reshape(start, -1, 1), held, parameters, period)
     begun = ca.horzcat(*(part[:, :-1] for part in states))
     function = signaller(system)
     found = function.map(count).call([begun, held, parameters, period]) if function.n_out() else []
@@ -291,6 +288,16 @@ def any_drive(
     )
     given = dict(zip(("inputs", "start", "parameters", "period"), symbols, strict=True))
     return symbols, roll_out(system, **given, runs=runs, **further)
+
+
+def _stepped(
+    system: System, starts: Expression, held: Expression, parameters: Expression, period: Expression
+) -> list[Expression]:
+    # States of every run from its start, a column of `starts`, through its share of the inputs held.
+    periods = held.shape[1] // starts.shape[1]
+    step = stepper(system).mapaccum(periods)
+    each = zip(ca.horzsplit(starts), ca.horzsplit(held, periods), strict=True)
+    return [ca.horzcat(first, step(first, own, parameters, period)) for first, own in each]
 
 
 def _motion(system: System, states: Expression, inputs: Expression, parameters: Expression) -> Expression:

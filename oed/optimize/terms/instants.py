@@ -6,7 +6,7 @@ sample, how long after its begin, which row.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import casadi as ca
@@ -16,6 +16,7 @@ from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.direct_call import mapped
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import instant_of
+from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
 from oed.optimize.terms.row_bounds import RowBounds
 
@@ -78,29 +79,34 @@ class InstantRows:
             asked=ca.DM(scale) * (asked if splines else held),
             fraction=ca.SX(1),
         )
-        each = [problem.limits[place].rows(instant) for place in limits]
-        own = [ca.densify(ca.vec(one.expression)) / one.size for one in each]
+        each = {place: problem.limits[place].rows(instant) for place in limits}
+        own = [ca.densify(ca.vec(one.expression)) / one.size for one in each.values()]
         rows = ca.vertcat(ca.SX(0, 1), *own)
-        self.owner = np.repeat(np.array(limits, dtype=int), [len(one.lower) for one in each])
         self.asking = splines and bool(ca.depends_on(rows, asked))
         self._given = [state, held, *([asked] if self.asking else [])]
         self._unknowns = ca.vertcat(*self._given)
         self.size = int(self._unknowns.shape[0])
         self.weight = np.array([self._weight(row, state) for row in ca.vertsplit(rows)])
         self._rows = ca.cse(ca.DM(self.weight) * rows) if len(self.weight) else rows
-        self.without = {
-            place: RowBounds(np.zeros(0), np.zeros(0), one.size, one.unit)
-            for place, one in zip(limits, each, strict=True)
-        }
-        sizes = np.repeat([one.size for one in each], [len(one.lower) for one in each])
-        lower = np.concatenate([np.zeros(0), *(one.lower for one in each)])
-        upper = np.concatenate([np.zeros(0), *(one.upper for one in each)])
-        self.lower, self.upper = self.weight * lower / sizes, self.weight * upper / sizes
-        chosen, factor = ca.SX.sym("chosen", len(self.weight)), ca.SX.sym("factor")
-        self._chosen, self._factor = chosen, factor
-        self._row = ca.dot(chosen, self._rows)
-        whole, self._slope = ca.hessian(self._row, self._unknowns)
+        self._bounded(each)
         self.known = int(state.shape[0] + held.shape[0])
+        self._differentiated()
+
+    def _bounded(self, each: Mapping[int, Rows]) -> None:
+        # What the rows of each limit, by its place, may be.
+        counts = [len(one.lower) for one in each.values()]
+        self.owner = np.repeat(np.array(list(each), dtype=int), counts)
+        nothing = np.zeros(0)
+        self.without = {place: RowBounds(nothing, nothing, one.size, one.unit) for place, one in each.items()}
+        scale = self.weight / np.repeat([one.size for one in each.values()], counts)
+        self.lower = scale * np.concatenate([nothing, *(one.lower for one in each.values())])
+        self.upper = scale * np.concatenate([nothing, *(one.upper for one in each.values())])
+
+    def _differentiated(self) -> None:
+        # Of the one row that is chosen: its slope, and its second derivatives where it is bent.
+        self._chosen, self._factor = ca.SX.sym("chosen", len(self.weight)), ca.SX.sym("factor")
+        self._row = ca.dot(self._chosen, self._rows)
+        whole, self._slope = ca.hessian(self._row, self._unknowns)
         bent = sorted(set(whole.sparsity().row()))
         self.bent: list[int] = [one for one in bent if one < self.known]
         asked_for = [one for one in bent if one >= self.known]
@@ -108,7 +114,7 @@ class InstantRows:
         across = whole[self.bent, asked_for]
         self.crossing = across.nnz() > 0
         parts = [whole[self.bent, self.bent], whole[asked_for, asked_for], across]
-        self._curvature = [ca.densify(factor * part) for part in parts]
+        self._curvature = [ca.densify(self._factor * part) for part in parts]
 
     def _weight(self, row: ca.SX, state: ca.SX) -> float:
         held = self._unknowns[state.shape[0] :]

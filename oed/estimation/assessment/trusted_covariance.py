@@ -1,0 +1,103 @@
+"""Which covariances a fit of logs has, and which of them is the one to trust."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from oed.estimation.assessment.covariance import (
+    Blocks,
+    Covariance,
+    blocks_of,
+    bootstrap,
+    information,
+    judgeable,
+    sandwich,
+)
+from oed.estimation.assessment.drift import drift, drift_of_motions
+from oed.estimation.methods.drift_rates import DriftRates
+from oed.estimation.methods.fit import Fit
+from oed.estimation.setup.options import CalibrationOptions, CovarianceName
+from oed.foundation.errors import ProblemError
+
+MATTERS = 1.25
+"""Times F^-1's standard errors from which on drift that logs leave open counts: below, intervals of 95 % hold
+the truth 88 % of the time even if it is all there."""
+
+
+def covariances_of(
+    fit: Fit, options: CalibrationOptions, rates: DriftRates | None, *, drifts: bool, seed: int
+) -> tuple[Covariance, ...]:
+    """By the ways that apply, the one that was asked for or is trusted most first.
+
+    Args:
+        fit: of logs, or their segments.
+        options: the way that is asked for, the length of blocks, replicates of the bootstrap.
+        rates: how fast the robot drifts, where that is known.
+        drifts: whether the search for the segments' length saw drift.
+        seed: of the bootstrap.
+
+    Raises:
+        ProblemError: the way that is asked for does not apply.
+    """
+    block = None if options.block == "auto" else float(options.block)
+    blocks = blocks_of(fit, block)
+    found = [information(fit)]
+    if rates is not None:
+        found.append(drift(fit, rates))
+    if fit.parts is not None:
+        found.append(drift_of_motions(fit))
+    # From very few parts their disagreement cannot be judged.
+    if judgeable(fit, blocks):
+        rng = np.random.default_rng(seed)
+        found += [sandwich(fit, blocks), bootstrap(fit, blocks, options.replicates, rng)]
+    ways, wanted = {one.name: one for one in found}, options.covariance
+    if wanted == "auto" and fit.correlated:
+        wanted = "information"
+    elif wanted == "auto":
+        wanted = most_trusted(ways, blocks, rates, drifts, len(fit.unknowns.parameters))
+    if wanted not in ways:
+        raise ProblemError.about(("calibration", "covariance"), _missing(wanted, blocks))
+    return tuple(sorted(found, key=lambda one: one.name != wanted))
+
+
+def most_trusted(
+    ways: Mapping[CovarianceName, Covariance],
+    blocks: Blocks,
+    rates: DriftRates | None,
+    drifts: bool,
+    parameters: int,
+) -> CovarianceName:
+    """The way that allows for whatever the logs show: drift, or all that they disagree by.
+
+    Args:
+        ways: covariances by their names.
+        blocks: of which the bootstrap is.
+        rates: how fast the robot drifts, where that is known.
+        drifts: whether the search for the segments' length saw drift.
+        parameters: number of them, the first of the unknowns.
+    """
+    if "drift" not in ways:
+        return "bootstrap" if "bootstrap" in ways else "information"
+    errors = {name: one.deviations[:parameters] for name, one in ways.items()}
+    if rates is not None and rates.shown is False and not drifts:
+        matters = np.any(errors["drift"] > MATTERS * errors["information"])
+        return "drift" if matters else "information"
+    if "bootstrap" not in ways:
+        return "drift"
+    # How much whole logs disagree shows whatever goes wrong. Parts of a log share what is wrong with all of
+    # it, and disagree too little; but where they disagree more than drift explains, there is more than drift.
+    if blocks.whole_logs or (rates is not None and rates.seconds is None):
+        return "bootstrap"
+    widths = [errors[name] * ways[name].half_width for name in ("bootstrap", "drift")]
+    more = np.subtract(*np.log(np.maximum(widths, np.finfo(float).tiny)))
+    return "bootstrap" if more.max() > -more.min() else "drift"
+
+
+def _missing(wanted: CovarianceName, blocks: Blocks) -> str:
+    if wanted == "drift":
+        return "drift is judged beside poses; each of relative_poses begins where the robot is: use bootstrap"
+    return (
+        f"the logs are too short for {wanted}: {blocks.independent} blocks; log more, or information or drift"
+    )
