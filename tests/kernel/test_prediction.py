@@ -15,6 +15,7 @@ from sample_robots import PLANAR, ROBOTS, Example, cases, draw_inputs, motion_by
 
 from oed.foundation.errors import PartError, ProblemError
 from oed.kernel.criteria import A, D, E, G, I, Leg, Subject
+from oed.kernel.criteria.prediction import TaskDrive
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.optimize.transcription.design import DesignExpressions
@@ -157,6 +158,33 @@ class TestPredictions:
         assert flaw.key == ("criterion", "test_drive", 1, "inputs")
         names = "wheel_speed_right, wheel_speed_left"
         assert flaw.message == f"expected 2 inputs ({names}), got {len(inputs)}"
+
+    TASK = (TaskDrive(inputs=((5, 4), (-3, 6)), period=0.5),)
+
+    @pytest.mark.parametrize(
+        "criterion",
+        [
+            G(test_drive=LEGS, quantity="heading", scaling="none"),
+            I(task=TASK, quantity="heading", scaling="none"),
+        ],
+    )
+    def test_what_nothing_estimated_changes_is_a_flaw(self, criterion: G | I):
+        # The paper's position regression estimates c21 and c22, of which no heading knows.
+        with pytest.raises(ProblemError) as caught:
+            problem_of(measurement=Displacements(segments=4), criterion=criterion)
+        (flaw,) = caught.value.flaws
+        assert flaw.key == ("criterion", "quantity")
+        assert flaw.message == "the heading predicted depends on none of c21, c22: every design would do"
+
+    def test_a_task_that_some_regressions_do_not_change_is_that_of_the_others(self):
+        values = []
+        for regressor in ("heading", "both"):
+            measurement = Displacements(segments=4, regressor=regressor)
+            criterion = I(task=self.TASK, quantity="heading", scaling="none")
+            problem = problem_of(measurement=measurement, criterion=criterion)
+            values.append(evaluate(problem, random_drive(problem, 2)).objective)
+        assert values[0] == pytest.approx(values[1], rel=1e-9)
+        assert values[0] < 0
 
     @predictions
     @pytest.mark.parametrize(

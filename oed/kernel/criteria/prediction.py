@@ -93,9 +93,21 @@ class Prediction(RootCriterion):
         return rows
 
     def flaws(self, subject: Subject) -> list[Flaw]:
-        """Legs with more or fewer inputs than the system, parameters that do not move it, an unknown
-        quantity.
+        """Legs with more or fewer inputs than the system, parameters that it has not, an unknown quantity, or
+        one that no estimated parameter changes.
         """
+        return self.misfits(subject) or self._unmoved(subject)
+
+    def _unmoved(self, subject: Subject) -> list[Flaw]:
+        names = [name for names in subject.parameters for name in names]
+        own = [parameter.name for parameter in subject.system.parameters]
+        if np.any(self.predicted(subject)[..., [own.index(name) for name in names]]):
+            return []
+        text = f"the {self.quantity} predicted depends on none of {', '.join(names)}: every design would do"
+        return [Flaw(("criterion", "quantity"), text)]
+
+    def misfits(self, subject: Subject) -> list[Flaw]:
+        """What keeps predictions from being made."""
         names, known = subject.system.input_names, subject.system.predictions
         flaws = [
             Flaw(
@@ -214,9 +226,9 @@ class I(Prediction):  # noqa: E742
             raise ValueError(f"expected test_drive (legs) or task (drives of your own), {text}")
         return self
 
-    def flaws(self, subject: Subject) -> list[Flaw]:
+    def misfits(self, subject: Subject) -> list[Flaw]:
         """Also tasks that are not read, or that are not of this system."""
-        return [*super().flaws(subject), *_task_flaws(subject, self.task)]
+        return [*super().misfits(subject), *_task_flaws(subject, self.task)]
 
     def predicted(self, subject: Subject) -> Array:
         """Derivatives of all that is predicted by the system's parameters, (predictions, coordinates, p)."""
@@ -232,8 +244,10 @@ class I(Prediction):  # noqa: E742
             return rows
         flat = rows.reshape(-1, rows.shape[-1]) / math.sqrt(len(rows))
         _, sizes, directions = np.linalg.svd(flat, full_matrices=False)
-        # What is rounding would ask for combinations that no prediction needs.
+        # What is rounding would ask for combinations that no prediction needs; of a regression that changes
+        # none, a row of zeros is left.
         kept = sizes > rounding_of(flat) * sizes[0]
+        kept[0] = True
         return np.asarray((sizes[:, None] * directions)[kept][None])
 
     @property

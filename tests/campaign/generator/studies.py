@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import yaml
 
-from ..oracle.readings import blocks_of
+from ..oracle.criteria import predicted
+from ..oracle.readings import Block, blocks_of
 from ..oracle.robots import Robot, robot_of, through_coefficients
 from ..oracle.splines import Run, clamped_run
 from .criteria import draw_criterion, draw_estimate, draw_prior, written_prior
@@ -149,11 +151,28 @@ def _asked(rng: Rng, robot: Robot, spec: dict[str, Any], speed: float, size: flo
     blocks = blocks_of(plain(measurement), seen, _still(robot, space), space["integration"])
     blocks = tuple(block for block in blocks if estimate is None or set(estimate) & set(block.names))
     legs = (len(robot.inputs), speed, space["duration"])
-    criterion = draw_criterion(rng, blocks, estimate, legs)
+    criterion = _of_what_is_estimated(seen, blocks, estimate, draw_criterion(rng, blocks, estimate, legs))
     prior = None if criterion["scaling"] == "none" and blocks[0].raw else draw_prior(rng, blocks, estimate)
     found = {"measurement": measurement, "criterion": criterion}
     found |= {} if estimate is None else {"estimate": estimate}
     return found if prior is None else {**found, "prior": prior}
+
+
+def _of_what_is_estimated(
+    robot: Robot, blocks: Sequence[Block], estimate: Sequence[str] | None, criterion: dict[str, Any]
+) -> dict[str, Any]:
+    # Predictions that nothing estimated changes are a mistake: then of the position, or no predictions.
+    if criterion["kind"] not in "GI":
+        return criterion
+    names = [name for block in blocks for name in block.names if estimate is None or name in estimate]
+    judged = [name for name in names if name in criterion.get("subset", names)]
+    named = robot if set(judged) <= set(robot.names) else through_coefficients(robot)
+    columns = [named.names.index(name) for name in judged]
+    for quantity in (criterion["quantity"], "position"):
+        asked = {**criterion, "quantity": quantity}
+        if np.any(predicted(named, plain(asked))[..., columns]):
+            return asked
+    return {"kind": "E", **{key: criterion[key] for key in ("subset", "scaling") if key in criterion}}
 
 
 def _still(robot: Robot, space: dict[str, Any]) -> list[Run]:
