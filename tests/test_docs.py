@@ -8,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from places import PROBLEMS, ROOT
 
 import oed
 from oed.cli import main
+from oed.foundation import moved
 from oed.logs import CsvForm
 from oed.report.estimate.parameters import estimate_rows
 from oed.robots.limits import LIMITS
@@ -114,6 +116,17 @@ def test_every_public_name_is_in_the_reference(built: Path):
         one.read_text(encoding="utf-8") for one in (built / "generated" / "api").glob("*.html")
     )
     assert [name for name in dir(oed) if f'id="oed.{name}"' not in reference] == []
+
+
+@pytest.mark.slow
+def test_every_name_that_has_changed_is_in_one_table(built: Path):
+    shown = page(built, "generated/renames")
+    renamed = [(f"oed.{old}", f"oed.{new}") for old, new in {**moved.NAMES, **moved.PLACES}.items()]
+    for kind, names in moved.ATTRIBUTES.items():
+        renamed += [(f"{kind}.{old}", f"{kind}.{new}") for old, new in names.items()]
+    rows = re.findall(r"<tr[^>]*>(.*?)</tr>", shown, flags=re.DOTALL)
+    cells = {tuple(re.findall(r'<span class="pre">([^<]*)</span>', row)) for row in rows}
+    assert set(renamed) <= cells
 
 
 @pytest.mark.slow
@@ -286,6 +299,12 @@ def test_the_keys_for_parts_of_ones_own_are_accepted(tmp_path: Path):
     kinds = [one.kind for one in (*problem.measurement.sensors, problem.criterion)]
     assert kinds == ["poses", "compass", "log_smallest"]
     assert [limit.name for limit in problem.limits] == ["wheel_speed", "strip"]
+
+
+def test_the_changes_begin_with_this_version():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    (first, *_) = re.findall(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), flags=re.MULTILINE)
+    assert first == project["version"]
 
 
 def test_every_robot_is_listed():
