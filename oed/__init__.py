@@ -57,7 +57,7 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
     Reports and exports
         write_report, write_estimate, animate, export, diff_drive_parameters
     Errors
-        OedError, UserMistake, Failure, ProblemError, StudyError, LogError, Flaw
+        OedError, UserMistake, Failure, ProblemError, StudyError, LogError, Issue
 
 Mistakes of the user are `oed.UserMistake`, what cannot be done is `oed.Failure`; both are `oed.OedError`.
 """

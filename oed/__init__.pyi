@@ -19,7 +19,7 @@ from .estimation.methods import make_estimator as make_estimator
 from .exporters import diff_drive_parameters as diff_drive_parameters
 from .exporters import export as export
 from .foundation.errors import Failure as Failure
-from .foundation.errors import Flaw as Flaw
+from .foundation.errors import Issue as Issue
 from .foundation.errors import LogError as LogError
 from .foundation.errors import OedError as OedError
 from .foundation.errors import ProblemError as ProblemError

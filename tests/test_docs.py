@@ -244,7 +244,7 @@ def test_the_robust_study_is_one():
 def test_the_keys_for_logs_are_accepted(number: int):
     study = parse_study(study_with("howto/logs", number))
     assert study.log.kind == yaml.safe_load(blocks("howto/logs", "yaml")[number])["log"].get("kind", "csv")
-    assert study.log.flaws(study.problem.model) == []
+    assert study.log.issues(study.problem.model) == []
 
 
 def rows(page: str, table: int) -> list[list[str]]:
@@ -269,14 +269,14 @@ ROBOTS = [keys_of(codes) for codes in rows("howto/logs", 1)]
 def test_each_look_of_a_log_has_valid_keys(keys: dict[str, object]):
     beside = {"measurement": keys.pop("measurement")} if "measurement" in keys else {}
     study = parse_study(yaml.safe_dump(TWO_WHEELS | beside | {"log": keys}))
-    assert study.log.flaws(study.problem.model) == []
+    assert study.log.issues(study.problem.model) == []
     assert set(keys) <= study.log.model_fields_set | {"kind"}
 
 
 @pytest.mark.parametrize("keys", ROBOTS, ids=str)
 def test_each_robot_has_valid_keys(keys: dict[str, object]):
     study = parse_study(yaml.safe_dump(TWO_WHEELS | keys))
-    assert study.log.flaws(study.problem.model) == []
+    assert study.log.issues(study.problem.model) == []
 
 
 def test_every_key_of_a_log_is_in_the_table():

@@ -192,7 +192,7 @@ class _DTerms(_Terms):
 
 
 class _ATerms(_Terms):
-    """Minus the weighed sum of variances."""
+    """Minus the weighted sum of variances."""
 
     def derivatives(self, whole: Array, matrices: Array, barrier: float) -> Derivatives:
         if np.linalg.slogdet(whole)[0] <= 0:

@@ -88,9 +88,9 @@ def _run(arguments: Sequence[str] | None) -> int:
             return command(options)
     except OedError as raised:
         error = _located(raised, options)
-        flaws = error.flaws if isinstance(error, FileError) else ()
+        issues = error.issues if isinstance(error, FileError) else ()
         mistake = isinstance(error, UserMistake)
-        _report_error(options, _with_notes(str(error), raised), [vars(flaw) for flaw in flaws])
+        _report_error(options, _with_notes(str(error), raised), [vars(issue) for issue in issues])
         return MISTAKE if mistake else FAILED
     except KeyboardInterrupt as error:
         _report_error(options, _with_notes("interrupted", error), [])
@@ -139,7 +139,7 @@ def _located(error: OedError, options: argparse.Namespace) -> OedError:
         source = read_yaml(file)
     except FileError:
         return error
-    return StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws])
+    return StudyError([source.issue(issue.key, issue.message) for issue in error.issues])
 
 
 def _defect(options: argparse.Namespace, error: BaseException) -> int:
@@ -156,10 +156,10 @@ def _defect(options: argparse.Namespace, error: BaseException) -> int:
     return FAILED
 
 
-def _report_error(options: argparse.Namespace, message: str, flaws: list[dict[str, Any]]) -> None:
+def _report_error(options: argparse.Namespace, message: str, issues: list[dict[str, Any]]) -> None:
     say(message)
     if options.json:
-        print_json({"error": message, "flaws": flaws})
+        print_json({"error": message, "issues": issues})
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -72,19 +72,19 @@ def _check(options: argparse.Namespace) -> int:
     from oed.foundation.shown import shown
     from oed.workflow.studies import load_study, own_paths, refinements
 
-    entries, flawed = [], False
+    entries, wrong = [], False
     for file in options.studies:
         try:
             study = load_study(file)
             own_paths(study)
             study.require_identifiable()
         except FileError as error:
-            flawed = True
+            wrong = True
             say(str(error))
-            entries.append({"file": file, "ok": False, "flaws": [vars(flaw) for flaw in error.flaws]})
+            entries.append({"file": file, "ok": False, "issues": [vars(issue) for issue in error.issues]})
         else:
             refining = refinements(study)
-            entry = {"file": file, "ok": True, "name": study.name, "flaws": []}
+            entry = {"file": file, "ok": True, "name": study.name, "issues": []}
             entries.append({**entry, "refinement": refining} if refining else entry)
             if not options.json:
                 only = (
@@ -94,7 +94,7 @@ def _check(options: argparse.Namespace) -> int:
                 tell(shown(f"{file}: ok ({study.name}{only}{auto})"))
     if options.json:
         print_json({"studies": entries})
-    return MISTAKE if flawed else DONE
+    return MISTAKE if wrong else DONE
 
 
 CHECK = Command("check", "read and cross-check studies; solve nothing", _check, _check_arguments)

@@ -16,7 +16,7 @@ from oed.equations.dimensions import Dimension, quantity
 from oed.equations.given import Quantity
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
-from oed.foundation.errors import FileFlaw, Flaw, PathFileError, ProblemError
+from oed.foundation.errors import FileIssue, Issue, PathFileError, ProblemError
 from oed.foundation.files import text_of
 
 MOST = 100_000
@@ -88,8 +88,8 @@ class Candidates(Component):
         try:
             return Candidates(rows=_columns(folder / self.file, inputs))
         except PathFileError as error:
-            flaws = [Flaw(("experiment", "candidates", "file"), str(one)) for one in error.flaws]
-            raise ProblemError(flaws) from None
+            issues = [Issue(("experiment", "candidates", "file"), str(one)) for one in error.issues]
+            raise ProblemError(issues) from None
 
     @property
     def largest(self) -> dict[str, Quantity]:
@@ -107,7 +107,7 @@ class Candidates(Component):
             ProblemError: inputs that there are not, or of which nothing is said, values of another unit.
         """
         given, key = (self.grid, "grid") if self.grid is not None else (self.rows or {}, "rows")
-        found, flaws = dict[str, Array](), list[Flaw]()
+        found, issues = dict[str, Array](), list[Issue]()
         for name in dict.fromkeys((*units, *given)):
             reason = _missing(name, given, units)
             if not reason:
@@ -118,9 +118,9 @@ class Candidates(Component):
                 except ValueError as error:
                     reason = str(error)
             if reason:
-                flaws.append(Flaw(("experiment", "candidates", key, name), reason))
-        if flaws:
-            raise ProblemError(flaws)
+                issues.append(Issue(("experiment", "candidates", key, name), reason))
+        if issues:
+            raise ProblemError(issues)
         each = [found[name] for name in units]
         count = prod(map(len, each)) if self.grid is not None else max(map(len, each), default=0)
         if count > MOST:
@@ -150,24 +150,24 @@ def _columns(path: Path, inputs: tuple[str, ...]) -> dict[str, tuple[Quantity, .
     header = [cell.strip() for cell in lines[0]] if lines else []
     missing = [one for one in inputs if one not in header]
     if missing:
-        raise PathFileError([FileFlaw(name, 1, 0, "", f"the header lacks {', '.join(missing)}")])
+        raise PathFileError([FileIssue(name, 1, 0, "", f"the header lacks {', '.join(missing)}")])
     numbered = [(number, row) for number, row in enumerate(lines[1:], start=2) if row]
     short = [number for number, row in numbered if len(row) != len(header)]
     if short or not numbered:
         what = f"expected {len(header)} cells" if short else "expected at least one row after the header"
-        raise PathFileError([FileFlaw(name, short[0] if short else 1, 0, "", what)])
-    flaws = [
-        FileFlaw(name, number, 0, one, reason)
+        raise PathFileError([FileIssue(name, short[0] if short else 1, 0, "", what)])
+    issues = [
+        FileIssue(name, number, 0, one, reason)
         for number, row in numbered
         for one in inputs
-        if (reason := _flaw(row[header.index(one)]))
+        if (reason := _issue(row[header.index(one)]))
     ]
-    if flaws:
-        raise PathFileError(flaws)
+    if issues:
+        raise PathFileError(issues)
     return {one: tuple(row[header.index(one)].strip() for _, row in numbered) for one in inputs}
 
 
-def _flaw(cell: str) -> str:
+def _issue(cell: str) -> str:
     try:
         quantity(cell.strip())
     except ValueError as error:

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field
 from oed.equations.dimensions import Dimension, parse_unit
 from oed.equations.given import AS_DATA, Begin, Readable, Start, SystemKeys, begins_of, pairs
 from oed.equations.reading import INTEGRATORS
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.own.part import OwnDescription, OwnPart
 from oed.foundation.shown import written
 from oed.kernel.dynamics.expression import Expression
@@ -74,30 +74,30 @@ class ContinuousSystem(SystemKeys, Readable):
             ProblemError: states of which nothing is said, or others, or values in another unit.
         """
         given = dict(self.start)
-        flaws = [
-            Flaw(("system", "start"), f"missing: how {name} begins")
+        issues = [
+            Issue(("system", "start"), f"missing: how {name} begins")
             for name in self.states
             if name not in given
         ]
-        flaws += [
-            Flaw(("system", "start", name), f"the system has no such state; it has {', '.join(self.states)}")
+        issues += [
+            Issue(("system", "start", name), f"the system has no such state; it has {', '.join(self.states)}")
             for name in given
             if name not in self.states
         ]
-        if flaws:
-            raise ProblemError(flaws)
+        if issues:
+            raise ProblemError(issues)
         found = begins_of([(name, given[name]) for name in self.states], "start")
         for (name, one), unit in zip(found.items(), self.state_units, strict=True):
             expected = parse_unit(unit)[1]
             if not one.dimension.fits(expected):
-                flaws.append(
-                    Flaw(
+                issues.append(
+                    Issue(
                         ("system", "start", name),
                         f"expected a value {expected.words}, got one {one.dimension.words}",
                     )
                 )
-        if flaws:
-            raise ProblemError(flaws)
+        if issues:
+            raise ProblemError(issues)
         return found
 
     @cached_property

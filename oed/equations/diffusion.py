@@ -13,7 +13,7 @@ import numpy as np
 
 from oed.equations.dimensions import TIME, Dimension, quantity
 from oed.equations.given import Readable
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.text import did_you_mean, listing, words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.process_noise import Period, ProcessNoise
@@ -72,7 +72,7 @@ def diffusion_of(rates: Rates) -> Diffusion | None:
         try:
             size, dimension = _rate(value)
         except ValueError:
-            # Said by `diffusion_flaws`.
+            # Said by `diffusion_issues`.
             continue
         if size > 0:
             written = value if isinstance(value, str) else f"{size:g} {dimension.text}".strip()
@@ -80,14 +80,14 @@ def diffusion_of(rates: Rates) -> Diffusion | None:
     return Diffusion(tuple(found)) if found else None
 
 
-def diffusion_flaws(rates: Rates, system: Readable) -> Iterator[Flaw]:
+def diffusion_issues(rates: Rates, system: Readable) -> Iterator[Issue]:
     """Rates of what is no state, or in another unit, or below 0."""
     for name, value in rates:
-        if reason := _flaw(name, value, system):
-            yield Flaw(("measurement", "diffusion", name), reason)
+        if reason := _issue(name, value, system):
+            yield Issue(("measurement", "diffusion", name), reason)
 
 
-def _flaw(name: str, value: str | float, system: Readable) -> str:
+def _issue(name: str, value: str | float, system: Readable) -> str:
     if name not in system.states:
         known = listing(list(system.states)) if system.states else "none"
         return f"there is no such state; there is {known}{did_you_mean(name, system.states)}"

@@ -13,7 +13,7 @@ from fractions import Fraction
 from functools import lru_cache
 from math import inf
 
-from oed.foundation.quantities import NUMBER, base_units, parse_quantity, unit_flaw, unit_meaning
+from oed.foundation.quantities import NUMBER, base_units, parse_quantity, unit_issue, unit_meaning
 
 BASE = ("kg", "A", "rad", "m", "s", "mol", "K")
 """SI base units, in the order in which texts have them."""
@@ -120,9 +120,9 @@ def parse_unit(text: str) -> tuple[float, Dimension]:
     Raises:
         ValueError: no unit, or a temperature in degrees Celsius.
     """
-    flaw = unit_flaw(text.strip()) if text.strip() else ""
-    if flaw:
-        raise ValueError(f"unit {flaw}")
+    issue = unit_issue(text.strip()) if text.strip() else ""
+    if issue:
+        raise ValueError(f"unit {issue}")
     try:
         factor, powers = base_units(text.strip())
         found = tuple(Fraction(powers.get(name, 0.0)).limit_denominator(FINEST) for name in _NAMES)

@@ -13,7 +13,7 @@ from oed.equations.dimensions import Dimension, parse_unit, quantity
 from oed.equations.given import Begin, Quantity
 from oed.equations.limits import InputRange, InputRate, OneInput, both_ways, require_rising
 from oed.foundation.component import Component, OneOf
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import Duration
 from oed.kernel.dynamics.held import HeldSpace
 from oed.kernel.dynamics.signals import SIGNALS, PiecewiseConstant, Signal
@@ -86,31 +86,31 @@ class Experiment(Component):
         """Duration of a trial [s], the longest where it is chosen."""
         return self.duration[1] if isinstance(self.duration, tuple) else self.duration
 
-    def flaws(self, system: System) -> list[Flaw]:
+    def issues(self, system: System) -> list[Issue]:
         """What is missing, or means nothing, for a system; [] if nothing."""
         given = "candidates" if self.candidates is not None else "inputs"
-        flaws = self._input_flaws(system.input_names) if given == "inputs" else []
+        issues = self._input_issues(system.input_names) if given == "inputs" else []
         if system.states:
             wrong, needed, text = ["points"], "duration", "say how long a trial takes, e.g. 10 s"
         else:
             text = "say how many settings of the inputs there are, e.g. 4"
             wrong, needed = ["duration", "samples", "trials"], "points"
         means = f"means nothing for a system {'with' if system.states else 'without'} states"
-        flaws += [Flaw(("experiment", key), means) for key in wrong if getattr(self, key) is not None]
+        issues += [Issue(("experiment", key), means) for key in wrong if getattr(self, key) is not None]
         beside = ["points", "trials", *(["inputs"] if self.inputs else [])] if given == "candidates" else []
-        flaws += [
-            Flaw(("experiment", key), "means nothing beside candidates: leave it out")
+        issues += [
+            Issue(("experiment", key), "means nothing beside candidates: leave it out")
             for key in beside
             if getattr(self, key) is not None and key not in wrong
         ]
         if isinstance(self.duration, tuple):
-            flaws += self._duration_flaws(self.duration)
+            issues += self._duration_issues(self.duration)
         missing = getattr(self, needed) is None and (given == "inputs" or needed == "duration")
-        return flaws + ([Flaw(("experiment", needed), f"missing: {text}")] if missing else [])
+        return issues + ([Issue(("experiment", needed), f"missing: {text}")] if missing else [])
 
-    def _duration_flaws(self, duration: tuple[float, float]) -> list[Flaw]:
-        flaws = [
-            Flaw(
+    def _duration_issues(self, duration: tuple[float, float]) -> list[Issue]:
+        issues = [
+            Issue(
                 ("experiment", "inputs", name, "rate"),
                 "is not known where the duration is chosen: leave one out",
             )
@@ -118,22 +118,22 @@ class Experiment(Component):
             if one.rate is not None
         ]
         if not duration[0] < duration[1]:
-            flaws.append(
-                Flaw(("experiment", "duration"), f"expected [shortest, longest], got {list(duration)}")
+            issues.append(
+                Issue(("experiment", "duration"), f"expected [shortest, longest], got {list(duration)}")
             )
         if self.candidates is not None or not self.inputs:
             text = "can be chosen with inputs only: give one, or a fixed duration"
-            flaws.append(Flaw(("experiment", "duration"), text))
-        return flaws
+            issues.append(Issue(("experiment", "duration"), text))
+        return issues
 
-    def _input_flaws(self, inputs: Sequence[str]) -> list[Flaw]:
-        flaws = [
-            Flaw(("experiment", "inputs", name), f"the system has no such input; it has {_listed(inputs)}")
+    def _input_issues(self, inputs: Sequence[str]) -> list[Issue]:
+        issues = [
+            Issue(("experiment", "inputs", name), f"the system has no such input; it has {_listed(inputs)}")
             for name in self.inputs
             if name not in inputs
         ]
-        return flaws + [
-            Flaw(("experiment", "inputs"), f"missing: what {name} may do, e.g. {name}: [0, 1]")
+        return issues + [
+            Issue(("experiment", "inputs"), f"missing: what {name} may do, e.g. {name}: [0, 1]")
             for name in inputs
             if name not in self.inputs
         ]

@@ -14,7 +14,7 @@ from oed.equations.dimensions import PLAIN, TIME, Dimension, quantity
 from oed.equations.given import Quantity, Readable
 from oed.equations.grammar import ExpressionError, parse
 from oed.equations.limits import require_rising
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Space
@@ -58,19 +58,19 @@ class ExpressionLimit(Limit):
         """The larger of the bounds, SI."""
         return max(abs(one) for one in self.bounds if np.isfinite(one)) or 1.0
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
+    def issues(self, system: System, space: Space) -> list[Issue]:
         """An expression that is none, of unknown names or units that do not fit."""
         readable = _readable(system)
         if readable is None:
-            return [Flaw(("limits", self.name), "expressions are of systems with outputs")]
+            return [Issue(("limits", self.name), "expressions are of systems with outputs")]
         try:
             own = parse(self.of).dimension(readable.dimensions) or PLAIN
         except ExpressionError as error:
-            return [Flaw(("limits", self.name, "of"), f"column {error.offset + 1}: {error.message}")]
+            return [Issue(("limits", self.name, "of"), f"column {error.offset + 1}: {error.message}")]
         own = own if self.dimension is None else own * self.dimension
         wrong = [one for one in self.sides if one is not None and not quantity(one)[1].fits(own)]
         text = f"expected values {own.words}, got some {{}}"
-        return [Flaw(("limits", self.name), text.format(quantity(one)[1].words)) for one in wrong[:1]]
+        return [Issue(("limits", self.name), text.format(quantity(one)[1].words)) for one in wrong[:1]]
 
     def unit(self, system: System) -> str:
         """Of the bounds, SI."""
@@ -116,15 +116,15 @@ class OfStates(ExpressionLimit, ABC):
         require_rising(self.range, self.bounds)
         return self
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
+    def issues(self, system: System, space: Space) -> list[Issue]:
         """Also an expression that depends on what is held, which jumps."""
-        flaws = super().flaws(system, space)
-        if flaws or not system.states:
+        issues = super().issues(system, space)
+        if issues or not system.states:
             text = "means nothing for a system without states: give its inputs their ranges"
-            return flaws or [Flaw(("limits", self.name), text)]
+            return issues or [Issue(("limits", self.name), text)]
         function = _function(system, self.of)
         if function.jac_sparsity(0, 1).nnz():
-            return [Flaw(("limits", self.name, "of"), "depends on inputs: give these their ranges instead")]
+            return [Issue(("limits", self.name, "of"), "depends on inputs: give these their ranges instead")]
         return []
 
 
@@ -184,10 +184,10 @@ class Budget(ExpressionLimit):
         """No more than the most."""
         return None, self.most
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
+    def issues(self, system: System, space: Space) -> list[Issue]:
         """An expression that is none, or a most in another unit than its integral."""
         timed = self if not system.states else _Timed(name=self.name, of=self.of, most=self.most)
-        return super(Budget, timed).flaws(system, space)
+        return super(Budget, timed).issues(system, space)
 
     def rows(self, drive: Drive) -> Rows:
         """One row: by the trapezoidal rule over every period, its input held."""

@@ -12,7 +12,7 @@ from pydantic import Discriminator, PlainSerializer, Tag
 
 from oed.equations.dimensions import Dimension, quantity
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.shown import written
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
@@ -178,14 +178,14 @@ def begins_of(states: Iterable[tuple[str, Any]], key: str) -> dict[str, Begin]:
     Raises:
         ProblemError: values that are none, of different units, or that do not rise.
     """
-    found, flaws = dict[str, Begin](), list[Flaw]()
+    found, issues = dict[str, Begin](), list[Issue]()
     for name, start in states:
         try:
             found[name] = _begin(start)
         except ValueError as error:
-            flaws.append(Flaw(("system", key, name), str(error)))
-    if flaws:
-        raise ProblemError(flaws)
+            issues.append(Issue(("system", key, name), str(error)))
+    if issues:
+        raise ProblemError(issues)
     return found
 
 

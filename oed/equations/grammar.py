@@ -31,7 +31,7 @@ from oed.equations.tree import (
 from oed.foundation.shown import written
 from oed.foundation.text import did_you_mean
 
-__all__ = ["RESERVED", "Expression", "ExpressionError", "name_flaw", "parse"]
+__all__ = ["RESERVED", "Expression", "ExpressionError", "name_issue", "parse"]
 
 LONGEST = 10_000
 """Characters of an expression."""
@@ -129,7 +129,7 @@ def parse(text: str) -> Expression:
     return Expression(text, _Reader(text).whole())
 
 
-def name_flaw(text: str) -> str:
+def name_issue(text: str) -> str:
     """Why a quantity cannot have a name in expressions; "" if it can."""
     if re.fullmatch(_NAME, text) is None:
         return (

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 
 from oed.equations.grammar import Expression
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.text import listing
 from oed.kernel.dynamics.integration import Radau
 from oed.kernel.dynamics.roots import DAMPING, RootFinder
@@ -61,7 +61,7 @@ def radau_stepper(system: Equations) -> ca.Function:
     return ca.Function("radau", given, [state])
 
 
-def index_flaws(system: Equations) -> list[Flaw]:
+def index_issues(system: Equations) -> list[Issue]:
     """Why no numbers let the algebraic equations be solved for the algebraic states; [] if some may."""
     names = [name for name, *_ in system.guesses]
     slopes = constraints_of(system).jac_sparsity(0, 1)
@@ -69,8 +69,8 @@ def index_flaws(system: Equations) -> list[Flaw]:
         return []
     rows, columns = (set(one) for one in slopes.get_triplet())
     key = ("system", "algebraic")
-    flaws = [
-        Flaw((*key, name), f"there is no algebraic state in it; they are {listing(names)}")
+    issues = [
+        Issue((*key, name), f"there is no algebraic state in it; they are {listing(names)}")
         for place, name in enumerate(names)
         if place not in rows
     ]
@@ -78,7 +78,7 @@ def index_flaws(system: Equations) -> list[Flaw]:
     what = (
         f"{listing(unknown)} is in none of them" if unknown else f"they cannot be solved for {listing(names)}"
     )
-    return flaws or [Flaw(key, f"{what}: the index would not be 1")]
+    return issues or [Issue(key, f"{what}: the index would not be 1")]
 
 
 def _function(system: Equations, expressions: Sequence[Expression]) -> ca.Function:

@@ -10,13 +10,13 @@ import numpy as np
 from pydantic import model_validator
 
 from oed.equations.dimensions import TIME, Dimension, parse_unit, quantity
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
-from oed.kernel.limit import Limit, Rows, rest_flaws
+from oed.kernel.limit import Limit, Rows, rest_issues
 
 Quantity = str | float
 
@@ -55,17 +55,17 @@ class OneInput(Limit, ABC):
         low, high = (quantity(one)[0] for one in self.given)
         return low, high
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
+    def issues(self, system: System, space: Space) -> list[Issue]:
         """No such input, or bounds in another unit."""
         units = {one.name: parse_unit(one.unit)[1] for one in system.inputs}
         if self.input not in units:
             known = ", ".join(system.input_names) or "none"
             meant = did_you_mean(self.input, system.input_names)
-            return [Flaw(("limits", self.name), f"there is no such input; the inputs are {known}{meant}")]
+            return [Issue(("limits", self.name), f"there is no such input; the inputs are {known}{meant}")]
         expected = self.of(units[self.input])
         wrong = {quantity(one)[1] for one in self.given if not quantity(one)[1].fits(expected)}
         text = f"expected bounds {expected.words}, got some {{}}"
-        return [Flaw(("limits", self.name), text.format(one.words)) for one in wrong]
+        return [Issue(("limits", self.name), text.format(one.words)) for one in wrong]
 
     def rows(self, drive: Drive) -> Rows:
         """At all times."""
@@ -131,10 +131,10 @@ class InputRange(OneInput):
         """The inputs."""
         return drive.input_values
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
+    def issues(self, system: System, space: Space) -> list[Issue]:
         """No such input, bounds in another unit, or that exclude a rest that is asked for."""
-        flaws = super().flaws(system, space)
-        return flaws or rest_flaws(self, [self.bounds], _unit(system, self.input), space)
+        issues = super().issues(system, space)
+        return issues or rest_issues(self, [self.bounds], _unit(system, self.input), space)
 
     def input_bounds(self, system: System) -> dict[str, tuple[float, float]]:
         """Of this input alone."""

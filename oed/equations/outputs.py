@@ -8,10 +8,10 @@ from typing import Annotated, ClassVar, Literal, Self
 import casadi as ca
 from pydantic import BeforeValidator, Field
 
-from oed.equations.diffusion import Diffusion, diffusion_flaws, diffusion_of
+from oed.equations.diffusion import Diffusion, diffusion_issues, diffusion_of
 from oed.equations.dimensions import quantity
 from oed.equations.given import AS_DATA, Readable, pairs
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.text import count, did_you_mean, listing, unit_text, words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
@@ -53,14 +53,14 @@ class OutputSensor(Sensor, ABC):
         """Their standard deviations, SI."""
         return tuple(quantity(value)[0] for _, value in self.noise)
 
-    def flaws(self, system: System, samples: int) -> list[Flaw]:
+    def issues(self, system: System, samples: int) -> list[Issue]:
         """Outputs that the system has not, and noise that is in another unit, or none."""
         if not isinstance(system, Readable):
-            return [Flaw(("measurement", "kind"), f"{self.kind} are those of a system with outputs")]
+            return [Issue(("measurement", "kind"), f"{self.kind} are those of a system with outputs")]
         return [
-            Flaw(("measurement", "noise", name), reason)
+            Issue(("measurement", "noise", name), reason)
             for name, value in self.noise
-            if (reason := _noise_flaw(system, name, value))
+            if (reason := _noise_issue(system, name, value))
         ]
 
     def reading(self, moment: Moment) -> Expression:
@@ -119,10 +119,10 @@ class Outputs(OutputSensor):
         """Of a system whose states do as their equations say."""
         return self.model_copy(update={"diffusion": ()}) if self.diffusion else self
 
-    def flaws(self, system: System, samples: int) -> list[Flaw]:
+    def issues(self, system: System, samples: int) -> list[Issue]:
         """Those of outputs, and diffusion of no states or in other units."""
-        wandering = diffusion_flaws(self.diffusion, system) if isinstance(system, Readable) else ()
-        return [*super().flaws(system, samples), *wandering]
+        wandering = diffusion_issues(self.diffusion, system) if isinstance(system, Readable) else ()
+        return [*super().issues(system, samples), *wandering]
 
     @property
     def remark(self) -> str:
@@ -180,7 +180,7 @@ class Responses(OutputSensor):
         return f"{self.subject} at each setting ({count(samples, 'time')}) with {self.noise_text}"
 
 
-def _noise_flaw(system: Readable, name: str, value: str | float) -> str:
+def _noise_issue(system: Readable, name: str, value: str | float) -> str:
     known = system.output_dimensions
     if name not in known:
         return f"there is no such output; there is {listing(list(known))}{did_you_mean(name, known)}"

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
 from oed.equations.dimensions import PLAIN, TIME, Dimension, parse_unit, quantity
-from oed.equations.grammar import Expression, ExpressionError, name_flaw, parse
-from oed.foundation.errors import Flaw, ProblemError
+from oed.equations.grammar import Expression, ExpressionError, name_issue, parse
+from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.shown import written
 from oed.foundation.text import did_you_mean
 
@@ -39,7 +39,7 @@ class Reader:
 
     Attributes:
         given: that.
-        flaws: what is wrong with it, as far as it is read.
+        issues: what is wrong with it, as far as it is read.
         dimensions: of all names.
         values: of the parameters, SI.
         guesses: of the algebraic states, SI.
@@ -52,7 +52,7 @@ class Reader:
 
     def __init__(self, given: Given) -> None:
         """Read all that can be read by itself."""
-        self.given, self.flaws = given, list[Flaw]()
+        self.given, self.issues = given, list[Issue]()
         self.dimensions = dict[str, Dimension]()
         self._names()
         self._units("states", given.states)
@@ -71,7 +71,7 @@ class Reader:
         Raises:
             ProblemError: all that is wrong.
         """
-        if not self.flaws:
+        if not self.issues:
             for name in self.order:
                 self.dimensions[name] = self._dimension("define", name)
             for name in self.expressions["derivatives"]:
@@ -79,11 +79,11 @@ class Reader:
             for key in ("algebraic", "outputs"):
                 for name in self.expressions[key]:
                     self._dimension(key, name)
-        if self.flaws:
-            raise ProblemError(self.flaws)
+        if self.issues:
+            raise ProblemError(self.issues)
 
     def _wrong(self, message: str, *key: str) -> None:
-        self.flaws.append(Flaw(("system", *key), message))
+        self.issues.append(Issue(("system", *key), message))
 
     def _names(self) -> None:
         # Names that no expression can have, and names of two things.
@@ -93,7 +93,7 @@ class Reader:
                 taken = (
                     f"{name} is among the {owner[name].replace('_', ' ')} already" if name in owner else ""
                 )
-                reason = taken or name_flaw(name)
+                reason = taken or name_issue(name)
                 owner.setdefault(name, key)
                 if reason:
                     self._wrong(reason, key, name)

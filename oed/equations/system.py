@@ -13,7 +13,7 @@ import casadi as ca
 from oed.equations.dimensions import Dimension, unit_of
 from oed.equations.given import Readable
 from oed.equations.grammar import Expression
-from oed.equations.implicit import algebraic_solver, index_flaws, radau_stepper
+from oed.equations.implicit import algebraic_solver, index_issues, radau_stepper
 from oed.equations.reading import INTEGRATORS, Given, Reader
 from oed.foundation.errors import ProblemError
 from oed.foundation.text import Unit
@@ -119,8 +119,8 @@ class Equations(Readable):
         }
         for name, value in own.items():
             object.__setattr__(self, name, value)
-        if flaws := index_flaws(self):
-            raise ProblemError(flaws)
+        if issues := index_issues(self):
+            raise ProblemError(issues)
 
     @cached_property
     def inputs(self) -> tuple[Input, ...]:  # type: ignore[override]

@@ -13,4 +13,4 @@ from .calibration import Calibration as Calibration
 from .calibration import calibrate as calibrate
 from .setup.options import Alternative as Alternative
 from .setup.options import CalibrationOptions as CalibrationOptions
-from .setup.options import alternative_flaws as alternative_flaws
+from .setup.options import alternative_issues as alternative_issues

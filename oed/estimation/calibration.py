@@ -28,7 +28,7 @@ from oed.estimation.methods.whole_logs import Likeliest
 from oed.estimation.prediction.motion_layout import noise_specified
 from oed.estimation.preprocessing.preprocess import PreparedLogs, preprocess, thinned, thinning_notes
 from oed.estimation.preprocessing.steering_checks import steered_beyond
-from oed.estimation.setup.options import CalibrationOptions, alternative_flaws
+from oed.estimation.setup.options import CalibrationOptions, alternative_issues
 from oed.estimation.setup.unknowns import PLACE
 from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
@@ -202,9 +202,9 @@ class _Work:
     announce: Callable[[str], None]
 
     def calibration(self, test_logs: tuple[Log, ...]) -> Calibration:
-        flaws = alternative_flaws(robot_of(self.problem.model), self.options.models)
-        if flaws:
-            raise ProblemError(flaws)
+        issues = alternative_issues(robot_of(self.problem.model), self.options.models)
+        if issues:
+            raise ProblemError(issues)
         self.announce("comparing wheels and poses")
         found, other = self._prepared(test_logs)
         self.announce("fitting")

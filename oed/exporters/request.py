@@ -71,7 +71,7 @@ class Request:
         if found is None:
             asked = "no feasible result" if self.result is None else f"no result {self.result!r}"
             names = ", ".join(one.name for one in self.record.results) or "none"
-            raise self._flaw(f"{asked}; the record has {names}")
+            raise self._issue(f"{asked}; the record has {names}")
         return found
 
     @property
@@ -89,7 +89,7 @@ class Request:
         drive = self.entry.drive
         if drive is None:
             names = ", ".join(one.name for one in self.record.results if one.drive is not None)
-            raise self._flaw(f"the result {self.name} holds no drive; those that do: {names or 'none'}")
+            raise self._issue(f"the result {self.name} holds no drive; those that do: {names or 'none'}")
         return drive
 
     @cached_property
@@ -114,7 +114,7 @@ class Request:
         """Where to write: `out`, or the folder's file named after the result and `ending`."""
         return self.out if self.out is not None else inside(self.folder, f"{file_stem(self.name)}_{ending}")
 
-    def _flaw(self, text: str) -> RecordError:
+    def _issue(self, text: str) -> RecordError:
         return RecordError.about(self.folder / FILE, text)
 
 

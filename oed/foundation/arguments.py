@@ -58,7 +58,7 @@ class WrongKind(UserMistake, TypeError):
     """An argument that is something else than it is to be."""
 
 
-def kind_flaw(value: object, kind: type) -> str:
+def kind_issue(value: object, kind: type) -> str:
     """Why a value is no object of a class, in words; "" where it is one."""
     return "" if isinstance(value, kind) else _refused(value, _a(kind.__name__), kind.__name__)
 
@@ -97,23 +97,23 @@ def called_in_words(function: Callable[Given, Result]) -> Callable[Given, Result
 def typed(function: Callable[Given, Result]) -> Callable[Given, Result]:
     """A public function that refuses in words whatever is something else than its annotations say."""
 
-    def flaw(given: Mapping[str, object]) -> str:
+    def issue(given: Mapping[str, object]) -> str:
         hints = _hints(function)
-        reasons = ((name, _flaw(value, hints[name])) for name, value in given.items() if name in hints)
+        reasons = ((name, _issue(value, hints[name])) for name, value in given.items() if name in hints)
         wrong = next((f"{name}: {reason}" for name, reason in reasons if reason), "")
         seed = given.get("seed")
         negative = not wrong and isinstance(seed, int) and seed < 0
         return f"seed: {_COUNTED.format(0)}, got {seed}" if negative else wrong
 
-    return _watched(function, flaw)
+    return _watched(function, issue)
 
 
 def _watched(
-    function: Callable[Given, Result], flaw: Callable[[Mapping[str, object]], str]
+    function: Callable[Given, Result], issue: Callable[[Mapping[str, object]], str]
 ) -> Callable[Given, Result]:
     @wraps(function)
     def call(*arguments: Given.args, **keys: Given.kwargs) -> Result:
-        reason = flaw(_bound(function, arguments, keys))
+        reason = issue(_bound(function, arguments, keys))
         if reason:
             raise WrongKind(reason)
         return function(*arguments, **keys)
@@ -143,14 +143,14 @@ def _signature(function: Callable[..., Any]) -> Any:
 _hints = lru_cache(maxsize=128)(get_type_hints)
 
 
-def _flaw(value: object, hint: Any) -> str:
+def _issue(value: object, hint: Any) -> str:
     # Why a value is not what an annotation says, in words; "" where it is.
     if _fits(value, hint):
         return ""
     lists = [one for one in _choices(hint) if get_origin(one) in (Sequence, tuple)]
     if lists and isinstance(value, list | tuple):
-        flaws = ((place, _flaw(entry, get_args(lists[0])[0])) for place, entry in enumerate(value))
-        return next(f"entry {place}: {flaw}" for place, flaw in flaws if flaw)
+        issues = ((place, _issue(entry, get_args(lists[0])[0])) for place, entry in enumerate(value))
+        return next(f"entry {place}: {issue}" for place, issue in issues if issue)
     kinds = [get_origin(one) or one for one in _choices(hint)]
     kinds = [one for one in kinds if one is not NoneType and not (one is str and Path in kinds)]
     names = [_NAMES.get(one) or _a(one.__name__) for one in kinds]

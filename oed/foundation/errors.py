@@ -26,7 +26,7 @@ class Failure(OedError):
 
 
 @dataclass(frozen=True)
-class Flaw:
+class Issue:
     """One thing wrong with a problem: the key's path in the study, and a sentence about it."""
 
     key: tuple[str | int, ...]
@@ -39,38 +39,38 @@ class Flaw:
 
 
 class ProblemError(UserMistake):
-    """A design problem whose parts do not fit together; `flaws` lists every reason at once."""
+    """A design problem whose parts do not fit together; `issues` lists every reason at once."""
 
-    def __init__(self, flaws: Sequence[Flaw]) -> None:
-        """Keep the flaws and join them into the message."""
-        self.flaws = tuple(flaws)
-        super().__init__("\n".join(str(flaw) for flaw in flaws))
+    def __init__(self, issues: Sequence[Issue]) -> None:
+        """Keep the issues and join them into the message."""
+        self.issues = tuple(issues)
+        super().__init__("\n".join(str(issue) for issue in issues))
 
     @classmethod
     def about(cls, key: tuple[str | int, ...], message: str) -> Self:
-        """An error of one flaw, by its key in a study."""
-        return cls([Flaw(key, message)])
+        """An error of one issue, by its key in a study."""
+        return cls([Issue(key, message)])
 
 
 class PartError(ProblemError, ValueError):
-    """A part, made in Python, whose arguments are not what they are to be: `flaws` by class and name."""
+    """A part, made in Python, whose arguments are not what they are to be: `issues` by class and name."""
 
 
 class NotFinite(Failure):
-    """A drive, or what is measured of it, whose numbers are no numbers; `flaw` says which, and when."""
+    """A drive, or what is measured of it, whose numbers are no numbers; `issue` says which, and when."""
 
-    def __init__(self, flaw: Flaw) -> None:
-        """Keep the flaw, which is the message."""
-        self.flaw = flaw
-        super().__init__(str(flaw))
+    def __init__(self, issue: Issue) -> None:
+        """Keep the issue, which is the message."""
+        self.issue = issue
+        super().__init__(str(issue))
 
-    def __reduce__(self) -> tuple[type[NotFinite], tuple[Flaw]]:
-        """What pickles it by its flaw, from the worker that met it."""
-        return NotFinite, (self.flaw,)
+    def __reduce__(self) -> tuple[type[NotFinite], tuple[Issue]]:
+        """What pickles it by its issue, from the worker that met it."""
+        return NotFinite, (self.issue,)
 
 
 @dataclass(frozen=True)
-class FileFlaw:
+class FileIssue:
     """One thing wrong with a file: line and column from 1 (0 where there is none), key path, message."""
 
     file: str
@@ -86,12 +86,12 @@ class FileFlaw:
 
 
 class FileError(UserMistake):
-    """A file that cannot be used as it is; `flaws` lists every reason at once."""
+    """A file that cannot be used as it is; `issues` lists every reason at once."""
 
-    def __init__(self, flaws: Sequence[FileFlaw]) -> None:
-        """Keep the flaws and join them into the message."""
-        self.flaws = tuple(flaws)
-        super().__init__("\n".join(str(flaw) for flaw in flaws))
+    def __init__(self, issues: Sequence[FileIssue]) -> None:
+        """Keep the issues and join them into the message."""
+        self.issues = tuple(issues)
+        super().__init__("\n".join(str(issue) for issue in issues))
 
     @classmethod
     def about(cls, file: object, message: str, key: str = "") -> Self:
@@ -102,7 +102,7 @@ class FileError(UserMistake):
             message: what is wrong.
             key: that names it.
         """
-        return cls([FileFlaw(str(file), 0, 0, key, message)])
+        return cls([FileIssue(str(file), 0, 0, key, message)])
 
 
 class StudyError(FileError):

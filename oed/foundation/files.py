@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
 
-from oed.foundation.errors import Failure, FileError, FileFlaw, UserMistake
+from oed.foundation.errors import Failure, FileError, FileIssue, UserMistake
 from oed.foundation.shown import shown, written
 from oed.foundation.text import did_you_mean
 
@@ -116,7 +116,7 @@ def text_of(
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1
         text = "cannot be read: not UTF-8 text; if it is text, save it as UTF-8"
-        raise refusal([FileFlaw(str(file), line, 0, "", text)]) from None
+        raise refusal([FileIssue(str(file), line, 0, "", text)]) from None
     except OSError as error:
         reason = f"cannot be read: {error.strerror}"
     raise refusal.about(file, reason)
@@ -279,9 +279,9 @@ def inside(folder: Path, name: str) -> Path:
         UserMistake: no file may have that name, or a link leads out of the folder.
     """
     path = folder / name
-    flaw = name_flaw(name, TAKEN)
-    if flaw or path.resolve().parent != folder.resolve():
-        raise UserMistake(f"{path}: {flaw or LEADS_OUT}")
+    issue = name_issue(name, TAKEN)
+    if issue or path.resolve().parent != folder.resolve():
+        raise UserMistake(f"{path}: {issue or LEADS_OUT}")
     return path
 
 
@@ -297,13 +297,13 @@ def within(folder: Path, name: str) -> Path:
     place = folder
     for part in folders:
         place = inside(place, part)
-    flaw = name_flaw(last, TAKEN)
-    if flaw:
-        raise UserMistake(f"{place / last}: {flaw}")
+    issue = name_issue(last, TAKEN)
+    if issue:
+        raise UserMistake(f"{place / last}: {issue}")
     return place / last
 
 
-def identifier_flaw(name: object) -> str:
+def identifier_issue(name: object) -> str:
     """Why a robot's parameter, input or state cannot have that name; "" where it can."""
     if isinstance(name, str) and _IDENTIFIER.fullmatch(name) and len(name.encode()) <= LONGEST:
         return ""
@@ -311,7 +311,7 @@ def identifier_flaw(name: object) -> str:
     return f"{text}, got {written(name)}"
 
 
-def name_flaw(name: str, longest: int = LONGEST) -> str:
+def name_issue(name: str, longest: int = LONGEST) -> str:
     """Why files cannot be named after `name`, of `longest` bytes at most; "" where they can."""
     if not name.strip():
         return "expected a name, got nothing"
@@ -333,7 +333,7 @@ def file_stem(name: str) -> str:
     Raises:
         UserMistake: no file may have that name.
     """
-    flaw = name_flaw(name)
-    if flaw:
-        raise UserMistake(f"name: {flaw}")
+    issue = name_issue(name)
+    if issue:
+        raise UserMistake(f"name: {issue}")
     return name.replace(" ", "_")

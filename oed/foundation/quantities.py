@@ -260,11 +260,11 @@ def _common_unit(text: str) -> tuple[float, tuple[int, int, int]] | None:
 
 
 def _factor(text: str, unit_text: str, unit: str, expected: str) -> float:
-    flaw = unit_flaw(unit_text)
-    if flaw:
+    issue = unit_issue(unit_text)
+    if issue:
         celsius = _CELSIUS.fullmatch(unit_text) and NUMBER.match(text)
         instead = f": {float(celsius.group()) + ZERO_CELSIUS:.10g} K" if celsius else ""
-        raise ValueError(f"{expected}, got {text!r}, whose unit {flaw}{instead}")
+        raise ValueError(f"{expected}, got {text!r}, whose unit {issue}{instead}")
     # Imported late, for it takes longer than all the rest of reading a study.
     import pint
 
@@ -277,7 +277,7 @@ def _factor(text: str, unit_text: str, unit: str, expected: str) -> float:
         raise ValueError(f"{expected}, got {text!r}, whose unit {unit_text!r} is not known") from None
 
 
-def unit_flaw(text: str) -> str:
+def unit_issue(text: str) -> str:
     """What is wrong with the text of a unit, to be put after "unit"; "" if it is one."""
     if _SCALE.search(text):
         return f"{text!r} is no multiple of a unit; write temperatures in K"
@@ -299,7 +299,7 @@ def unit_flaw(text: str) -> str:
 
 
 def base_units(text: str) -> tuple[float, dict[str, float]]:
-    """Of a unit without a flaw, the factor to the registry's base units, and the powers of these by name."""
+    """Of a valid unit, the factor to the registry's base units, and the powers of these by name."""
     one = _one(text).to_base_units()
     return float(one.magnitude), {str(name): float(str(power)) for name, power in one.unit_items()}
 

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from oed.foundation.errors import Flaw, PartError
+from oed.foundation.errors import Issue, PartError
 from oed.foundation.quantities import counts_as_zero
 from oed.foundation.shown import written
 from oed.foundation.text import did_you_mean
@@ -89,10 +89,10 @@ def part_error(error: ValidationError, part: type[BaseModel], given: Mapping[str
     for detail in error.errors(include_url=False):
         texts = reasons.setdefault((part.__name__, *_places(detail, given)), [])
         texts.append(sentence(detail, part))
-    # A flaw deeper down says more than "none of the forms fits" about the whole.
+    # An issue deeper down says more than "none of the forms fits" about the whole.
     above = {key[:depth] for key in reasons for depth in range(1, len(key))}
     found = {key: "; or ".join(telling(texts)) for key, texts in reasons.items() if key not in above}
-    return PartError([Flaw(key, text) for key, text in found.items()])
+    return PartError([Issue(key, text) for key, text in found.items()])
 
 
 def _places(detail: ErrorDetails, given: Any) -> Iterator[str]:

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from oed.foundation.arguments import kind_flaw
-from oed.foundation.errors import Flaw, PartError, ProblemError
+from oed.foundation.arguments import kind_issue
+from oed.foundation.errors import Issue, PartError, ProblemError
 from oed.foundation.shown import written
 from oed.foundation.text import did_you_mean, listing
 from oed.kernel.criteria import CRITERIA, Criterion
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit
-from oed.kernel.measurement.information import scaling_flaws
+from oed.kernel.measurement.information import scaling_issues
 from oed.kernel.measurement.measurement import Block, Measurement
 from oed.kernel.measurement.prior import Prior
-from oed.kernel.measurement.process_noise import process_flaws
+from oed.kernel.measurement.process_noise import process_issues
 from oed.kernel.measurement.sensor import Sensor, joined, labelled_nuisances
 
 if TYPE_CHECKING:
@@ -40,58 +40,58 @@ def parts_of(problem: Problem) -> dict[str, Any]:
     Raises:
         ProblemError: parts that are something else than they are to be; every one is named.
     """
-    flaws: list[Flaw] = []
+    issues: list[Issue] = []
     found = {
         "model": problem.model,
         "design": problem.design,
-        "measurement": _measurement(problem.measurement, flaws),
-        "criterion": _criterion(problem.criterion, flaws),
+        "measurement": _measurement(problem.measurement, issues),
+        "criterion": _criterion(problem.criterion, issues),
     }
-    broken = {flaw.key[0] for flaw in flaws}
-    reasons = {name: kind_flaw(one, KINDS[name]) for name, one in found.items() if name not in broken}
+    broken = {issue.key[0] for issue in issues}
+    reasons = {name: kind_issue(one, KINDS[name]) for name, one in found.items() if name not in broken}
     if problem.prior is not None:
-        reasons["prior"] = kind_flaw(problem.prior, Prior)
-    flaws += [Flaw((name,), reason) for name, reason in reasons.items() if reason]
+        reasons["prior"] = kind_issue(problem.prior, Prior)
+    issues += [Issue((name,), reason) for name, reason in reasons.items() if reason]
     estimate = (problem.estimate,) if isinstance(problem.estimate, str) else problem.estimate
     limits, others = _limits(problem.limits)
-    flaws += others
-    if flaws:
-        raise ProblemError(flaws)
+    issues += others
+    if issues:
+        raise ProblemError(issues)
     return {**found, "limits": limits, "estimate": None if estimate is None else tuple(estimate)}
 
 
-def _kind_flaws(found: Mapping[str, object], kinds: Mapping[str, type]) -> list[Flaw]:
-    reasons = {name: kind_flaw(one, kinds[name]) for name, one in found.items()}
-    return [Flaw((name,), reason) for name, reason in reasons.items() if reason]
+def _kind_issues(found: Mapping[str, object], kinds: Mapping[str, type]) -> list[Issue]:
+    reasons = {name: kind_issue(one, kinds[name]) for name, one in found.items()}
+    return [Issue((name,), reason) for name, reason in reasons.items() if reason]
 
 
-def _limits(given: Any) -> tuple[tuple[Limit, ...], list[Flaw]]:
+def _limits(given: Any) -> tuple[tuple[Limit, ...], list[Issue]]:
     if isinstance(given, Limit):
         return (given,), []
     if not isinstance(given, list | tuple):
-        return (), [Flaw(("limits",), f"expected a list of limits, got {written(given)}")]
-    reasons = ((place, kind_flaw(one, Limit)) for place, one in enumerate(given))
-    return tuple(given), [Flaw(("limits", place), reason) for place, reason in reasons if reason]
+        return (), [Issue(("limits",), f"expected a list of limits, got {written(given)}")]
+    reasons = ((place, kind_issue(one, Limit)) for place, one in enumerate(given))
+    return tuple(given), [Issue(("limits", place), reason) for place, reason in reasons if reason]
 
 
-def _measurement(given: Any, flaws: list[Flaw]) -> Any:
+def _measurement(given: Any, issues: list[Issue]) -> Any:
     if not isinstance(given, list | tuple):
         return given
-    reasons = ((place, kind_flaw(one, Sensor)) for place, one in enumerate(given))
-    found = [Flaw(("measurement", place), reason) for place, reason in reasons if reason]
+    reasons = ((place, kind_issue(one, Sensor)) for place, one in enumerate(given))
+    found = [Issue(("measurement", place), reason) for place, reason in reasons if reason]
     if not given:
-        found = [Flaw(("measurement",), "expected at least one sensor")]
-    flaws += found
+        found = [Issue(("measurement",), "expected at least one sensor")]
+    issues += found
     return given if found else joined(given)
 
 
-def _criterion(given: Any, flaws: list[Flaw]) -> Any:
+def _criterion(given: Any, issues: list[Issue]) -> Any:
     if not isinstance(given, str):
         return given
     kinds = {one.model_fields["kind"].default: one for one in CRITERIA}
     if given not in kinds:
-        flaws.append(
-            Flaw(
+        issues.append(
+            Issue(
                 ("criterion",),
                 f"expected one of {', '.join(kinds)}, got {written(given)}{did_you_mean(given, kinds)}",
             )
@@ -100,37 +100,37 @@ def _criterion(given: Any, flaws: list[Flaw]) -> Any:
     try:
         return kinds[given](kind=given)
     except PartError as error:
-        needs = listing([str(one.key[-1]) for one in error.flaws])
-        flaws.append(Flaw(("criterion",), f"{given} needs {needs} as well: give the criterion itself"))
+        needs = listing([str(one.key[-1]) for one in error.issues])
+        issues.append(Issue(("criterion",), f"{given} needs {needs} as well: give the criterion itself"))
         return given
 
 
-def problem_flaws(problem: Problem) -> list[Flaw]:
+def problem_issues(problem: Problem) -> list[Issue]:
     """Why a problem's parts do not fit together, by key; [] where they do."""
     model, space = problem.model, problem.design
-    flaws = model.flaws()
-    if flaws:
+    issues = model.issues()
+    if issues:
         # Of such a system nothing else can be said.
-        return flaws
-    flaws += _signal_flaws(problem) if space.own_signals else _spline_flaws(space)
-    flaws += _start_flaws(problem)
+        return issues
+    issues += _signal_issues(problem) if space.own_signals else _spline_issues(space)
+    issues += _start_issues(problem)
     for limit in problem.limits:
-        flaws += limit.flaws(model, space)
+        issues += limit.issues(model, space)
     names = [limit.name for limit in problem.limits]
     for name in sorted({name for name in names if names.count(name) > 1}):
-        flaws.append(Flaw(("limits", name), "given twice; a limit is known by its name"))
-    flaws += unbounded(problem) if problem.designed else []
-    flaws += problem.measurement.flaws(model, space.samples)
-    flaws += process_flaws(problem.measurement.joint_sensors, model)
-    flaws += _name_flaws(problem)
+        issues.append(Issue(("limits", name), "given twice; a limit is known by its name"))
+    issues += unbounded(problem) if problem.designed else []
+    issues += problem.measurement.issues(model, space.samples)
+    issues += process_issues(problem.measurement.joint_sensors, model)
+    issues += _name_issues(problem)
     # What widens a problem by a tolerance is nobody's mistake.
-    flaws += [] if problem.excess else model.doubts(problem)
+    issues += [] if problem.excess else model.doubts(problem)
     # Blocks exist only for a measurement that fits the system.
-    chosen = problem.selection.flaws(problem) if problem.selection is not None and not flaws else []
-    return flaws or chosen or _estimation_flaws(problem) or _uncertainty_flaws(problem)
+    chosen = problem.selection.issues(problem) if problem.selection is not None and not issues else []
+    return issues or chosen or _estimation_issues(problem) or _uncertainty_issues(problem)
 
 
-def _spline_flaws(space: Space) -> list[Flaw]:
+def _spline_issues(space: Space) -> list[Issue]:
     needed = space.spline.degree + (3 if space.rest_to_rest else 1)
     if space.spline.count >= needed:
         return []
@@ -138,28 +138,28 @@ def _spline_flaws(space: Space) -> list[Flaw]:
         f"a degree-{space.spline.degree} spline{' at rest at both ends' if space.rest_to_rest else ''} "
         f"needs at least {needed} coefficients, got {space.spline.count}"
     )
-    return [Flaw(("trajectory", "spline", "coefficients"), text)]
+    return [Issue(("trajectory", "spline", "coefficients"), text)]
 
 
-def _signal_flaws(problem: Problem) -> list[Flaw]:
+def _signal_issues(problem: Problem) -> list[Issue]:
     space, names = problem.design, problem.model.input_names
     if len(space.own_signals) != len(names):
         text = f"expected one for each input ({', '.join(names)}), got {len(space.own_signals)}"
-        return [Flaw(("trajectory", "signals"), text)]
+        return [Issue(("trajectory", "signals"), text)]
     ranges = problem.input_bounds
     found = [
-        Flaw(("trajectory", "signals", place), f"{names[place]}: {doubt}")
+        Issue(("trajectory", "signals", place), f"{names[place]}: {doubt}")
         for place, one in enumerate(space.own_signals)
         if (doubt := one.doubts(space.duration, space.samples) or one.misfit(*ranges[place]))
     ]
     if space.rest_to_rest:
         found.append(
-            Flaw(("trajectory", "rest_to_rest"), "each of `signals` says it for itself; leave it out")
+            Issue(("trajectory", "rest_to_rest"), "each of `signals` says it for itself; leave it out")
         )
     return found
 
 
-def _start_flaws(problem: Problem) -> list[Flaw]:
+def _start_issues(problem: Problem) -> list[Issue]:
     space, states = problem.design, problem.model.states
     given = (
         {"start": space.fixed_starts}
@@ -168,20 +168,20 @@ def _start_flaws(problem: Problem) -> list[Flaw]:
     )
     known = ", ".join(states) or "there are none"
     return [
-        Flaw(("trajectory", key), f"expected at most one for each state ({known}), got {table.shape[1]}")
+        Issue(("trajectory", key), f"expected at most one for each state ({known}), got {table.shape[1]}")
         for key, table in given.items()
         if table is not None and table.shape[1] > len(states)
     ]
 
 
-def unbounded(problem: Problem) -> list[Flaw]:
+def unbounded(problem: Problem) -> list[Issue]:
     """Inputs that no limit bounds, with the limits that would; of those that are given none."""
     if problem.design.only is not None:
         return []
     names = [limit.name for limit in problem.limits]
     found = zip(problem.model.inputs, problem.input_bounds, strict=True)
     return [
-        Flaw(
+        Issue(
             ("limits",),
             f"nothing bounds {one.name}; {problem.model.remedy(one, names)}, without which no design is best",
         )
@@ -190,16 +190,16 @@ def unbounded(problem: Problem) -> list[Flaw]:
     ]
 
 
-def _name_flaws(problem: Problem) -> list[Flaw]:
+def _name_issues(problem: Problem) -> list[Issue]:
     # Parameters that the system has by none of the sorts it is known by, or of several at once.
     wanted, known = problem.estimated_of_system, problem.model.estimable
     if wanted is None or problem.estimate is None:
         return []
     if not problem.estimate:
-        return [Flaw(("estimate",), "expected at least one parameter")]
+        return [Issue(("estimate",), "expected at least one parameter")]
     labels = [problem.constants[name].name for name in problem.constants]
     if len(set(wanted)) < len(wanted) or len(set(labels)) < len(problem.estimate) - len(wanted):
-        return [Flaw(("estimate",), "a parameter is listed twice")]
+        return [Issue(("estimate",), "a parameter is listed twice")]
     if any(set(wanted) <= set(names) for names in known.values()):
         return []
     choices = " or ".join(f"{sort} ({', '.join(names)})" for sort, names in known.items())
@@ -208,19 +208,19 @@ def _name_flaws(problem: Problem) -> list[Flaw]:
     text = f"expected some of the {problem.model.noun}'s {choices}, got {', '.join(wanted)}"
     every = [name for names in known.values() for name in names]
     text += next((did_you_mean(name, every) for name in wanted if name not in every), "")
-    return [Flaw(("estimate",), text)]
+    return [Issue(("estimate",), text)]
 
 
-def _uncertainty_flaws(problem: Problem) -> list[Flaw]:
-    flaws = problem.uncertainty.flaws(problem.uncertain_system) if problem.uncertainty is not None else []
-    return flaws or (problem.robust.flaws(problem.uncertain_system) if problem.robust is not None else [])
+def _uncertainty_issues(problem: Problem) -> list[Issue]:
+    issues = problem.uncertainty.issues(problem.uncertain_system) if problem.uncertainty is not None else []
+    return issues or (problem.robust.issues(problem.uncertain_system) if problem.robust is not None else [])
 
 
-def _estimation_flaws(problem: Problem) -> list[Flaw]:
+def _estimation_issues(problem: Problem) -> list[Issue]:
     said = [name for name, one in problem.constants.items() if one.deviation is not None]
     if said:
         text = f"what is known of {', '.join(said)} beforehand is to be given as `prior`, not as a deviation"
-        return [Flaw(("estimate",), text)]
+        return [Issue(("estimate",), text)]
     blocks = problem.any_blocks
     known = [name for block in blocks for name in block.parameters]
     strangers = [name for name in problem.estimate or () if name not in known]
@@ -229,32 +229,32 @@ def _estimation_flaws(problem: Problem) -> list[Flaw]:
             f"{', '.join(strangers)} cannot be estimated from {problem.measurement.kind}, "
             f"which identify {', '.join(known)}"
         )
-        return [Flaw(("estimate",), text)]
+        return [Issue(("estimate",), text)]
     estimated = problem.estimate or known
     unknown = [name for name in problem.criterion.subset or () if name not in estimated]
     if unknown or problem.criterion.subset == ():
         text = f"expected some of the estimated {', '.join(estimated)}, got {', '.join(unknown) or 'none'}"
-        return [Flaw(("criterion", "subset"), text)]
+        return [Issue(("criterion", "subset"), text)]
     judged = [problem.judged(block) for block in blocks]
-    flaws = scaling_flaws(
+    issues = scaling_issues(
         [block for block, names in zip(blocks, judged, strict=True) if names],
         problem.criterion.scaling,
         [names for names in judged if names],
     )
-    flaws += _prior_flaws(problem, blocks, list(estimated))
-    return flaws or problem.criterion.flaws(problem.subject)
+    issues += _prior_issues(problem, blocks, list(estimated))
+    return issues or problem.criterion.issues(problem.subject)
 
 
-def _prior_flaws(problem: Problem, blocks: Sequence[Block], estimated: list[str]) -> list[Flaw]:
+def _prior_issues(problem: Problem, blocks: Sequence[Block], estimated: list[str]) -> list[Issue]:
     if problem.prior is None:
         return []
     if problem.criterion.scaling == "none" and any(block.raw for block in blocks):
         text = "a prior cannot be added to W'W, which leaves the noise out; use scaling: relative"
-        return [Flaw(("prior",), text)]
+        return [Issue(("prior",), text)]
     table = {
         name: (value, unit)
         for block in blocks
         for name, value, unit in zip(block.parameters, block.nominal, block.units, strict=True)
     }
     values = np.array([table[name][0] for name in estimated])
-    return problem.prior.flaws(estimated, values, [table[name][1] for name in estimated])
+    return problem.prior.issues(estimated, values, [table[name][1] for name in estimated])

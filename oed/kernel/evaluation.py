@@ -13,7 +13,7 @@ import numpy as np
 
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Flaw, NotFinite
+from oed.foundation.errors import Issue, NotFinite
 from oed.kernel.between import GAP, Sight, most_exceeded
 from oed.kernel.dynamics.direct_call import Outputs
 from oed.kernel.dynamics.rollout import FINE, any_drive
@@ -343,7 +343,7 @@ def _margin(
 ) -> Margin:
     # Where only a violation by more than a share of the limit's size counts, it is no closer than that.
     if np.isnan(values).any():
-        raise NotFinite(Flaw(("limits", limit.name), "not a number somewhere along the drive"))
+        raise NotFinite(Issue(("limits", limit.name), "not a number somewhere along the drive"))
     # Between the points the limit is looked at as it stands; where it is widened, so are the margins.
     spare = problem.excess * rows.size
     excess = np.maximum(values - rows.upper, rows.lower - values) + spare

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools
-from oed.foundation.errors import Flaw, NotFinite
+from oed.foundation.errors import Issue, NotFinite
 from oed.foundation.quantities import LARGEST
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.sensor import row_times
@@ -27,7 +27,7 @@ def require_driven(problem: Problem, trajectory: Trajectory, path: Array) -> Non
     """
     for inside, what in ((np.isfinite(path), "not finite"), (np.abs(path) <= LARGEST, f"beyond {LARGEST:g}")):
         if not inside.all():
-            raise NotFinite(Flaw((problem.model.noun,), _departure(problem, trajectory, inside, what)))
+            raise NotFinite(Issue((problem.model.noun,), _departure(problem, trajectory, inside, what)))
 
 
 def require_measured(
@@ -50,7 +50,7 @@ def require_measured(
         if rows.size:
             where = _reading(problem, trajectory, int(rows[0]), len(array))
             columns = np.flatnonzero(~np.isfinite(array[rows[0]])).tolist() if what == "derivative" else []
-            raise NotFinite(Flaw(("measurement",), _sentence(problem, what, where, columns)))
+            raise NotFinite(Issue(("measurement",), _sentence(problem, what, where, columns)))
 
 
 def _departure(problem: Problem, trajectory: Trajectory, inside: Bools, what: str) -> str:

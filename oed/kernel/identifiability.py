@@ -14,7 +14,7 @@ import numpy as np
 
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Flaw, NotFinite, ProblemError
+from oed.foundation.errors import Issue, NotFinite, ProblemError
 from oed.kernel.coarser import as_well_read
 from oed.kernel.dynamics.embedding import Embedding, embedding_of
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -74,7 +74,7 @@ def require_identifiable(problem: Problem) -> None:
         return
     remedy = "Take one of them as known (leave it out of `estimate`), give a `prior`, or measure more."
     key = "measurement" if problem.estimate is None else "estimate"
-    raise ProblemError([Flaw((key,), f"{'; '.join(map(str, found))}. {remedy}")])
+    raise ProblemError([Issue((key,), f"{'; '.join(map(str, found))}. {remedy}")])
 
 
 @typed

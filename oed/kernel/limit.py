@@ -15,7 +15,7 @@ from pydantic_core import CoreSchema
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.presenting import Brief
 from oed.foundation.quantities import counts_as_zero, parse_quantity
 from oed.kernel.dynamics.expression import Expression
@@ -127,7 +127,7 @@ class Limit(Component, ABC):
         """
         return excess
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
+    def issues(self, system: System, space: Space) -> list[Issue]:
         """What makes this limit impossible for the system or the design space; [] if nothing."""
         return []
 
@@ -260,18 +260,18 @@ class InputLimit(Limit, ABC):
             raise ValueError("expected bounds for all inputs alike, or bounds by the inputs' names")
         return self
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
+    def issues(self, system: System, space: Space) -> list[Issue]:
         """A system without such inputs, inputs without bounds, bounds that its equations do not allow."""
         own = [entry for entry in system.inputs if entry.quantity == self.quantity]
         if not own:
             text = (
                 f"{label_of(system)} has no {self.quantity}; its inputs are {', '.join(system.input_names)}"
             )
-            return [Flaw(("limits", self.name), text)]
+            return [Issue(("limits", self.name), text)]
         names = [entry.name for entry in own]
         if self.each is not None and set(self.each) != set(names):
             text = f"expected bounds of {', '.join(names)}; got {', '.join(self.each)}"
-            return [Flaw(("limits", self.name), text)]
+            return [Issue(("limits", self.name), text)]
         return []
 
     def bounds_of(self, name: str) -> tuple[float, float]:
@@ -295,7 +295,7 @@ class InputLimit(Limit, ABC):
         return Rows(ca.vec(columns), low, high, float(np.abs(pairs).max()), self.unit)
 
 
-def rest_flaws(limit: Limit, pairs: Iterable[tuple[float, float]], unit: str, space: Space) -> list[Flaw]:
+def rest_issues(limit: Limit, pairs: Iterable[tuple[float, float]], unit: str, space: Space) -> list[Issue]:
     """Bounds that exclude 0 where everything begins and ends there.
 
     Args:
@@ -307,7 +307,7 @@ def rest_flaws(limit: Limit, pairs: Iterable[tuple[float, float]], unit: str, sp
     if not space.rest_to_rest:
         return []
     return [
-        Flaw(
+        Issue(
             ("limits", limit.name),
             f"[{low:g}, {high:g}] {unit} excludes 0, which trajectory.rest_to_rest needs",
         )

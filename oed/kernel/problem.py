@@ -12,11 +12,11 @@ import numpy.typing as npt
 
 from oed.foundation.arguments import called_in_words
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Card, Fact, Presented, given
 from oed.foundation.text import given_text, words
-from oed.kernel.consistency import parts_of, problem_flaws, unbounded
+from oed.kernel.consistency import parts_of, problem_issues, unbounded
 from oed.kernel.criteria import Criterion, Subject
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, drive_shape
@@ -158,9 +158,9 @@ class Problem(Presented, Renamed):
         for key, part in parts_of(self).items():
             object.__setattr__(self, key, part)
         object.__setattr__(self, "model", self.design.driving(self.model))
-        flaws = problem_flaws(self)
-        if flaws:
-            raise ProblemError(flaws)
+        issues = problem_issues(self)
+        if issues:
+            raise ProblemError(issues)
 
     def require_designed(self) -> None:
         """Refuse a problem of which no drive can be designed.
@@ -170,7 +170,7 @@ class Problem(Presented, Renamed):
         """
         if not self.designed:
             text = "missing, and so no drive is designed: say how long it takes, e.g. {duration: 20 s}"
-            raise ProblemError([Flaw(("trajectory",), text), *unbounded(self)])
+            raise ProblemError([Issue(("trajectory",), text), *unbounded(self)])
 
     @cached_property
     def system(self) -> System:

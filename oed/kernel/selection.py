@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw, UserMistake
+from oed.foundation.errors import Issue, UserMistake
 from oed.foundation.quantities import parse_quantity
 from oed.kernel.margin import Margin
 from oed.kernel.measurement.process_noise import process_noise_of
@@ -101,25 +101,25 @@ class Selection(Component):
         sensors, space = problem.measurement.joint_sensors, problem.design
         return laid_out(sensors, problem.system, space.samples, space.runs, space.period)
 
-    def flaws(self, problem: Problem) -> list[Flaw]:
-        """Why a problem's readings cannot be weighed so; [] if they can."""
+    def issues(self, problem: Problem) -> list[Issue]:
+        """Why a problem's readings cannot be weighted so; [] if they can."""
         sensors = problem.measurement.joint_sensors
         if not sensors or any(one.joint_whitening is not None for one in sensors):
             text = "weights need sensors whose readings are independent of each other"
-            return [Flaw(("weights",), f"{text}; {problem.measurement.kind} are not")]
+            return [Issue(("weights",), f"{text}; {problem.measurement.kind} are not")]
         noise = process_noise_of(sensors)
         if noise is not None:
             text = (
                 "under drift what a reading says depends on the others, and weights would have to add it up"
             )
             text = "weights of trials do not go with drift" if self.of == "trials" else text
-            return [Flaw(("weights",), f"{text}: leave out `{noise.key}`, or `weights`")]
+            return [Issue(("weights",), f"{text}: leave out `{noise.key}`, or `weights`")]
         if problem.robust is not None:
-            return [Flaw(("weights",), "cannot be chosen for several systems at once: leave out `robust`")]
+            return [Issue(("weights",), "cannot be chosen for several systems at once: leave out `robust`")]
         try:
             self._require_whole(self.budgets(self.parts(self.laid_out(problem))))
         except UserMistake as error:
-            return [Flaw(("weights",), str(error))]
+            return [Issue(("weights",), str(error))]
         return []
 
     def _require_whole(self, budgets: tuple[Budget, ...]) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit, PathLimit, Rows
@@ -75,7 +75,7 @@ class Uncertain(Component, ABC):
     """How far a system may be from its nominal parameters: what a design has to survive."""
 
     @abstractmethod
-    def flaws(self, system: UncertainSystem) -> list[Flaw]:
+    def issues(self, system: UncertainSystem) -> list[Issue]:
         """Why the system cannot be uncertain so; [] if it can."""
 
 
@@ -113,7 +113,7 @@ class Tightening(Component, ABC):
         """Whether limits have a back-off at all."""
         return True
 
-    def flaws(self, system: UncertainSystem) -> list[Flaw]:
+    def issues(self, system: UncertainSystem) -> list[Issue]:
         """Why limits cannot be tightened so for a system; [] if they can."""
         return []
 

@@ -62,7 +62,7 @@ class Bag:
     reader: Any
     types: dict[str, str]
 
-    def flaw(self, key: str, message: str, *named: str) -> LogError:
+    def issue(self, key: str, message: str, *named: str) -> LogError:
         """An error about the bag as a whole.
 
         Args:
@@ -99,11 +99,11 @@ class Bag:
         there = f"of type {words} it has {', '.join(fitting) or 'none'}"
         if given is not None and given not in self.types:
             hint = did_you_mean(given, fitting) or ";"
-            raise self.flaw(key, f"the bag has no topic {given}{hint} {there}", *named)
+            raise self.issue(key, f"the bag has no topic {given}{hint} {there}", *named)
         if given is not None and self.types[given] not in types:
-            raise self.flaw(key, f"{given} is of type {self.types[given]}; {there}", *named)
+            raise self.issue(key, f"{given} is of type {self.types[given]}; {there}", *named)
         if given is None and len(fitting) != 1:
-            raise self.flaw(key, f"expected one topic to choose from; {there}")
+            raise self.issue(key, f"expected one topic to choose from; {there}")
         return given or fitting[0]
 
     def any_topic(self, given: str, key: str, *named: str) -> str:
@@ -120,7 +120,7 @@ class Bag:
         if given not in self.types:
             known = ", ".join(sorted(self.types)) or "none"
             hint = did_you_mean(given, self.types) or ";"
-            raise self.flaw(key, f"the bag has no topic {given}{hint} it has {known}", *named)
+            raise self.issue(key, f"the bag has no topic {given}{hint} it has {known}", *named)
         return given
 
     def messages(self, topic: str, clock: Clock) -> Iterator[tuple[int, float, Any]]:
@@ -138,7 +138,7 @@ class Bag:
                 message = self.reader.deserialize(data, connection.msgtype)
             except Exception as error:
                 text = f"cannot be decoded as {connection.msgtype}: {error}"
-                raise self.flaw(topic, f"message {number}: {text}") from None
+                raise self.issue(topic, f"message {number}: {text}") from None
             for part in getattr(message, "transforms", [message]):
                 stamped = clock == "header" and hasattr(part, "header")
                 yield number, (_stamp(part) if stamped else received * 1e-9), part
@@ -234,7 +234,7 @@ def read_joints(bag: Bag, topic: str, clock: Clock) -> Joints:
     for number, time, message in bag.messages(topic, clock):
         reason = _reason_against(message, tuple(rows))
         if reason:
-            raise bag.flaw(topic, f"message {number}: {reason}")
+            raise bag.issue(topic, f"message {number}: {reason}")
         for quantity, found in rows.items():
             # A joint state may lack all of its positions, or all of its speeds.
             for name, value in zip(message.name, getattr(message, quantity), strict=False):
@@ -278,7 +278,7 @@ def series_of(bag: Bag, topic: str, rows: Sequence[Sequence[float]]) -> Series:
     lines = table[:, -1].astype(np.intp)
     series = Series(bag.file, topic, table[:, 0], table[:, 1:-1], lines, counted="message")
     if not series.times.any():
-        raise bag.flaw(topic, "the stamps of the messages are all zero; say `clock: received`")
+        raise bag.issue(topic, "the stamps of the messages are all zero; say `clock: received`")
     return series
 
 
@@ -318,7 +318,7 @@ def read_poses(
     chosen = {pair for pair in pairs if frame in (None, pair[0]) and child in (None, pair[1])}
     if of_transforms and len(chosen) > 1:
         text = f"{topic} has several transforms; give `frame` and `child`: {_pairs(pairs)}"
-        raise bag.flaw(key, text, key)
+        raise bag.issue(key, text, key)
     if not rows:
         raise _no_pose(bag, topic, pairs, frame, child, key)
     return planar(series_of(bag, topic, rows).finite(skip).without_repeats())
@@ -331,8 +331,8 @@ def _no_pose(
     for key, given, there in zip(("frame", "child"), (frame, child), zip(*pairs, strict=True), strict=False):
         if given is not None and given not in there:
             hint = did_you_mean(given, there) or ";"
-            return bag.flaw(asking, f"{text} of the {key} {given}{hint} it has {known}", asking, key)
-    return bag.flaw(asking, f"{text}; it has {known}" if known else text)
+            return bag.issue(asking, f"{text} of the {key} {given}{hint} it has {known}", asking, key)
+    return bag.issue(asking, f"{text}; it has {known}" if known else text)
 
 
 def _frames(message: Any) -> tuple[str, str]:
@@ -365,10 +365,10 @@ def planar(series: Series) -> Series:
     turned = series.values[:, -4:]
     with np.errstate(over="ignore"):
         sizes = np.linalg.norm(turned, axis=1)
-    flaws = [
-        series.flaw(row, series.clock, "expected a unit quaternion")
+    issues = [
+        series.issue(row, series.clock, "expected a unit quaternion")
         for row in np.flatnonzero(np.abs(sizes - 1) > OFF_UNIT).tolist()
     ]
-    if flaws:
-        raise LogError(flaws)
+    if issues:
+        raise LogError(issues)
     return series.with_values(np.column_stack([series.values[:, :-4], heading_of(turned)]))

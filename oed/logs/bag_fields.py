@@ -69,7 +69,7 @@ def refused(bag: Bag, topic: str, number: int, *named: str) -> Iterator[None]:
     try:
         yield
     except _NotThere as error:
-        raise bag.flaw(topic, f"message {number}: {error}", *named) from None
+        raise bag.issue(topic, f"message {number}: {error}", *named) from None
 
 
 def read_fields(
@@ -95,7 +95,7 @@ def read_fields(
             values += _numbers(message, paths[-1]) if turned else []
         rows.append((time, *values, number))
     if not rows:
-        raise bag.flaw(topic, "the topic has no messages", *named)
+        raise bag.issue(topic, "the topic has no messages", *named)
     return series_of(bag, topic, rows)
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Tag
 
-from oed.foundation.errors import Flaw, LogError
+from oed.foundation.errors import Issue, LogError
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Measurement
 from oed.logs.bag import JOINTS, POSES, Bag, Clock, open_bag
@@ -23,7 +23,7 @@ from oed.logs.drive import RecordedDrive, to_logs
 from oed.logs.form import LogForm, read_twice
 from oed.logs.integrals import on_one_clock
 from oed.logs.log import Finding, Log
-from oed.logs.sensors import labelled, source_flaws, with_sensors
+from oed.logs.sensors import labelled, source_issues, with_sensors
 from oed.logs.series import Series, together
 from oed.logs.tables.columns import NONE_OR_GIVEN, Short
 from oed.logs.tables.input_columns import unknown_input
@@ -57,22 +57,27 @@ class BagForm(LogForm):
     sensors: dict[str, Annotated[SensorTopic, Short("topics")]] = {}  # noqa: RUF012
     clock: Clock = "header"
 
-    def flaws(self, model: System) -> list[Flaw]:
+    def issues(self, model: System) -> list[Issue]:
         """Inputs the robot does not have, keys that exclude each other, forms and units that do not fit."""
-        reference = [] if self.reference is None else self.reference.flaws()
+        reference = [] if self.reference is None else self.reference.issues()
         own = [*reference, *self._unread(model)]
         if isinstance(self.inputs, OdometryTopic):
-            return [*self.inputs.flaws(model), *own]
+            return [*self.inputs.issues(model), *own]
         entries = {entry.name: entry for entry in model.inputs}
         unknown = [
-            Flaw(("log", "inputs", name), unknown_input(name, model.input_names))
+            Issue(("log", "inputs", name), unknown_input(name, model.input_names))
             for name in self.inputs
             if name not in entries
         ]
-        known = [one.flaws(entries[name], model) for name, one in self.inputs.items() if name in entries]
-        return [*unknown, *(flaw for flaws in known for flaw in flaws), *own, *self._read_twice(self.inputs)]
+        known = [one.issues(entries[name], model) for name, one in self.inputs.items() if name in entries]
+        return [
+            *unknown,
+            *(issue for issues in known for issue in issues),
+            *own,
+            *self._read_twice(self.inputs),
+        ]
 
-    def _unread(self, model: System) -> list[Flaw]:
+    def _unread(self, model: System) -> list[Issue]:
         # Topics that no input is read from, so that naming them does nothing.
         places = {entry.name: meant(entry, model) for entry in model.inputs}
         none = "no input is {}; leave it out"
@@ -85,12 +90,12 @@ class BagForm(LogForm):
             own = ((self.inputs.get(name) or BagInput(), place) for name, place in places.items())
             read |= {source_of(given, place, self.commands, joints) for given, place in own}
         return [
-            Flaw(("log", key), text)
+            Issue(("log", key), text)
             for key, text in texts.items()
             if getattr(self, key) is not None and key not in read
         ]
 
-    def _read_twice(self, inputs: Mapping[str, BagInput]) -> list[Flaw]:
+    def _read_twice(self, inputs: Mapping[str, BagInput]) -> list[Issue]:
         # Joints and fields that are more than one quantity.
         each: dict[tuple[str, ...], tuple[str, ...]] = {}
         for name, one in inputs.items():
@@ -128,12 +133,12 @@ class BagForm(LogForm):
         sensors = [usual_type(name) for name, one in self.sensors.items() if not one.topics]
         return tuple(dict.fromkeys((*joints, *poses, *(kind for kinds in sensors for kind in kinds))))
 
-    def sensor_flaws(self, measurement: Measurement | None) -> list[Flaw]:
+    def sensor_issues(self, measurement: Measurement | None) -> list[Issue]:
         """Sensors that the study has not, numbers of topics and units that do not fit."""
         nowhere = self.poses == "none" and not self.sensors
         text = "nothing says where the robot was: name a sensor that does under `sensors`"
-        own = [Flaw(("log", "poses"), text)] if nowhere else []
-        return [*own, *source_flaws(self.sensors, measurement)]
+        own = [Issue(("log", "poses"), text)] if nowhere else []
+        return [*own, *source_issues(self.sensors, measurement)]
 
     def sensed(self, file: Path, logs: list[Log], measurement: Measurement | None) -> list[Log]:
         """The drive with what sensors beside the poses read.
@@ -179,7 +184,7 @@ class BagForm(LogForm):
         topic = reference.found(bag, own)
         if topic in own:
             text = f"{topic} is the robot's own odometry, which its inputs are; the reference is another"
-            raise bag.flaw("poses", text, "poses", "topic")
+            raise bag.issue("poses", text, "poses", "topic")
         series = reference.read(bag, topic, self.clock, skip=self.skip_invalid_rows)
         return reference.quantities(bag, topic), series
 

@@ -9,13 +9,13 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.system import Input, System
 from oed.logs.bag_fields import FieldPath
 from oed.logs.input_forms import AngleForm, InputForm, SpeedForm, TicksForm
 from oed.logs.integrals import Held
-from oed.logs.odometry import odometry_flaws
+from oed.logs.odometry import odometry_issues
 from oed.logs.tables.columns import Short
 
 FORMS: dict[str, type[InputForm]] = {
@@ -125,24 +125,24 @@ class BagInput(Component):
         known = {name: value for name, value in usual.items() if name in kind.model_fields}
         return kind(**{**known, **given, "form": form})
 
-    def flaws(self, entry: Input, model: System) -> list[Flaw]:
+    def issues(self, entry: Input, model: System) -> list[Issue]:
         """Keys that exclude each other, and forms and units that do not fit the input."""
         place = ("log", "inputs", entry.name)
         if self.joint is not None and self.topic is not None:
-            return [Flaw((*place, "joint"), "is one of joint states'; `topic` is of other messages")]
+            return [Issue((*place, "joint"), "is one of joint states'; `topic` is of other messages")]
         if self.field is not None and self.topic is None:
-            return [Flaw((*place, "field"), "is one of which topic's messages? give `topic`, too")]
+            return [Issue((*place, "field"), "is one of which topic's messages? give `topic`, too")]
         form = self.form or ("speed" if entry.drives else "value")
         missing = [key for key in OF_COUNTERS if key in self.model_fields_set - set(FORMS[form].model_fields)]
         if missing:
-            return [Flaw((*place, missing[0]), f"is a key of form: ticks, and the form is {form}")]
+            return [Issue((*place, missing[0]), f"is a key of form: ticks, and the form is {form}")]
         if form == "ticks" and self.ticks_per_turn is None:
-            return [Flaw((*place, "ticks_per_turn"), "is missing: how many ticks does a turn have?")]
+            return [Issue((*place, "ticks_per_turn"), "is missing: how many ticks does a turn have?")]
         if self.form is None and self.topic is None:
             # Whether the joint's angle or its speed is read shows in the bag.
             return []
         key, reason = self.made(form).reason_against(entry, model.lever(entry))
-        return [Flaw((*place, key), reason)] if reason else []
+        return [Issue((*place, key), reason)] if reason else []
 
 
 class OdometryTopic(Component):
@@ -159,9 +159,9 @@ class OdometryTopic(Component):
     frame: str | None = None
     child: str | None = None
 
-    def flaws(self, model: System) -> list[Flaw]:
+    def issues(self, model: System) -> list[Issue]:
         """A robot of other inputs."""
-        return odometry_flaws(model)
+        return odometry_issues(model)
 
 
 def source_of(

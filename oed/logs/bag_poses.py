@@ -7,7 +7,7 @@ from collections.abc import Collection
 from pydantic import Field
 
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.logs.bag import IMU, POSES, Bag, Clock, planar, read_poses
 from oed.logs.bag_fields import AnyNumberField, NumberField, read_fields
 from oed.logs.form import Repeats
@@ -41,15 +41,15 @@ class PoseTopic(Component):
         """Those that are given, the heading last."""
         return {name: one for name in UNITS if (one := getattr(self, name)) is not None}
 
-    def flaws(self) -> list[Flaw]:
+    def issues(self) -> list[Issue]:
         """Fields without a topic, or with a choice of poses; units of another kind."""
         place, given = ("log", "poses"), self.fields
         if given and self.topic is None:
-            return [Flaw(place, f"{', '.join(given)}: fields of which topic's messages? give `topic`, too")]
+            return [Issue(place, f"{', '.join(given)}: fields of which topic's messages? give `topic`, too")]
         if given and (self.frame, self.child) != (None, None):
-            return [Flaw(place, "`frame` and `child` choose among poses, not among messages with fields")]
+            return [Issue(place, "`frame` and `child` choose among poses, not among messages with fields")]
         reasons = {name: unit_reason(one.unit, UNITS[name]) for name, one in given.items()}
-        return [Flaw((*place, name, "unit"), text) for name, text in reasons.items() if text]
+        return [Issue((*place, name, "unit"), text) for name, text in reasons.items() if text]
 
     def found(self, bag: Bag, taken: Collection[str]) -> str:
         """The topic.

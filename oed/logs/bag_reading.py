@@ -73,9 +73,9 @@ class BagReading:
         topic = self.bag.topic(given.topic, POSES, "inputs", "inputs", "topic")
         own = (given.frame, given.child)
         poses = read_poses(self.bag, topic, self.clock, *own, key="inputs", skip=self.skip)
-        flaws = poses.clock_flaws()
-        if flaws:
-            raise LogError(flaws)
+        issues = poses.clock_issues()
+        if issues:
+            raise LogError(issues)
         poses = poses.without_slips()
         turned, said = rolled(poses, self.model)
         return [(poses, one) for one in turned], said
@@ -88,17 +88,17 @@ class BagReading:
         else:
             if path is None:
                 text = f"{self.bag.types[topic]} has no {entry.name} by itself; say in which `field` it is"
-                raise self.bag.flaw(entry.name, text, "inputs", entry.name)
+                raise self.bag.issue(entry.name, text, "inputs", entry.name)
             series = read_fields(self.bag, topic, [path], self.clock, "inputs", entry.name)
             form = given.made(given.form or ("speed" if entry.drives else "value"), **usual)
         key, reason = form.reason_against(entry, self.model.lever(entry))
         if reason:
-            raise self.bag.flaw(entry.name, reason, "inputs", entry.name, key)
+            raise self.bag.issue(entry.name, reason, "inputs", entry.name, key)
         series = series.finite(self.skip).without_repeats()
         turned = form.turned(series, 0, entry, self.model.lever(entry), label)
-        flaws = [*series.clock_flaws(), *turned.flaws]
-        if flaws:
-            raise LogError(flaws)
+        issues = [*series.clock_issues(), *turned.issues]
+        if issues:
+            raise LogError(issues)
         return series, turned, form
 
     def _of(self, entry: Input) -> BagInput:
@@ -134,7 +134,7 @@ class BagReading:
         topic = self.bag.topic(self.joint_states, (JOINTS,), "joint_states")
         joints = read_joints(self.bag, topic, self.clock)
         if not joints.names:
-            raise self.bag.flaw(topic, "no joint states")
+            raise self.bag.issue(topic, "no joint states")
         return joints
 
     def _free(self, joints: Joints) -> tuple[str, ...]:
@@ -150,13 +150,13 @@ class BagReading:
             hint = (name and did_you_mean(name, joints.names)) or ";"
             missing = f"no joint {name}" if name else "it is not clear which joint this is"
             text = f"{missing}{hint} the bag has {', '.join(joints.names)}"
-            raise self.bag.flaw(entry.name, text, "inputs", entry.name, "joint")
+            raise self.bag.issue(entry.name, text, "inputs", entry.name, "joint")
         usual = "speed" if entry.drives and name not in joints.positions else "angle"
         form = given.form or (usual if entry.drives else "value")
         series = (joints.speeds if form == "speed" else joints.positions).get(name)
         if series is None:
             text = f"the joint {name} has no {'speeds' if form == 'speed' else 'positions'} in the bag"
-            raise self.bag.flaw(entry.name, text, "inputs", entry.name, "form")
+            raise self.bag.issue(entry.name, text, "inputs", entry.name, "form")
         made = given.made(form, held="between", cumulative=True)
         return series, made, str(given.joint or entry.name)
 

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import model_validator
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.text import count
 from oed.kernel.measurement.sensor import Sensor
 from oed.logs.bag import Bag, series_of
@@ -67,18 +67,18 @@ class SensorTopic(SensorSource):
             {found.get(key, key): one for key, one in value.items()} if isinstance(value, Mapping) else value
         )
 
-    def flaws(self, name: str, sensor: Sensor) -> list[Flaw]:
+    def issues(self, name: str, sensor: Sensor) -> list[Issue]:
         """Numbers of topics, of fields and units that do not fit the sensor."""
-        key, flaws, wanted = ("log", "sensors", name), [], len(sensor.entries)
+        key, issues, wanted = ("log", "sensors", name), [], len(sensor.entries)
         fields, topics = len(self._fields(sensor)), len(self.topics)
         one_topic, several = topics < 2 and fields == wanted, topics == wanted and fields in (1, wanted)
         if self.id is None and not (one_topic or several):
             got = f"{count(topics, 'topic')} and {count(fields, 'field')}"
             text = f"expected {count(wanted, 'field')} of one topic, or as many topics; got {got}"
-            flaws.append(Flaw((*key, "fields"), text))
+            issues.append(Issue((*key, "fields"), text))
         twice = [topic for topic, times in Counter(self.topics).items() if times > 1 and fields == 1]
-        flaws += [Flaw((*key, "topics"), f"{topic} is listed twice; name another") for topic in twice]
-        return [*flaws, *self.unit_flaws(name, self._places(sensor), units_of(sensor, self.id is not None))]
+        issues += [Issue((*key, "topics"), f"{topic} is listed twice; name another") for topic in twice]
+        return [*issues, *self.unit_issues(name, self._places(sensor), units_of(sensor, self.id is not None))]
 
     def read(self, name: str, sensor: Sensor, bag: Bag, stamps: Stamps, *, skip: bool) -> Sensed:
         """All that the sensor read.
@@ -140,7 +140,7 @@ class SensorTopic(SensorSource):
                         rows[-1].append(number_in(item, one.field))
                 rows[-1].append(number)
         if not rows:
-            raise bag.flaw(topic, f"there is no reading of {name} in its messages", "sensors", name, "topic")
+            raise bag.issue(topic, f"there is no reading of {name} in its messages", "sensors", name, "topic")
         series = series_of(bag, topic, rows)
         known = np.flatnonzero(np.isfinite(series.values).all(axis=1)).tolist()
         series = series.finite(skip)
@@ -163,7 +163,7 @@ def _only(bag: Bag, name: str, sensor: Sensor) -> str:
     usual = USUAL.get(str(sensor.kind))
     if usual is None:
         text = f"the topic of {name} is needed; the bag has {', '.join(sorted(bag.types))}"
-        raise bag.flaw(name, text, "sensors", name, "topic")
+        raise bag.issue(name, text, "sensors", name, "topic")
     return bag.topic(None, (usual[0],), name)
 
 

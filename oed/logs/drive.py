@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import FileIssue, LogError
 from oed.logs import findings
 from oed.logs.form import LogForm, Repeats
 from oed.logs.log import Finding, Log
@@ -81,9 +81,9 @@ class RecordedDrive:
 
 def _to_log(drive: RecordedDrive, form: LogForm, held: Repeats) -> Log:
     drive = _with_path(drive, form.thin)
-    flaws = [*_clock_flaws(drive)]
-    if flaws:
-        raise LogError(flaws)
+    issues = [*_clock_issues(drive)]
+    if issues:
+        raise LogError(issues)
     drive = _without_slips(drive)
     drive = drive.with_found(
         findings.uneven_clock(drive.inputs, "rows" if drive.one_clock else "inputs"),
@@ -118,10 +118,10 @@ def _with_path(drive: RecordedDrive, each: int) -> RecordedDrive:
         return drive
     rows, follows = drive.poses, drive.relative == "follows"
     names = ("t0", *QUANTITIES, *("covariance",) * len(PAIRS))
-    flaws = [*rows.too_large(names), *(rows.clock_flaws() if follows else ())]
+    issues = [*rows.too_large(names), *(rows.clock_issues() if follows else ())]
     motions, wrong = motions_of(rows, follows=follows)
-    if flaws or wrong:
-        raise LogError(flaws + wrong)
+    if issues or wrong:
+        raise LogError(issues + wrong)
     if motions is None:
         return replace(drive, poses=rows.rows(slice(0)).with_values(np.zeros((0, len(QUANTITIES)))))
     lines = rows.lines[np.argsort(rows.times, kind="stable")][-len(motions) :]
@@ -141,26 +141,26 @@ def _without_slips(drive: RecordedDrive) -> RecordedDrive:
     return replace(drive, inputs=inputs, poses=poses).with_found(said)
 
 
-def _clock_flaws(drive: RecordedDrive) -> Iterator[FileFlaw]:
+def _clock_issues(drive: RecordedDrive) -> Iterator[FileIssue]:
     yield from _too_few(drive)
-    yield from drive.inputs.clock_flaws()
+    yield from drive.inputs.clock_issues()
     if not drive.one_clock:
-        yield from drive.poses.clock_flaws()
+        yield from drive.poses.clock_issues()
     if len(drive.inputs) and len(drive.poses):
         yield from _no_overlap(drive.inputs, drive.poses)
     yield from drive.poses.too_large(drive.quantities)
     yield from drive.inputs.too_large(drive.names)
 
 
-def _too_few(drive: RecordedDrive) -> Iterator[FileFlaw]:
+def _too_few(drive: RecordedDrive) -> Iterator[FileIssue]:
     for series, what in ((drive.inputs, "inputs"), (drive.poses, "poses")):
         if len(series) < FEWEST:
             line = int(series.lines[0]) if len(series) and series.counted == "line" else 0
             text = f"{drive.name} has {len(series)} row(s) of {what}; at least {FEWEST} are needed"
-            yield FileFlaw(series.file, line, 0, "", text)
+            yield FileIssue(series.file, line, 0, "", text)
 
 
-def _no_overlap(inputs: Series, poses: Series) -> Iterator[FileFlaw]:
+def _no_overlap(inputs: Series, poses: Series) -> Iterator[FileIssue]:
     if inputs.times.max() < poses.times.min() or poses.times.max() < inputs.times.min():
         text = (
             f"the clocks do not overlap: inputs from {time_text(inputs.times[0])} to "
@@ -168,7 +168,7 @@ def _no_overlap(inputs: Series, poses: Series) -> Iterator[FileFlaw]:
             f"{time_text(poses.times[-1])} s; are the units of time "
             "and the time zones alike, and do both clocks begin at the same moment?"
         )
-        yield poses.flaw(0, poses.clock, text)
+        yield poses.issue(0, poses.clock, text)
 
 
 def _without_held(drive: RecordedDrive) -> RecordedDrive:
@@ -189,7 +189,7 @@ def _without_held(drive: RecordedDrive) -> RecordedDrive:
     kept = poses.rows(~stale)
     if min(len(kept), int(changed.sum())) < FEWEST:
         text = "the pose hardly ever changes while the wheels turn; did the reference run?"
-        raise LogError([poses.flaw(0, "", f"{drive.name}: {text}")])
+        raise LogError([poses.issue(0, "", f"{drive.name}: {text}")])
     lost = stale & (lasting > findings.gap_limit(poses.times[changed], None))
     slow = stale & ~lost
     return replace(drive, poses=kept).with_found(

@@ -1,5 +1,5 @@
-"""What every form of log has in common, the study's key `log`; and reading: every file, every flaw of each at
-once, and what only shows across all of them.
+"""What every form of log has in common, the study's key `log`; and reading: every file, every issue of each
+at once, and what only shows across all of them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic import Field
 
 from oed.foundation.arguments import typed
 from oed.foundation.component import Component
-from oed.foundation.errors import FileFlaw, Flaw, LogError, ProblemError
+from oed.foundation.errors import FileIssue, Issue, LogError, ProblemError
 from oed.foundation.quantities import Duration
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Measurement
@@ -63,10 +63,10 @@ class LogForm(Component, ABC):
         """
 
     @abstractmethod
-    def flaws(self, model: System) -> list[Flaw]:
+    def issues(self, model: System) -> list[Issue]:
         """What in this form does not fit the robot."""
 
-    def sensor_flaws(self, measurement: Measurement | None) -> list[Flaw]:
+    def sensor_issues(self, measurement: Measurement | None) -> list[Issue]:
         """What in this form does not fit the sensors of a study."""
         return []
 
@@ -84,19 +84,19 @@ class LogForm(Component, ABC):
         return logs
 
 
-def read_twice(each: Mapping[tuple[str, ...], tuple[str | int, ...]]) -> list[Flaw]:
+def read_twice(each: Mapping[tuple[str, ...], tuple[str | int, ...]]) -> list[Issue]:
     """Places of a log that are read as two quantities: two wheels by one of them would turn alike.
 
     Args:
         each: the place, such as ("column", 3), by the path of the study's key that names it.
     """
-    known, flaws = dict[tuple[str | int, ...], str](), list[Flaw]()
+    known, issues = dict[tuple[str | int, ...], str](), list[Issue]()
     for key, place in each.items():
         if place in known:
             text = f"{' '.join(map(str, place))} is read as {known[place]} already; name another"
-            flaws.append(Flaw(key, text))
+            issues.append(Issue(key, text))
         known.setdefault(place, ".".join(key[1:]))
-    return flaws
+    return issues
 
 
 def is_bag(file: Path) -> bool:
@@ -120,9 +120,9 @@ def read_logs(
         ProblemError: the form does not fit the robot.
         LogError: every mistake in any of the files, each with its line, or no files at all.
     """
-    flaws = [*form.flaws(model), *form.sensor_flaws(measurement)]
-    if flaws:
-        raise ProblemError(flaws)
+    issues = [*form.issues(model), *form.sensor_issues(measurement)]
+    if issues:
+        raise ProblemError(issues)
     if not files:
         raise LogError.about("", "no logs were given")
     logs = itertools.chain(*together(partial(_read, Path(file), form, model, measurement) for file in files))
@@ -143,7 +143,7 @@ def _with_wheels_checked(logs: Sequence[Log], model: System) -> list[Log]:
     if dead:
         text = f"{' and '.join(dead)} never turn(s) in any of the logs; is it the right column?"
         files = dict.fromkeys(log.file for log in logs)
-        raise LogError([FileFlaw(file, 0, 0, "", text) for file in files])
+        raise LogError([FileIssue(file, 0, 0, "", text) for file in files])
     checked = []
     for log, turns in zip(logs, turning, strict=True):
         still = [name for name, moves in zip(names, turns, strict=True) if not moves]

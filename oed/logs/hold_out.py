@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import FileIssue, LogError
 from oed.foundation.text import given_text
 from oed.logs.drive import FEWEST
 from oed.logs.log import Log
@@ -35,7 +35,7 @@ def last_held_out(logs: Sequence[Log], share: float) -> tuple[list[Log], list[Lo
     percent = f"{100 * share:.3g} %"
     few = {index: text for index, log in enumerate(logs) if (text := _too_few(log, share, percent))}
     if len(few) == len(logs):
-        raise LogError([FileFlaw(logs[index].file, 0, 0, "", text) for index, text in few.items()])
+        raise LogError([FileIssue(logs[index].file, 0, 0, "", text) for index, text in few.items()])
     kept, held, said = list[Log](), list[Log](), set[str]()
     for index, log in enumerate(logs):
         if index in few:
@@ -59,7 +59,7 @@ def _require_positions(logs: Sequence[Log]) -> None:
     )
     lacking = dict.fromkeys(log.file for log in logs if not {"x", "y"} <= set(log.quantities))
     if lacking:
-        raise LogError([FileFlaw(file, 0, 0, "", text) for file in lacking])
+        raise LogError([FileIssue(file, 0, 0, "", text) for file in lacking])
 
 
 def _cut(log: Log, share: float) -> float:

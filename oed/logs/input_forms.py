@@ -14,7 +14,7 @@ from pydantic import Field
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
-from oed.foundation.errors import FileFlaw
+from oed.foundation.errors import FileIssue
 from oed.foundation.quantities import Length, parse_quantity
 from oed.foundation.text import given_text
 from oed.kernel.dynamics.system import Input, System
@@ -47,7 +47,7 @@ class InputForm(Component, ABC):
             place: of this one in its values.
             entry: the robot's input that it is.
             lever: radius of the wheel that it turns, by the robot [m]; 0 of none.
-            label: what it is called in the log, for flaws.
+            label: what it is called in the log, for issues.
         """
 
     @abstractmethod
@@ -125,10 +125,12 @@ class SpeedForm(_WithUnit):
     def turned(self, series: Series, place: int, entry: Input, lever: float, label: str) -> Turned:
         """Integrated as held."""
         values = self._factor(entry, lever) * series.values[:, place]
-        flaws = [] if entry.drives else _begun_anew(series, values, label)
+        issues = [] if entry.drives else _begun_anew(series, values, label)
         wild = wild_reading(series, place, label, self.unit or entry.unit) if entry.drives else None
         found = () if wild is None else (wild,)
-        return Turned(held_integral(series.times, values, self._held(entry)), flaws=tuple(flaws), found=found)
+        return Turned(
+            held_integral(series.times, values, self._held(entry)), issues=tuple(issues), found=found
+        )
 
     def reason_against(self, entry: Input, lever: float) -> tuple[str, str]:
         """The wrong form or unit."""
@@ -233,22 +235,22 @@ def _integrated(
 ) -> Turned:
     # A wheel's angle is an integral already; a steering angle, counted from straight ahead, has one.
     if entry.drives:
-        return Turned(factor * found.integral, True, found.wraps, found.flaws)
+        return Turned(factor * found.integral, True, found.wraps, found.issues)
     first = series.values[0, place] - form.zero
     if form.wrap is not None:
         first -= form.wrap * np.round(first / form.wrap)
     angles = factor * (first + found.integral)
-    return Turned(held_integral(series.times, angles, "between"), False, found.wraps, found.flaws)
+    return Turned(held_integral(series.times, angles, "between"), False, found.wraps, found.issues)
 
 
-def _begun_anew(series: Series, angles: Array, label: str) -> list[FileFlaw]:
+def _begun_anew(series: Series, angles: Array, label: str) -> list[FileIssue]:
     # A steering angle that wraps is no value: between two rows it would run all the way back.
     rows = np.flatnonzero(np.abs(np.diff(angles)) > HALF_TURN).tolist()
     text = (
         "the steering angle jumps by {:.4g} deg; if it begins anew, say `form: angle` and `wrap:` its range"
     )
     return [
-        series.flaw(row + 1, label, text.format(np.degrees(abs(angles[row + 1] - angles[row]))))
+        series.issue(row + 1, label, text.format(np.degrees(abs(angles[row + 1] - angles[row]))))
         for row in rows
     ]
 

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import FileFlaw
+from oed.foundation.errors import FileIssue
 from oed.logs.log import Finding
 from oed.logs.series import Series
 
@@ -30,14 +30,14 @@ class Turned:
         integral: (n,), in the unit of the input times s.
         bridges: whether it is right across missing rows, as that of a counter that adds up is.
         wraps: how often the counter began anew.
-        flaws: in the readings.
+        issues: in the readings.
         found: of them.
     """
 
     integral: Array
     bridges: bool = False
     wraps: int = 0
-    flaws: tuple[FileFlaw, ...] = ()
+    issues: tuple[FileIssue, ...] = ()
     found: tuple[Finding, ...] = ()
 
 
@@ -69,23 +69,23 @@ def counted(series: Series, place: int, key: str, wrap: float | None) -> Turned:
     Args:
         series: with the counter's readings.
         place: of their column in its values.
-        key: name for flaws.
+        key: name for issues.
         wrap: range after which the counter begins anew; None for one that does not.
     """
     values = series.values[:, place]
     steps = np.diff(values)
     if wrap is None:
         return Turned(values - values[0], True, 0, tuple(_jumps(series, place, key)))
-    flaws = _out_of_range(series, place, key, wrap)
+    issues = _out_of_range(series, place, key, wrap)
     around = np.round(steps / wrap)
     steps = steps - wrap * around
     unclear = np.flatnonzero(np.abs(steps) > UNCLEAR * wrap)
-    flaws += [_unclear(series, place, key, int(row), wrap) for row in unclear]
+    issues += [_unclear(series, place, key, int(row), wrap) for row in unclear]
     integral = np.concatenate([[0.0], np.cumsum(steps)])
-    return Turned(integral, True, int(np.count_nonzero(around)), tuple(flaws))
+    return Turned(integral, True, int(np.count_nonzero(around)), tuple(issues))
 
 
-def _out_of_range(series: Series, place: int, key: str, wrap: float) -> list[FileFlaw]:
+def _out_of_range(series: Series, place: int, key: str, wrap: float) -> list[FileIssue]:
     # Named is the first reading that is outside of where counters count, from 0 or to both sides of it.
     values = series.values[:, place]
     span = float(np.ptp(values))
@@ -97,19 +97,19 @@ def _out_of_range(series: Series, place: int, key: str, wrap: float) -> list[Fil
         f"the counter reads {values[row]:.10g}, and its readings span {span:.10g}, more than "
         f"`wrap: {wrap:.10g}` allows"
     )
-    return [series.flaw(row, key, text)]
+    return [series.issue(row, key, text)]
 
 
-def _unclear(series: Series, place: int, key: str, row: int, wrap: float) -> FileFlaw:
+def _unclear(series: Series, place: int, key: str, row: int, wrap: float) -> FileIssue:
     before, after = series.values[row : row + 2, place]
     text = (
         f"the counter jumps by about half of its range {wrap:.10g}, from {before:.10g} to {after:.10g}, "
         "so that its direction is not known; cut the log here or log more often"
     )
-    return series.flaw(row + 1, key, text)
+    return series.issue(row + 1, key, text)
 
 
-def _jumps(series: Series, place: int, key: str) -> list[FileFlaw]:
+def _jumps(series: Series, place: int, key: str) -> list[FileIssue]:
     # A jump across most of all readings, far longer than usual steps, is a counter that began anew.
     values = series.values[:, place]
     sizes = np.abs(np.diff(values))
@@ -120,7 +120,7 @@ def _jumps(series: Series, place: int, key: str) -> list[FileFlaw]:
     return [_jump(series, place, key, int(row), float(np.median(moving))) for row in rows]
 
 
-def _jump(series: Series, place: int, key: str, row: int, usual: float) -> FileFlaw:
+def _jump(series: Series, place: int, key: str, row: int, usual: float) -> FileIssue:
     before, after = series.values[row : row + 2, place]
     near = [wrap for wrap in USUAL_WRAPS if abs(abs(after - before) - wrap) < max(0.1 * wrap, 3 * usual)]
     advice = f"say `wrap: {near[0]:.6g}`" if near else "say after how much with `wrap:`"
@@ -128,7 +128,7 @@ def _jump(series: Series, place: int, key: str, row: int, usual: float) -> FileF
         f"the counter jumps from {before:.10g} to {after:.10g}, where steps of {usual:.3g} are usual; "
         f"if it begins anew, {advice}, and if it was reset, cut the log here"
     )
-    return series.flaw(row + 1, key, text)
+    return series.issue(row + 1, key, text)
 
 
 def on_one_clock(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools
-from oed.foundation.errors import FileFlaw
+from oed.foundation.errors import FileIssue
 from oed.logs.series import Rows, Series, time_text
 
 QUANTITIES = ("x", "y", "heading")
@@ -103,17 +103,17 @@ def inverted(values: Array) -> Array:
     return np.column_stack([moved.real, moved.imag, -values[:, 2]])
 
 
-def motions_of(series: Series, *, follows: bool) -> tuple[Motions | None, list[FileFlaw]]:
+def motions_of(series: Series, *, follows: bool) -> tuple[Motions | None, list[FileIssue]]:
     """The motions in the rows of a log, by their ends, and what is wrong with them; None where any is.
 
     Args:
         series: at the motions' ends: when they began, x, y, heading, entries of the covariance; SI.
         follows: whether each began at the row before, so that the first is none.
     """
-    flaws = _order_flaws(series, follows) + _covariance_flaws(series)
+    issues = _order_issues(series, follows) + _covariance_issues(series)
     rows = series.values[:, 0] < series.times
-    if flaws or not rows.any():
-        return None, flaws
+    if issues or not rows.any():
+        return None, issues
     kept = series.rows(rows)
     order = np.argsort(kept.times, kind="stable")
     times = np.column_stack([kept.values[:, 0], kept.times])[order]
@@ -124,13 +124,13 @@ def motions_of(series: Series, *, follows: bool) -> tuple[Motions | None, list[F
     return Motions(times, values[:, 1:4], covariances), []
 
 
-def _order_flaws(series: Series, follows: bool) -> list[FileFlaw]:
+def _order_issues(series: Series, follows: bool) -> list[FileIssue]:
     if follows:
         return []
     wrong = np.flatnonzero(~(series.values[:, 0] < series.times)).tolist()
     swapped = "; are t0 and t1 exchanged?" if len(wrong) == len(series) else ""
     return [
-        series.flaw(
+        series.issue(
             row,
             "t0",
             f"the motion begins at {time_text(series.values[row, 0])} s, not before its end at "
@@ -140,7 +140,7 @@ def _order_flaws(series: Series, follows: bool) -> list[FileFlaw]:
     ]
 
 
-def _covariance_flaws(series: Series) -> list[FileFlaw]:
+def _covariance_issues(series: Series) -> list[FileIssue]:
     if series.values.shape[1] <= 4:
         return []
     matrices = _matrices(series.values[:, 4:])
@@ -152,7 +152,7 @@ def _covariance_flaws(series: Series) -> list[FileFlaw]:
     ]
     if not any(wrong):
         wrong = _surer_than_usual(matrices / np.sqrt(_outer(np.median(variances, axis=0))))
-    return [series.flaw(row, "covariance", text) for row, text in enumerate(wrong) if text]
+    return [series.issue(row, "covariance", text) for row, text in enumerate(wrong) if text]
 
 
 def _too_sure(least: float, deviation: float) -> str:

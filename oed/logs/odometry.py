@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.kernel.dynamics.system import System, label_of
 from oed.logs.findings import odometry_jump
 from oed.logs.integrals import Turned
@@ -20,7 +20,7 @@ SIDEWAYS = 0.05
 """Share of the way across the arcs beyond which odometry is none of a robot that rolls ahead."""
 
 
-def odometry_flaws(model: System) -> list[Flaw]:
+def odometry_issues(model: System) -> list[Issue]:
     """That a robot's inputs are no speed and yaw rate, as poses of odometry are."""
     if {entry.quantity for entry in model.inputs} <= set(QUANTITIES):
         return []
@@ -28,7 +28,7 @@ def odometry_flaws(model: System) -> list[Flaw]:
         "poses of odometry stand for a speed and a yaw rate, and the inputs of "
         f"{label_of(model)} are {', '.join(model.input_names)}; take `robot: {{kind: unicycle}}`"
     )
-    return [Flaw(("log", "inputs", "form"), text)]
+    return [Issue(("log", "inputs", "form"), text)]
 
 
 def rolled(poses: Series, model: System) -> tuple[list[Turned], tuple[Finding, ...]]:

@@ -63,13 +63,13 @@ def gathered(
     known = list(dict.fromkeys(which for _, which in split))
     labels = [_plain(one) for one in ids]
     filled = np.isfinite(series.values).any(axis=1) & np.isfinite(series.times)
-    flaws = [
-        series.flaw(row, "id", f"{name} has no id {labels[row]!r}; the study has {listing(known)}")
+    issues = [
+        series.issue(row, "id", f"{name} has no id {labels[row]!r}; the study has {listing(known)}")
         for row in np.flatnonzero(filled).tolist()
         if labels[row] not in known
     ]
-    if flaws:
-        raise LogError(flaws)
+    if issues:
+        raise LogError(issues)
     kept = np.flatnonzero(filled)
     groups = _together(series.times[kept], None if runs is None else np.array(runs)[kept])
     values = np.full((groups[-1] + 1 if len(kept) else 0, len(split)), np.nan)
@@ -77,12 +77,12 @@ def gathered(
         for column, quantity in enumerate(quantities):
             place = places[quantity, labels[row]]
             if np.isfinite(values[group, place]):
-                flaws.append(
-                    series.flaw(row, "id", f"{labels[row]} is read a second time at {series.at(row)}")
+                issues.append(
+                    series.issue(row, "id", f"{labels[row]} is read a second time at {series.at(row)}")
                 )
             values[group, place] = series.values[row, column]
-    if flaws:
-        raise LogError(flaws)
+    if issues:
+        raise LogError(issues)
     first = kept[np.unique(groups, return_index=True)[1]] if len(kept) else kept
     gathered = series.rows(first).with_values(values)
     return gathered, None if runs is None else [runs[row] for row in first]

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator
 
 from oed.foundation.arrays import Array, Bools
 from oed.foundation.component import Component
-from oed.foundation.errors import FileFlaw, Flaw, LogError
+from oed.foundation.errors import FileIssue, Issue, LogError
 from oed.foundation.text import did_you_mean, listing
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.sensor import Sensor, sensor_labels
@@ -77,10 +77,10 @@ class SensorSource(Component, ABC):
     clock: Clock | None = None
 
     @abstractmethod
-    def flaws(self, name: str, sensor: Sensor) -> list[Flaw]:
+    def issues(self, name: str, sensor: Sensor) -> list[Issue]:
         """What of this does not fit the sensor of that name."""
 
-    def unit_flaws(self, name: str, places: Iterable[HasUnit], units: Iterable[str]) -> list[Flaw]:
+    def unit_issues(self, name: str, places: Iterable[HasUnit], units: Iterable[str]) -> list[Issue]:
         """Units of another kind than those of the sensor.
 
         Args:
@@ -90,7 +90,7 @@ class SensorSource(Component, ABC):
         """
         each = zip(places, units, strict=False)
         reasons = dict.fromkeys(unit_reason(one.unit or self.unit, unit) for one, unit in each)
-        return [Flaw(("log", "sensors", name, "unit"), reason) for reason in reasons if reason]
+        return [Issue(("log", "sensors", name, "unit"), reason) for reason in reasons if reason]
 
     def factors(self, places: Iterable[HasUnit], units: Iterable[str]) -> list[float]:
         """SI units in one of those at `places`, whose own come before that of all of them."""
@@ -102,29 +102,29 @@ class SensorSource(Component, ABC):
         return self.clock or ("inputs" if sensor.when == "in periods" else "poses")
 
 
-def source_flaws(sources: Mapping[str, SensorSource], measurement: Measurement | None) -> list[Flaw]:
+def source_issues(sources: Mapping[str, SensorSource], measurement: Measurement | None) -> list[Issue]:
     """What in `log: sensors:` does not fit the study's measurement."""
     sensors = labelled(measurement)
-    wrong = dict(_name_flaws(list(sources), sensors))
+    wrong = dict(_name_issues(list(sources), sensors))
     # What is wrong with a sensor itself it says later on.
     whole = {name for name, sensor in sensors.items() if len(sensor.entries) == len(sensor.units)}
     fitting = ((name, one) for name, one in sources.items() if name in whole - set(wrong))
-    return [*wrong.values(), *(flaw for name, one in fitting for flaw in one.flaws(name, sensors[name]))]
+    return [*wrong.values(), *(issue for name, one in fitting for issue in one.issues(name, sensors[name]))]
 
 
-def _name_flaws(names: Sequence[str], sensors: dict[str, Sensor]) -> Iterator[tuple[str, Flaw]]:
-    # Names of no sensor of the study, and of sensors that cannot be read so, each with its flaw.
+def _name_issues(names: Sequence[str], sensors: dict[str, Sensor]) -> Iterator[tuple[str, Issue]]:
+    # Names of no sensor of the study, and of sensors that cannot be read so, each with its issue.
     others = [name for name in sensors if name != "poses"]
     for name in names:
         key = ("log", "sensors", name)
         if name == "poses":
-            yield name, Flaw(key, "poses have a key of their own: log: poses")
+            yield name, Issue(key, "poses have a key of their own: log: poses")
         elif name not in sensors:
             known = f"it measures {listing(others)}" if others else "it measures with no other sensors"
             text = f"the study's measurement has no {name}; {known}{did_you_mean(name, others)}"
-            yield name, Flaw(key, text)
+            yield name, Issue(key, text)
         elif not sensors[name].entries:
-            yield name, Flaw(key, f"{name} does not say what its readings are: give it `units`")
+            yield name, Issue(key, f"{name} does not say what its readings are: give it `units`")
 
 
 def checked(found: Sensed, sensor: Sensor) -> Sensed:
@@ -138,20 +138,20 @@ def checked(found: Sensed, sensor: Sensor) -> Sensed:
     there = np.asarray(np.isfinite(series.values).any(axis=1))
     if not there.any():
         text = f"there is no reading of {found.name}"
-        raise LogError([FileFlaw(series.file, 0, 0, found.name, text)])
+        raise LogError([FileIssue(series.file, 0, 0, found.name, text)])
     series = series.rows(there)
     names = [f"{found.name}{entry}" for entry in sensor.entries]
     filled = series.with_values(np.where(np.isnan(series.values), 0.0, series.values))
-    flaws = [*filled.too_large(names), *_value_flaws(series, found.name, sensor)]
+    issues = [*filled.too_large(names), *_value_issues(series, found.name, sensor)]
     runs = None if found.runs is None else tuple(np.array(found.runs)[there].tolist())
     for rows in _by_run(runs, len(series)):
-        flaws += series.rows(rows).clock_flaws()
-    if flaws:
-        raise LogError(shortened(flaws))
+        issues += series.rows(rows).clock_issues()
+    if issues:
+        raise LogError(shortened(issues))
     return replace(found, series=series, runs=runs)
 
 
-def _value_flaws(series: Series, name: str, sensor: Sensor) -> Iterator[FileFlaw]:
+def _value_issues(series: Series, name: str, sensor: Sensor) -> Iterator[FileIssue]:
     several = len(set(sensor.units)) > 1
     for place, (entry, unit) in enumerate(zip(sensor.entries, sensor.units, strict=True)):
         sizes = np.nan_to_num(np.abs(series.values[:, place]))
@@ -161,10 +161,10 @@ def _value_flaws(series: Series, name: str, sensor: Sensor) -> Iterator[FileFlaw
         if sizes[row] > limit and (unit != "rad" or place in sensor.wrapping):
             of = f" of {quantity_of(entry)}" if several else ""
             text = f"{sizes[row]:.6g} {unit} is more than {limit:.3g}; in degrees say `unit: {right}`{of}"
-            yield series.flaw(row, f"{name}{entry}", text)
+            yield series.issue(row, f"{name}{entry}", text)
         for row in np.flatnonzero(series.values[:, place] < 0).tolist() if unit == "m" else ():
             text = f"a distance is not below 0, got {series.values[row, place]:.6g} m"
-            yield series.flaw(row, f"{name}{entry}", text)
+            yield series.issue(row, f"{name}{entry}", text)
 
 
 def _by_run(runs: tuple[str, ...] | None, count: int) -> list[Bools]:
@@ -181,15 +181,15 @@ def with_sensors(logs: Sequence[Log], found: Sequence[Sensed]) -> list[Log]:
             was read of where the robot was.
     """
     given = [[_during(log, one) for one in found] for log in logs]
-    flaws = []
+    issues = []
     for place, one in enumerate(found):
         if not any(len(row[place].times) for row in given):
             span = f"{time_text(one.series.times.min())} to {time_text(one.series.times.max())} s"
             log = f"from {time_text(logs[0].input_times[0])} to {time_text(logs[-1].input_times[-1])} s"
             text = f"the readings of {one.name} are from {span}, outside of the log's, {log}"
-            flaws.append(one.series.flaw(0, one.series.clock, f"{text}; are the units of time alike?"))
-    if flaws:
-        raise LogError(flaws)
+            issues.append(one.series.issue(0, one.series.clock, f"{text}; are the units of time alike?"))
+    if issues:
+        raise LogError(issues)
     return [
         _placed(replace(log, sensors=tuple(one for one in row if len(one.times))))
         for log, row in zip(logs, given, strict=True)

@@ -11,13 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.arrays import Array, Bools
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import FileIssue, LogError
 from oed.foundation.quantities import LARGEST, too_large
 
 Rows = npt.NDArray[np.intp]
 
 MOST_OF_A_KIND = 10
-"""Flaws of one kind that are named one by one; the rest is counted."""
+"""Issues of one kind that are named one by one; the rest is counted."""
 
 SHORTEST = 1e-9
 """A step in time that is none [s]."""
@@ -28,7 +28,7 @@ EXACT = 9
 """Decimals of a second beyond which times differ by rounding."""
 
 _VARYING = re.compile(r"'[^']*'|[-+]?\d[\d.e+-]*")
-"""What differs between flaws of one kind: quoted texts and numbers."""
+"""What differs between issues of one kind: quoted texts and numbers."""
 
 
 def time_text(time: float) -> str:
@@ -37,7 +37,7 @@ def time_text(time: float) -> str:
 
 
 @dataclass(frozen=True)
-class NotInLog(FileFlaw):
+class NotInLog(FileIssue):
     """What a study names and a log has not; `named` is the path of the study's key that names it."""
 
     named: tuple[str, ...] = ()
@@ -104,15 +104,15 @@ class Series:
         if invalid.any() and (not skip or invalid.all()):
             wrong = {row: self.values[row][~valid[row]][0] for row in np.flatnonzero(invalid).tolist()}
             text = "expected a finite number, got '{}'"
-            raise LogError([self.flaw(row, self.clock, text.format(wrong[row])) for row in wrong])
+            raise LogError([self.issue(row, self.clock, text.format(wrong[row])) for row in wrong])
         return self.emptied(invalid).rows(~invalid)
 
     def at(self, row: int) -> str:
         """A row's time and place, for messages."""
         return f"t = {time_text(self.times[row])} s ({self.counted} {self.lines[row]})"
 
-    def flaw(self, row: int, key: str, message: str) -> FileFlaw:
-        """A flaw in a row.
+    def issue(self, row: int, key: str, message: str) -> FileIssue:
+        """An issue in a row.
 
         Args:
             row: from 0.
@@ -121,9 +121,9 @@ class Series:
         """
         line = int(self.lines[row])
         if self.counted == "line":
-            return FileFlaw(self.file, line, 0, key, message)
+            return FileIssue(self.file, line, 0, key, message)
         about = "" if key in ("", self.clock) else f"{key}: "
-        return FileFlaw(self.file, 0, 0, self.clock, f"{self.counted} {line}: {about}{message}")
+        return FileIssue(self.file, 0, 0, self.clock, f"{self.counted} {line}: {about}{message}")
 
     def without_repeats(self) -> Series:
         """Without rows that repeat the one before them, time and all."""
@@ -140,9 +140,9 @@ class Series:
         same = np.abs(np.diff(self.times)) <= SHORTEST
         return np.asarray(same & (same.sum() <= RARE * len(self)))
 
-    def clock_flaws(self) -> list[FileFlaw]:
+    def clock_issues(self) -> list[FileIssue]:
         """Every row whose time does not rise, but for rare slips."""
-        flaws = []
+        issues = []
         for row in np.flatnonzero((np.diff(self.times) <= SHORTEST) & ~self._slips).tolist():
             before, after = self.times[row], self.times[row + 1]
             before_it = f"({self.counted} {self.lines[row]})"
@@ -150,34 +150,34 @@ class Series:
                 text = f"time stands still: {time_text(after)} s, the same as in the row before {before_it}"
             else:
                 text = f"time goes back: {time_text(after)} s after {time_text(before)} s {before_it}"
-            flaws.append(self.flaw(row + 1, self.clock, text))
-        return flaws
+            issues.append(self.issue(row + 1, self.clock, text))
+        return issues
 
-    def too_large(self, names: Sequence[str]) -> Iterator[FileFlaw]:
+    def too_large(self, names: Sequence[str]) -> Iterator[FileIssue]:
         """The first number of each column beyond what a robot's can be, SI; `names` are the columns'."""
         table = np.column_stack([self.times, self.values])
         beyond = ~(np.abs(table) <= LARGEST)
         for place in np.flatnonzero(beyond.any(axis=0)).tolist():
             row = int(np.argmax(beyond[:, place]))
-            yield self.flaw(row, (self.clock, *names)[place], too_large(table[row, place]))
+            yield self.issue(row, (self.clock, *names)[place], too_large(table[row, place]))
 
 
-def shortened(flaws: Iterable[FileFlaw]) -> list[FileFlaw]:
-    """Files in their order, lines in theirs; few flaws of each kind are named, the rest is counted."""
-    once = list(dict.fromkeys(flaws))
-    files = {name: number for number, name in enumerate(dict.fromkeys(flaw.file for flaw in once))}
+def shortened(issues: Iterable[FileIssue]) -> list[FileIssue]:
+    """Files in their order, lines in theirs; few issues of each kind are named, the rest is counted."""
+    once = list(dict.fromkeys(issues))
+    files = {name: number for number, name in enumerate(dict.fromkeys(issue.file for issue in once))}
 
-    def place(flaw: FileFlaw) -> tuple[int, int, int]:
-        return files[flaw.file], flaw.line, flaw.column
+    def place(issue: FileIssue) -> tuple[int, int, int]:
+        return files[issue.file], issue.line, issue.column
 
-    kinds: dict[tuple[str, str, str], list[FileFlaw]] = {}
-    for flaw in sorted(once, key=place):
-        kind = (flaw.file, flaw.key, _VARYING.sub("#", flaw.message))
-        kinds.setdefault(kind, []).append(flaw)
-    return sorted((flaw for alike in kinds.values() for flaw in _first(alike)), key=place)
+    kinds: dict[tuple[str, str, str], list[FileIssue]] = {}
+    for issue in sorted(once, key=place):
+        kind = (issue.file, issue.key, _VARYING.sub("#", issue.message))
+        kinds.setdefault(kind, []).append(issue)
+    return sorted((issue for alike in kinds.values() for issue in _first(alike)), key=place)
 
 
-def _first(alike: Sequence[FileFlaw]) -> list[FileFlaw]:
+def _first(alike: Sequence[FileIssue]) -> list[FileIssue]:
     shown, more = list(alike[:MOST_OF_A_KIND]), len(alike) - MOST_OF_A_KIND
     if more > 0:
         shown[-1] = replace(shown[-1], message=f"{shown[-1].message} (and {more} more like it)")
@@ -188,14 +188,14 @@ def together(work: Iterable[Callable[[], Any]]) -> list[Any]:
     """What several pieces of work give, each of which may fail without stopping the others.
 
     Raises:
-        LogError: every flaw of any of them.
+        LogError: every issue of any of them.
     """
-    found, flaws = list[Any](), list[FileFlaw]()
+    found, issues = list[Any](), list[FileIssue]()
     for one in work:
         try:
             found.append(one())
         except LogError as error:
-            flaws += error.flaws
-    if flaws:
-        raise LogError(shortened(flaws))
+            issues += error.issues
+    if issues:
+        raise LogError(shortened(issues))
     return found

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from oed.foundation.errors import FileFlaw, Flaw, LogError
+from oed.foundation.errors import FileIssue, Issue, LogError
 from oed.foundation.files import text_of
 from oed.kernel.dynamics.system import System
 from oed.logs.drive import CUT_OFF, RecordedDrive, to_logs
@@ -34,14 +34,14 @@ class TupleForm(LogForm):
 
     kind: Literal["tuples"] = "tuples"
 
-    def flaws(self, model: System) -> list[Flaw]:
+    def issues(self, model: System) -> list[Issue]:
         """A robot with other inputs than two wheels."""
         if set(model.input_names) == set(INPUTS):
             return []
         text = (
             f"tuples are of a robot with {' and '.join(INPUTS)}; this one has {', '.join(model.input_names)}"
         )
-        return [Flaw(("log", "kind"), text)]
+        return [Issue(("log", "kind"), text)]
 
     def read(self, file: Path, model: System) -> list[Log]:
         """The drive in a file.
@@ -49,7 +49,7 @@ class TupleForm(LogForm):
         Raises:
             LogError: every mistake in the file, each with its line.
         """
-        rows, lines, flaws = list[list[float]](), list[int](), list[FileFlaw]()
+        rows, lines, issues = list[list[float]](), list[int](), list[FileIssue]()
         given, cut_off = _whole_lines(text_of(file, LogError, most=MOST_LOG_BYTES))
         for line, text in given:
             found = _numbers(text)
@@ -57,10 +57,10 @@ class TupleForm(LogForm):
                 rows.append(found)
                 lines.append(line)
             else:
-                flaws.append(FileFlaw(str(file), line, 0, found[0], found[1]))
-        skipped = len(flaws) if self.skip_invalid_rows and rows else 0
-        if (flaws and not skipped) or not rows:
-            raise LogError(shortened(flaws) or [FileFlaw(str(file), 0, 0, "", "holds no tuples")])
+                issues.append(FileIssue(str(file), line, 0, found[0], found[1]))
+        skipped = len(issues) if self.skip_invalid_rows and rows else 0
+        if (issues and not skipped) or not rows:
+            raise LogError(shortened(issues) or [FileIssue(str(file), 0, 0, "", "holds no tuples")])
         drive = _drive(file, np.array(rows), np.array(lines), model)
         text = f"{skipped} line(s) that are no tuples are left out"
         drive = drive.with_found(Finding("skipped_rows", text) if skipped else None)

@@ -251,21 +251,21 @@ def lifted(problem: Problem) -> Problem | None:
     """The problem whose inputs are the inputs, roots of the weights, and the pace; None where nothing is
     chosen together with inputs.
 
-    Weights are chosen for trajectories that are found without them where trials are weighed as a whole, and
+    Weights are chosen for trajectories that are found without them where trials are weighted as a whole, and
     in spaces without signals.
     """
     space, sensors = problem.design, problem.measurement.joint_sensors
     if not isinstance(space, SignalSpace) or not space.signals or problem.robust is not None:
         return None
-    weighed, paced = _weighed(problem), space.shortest is not None
-    if not weighed and not paced:
+    weighted, paced = _weighted(problem), space.shortest is not None
+    if not weighted and not paced:
         return None
-    own, efforts = len(problem.model.inputs), len(sensors) if weighed else 0
+    own, efforts = len(problem.model.inputs), len(sensors) if weighted else 0
     inner = [
         LiftedSensor(
             inner=one,
             own=own,
-            effort=own + place if weighed else None,
+            effort=own + place if weighted else None,
             pace=own + efforts if paced else None,
             every=one.every,
         )
@@ -282,7 +282,7 @@ def lifted(problem: Problem) -> Problem | None:
     )
 
 
-def _weighed(problem: Problem) -> bool:
+def _weighted(problem: Problem) -> bool:
     selection = problem.selection
     between = any(one.when == "between samples" for one in problem.measurement.joint_sensors)
     return selection is not None and selection.of == "readings" and not between

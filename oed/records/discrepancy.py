@@ -9,7 +9,7 @@ import numpy as np
 
 from oed.estimation.assessment.residual_growth import growth
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Flaw, ProblemError, RecordError
+from oed.foundation.errors import Issue, ProblemError, RecordError
 from oed.records.record import load_estimate
 from oed.records.stored.estimate import Residuals
 from oed.study.estimated import Discrepancy
@@ -29,11 +29,11 @@ def discrepancy_of(folder: Path) -> Discrepancy:
     try:
         found = load_estimate(folder)
     except RecordError as error:
-        raise ProblemError([Flaw((), "; ".join(map(str, error.flaws)))]) from None
+        raise ProblemError([Issue((), "; ".join(map(str, error.issues)))]) from None
     if found.log_errors:
         # What a model cannot say is taken up by drift and errors that pass.
         text = "expected an estimate by method joint: the path that likelihood finds follows the readings"
-        raise ProblemError([Flaw((), text)])
+        raise ProblemError([Issue((), text)])
     values = dict[str, float]()
     for name in dict.fromkeys(QUANTITIES.values()):
         own = [one for one in found.residuals if QUANTITIES.get(one.quantity) == name and one.yaw_rate]
@@ -43,7 +43,7 @@ def discrepancy_of(folder: Path) -> Discrepancy:
             values |= {f"{name}_per_speed": per_speed, f"{name}_per_yaw_rate": per_yaw_rate}
     if not values:
         text = f"expected an estimate with at least {FEWEST} residuals of poses and their yaw rates"
-        raise ProblemError([Flaw((), text)])
+        raise ProblemError([Issue((), text)])
     return Discrepancy(**values)
 
 

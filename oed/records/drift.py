@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from oed.estimation.methods.log_errors import DRIFT, RATES
-from oed.foundation.errors import Flaw, ProblemError, RecordError
+from oed.foundation.errors import Issue, ProblemError, RecordError
 from oed.records.record import load_estimate
 from oed.study.estimated import Drift
 
@@ -19,8 +19,8 @@ def drift_of(folder: Path) -> Drift:
     try:
         found = load_estimate(folder).drift
     except RecordError as error:
-        raise ProblemError([Flaw((), "; ".join(map(str, error.flaws)))]) from None
+        raise ProblemError([Issue((), "; ".join(map(str, error.issues)))]) from None
     if found is None:
         text = "expected an estimate that says how much its logs drift: of poses, by joint or likelihood"
-        raise ProblemError([Flaw((), text)])
+        raise ProblemError([Issue((), text)])
     return Drift(**{rate: getattr(found, name) for name, rate in zip(DRIFT, RATES, strict=True)})

@@ -13,7 +13,7 @@ import numpy as np
 
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
-from oed.foundation.errors import FileFlaw, PathFileError
+from oed.foundation.errors import FileIssue, PathFileError
 from oed.foundation.files import text_of, write_text
 from oed.foundation.quantities import LARGEST, plain_number, too_large
 from oed.foundation.shown import written
@@ -105,9 +105,9 @@ def read_trajectory(file: str | Path, problem: Problem) -> Trajectory:
     table = _read(file, (clock, *model.input_names), model)
     parts = _by_run(table, problem.design.runs)
     read = [_read_run(part, problem, clock) for part in parts]
-    flaws = [flaw for one in read if isinstance(one, list) for flaw in one]
-    if flaws:
-        raise PathFileError(sorted(flaws, key=lambda flaw: (flaw.line, flaw.key)))
+    issues = [issue for one in read if isinstance(one, list) for issue in one]
+    if issues:
+        raise PathFileError(sorted(issues, key=lambda issue: (issue.line, issue.key)))
     runs = [one for one in read if isinstance(one, _Run)]
     for part, run in zip(parts[1:], runs[1:], strict=True):
         _require_alike(part, run, runs[0])
@@ -143,7 +143,7 @@ def _require_alike(table: _Table, run: _Run, first: _Run) -> None:
         text = f"expected {first.duration:.6g} s, as in the first run, got {run.duration:.6g} s"
     else:
         return
-    raise PathFileError([table.flaw(0, "run", text)])
+    raise PathFileError([table.issue(0, "run", text)])
 
 
 def _by_run(table: _Table, expected: int) -> list[_Table]:
@@ -156,40 +156,40 @@ def _by_run(table: _Table, expected: int) -> list[_Table]:
     names = list(dict.fromkeys(numbers))
     if len(names) != expected:
         text = f"expected {expected} run(s), as the study has, told apart by a column `run`; got {len(names)}"
-        raise PathFileError([table.flaw(0, "run", text)])
+        raise PathFileError([table.issue(0, "run", text)])
     chosen = [[index for index, number in enumerate(numbers) if number == name] for name in names]
     return [table.some(rows) for rows in chosen]
 
 
-def _read_run(table: _Table, problem: Problem, clock: str) -> _Run | list[FileFlaw]:
+def _read_run(table: _Table, problem: Problem, clock: str) -> _Run | list[FileIssue]:
     model = problem.model
     if len(table.rows) < 2:
-        return [FileFlaw(table.name, table.lines[0], 0, "run", "expected at least two rows of a run")]
+        return [FileIssue(table.name, table.lines[0], 0, "run", "expected at least two rows of a run")]
     states = [state for state in model.states if state in table.header]
     given = states if len(states) == len(model.states) else []
     last = len(table.rows) - 1
-    times, flaws = _columns(table, (clock,))
+    times, issues = _columns(table, (clock,))
     inputs, more = _columns(table, model.input_names, may_be_empty=range(last, last + 1))
     # Only the start counts; but what is no number shows that the file is damaged.
     starts, still_more = _columns(table, given, may_be_empty=range(1, last + 1), blanks=("", "nan"))
-    flaws = [*flaws, *more, *still_more] or _cut_short(table, inputs, states, problem)
-    if flaws:
-        return flaws
+    issues = [*issues, *more, *still_more] or _cut_short(table, inputs, states, problem)
+    if issues:
+        return issues
     # The last row holds the final pose only, with empty inputs.
     rows = inputs[:-1] if np.isnan(inputs[-1]).all() else inputs
     if np.isnan(rows).any() or len(rows) < 2:
         text = f"expected numbers for {', '.join(model.input_names)} in at least two rows"
-        return [table.flaw(-1 if np.isnan(rows).any() else 0, "", text)]
+        return [table.issue(-1 if np.isnan(rows).any() else 0, "", text)]
     return _Run(rows, _period(table, times[:, 0]) * len(rows), starts[0] if given else None)
 
 
-def _cut_short(table: _Table, inputs: Array, states: Sequence[str], problem: Problem) -> list[FileFlaw]:
+def _cut_short(table: _Table, inputs: Array, states: Sequence[str], problem: Problem) -> list[FileIssue]:
     # Rows of other lengths than the header, and a file that does not end as a whole one does.
     width = len(table.header)
     uneven = [row for row, cells in enumerate(table.rows) if len(cells) != width]
     if uneven:
         text = "expected {} cells, as in the header, got {}; is the file cut short?"
-        return [table.flaw(row, "", text.format(width, len(table.rows[row]))) for row in uneven]
+        return [table.issue(row, "", text.format(width, len(table.rows[row]))) for row in uneven]
     if np.isnan(inputs[-1]).any() or (table.ended and not states):
         return []
     # Exported commands end with the one to stop.
@@ -199,7 +199,7 @@ def _cut_short(table: _Table, inputs: Array, states: Sequence[str], problem: Pro
     final = "pose" if problem.model.velocity_signal else "state"
     held = f"the final {final}" if states else "the time of the end"
     text = f"the last row, with {held} and no inputs, is missing: is the file cut short?"
-    return [table.flaw(-1, "", text)]
+    return [table.issue(-1, "", text)]
 
 
 @dataclass(frozen=True)
@@ -217,9 +217,9 @@ class _Table:
         lines, rows = [self.lines[index] for index in chosen], [self.rows[index] for index in chosen]
         return replace(self, lines=lines, rows=rows)
 
-    def flaw(self, row: int, key: str, message: str) -> FileFlaw:
-        """A flaw in a row."""
-        return FileFlaw(self.name, self.lines[row], 0, key, message)
+    def issue(self, row: int, key: str, message: str) -> FileIssue:
+        """An issue in a row."""
+        return FileIssue(self.name, self.lines[row], 0, key, message)
 
 
 def _read(file: str | Path, needed: Sequence[str], model: System) -> _Table:
@@ -227,11 +227,11 @@ def _read(file: str | Path, needed: Sequence[str], model: System) -> _Table:
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line]
     numbered = [(number, _cells(name, number, line)) for number, line in lines]
     if len(numbered) < 3:
-        raise PathFileError([FileFlaw(name, 1, 0, "", "expected a header and at least two rows")])
+        raise PathFileError([FileIssue(name, 1, 0, "", "expected a header and at least two rows")])
     header = [cell.strip() for cell in numbered[0][1]]
     reason = _reason_against(header, needed, model)
     if reason:
-        raise PathFileError([FileFlaw(name, numbered[0][0], 0, "", reason)])
+        raise PathFileError([FileIssue(name, numbered[0][0], 0, "", reason)])
     places, rows = zip(*numbered[1:], strict=True)
     return _Table(name, header, list(places), list(rows), text.endswith("\n"))
 
@@ -241,7 +241,7 @@ def _cells(name: str, number: int, line: str) -> list[str]:
     try:
         return next(csv.reader([line], strict=True))
     except csv.Error as error:
-        raise PathFileError([FileFlaw(name, number, 0, "", f"cannot be read: {error}")]) from None
+        raise PathFileError([FileIssue(name, number, 0, "", f"cannot be read: {error}")]) from None
 
 
 def _reason_against(header: Sequence[str], needed: Sequence[str], model: System) -> str:
@@ -267,9 +267,9 @@ def _columns(
     *,
     may_be_empty: range = range(0),
     blanks: Sequence[str] = ("",),
-) -> tuple[Array, list[FileFlaw]]:
+) -> tuple[Array, list[FileIssue]]:
     # (rows, columns); not-a-number where a row that may be is empty.
-    values, flaws = np.full((len(table.rows), len(columns)), math.nan), []
+    values, issues = np.full((len(table.rows), len(columns)), math.nan), []
     for place, column in enumerate(columns):
         index = table.header.index(column)
         for number, (line, row) in enumerate(zip(table.lines, table.rows, strict=True)):
@@ -278,14 +278,14 @@ def _columns(
                 continue
             value = _number(cell)
             if value is None:
-                flaws.append(
-                    FileFlaw(table.name, line, 0, column, f"expected a finite number, got {written(cell)}")
+                issues.append(
+                    FileIssue(table.name, line, 0, column, f"expected a finite number, got {written(cell)}")
                 )
             elif abs(value) > LARGEST:
-                flaws.append(FileFlaw(table.name, line, 0, column, too_large(value)))
+                issues.append(FileIssue(table.name, line, 0, column, too_large(value)))
             else:
                 values[number, place] = value
-    return values, flaws
+    return values, issues
 
 
 def _number(cell: str) -> float | None:
@@ -299,10 +299,10 @@ def _period(table: _Table, times: Array) -> float:
     period = float(np.median(steps))
     if period <= 0:
         text = f"expected t to rise, got {times[1]:.6g} s after {times[0]:.6g} s"
-        raise PathFileError([table.flaw(1, "t", text)])
+        raise PathFileError([table.issue(1, "t", text)])
     uneven = np.flatnonzero((np.abs(steps - period) > EVEN * period) | (steps <= 0))
     if uneven.size:
         step = int(uneven[0])
         text = f"expected even steps in t of {period:.6g} s, got {steps[step]:.6g} s; resample it"
-        raise PathFileError([table.flaw(step + 1, "t", text)])
+        raise PathFileError([table.issue(step + 1, "t", text)])
     return float(times[-1] - times[0]) / len(steps)

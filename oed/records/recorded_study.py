@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from oed.foundation.errors import FileFlaw, Flaw, PathFileError, ProblemError, RecordError, StudyError
+from oed.foundation.errors import FileIssue, Issue, PathFileError, ProblemError, RecordError, StudyError
 from oed.foundation.shown import shown
 from oed.kernel.criteria import E, TaskDrive
 from oed.kernel.measurement.prior import Prior
@@ -39,12 +39,12 @@ def recorded_study(record: Record, *, trust: bool = False) -> Study:
         source = plain_source(str(place), record.study_text, record.echo)
         return read_study(source, prior_of if trusted else _refused_prior)
     except StudyError as error:
-        raise in_record(error.flaws) from None
+        raise in_record(error.issues) from None
 
 
 def _refuse_code(file: AnyStudyFile, place: Path) -> None:
-    flaws = [
-        FileFlaw(
+    issues = [
+        FileIssue(
             str(place),
             0,
             0,
@@ -53,14 +53,14 @@ def _refuse_code(file: AnyStudyFile, place: Path) -> None:
         )
         for key, part in file.named_code()
     ]
-    if flaws:
-        raise RecordError(flaws)
+    if issues:
+        raise RecordError(issues)
 
 
 def _refused_prior(wanted: PriorRecord, folder: Path) -> Prior:
     # Records hold priors as numbers: one that names another record has been written by somebody else.
     text = f"would be read from {shown(wanted.record)}, another file than this one; {TRUST}"
-    raise ProblemError([Flaw(("prior", "record"), text)])
+    raise ProblemError([Issue(("prior", "record"), text)])
 
 
 def prior_of(wanted: PriorRecord, folder: Path) -> Prior:
@@ -72,16 +72,16 @@ def prior_of(wanted: PriorRecord, folder: Path) -> Prior:
     try:
         saved = load_record(folder / wanted.record)
     except RecordError as error:
-        raise ProblemError([Flaw(("prior", "record"), "; ".join(map(str, error.flaws)))]) from None
+        raise ProblemError([Issue(("prior", "record"), "; ".join(map(str, error.issues)))]) from None
     result = saved.result(wanted.result)
     if result is None:
         names = ", ".join(one.name for one in saved.results) or "none"
         asked = wanted.result or "a feasible result"
-        raise ProblemError([Flaw(("prior", "result"), f"expected one of {names}; found no {asked}")])
+        raise ProblemError([Issue(("prior", "result"), f"expected one of {names}; found no {asked}")])
     found = [one for one in result.covariances if not any(None in row for row in one.covariance)]
     if len(found) != 1:
         text = f"the record's {result.name} predicts no covariance of all parameters together"
-        raise ProblemError([Flaw(("prior", "record"), text)])
+        raise ProblemError([Issue(("prior", "record"), text)])
     return Prior(parameters=found[0].parameters, covariance=found[0].covariance)
 
 
@@ -96,7 +96,7 @@ def drives_of(file: Path, study: AnyStudyFile) -> list[TaskDrive]:
         problem = study.model_copy(update={"criterion": E(), "weights": None}).problem()
         read = read_trajectory(file, problem)
     except PathFileError as error:
-        raise ProblemError([Flaw((), str(flaw)) for flaw in error.flaws]) from None
+        raise ProblemError([Issue((), str(issue)) for issue in error.issues]) from None
     return [
         TaskDrive(
             inputs=tuple(map(tuple, one.inputs.tolist())),

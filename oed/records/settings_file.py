@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import FileFlaw, PathFileError
+from oed.foundation.errors import FileIssue, PathFileError
 from oed.foundation.files import text_of
 from oed.foundation.quantities import plain_number
 from oed.foundation.shown import written
@@ -49,21 +49,21 @@ def read_settings(file: str, inputs: Sequence[str]) -> Trajectory:
     header = [cell.strip() for cell in lines[0]] if lines else []
     missing = [name for name in inputs if name not in header]
     if missing:
-        raise PathFileError([FileFlaw(file, 1, 0, "", f"the header lacks {', '.join(missing)}")])
+        raise PathFileError([FileIssue(file, 1, 0, "", f"the header lacks {', '.join(missing)}")])
     numbered = [(number, row) for number, row in enumerate(lines[1:], start=2) if row]
     if not numbered:
-        raise PathFileError([FileFlaw(file, 1, 0, "", "expected at least one row after the header")])
-    places, table, flaws = [header.index(name) for name in inputs], list[list[float]](), list[FileFlaw]()
+        raise PathFileError([FileIssue(file, 1, 0, "", "expected at least one row after the header")])
+    places, table, issues = [header.index(name) for name in inputs], list[list[float]](), list[FileIssue]()
     for number, row in numbered:
         cells = [row[place].strip() if place < len(row) else "" for place in places]
         values = [plain_number(cell) for cell in cells]
-        flaws += [
-            FileFlaw(file, number, 0, name, f"expected a finite number, got {written(cell)}")
+        issues += [
+            FileIssue(file, number, 0, name, f"expected a finite number, got {written(cell)}")
             for name, cell, value in zip(inputs, cells, values, strict=True)
             if value is None or not np.isfinite(value)
         ]
         table.append([value if value is not None else np.nan for value in values])
-    if flaws:
-        raise PathFileError(flaws)
+    if issues:
+        raise PathFileError(issues)
     knots = clamped_knots(float(len(table)), len(table), 0)
     return Trajectory(knots, 0, np.array(table), np.zeros((1, 0)), len(table))

@@ -191,10 +191,10 @@ def _compared(record: Record, winner: Result, baseline: Result | None) -> str:
     unidentified = [one.name for one in own if not identifies(baseline, one)]
     if unidentified or baseline.useless:
         return SAY("useless", name, unidentified)
-    return _weighed(record, winner, baseline)
+    return _weighted(record, winner, baseline)
 
 
-def _weighed(record: Record, winner: Result, baseline: Result) -> str:
+def _weighted(record: Record, winner: Result, baseline: Result) -> str:
     # In drives, which every error in sight bears out; else in how many times the errors are as large.
     name, share = _pattern(baseline), study_aim(record).efficiency(baseline.worth or 0.0, winner.worth or 0.0)
     if share is not None and share > 1 + EQUAL:

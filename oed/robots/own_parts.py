@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.own.code import in_words, lent_streams, place_of
 from oed.foundation.own.part import OwnCodeError, OwnPart, is_own
 from oed.foundation.shown import written
@@ -68,7 +68,7 @@ def components(part: Any, key: Key = ()) -> Iterator[tuple[Key, BaseModel]]:
             yield from components(one, (*key, place))
 
 
-def measurement_flaws(file: Any) -> list[Flaw]:
+def measurement_issues(file: Any) -> list[Issue]:
     """What is wrong with measurements of the user's own, before a problem is made of them.
 
     Args:
@@ -76,12 +76,12 @@ def measurement_flaws(file: Any) -> list[Flaw]:
     """
     space = file.space
     system = space.driving(file.model)
-    return _flaws(file, Sensor, lambda one: _try_sensor(one, system)) or _flaws(
+    return _issues(file, Sensor, lambda one: _try_sensor(one, system)) or _issues(
         file, Measurement, lambda one: _try_measurement(one, system, space)
     )
 
 
-def judge_flaws(file: Any, problem: Problem) -> list[Flaw]:
+def judge_issues(file: Any, problem: Problem) -> list[Issue]:
     """What is wrong with criteria and limits of the user's own.
 
     Args:
@@ -89,18 +89,18 @@ def judge_flaws(file: Any, problem: Problem) -> list[Flaw]:
         problem: the one made of it.
     """
     return [
-        *_flaws(file, Criterion, lambda one: _try_criterion(one, problem)),
-        *_flaws(file, Limit, lambda one: _try_limit(one, problem)),
+        *_issues(file, Criterion, lambda one: _try_criterion(one, problem)),
+        *_issues(file, Limit, lambda one: _try_limit(one, problem)),
     ]
 
 
-def code_flaw(file: Any, error: OwnCodeError) -> Flaw:
+def code_issue(file: Any, error: OwnCodeError) -> Issue:
     """Code of the user's own that failed, by the key that names it."""
     keys = [key for key, part in components(file) if is_own(part) and place_of(type(part))[0] == error.object]
-    return Flaw(keys[0] if keys else (), str(error))
+    return Issue(keys[0] if keys else (), str(error))
 
 
-def _flaws(file: Any, family: type, trial: Callable[[Any], None]) -> list[Flaw]:
+def _issues(file: Any, family: type, trial: Callable[[Any], None]) -> list[Issue]:
     found = []
     for key, part in components(file):
         if is_own(part) and isinstance(part, family):
@@ -110,10 +110,10 @@ def _flaws(file: Any, family: type, trial: Callable[[Any], None]) -> list[Flaw]:
             except KeyboardInterrupt:
                 raise
             except OwnCodeError as error:
-                found.append(Flaw(key, str(error)))
+                found.append(Issue(key, str(error)))
             except BaseException as error:
                 # Whatever it is, even one that ends programs without a word.
-                found.append(Flaw(key, f"{place_of(type(part))[0]} does not work: {in_words(error)}"))
+                found.append(Issue(key, f"{place_of(type(part))[0]} does not work: {in_words(error)}"))
     return found
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Issue, ProblemError
 from oed.kernel.measurement.measurement import Measurement
 from oed.robots.sensors.drift import Drift as Drift
 from oed.robots.sensors.drift import DriftRecord
@@ -51,13 +51,13 @@ def with_estimates(file: File, folder: Path, estimates: Estimates) -> File:
     Raises:
         ProblemError: every estimate that cannot be read, by its key.
     """
-    flaws, measurement = list[Flaw](), file.measurement
+    issues, measurement = list[Issue](), file.measurement
 
     def read(key: Key, record: str, part: Callable[[Path], Any]) -> Any:
         try:
             return part(folder / record)
         except ProblemError as error:
-            flaws.extend(Flaw((*key, "record"), flaw.message) for flaw in error.flaws)
+            issues.extend(Issue((*key, "record"), issue.message) for issue in error.issues)
             return None
 
     def numbers(key: Key, sensor: Measurement) -> Measurement:
@@ -76,6 +76,6 @@ def with_estimates(file: File, folder: Path, estimates: Estimates) -> File:
     else:
         each = tuple(numbers(("measurement", index), one) for index, one in enumerate(several))
         measurement = measurement.model_copy(update={"sensors": each})
-    if flaws:
-        raise ProblemError(flaws)
+    if issues:
+        raise ProblemError(issues)
     return file.model_copy(update={"measurement": measurement})

@@ -8,9 +8,9 @@ from typing import Annotated, Any, ClassVar, Optional
 from pydantic import BeforeValidator, Field, ValidationInfo, create_model, field_validator
 from pydantic_core import PydanticCustomError
 
-from oed.estimation import CalibrationOptions, alternative_flaws
+from oed.estimation import CalibrationOptions, alternative_issues
 from oed.foundation.component import Component, OneOf
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.kernel.problem import Problem
 from oed.logs import AnyLogForm
 from oed.robots.baselines import try_baselines
@@ -19,8 +19,8 @@ from oed.robots.models import MODELS, Model
 from oed.robots.presets import with_preset
 from oed.robots.sensors import MEASUREMENTS, Measurement
 from oed.robots.space import DesignSpace
-from oed.simulation.trial import Trial, trial_flaws
-from oed.study.cross_checks import file_flaws, robot_flaws
+from oed.simulation.trial import Trial, trial_issues
+from oed.study.cross_checks import file_issues, robot_issues
 from oed.study.parts import AnyBaseline, AnyPrior
 from oed.study.study_file import StudyFile
 
@@ -109,14 +109,14 @@ class RobotStudyFile(StudyFile):
         """Whether drives are designed."""
         return self.trajectory is not None
 
-    def flaws(self) -> list[Flaw]:
+    def issues(self) -> list[Issue]:
         """Why its keys do not go together; [] where they do."""
-        flaws = [*file_flaws(self), *robot_flaws(self)]
+        issues = [*file_issues(self), *robot_issues(self)]
         if self.calibration is not None:
-            flaws += alternative_flaws(self.robot, self.calibration.models)
-        return flaws
+            issues += alternative_issues(self.robot, self.calibration.models)
+        return issues
 
-    def problem_flaws(self, problem: Problem) -> list[Flaw]:
+    def problem_issues(self, problem: Problem) -> list[Issue]:
         """Why baselines cannot be driven, or a trial cannot be made.
 
         Raises:
@@ -125,4 +125,4 @@ class RobotStudyFile(StudyFile):
         if not self.designs:
             return []
         try_baselines(problem, self.baselines)
-        return trial_flaws(problem, self.physics)
+        return trial_issues(problem, self.physics)

@@ -178,7 +178,9 @@ def require_readable(choice: Choice) -> None:
 
 def in_short(error: StudyError) -> str:
     """What is wrong with a study that is nowhere yet: its keys, without lines of a file."""
-    return "; ".join(f"{flaw.key}: {flaw.message}" if flaw.key else flaw.message for flaw in error.flaws)
+    return "; ".join(
+        f"{issue.key}: {issue.message}" if issue.key else issue.message for issue in error.issues
+    )
 
 
 def _read(text: str, name: str = "study") -> Study:

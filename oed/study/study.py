@@ -12,7 +12,7 @@ import yaml
 from pydantic import ValidationError
 
 from oed.estimation import CalibrationOptions
-from oed.foundation.errors import FileFlaw, Flaw, NotFinite, ProblemError, StudyError, UserMistake
+from oed.foundation.errors import FileIssue, Issue, NotFinite, ProblemError, StudyError, UserMistake
 from oed.foundation.own.part import OwnCodeError
 from oed.foundation.presenting import Card, Presented, given
 from oed.kernel.criteria import TaskDrive
@@ -22,7 +22,7 @@ from oed.kernel.problem import Problem
 from oed.logs import CsvForm, LogForm
 from oed.optimize import Solver
 from oed.optimize.budget import with_shared_budget
-from oed.robots.own_parts import code_flaw, judge_flaws
+from oed.robots.own_parts import code_issue, judge_issues
 from oed.robots.presets import preset_names
 from oed.simulation.trial import Trial
 from oed.study.estimated import NO_ESTIMATES, Estimates, with_estimates
@@ -140,7 +140,7 @@ class Study(Presented):
         try:
             self.problem.require_designed()
         except ProblemError as error:
-            raise self.error(error.flaws) from None
+            raise self.error(error.issues) from None
 
     def require_identifiable(self) -> None:
         """Refuse a study whose parameters no drive makes identifiable, or whose drives are not finite.
@@ -151,13 +151,13 @@ class Study(Presented):
         try:
             require_identifiable(self.problem)
         except ProblemError as error:
-            raise self.error(error.flaws) from None
+            raise self.error(error.issues) from None
         except NotFinite as error:
-            raise self.error([error.flaw]) from None
+            raise self.error([error.issue]) from None
 
-    def error(self, flaws: Sequence[Flaw]) -> StudyError:
-        """Flaws of the study with the file and the lines that they stand in."""
-        return StudyError([_placed(self.origin, flaw) for flaw in flaws])
+    def error(self, issues: Sequence[Issue]) -> StudyError:
+        """Issues of the study with the file and the lines that they stand in."""
+        return StudyError([_placed(self.origin, issue) for issue in issues])
 
     def changed(self, **keys: Any) -> Study:
         """The study with other values of some of its keys, checked anew.
@@ -229,39 +229,39 @@ def read_study(
     """
     if not isinstance(source.data, dict):
         got = "nothing; `oed init` makes a first one" if source.data is None else "something else"
-        raise StudyError([source.flaw((), f"expected a study (keys and values), got {got}")])
+        raise StudyError([source.issue((), f"expected a study (keys and values), got {got}")])
     if {"robot", "system"} <= source.data.keys():
         text = "a study is of a robot (robot, trajectory) or of a system (system, experiment), not of both"
-        raise StudyError([source.flaw(("system",), text, of_key=True)])
+        raise StudyError([source.issue(("system",), text, of_key=True)])
     kind = kind_of(source.data)
     try:
         file = kind.model_validate(_with_folder(kind.completed(source.data), Path(source.file).parent))
     except ProblemError as error:
-        raise StudyError([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
+        raise StudyError([source.issue(issue.key, issue.message) for issue in error.issues]) from None
     except ValidationError as error:
         raise StudyError(explain(error, kind, source)) from None
-    flaws = file.flaws()
+    issues = file.issues()
     try:
         folder = Path(source.file).parent
         file = _with_prior(file.in_numbers(folder), folder, prior_of)
         file = with_estimates(with_tasks(file, folder, drives_of), folder, estimates)
         problem = file.problem()
-        flaws += [*judge_flaws(file, problem), *file.problem_flaws(problem)]
+        issues += [*judge_issues(file, problem), *file.problem_issues(problem)]
     except ProblemError as error:
-        flaws = [*error.flaws, *flaws]
+        issues = [*error.issues, *issues]
     except OwnCodeError as error:
-        flaws = [code_flaw(file, error), *flaws]
-    if flaws:
-        found = [_placed(source, flaw) for flaw in flaws]
-        raise StudyError(sorted(found, key=lambda flaw: (flaw.line, flaw.column)))
+        issues = [code_issue(file, error), *issues]
+    if issues:
+        found = [_placed(source, issue) for issue in issues]
+        raise StudyError(sorted(found, key=lambda issue: (issue.line, issue.column)))
     return Study(problem, file, source)
 
 
-def _placed(source: Source, flaw: Flaw) -> FileFlaw:
+def _placed(source: Source, issue: Issue) -> FileIssue:
     # What is wrong with a key that the study has not is said of its name.
-    if flaw.key and flaw.key[0] not in source.data:
-        return source.flaw((), flaw.message, missing=".".join(map(str, flaw.key)))
-    return source.flaw(flaw.key, flaw.message)
+    if issue.key and issue.key[0] not in source.data:
+        return source.issue((), issue.message, missing=".".join(map(str, issue.key)))
+    return source.issue(issue.key, issue.message)
 
 
 def _with_folder(data: Any, folder: Path) -> Any:

@@ -6,7 +6,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from oed.foundation.component import Component
-from oed.foundation.errors import FileFlaw
+from oed.foundation.errors import FileIssue
 from oed.foundation.wording import KIND, sentence, telling, untagged
 from oed.study.offered import as_studies_have
 from oed.study.yaml_source import Source
@@ -15,8 +15,8 @@ MOST_EXPLAINED = 200
 """Mistakes that are explained; where there are more, the file is hardly a study."""
 
 
-def explain(error: ValidationError, root: type[Component], source: Source) -> list[FileFlaw]:
-    """One flaw per place in the file, in the order of the lines.
+def explain(error: ValidationError, root: type[Component], source: Source) -> list[FileIssue]:
+    """One issue per place in the file, in the order of the lines.
 
     Where a value fits none of several forms, the reasons are joined.
 
@@ -33,7 +33,7 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
         text = sentence(detail, root) + (_offered(detail) if getattr(root, "domain", "") == "robots" else "")
         if text not in texts:
             texts.append(text)
-    # A flaw deeper down says more than "none of the forms fits" about the whole.
+    # An issue deeper down says more than "none of the forms fits" about the whole.
     left = [
         _place(detail, source, f"and {len(details) - MOST_EXPLAINED} more mistakes")
         for detail in details[MOST_EXPLAINED : MOST_EXPLAINED + 1]
@@ -45,7 +45,7 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
         for depth in range(1, len(parts))
     }
     return [
-        FileFlaw(source.file, line, column, key, "; or ".join(telling(texts)))
+        FileIssue(source.file, line, column, key, "; or ".join(telling(texts)))
         for (line, column, key), texts in sorted(reasons.items())
         if key not in above
     ] + left
@@ -57,12 +57,12 @@ def _offered(detail: ErrorDetails) -> str:
     return as_studies_have(str(detail["ctx"]["tag"])) if wrong else ""
 
 
-def _place(detail: ErrorDetails, source: Source, message: str = "") -> FileFlaw:
+def _place(detail: ErrorDetails, source: Source, message: str = "") -> FileIssue:
     path, missing = untagged(detail["loc"], source.data), detail["type"] == "missing"
     if detail["type"] == "union_tag_invalid":
         # The mistyped value's own line: that of `kind`, or of `form`.
         tag, given = detail["ctx"]["tag"], detail["input"]
         path = (*path, *[key for key in (KIND, "form") if given.get(key) == tag][:1])
     if missing:
-        return source.flaw(path[:-1], message, missing=str(path[-1]))
-    return source.flaw(path, message, of_key=detail["type"] == "extra_forbidden")
+        return source.issue(path[:-1], message, missing=str(path[-1]))
+    return source.issue(path, message, of_key=detail["type"] == "extra_forbidden")

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field
 
 from oed.foundation.component import Component, OneOf
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.own.part import OwnPart
 from oed.foundation.text import Unit
 from oed.foundation.vocabulary import Vocabulary
@@ -23,7 +23,7 @@ from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
 from oed.kernel.selection import Selection
 from oed.optimize import SOLVERS, Ipopt, Solver
-from oed.robots.own_parts import components, measurement_flaws
+from oed.robots.own_parts import components, measurement_issues
 from oed.study.parts import AnyBaseline, AnySystemPrior, ValidationOptions
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
@@ -113,11 +113,11 @@ class StudyFile(Component, ABC):
         return True
 
     @abstractmethod
-    def flaws(self) -> list[Flaw]:
+    def issues(self) -> list[Issue]:
         """Why its keys do not go together; [] where they do."""
 
     @abstractmethod
-    def problem_flaws(self, problem: Problem) -> list[Flaw]:
+    def problem_issues(self, problem: Problem) -> list[Issue]:
         """What of its keys the problem made of them has no place for.
 
         Raises:
@@ -130,9 +130,9 @@ class StudyFile(Component, ABC):
         Raises:
             ProblemError: the parts do not fit together; every reason is listed.
         """
-        flaws = measurement_flaws(self)
-        if flaws:
-            raise ProblemError(flaws)
+        issues = measurement_issues(self)
+        if issues:
+            raise ProblemError(issues)
         return self.problem_of(self.space)
 
     def problem_of(self, space: Space) -> Problem:

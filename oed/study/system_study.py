@@ -21,7 +21,7 @@ from oed.equations.keys import EquationKeys
 from oed.equations.outputs import OutputSensor
 from oed.equations.several import SENSORS, SeveralOutputs, replaced_starts
 from oed.foundation.component import OneOf
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.text import Unit, listing, words
 from oed.foundation.vocabulary import Vocabulary
 from oed.kernel.dynamics.held import HeldSpace
@@ -32,7 +32,7 @@ from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
 from oed.robots.own_parts import PythonSensor
-from oed.study.cross_checks import file_flaws
+from oed.study.cross_checks import file_issues
 from oed.study.parts import AnySystemPrior, PathFile, PriorReadings
 from oed.study.robot_study import sensor_list
 from oed.study.study_file import StudyFile
@@ -109,8 +109,8 @@ class SystemStudyFile(StudyFile):
         try:
             settings = Candidates(rows=given.readings).table(input_dimensions(model))
         except ProblemError as error:
-            flaws = [Flaw(("prior", "readings", *flaw.key[3:]), flaw.message) for flaw in error.flaws]
-            raise ProblemError(flaws) from None
+            issues = [Issue(("prior", "readings", *issue.key[3:]), issue.message) for issue in error.issues]
+            raise ProblemError(issues) from None
         alone = HeldSpace.of(settings, np.zeros((1, 0)), duration=float(len(settings)))
         earlier = self.model_copy(update={"prior": None, "weights": None, "robust": None})
         with earlier._own_keys():
@@ -164,9 +164,9 @@ class SystemStudyFile(StudyFile):
         """What inputs may do, then what expressions may be."""
         return (*self.experiment.limits, *self.limits)
 
-    def flaws(self) -> list[Flaw]:
+    def issues(self) -> list[Issue]:
         """Why its keys do not go together; [] where they do."""
-        return file_flaws(self)
+        return file_issues(self)
 
     def problem(self) -> Problem:
         """What to design for.
@@ -175,25 +175,25 @@ class SystemStudyFile(StudyFile):
             ProblemError: the parts do not fit together; every reason is listed.
         """
         model = self.model
-        flaws = self.experiment.flaws(model)
-        if flaws:
-            raise ProblemError(flaws)
+        issues = self.experiment.issues(model)
+        if issues:
+            raise ProblemError(issues)
         with self._own_keys():
             return super().problem()
 
-    def problem_flaws(self, problem: Problem) -> list[Flaw]:
+    def problem_issues(self, problem: Problem) -> list[Issue]:
         """Limits that are to be tightened by states alone, and are of uncertain parameters as well."""
         spread = None if self.robust is None else spread_of(problem.uncertain_system)
         if self.robust is None or spread is None or self.robust.kind == "scenarios":
             return []
-        flaws = []
+        issues = []
         for place, limit in enumerate(self.limits):
             if not isinstance(limit, Always):
                 continue
             names = sorted(limit.depends_on(problem.model) & set(spread.names))
             text = f"depends on {listing(names)}, which may differ: take `robust: {{kind: scenarios}}`"
-            flaws += [Flaw(("limits", place, "of"), text)] if names else []
-        return flaws
+            issues += [Issue(("limits", place, "of"), text)] if names else []
+        return issues
 
     def problem_of(self, space: Space) -> Problem:
         """The problem with another space than the study's, its sensors with what is known of starts.
@@ -214,8 +214,8 @@ class SystemStudyFile(StudyFile):
         try:
             yield
         except ProblemError as error:
-            flaws = [Flaw(self._own_key(flaw.key), flaw.message) for flaw in error.flaws]
-            raise ProblemError(flaws) from None
+            issues = [Issue(self._own_key(issue.key), issue.message) for issue in error.issues]
+            raise ProblemError(issues) from None
 
     def _own_key(self, key: tuple[str | int, ...]) -> tuple[str | int, ...]:
         if key[:2] == ("trajectory", "signals"):

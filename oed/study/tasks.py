@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Issue, ProblemError
 from oed.kernel.criteria import Criterion, I, TaskDrive
 from oed.study.robot_study import RobotStudyFile
 from oed.study.study_file import StudyFile
@@ -28,7 +28,7 @@ def with_tasks(file: File, folder: Path, drives_of: Callable[[Path, File], Seque
     Raises:
         ProblemError: every file that cannot be read, by its key.
     """
-    flaws = list[Flaw]()
+    issues = list[Issue]()
 
     def read(key: Key, criterion: Criterion) -> Criterion:
         if not isinstance(criterion, I) or not any(isinstance(one, str) for one in criterion.task):
@@ -38,7 +38,7 @@ def with_tasks(file: File, folder: Path, drives_of: Callable[[Path, File], Seque
             try:
                 drives += [one] if isinstance(one, TaskDrive) else drives_of(folder / one, file)
             except ProblemError as error:
-                flaws.extend(Flaw((*key, "task", index), flaw.message) for flaw in error.flaws)
+                issues.extend(Issue((*key, "task", index), issue.message) for issue in error.issues)
         return criterion.model_copy(update={"task": tuple(drives)})
 
     updated = file.model_copy(update={"criterion": read(("criterion",), file.criterion)})
@@ -47,8 +47,8 @@ def with_tasks(file: File, folder: Path, drives_of: Callable[[Path, File], Seque
     if trial is not None and trial.criterion is not None:
         own = read(("physics", "criterion"), trial.criterion)
         updated = updated.model_copy(update={"physics": trial.model_copy(update={"criterion": own})})
-    if flaws:
-        raise ProblemError(flaws)
+    if issues:
+        raise ProblemError(issues)
     return updated
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from oed.foundation.errors import FileFlaw, StudyError
+from oed.foundation.errors import FileIssue, StudyError
 from oed.foundation.files import text_of
 
 KeyPath = tuple[str | int, ...]
@@ -74,10 +74,10 @@ class Source(ABC):
                 after it.
         """
 
-    def flaw(
+    def issue(
         self, path: Sequence[str | int], message: str, missing: str = "", *, of_key: bool = False
-    ) -> FileFlaw:
-        """A flaw at `path`; `missing` is the name of a key that should stand there.
+    ) -> FileIssue:
+        """An issue at `path`; `missing` is the name of a key that should stand there.
 
         Args:
             path: of the key.
@@ -87,7 +87,7 @@ class Source(ABC):
         """
         found, line, column = self.place(path, of_key=of_key)
         parts = [*found, missing] if missing else list(found)
-        return FileFlaw(self.file, line, column, ".".join(map(str, parts)), message)
+        return FileIssue(self.file, line, column, ".".join(map(str, parts)), message)
 
 
 @dataclass(frozen=True)
@@ -116,10 +116,10 @@ def plain_source(file: str, text: str, data: Any) -> PlainSource:
         StudyError: texts with characters that no study has.
     """
     source = PlainSource(file, text, data)
-    found = ((path, _character_flaw(one)) for path, one in _texts(data, ()))
-    flaws = [source.flaw(path, reason) for path, reason in found if reason]
-    if flaws:
-        raise StudyError(flaws)
+    found = ((path, _character_issue(one)) for path, one in _texts(data, ()))
+    issues = [source.issue(path, reason) for path, reason in found if reason]
+    if issues:
+        raise StudyError(issues)
     return source
 
 
@@ -239,7 +239,7 @@ class _Loader(yaml.SafeLoader):
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         """What a node stands for; its text checked before."""
-        text = _text_flaw(node) if isinstance(node, yaml.ScalarNode) else ""
+        text = _text_issue(node) if isinstance(node, yaml.ScalarNode) else ""
         if text:
             raise _Refused(text, node.start_mark)
         try:
@@ -254,13 +254,13 @@ def _kind(node: yaml.Node) -> str:
     return str(node.tag).removeprefix("tag:yaml.org,2002:")
 
 
-def _text_flaw(node: yaml.ScalarNode) -> str:
+def _text_issue(node: yaml.ScalarNode) -> str:
     if _kind(node) in ("int", "float") and len(node.value) > NUMBER:
         return f"expected a number of at most {NUMBER} characters, got {len(node.value)}"
-    return _character_flaw(node.value)
+    return _character_issue(node.value)
 
 
-def _character_flaw(text: str) -> str:
+def _character_issue(text: str) -> str:
     found = _FORBIDDEN.search(text)
     return "" if found is None else f"the character {found.group()!a} cannot stand in a study"
 
@@ -303,24 +303,24 @@ def parse_yaml(text: str, name: str) -> YamlSource:
     if len(text) > CHARACTERS:
         raise StudyError.about(name, f"longer than {CHARACTERS} characters: no study")
     try:
-        root, flaws, data = _parsed(text, name)
+        root, issues, data = _parsed(text, name)
     except yaml.MarkedYAMLError as error:
         said, mark = str(error.problem), error.problem_mark
         if not isinstance(error, _Refused):
-            said, mark = _yaml_flaw(error)
+            said, mark = _yaml_issue(error)
             said = f"not valid YAML: {said}"
         line, column = (mark.line + 1, mark.column + 1) if mark else (0, 0)
-        raise StudyError([FileFlaw(name, line, column, "", said)]) from None
+        raise StudyError([FileIssue(name, line, column, "", said)]) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         reason = f"not valid YAML: the character {text[error.position]!a} cannot stand in it"
-        raise StudyError([FileFlaw(name, line, 0, "", reason)]) from None
-    if flaws:
-        raise StudyError(flaws)
+        raise StudyError([FileIssue(name, line, 0, "", reason)]) from None
+    if issues:
+        raise StudyError(issues)
     return YamlSource(name, text, data, root)
 
 
-def _yaml_flaw(error: yaml.MarkedYAMLError) -> tuple[str, yaml.Mark | None]:
+def _yaml_issue(error: yaml.MarkedYAMLError) -> tuple[str, yaml.Mark | None]:
     # PyYAML's words, with what to do, and where: what is wrong, or where that begins.
     problem, begun, met = str(error.problem), error.context_mark, error.problem_mark
     if problem == NO_KEY:
@@ -335,13 +335,13 @@ def _yaml_flaw(error: yaml.MarkedYAMLError) -> tuple[str, yaml.Mark | None]:
     return f"{problem} ({error.context} that begins in line {begun.line + 1})", met
 
 
-def _parsed(text: str, name: str) -> tuple[yaml.Node | None, list[FileFlaw], Any]:
+def _parsed(text: str, name: str) -> tuple[yaml.Node | None, list[FileIssue], Any]:
     # Read once: nodes, which know their lines, and what they stand for.
     loader = _Loader(text)
     try:
         root = loader.get_single_node()
-        flaws = list(_key_flaws(root, name, ()))
-        return root, flaws, None if root is None or flaws else loader.construct_document(root)
+        issues = list(_key_issues(root, name, ()))
+        return root, issues, None if root is None or issues else loader.construct_document(root)
     except (OverflowError, ValueError):
         # Of the scanner, which says no more.
         raise _Refused("an escape or a version number out of range", loader.get_mark()) from None
@@ -355,16 +355,16 @@ def _key_reason(key: yaml.Node, seen: Mapping[str, int]) -> str:
     return f"given twice (first in line {seen[key.value]})" if key.value in seen else ""
 
 
-def _key_flaws(node: yaml.Node | None, name: str, path: KeyPath) -> Iterator[FileFlaw]:
+def _key_issues(node: yaml.Node | None, name: str, path: KeyPath) -> Iterator[FileIssue]:
     # Keys that are no plain text, and those given twice; numbers that are not what they look like.
     if isinstance(node, yaml.ScalarNode) and _is_odd_number(node):
         text = f"expected a decimal number, got {_shown(node.value)}; write it out, or put text in quotes"
-        yield FileFlaw(
+        yield FileIssue(
             name, node.start_mark.line + 1, node.start_mark.column + 1, ".".join(map(str, path)), text
         )
     if isinstance(node, yaml.SequenceNode):
         for index, item in enumerate(node.value):
-            yield from _key_flaws(item, name, (*path, index))
+            yield from _key_issues(item, name, (*path, index))
     if isinstance(node, yaml.MappingNode):
         seen: dict[str, int] = {}
         for key, value in node.value:
@@ -372,8 +372,8 @@ def _key_flaws(node: yaml.Node | None, name: str, path: KeyPath) -> Iterator[Fil
             here = (*path, str(key.value)) if plain else path
             text, line = _key_reason(key, seen), key.start_mark.line + 1
             if text:
-                yield FileFlaw(name, line, key.start_mark.column + 1, ".".join(map(str, here)), text)
+                yield FileIssue(name, line, key.start_mark.column + 1, ".".join(map(str, here)), text)
             if plain:
                 seen.setdefault(key.value, line)
-                yield from _key_flaws(key, name, here)
-            yield from _key_flaws(value, name, here)
+                yield from _key_issues(key, name, here)
+            yield from _key_issues(value, name, here)

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.moved import Renamed
 from oed.foundation.quantities import Ratio
 from oed.kernel.dynamics.expression import Expression
@@ -98,20 +98,20 @@ class Robust(Renamed, Tightening):
         added = tuple(tuple(float(value) for value in values) for values in worst[:ADDED])
         return self.model_copy(update={"added_scenarios": (*self.added_scenarios, *added)})
 
-    def flaws(self, system: UncertainSystem) -> list[Flaw]:
+    def issues(self, system: UncertainSystem) -> list[Issue]:
         """Nothing uncertain, robots that cannot be, an objective of parameters that are not estimated, values
         of other quantities.
         """
         spread = spread_of(system)
         if spread is None:
-            return [Flaw(("robust",), NOTHING_UNCERTAIN)]
+            return [Issue(("robust",), NOTHING_UNCERTAIN)]
         if system.uncertainty is None and (text := impossible(spread, system)):
-            return [Flaw(("prior",), text)]
+            return [Issue(("prior",), text)]
         if self.objective != "nominal" and spread.system != system.estimated:
-            return [Flaw(("robust", "objective"), OTHER_PARAMETERS)]
+            return [Issue(("robust", "objective"), OTHER_PARAMETERS)]
         if any(len(values) != len(spread.names) for values in self.added_scenarios):
             text = f"expected {len(spread.names)} values each ({', '.join(spread.names)})"
-            return [Flaw(("robust", "kept"), text)]
+            return [Issue(("robust", "kept"), text)]
         return []
 
     def backed_off(self, limit: PathLimit, drive: Drive, system: UncertainSystem) -> Rows:

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from oed.foundation.arrays import Array, Bools
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import Size, parse_quantity, parse_size
 from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import System
@@ -49,18 +49,18 @@ class Uncertainty(Uncertain):
         own = {key: amount for key, amount in value.items() if key != "distribution"}
         return {"within": own, **{key: value[key] for key in ("distribution",) if key in value}}
 
-    def flaws(self, system: UncertainSystem) -> list[Flaw]:
+    def issues(self, system: UncertainSystem) -> list[Issue]:
         """Names that the system does not have; amounts that are no ranges around the nominal value, or of
         systems that cannot be.
         """
-        flaws = self._own_flaws(_base(tuple(self.within), system))
-        spread = None if flaws else spread_of(system)
+        issues = self._own_issues(_base(tuple(self.within), system))
+        spread = None if issues else spread_of(system)
         text = "" if spread is None else impossible(spread, system)
-        return [*flaws, Flaw(("uncertainty",), text)] if text else flaws
+        return [*issues, Issue(("uncertainty",), text)] if text else issues
 
-    def _own_flaws(self, base: System) -> list[Flaw]:
+    def _own_issues(self, base: System) -> list[Issue]:
         known = _known(base)
-        flaws = []
+        issues = []
         for given in self.within:
             key = ("uncertainty", given)
             names = base.long_names(given)
@@ -69,17 +69,17 @@ class Uncertainty(Uncertain):
                 text = (
                     f"expected one of {', '.join(known)} ({last}), got {given!r}{did_you_mean(given, known)}"
                 )
-                flaws.append(Flaw(key, text))
+                issues.append(Issue(key, text))
                 continue
             if len(names) > 1 and set(names) & set(self.within):
-                flaws.append(Flaw(key, f"says twice what is uncertain of {' and '.join(names)}"))
+                issues.append(Issue(key, f"says twice what is uncertain of {' and '.join(names)}"))
                 continue
             try:
                 for name in names:
                     self._range(given, *known[name])
             except ValueError as error:
-                flaws.append(Flaw(key, str(error)))
-        return flaws
+                issues.append(Issue(key, str(error)))
+        return issues
 
     def ranges(self, base: System) -> dict[str, tuple[float, float]]:
         """Low and high end of every quantity's range, SI; of a normal one a standard deviation away."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from oed.estimation import calibrate
 from oed.foundation.arguments import typed
-from oed.foundation.errors import FileFlaw, LogError, ProblemError, UserMistake
+from oed.foundation.errors import FileIssue, LogError, ProblemError, UserMistake
 from oed.foundation.extras import package_version
 from oed.foundation.text import listing
 from oed.foundation.work.folders import require_usable
@@ -91,7 +91,7 @@ def estimate(
             study.problem, kept, study.calibration, test_logs=other, seed=chosen, announce=stage
         )
     except ProblemError as error:
-        raise study.error(error.flaws) from None
+        raise study.error(error.issues) from None
     stage.done()
     record = estimate_of(
         found,
@@ -109,41 +109,41 @@ def estimate(
 
 def _require_different(files: Sequence[str | Path], form: LogForm) -> None:
     # Twice the same log would count as twice the evidence, whatever it is called.
-    known, flaws = dict[Path, str](), []
+    known, issues = dict[Path, str](), []
     for file in files:
         try:
             path = Path(file).resolve()
             path.exists()
         except (OSError, ValueError) as error:
             # A name that no file can have.
-            flaws.append(
-                FileFlaw(str(file), 0, 0, "", f"cannot be read: {getattr(error, 'strerror', error)}")
+            issues.append(
+                FileIssue(str(file), 0, 0, "", f"cannot be read: {getattr(error, 'strerror', error)}")
             )
             continue
         if path in known:
-            flaws.append(FileFlaw(str(file), 0, 0, "", "given twice; a log counts once"))
+            issues.append(FileIssue(str(file), 0, 0, "", "given twice; a log counts once"))
         elif (twin := twin_of(path, known, form)) is not None:
             text = f"is the same as {known[twin]} to the byte; a log counts once"
-            flaws.append(FileFlaw(str(file), 0, 0, "", text))
+            issues.append(FileIssue(str(file), 0, 0, "", text))
         known[path] = str(file)
-    if flaws:
-        raise LogError(flaws)
+    if issues:
+        raise LogError(issues)
 
 
 def _read(study: Study, files: Sequence[str | Path]) -> list[Log]:
     try:
         return read_logs(files, study.log, study.problem.model, study.problem.measurement)
     except LogError as error:
-        hint = _hint("\n".join(one.message for one in error.flaws), study.log)
+        hint = _hint("\n".join(one.message for one in error.issues), study.log)
         if hint:
-            raise LogError([*error.flaws, FileFlaw(study.source, 0, 0, "log", hint)]) from None
+            raise LogError([*error.issues, FileIssue(study.source, 0, 0, "log", hint)]) from None
         # What is wrong with the log itself, the key would not mend.
-        named = [one for one in error.flaws if isinstance(one, NotInLog) and one.named]
+        named = [one for one in error.issues if isinstance(one, NotInLog) and one.named]
         if study.of_robot.log is not None or not named:
-            raise LogError([_with_place(one, study) for one in error.flaws]) from None
+            raise LogError([_with_place(one, study) for one in error.issues]) from None
         # The cause, and what follows from it in a line each.
         hint = "the study has no key `log`, which says what stands in which column of a log"
-        raise LogError([FileFlaw(study.source, 0, 0, "log", hint), *_gathered(error.flaws)]) from None
+        raise LogError([FileIssue(study.source, 0, 0, "log", hint), *_gathered(error.issues)]) from None
 
 
 def _hint(said: str, form: LogForm) -> str:
@@ -153,10 +153,10 @@ def _hint(said: str, form: LogForm) -> str:
     return form.clock_hint if re.search(NOT_RISING, said) else ""
 
 
-def _gathered(flaws: Sequence[FileFlaw]) -> Iterator[FileFlaw]:
-    # Of one file one flaw of all columns that it lacks.
+def _gathered(issues: Sequence[FileIssue]) -> Iterator[FileIssue]:
+    # Of one file one issue of all columns that it lacks.
     lacking: dict[tuple[str, int], list[NotInLog]] = {}
-    for one in flaws:
+    for one in issues:
         if isinstance(one, NotInLog) and one.named:
             lacking.setdefault((one.file, one.line), []).append(one)
         else:
@@ -166,23 +166,23 @@ def _gathered(flaws: Sequence[FileFlaw]) -> Iterator[FileFlaw]:
             yield some[0]
             continue
         names = listing([one.key for one in some])
-        yield FileFlaw(file, line, 0, "", f"nothing says where {names} are{_there(some)}")
+        yield FileIssue(file, line, 0, "", f"nothing says where {names} are{_there(some)}")
 
 
 def _there(some: Sequence[NotInLog]) -> str:
-    # What the file has, which every one of its flaws says in the end.
+    # What the file has, which every one of its issues says in the end.
     ends = {one.message.rpartition("; ")[2].rpartition("? ")[2] for one in some}
     return f"; {ends.pop()}" if len(ends) == 1 else ""
 
 
-def _with_place(flaw: FileFlaw, study: Study) -> FileFlaw:
+def _with_place(issue: FileIssue, study: Study) -> FileIssue:
     # What the log has not, and where the study names it, or would.
-    if not isinstance(flaw, NotInLog) or not flaw.named:
-        return flaw
-    found, line, _ = study.origin.place(flaw.named)
+    if not isinstance(issue, NotInLog) or not issue.named:
+        return issue
+    found, line, _ = study.origin.place(issue.named)
     file = f"{study.source}:{line}" if line else study.source
     # The last part is that of a short form written out.
-    given = len(found) >= len(flaw.named) - 1
-    key = ".".join(map(str, found if given else flaw.named))
-    text = f"{flaw.message} ({'named' if given else 'name it'} in {file}: {key})"
-    return replace(flaw, message=text)
+    given = len(found) >= len(issue.named) - 1
+    key = ".".join(map(str, found if given else issue.named))
+    text = f"{issue.message} ({'named' if given else 'name it'} in {file}: {key})"
+    return replace(issue, message=text)

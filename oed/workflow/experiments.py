@@ -15,7 +15,7 @@ from oed.records.recorded_study import recorded_study
 from oed.records.stored.simulation import StoredTrial, StoredValidation
 from oed.simulation import validate
 from oed.simulation.trial import run_trial
-from oed.study.cross_checks import validation_flaws
+from oed.study.cross_checks import validation_issues
 from oed.study.study import ValidationOptions
 from oed.workflow.studies import Work
 
@@ -78,9 +78,9 @@ def validated(
         RecordError: the robot is code that is not trusted.
     """
     study = recorded_study(saved, trust=trust)
-    flaws = validation_flaws(options, study.problem.measurement)
-    if flaws:
-        raise ProblemError(flaws)
+    issues = validation_issues(options, study.problem.measurement)
+    if issues:
+        raise ProblemError(issues)
     solutions = [
         scored(study.problem, one.drive.trajectory, one.name)
         for one in saved.results

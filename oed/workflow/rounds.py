@@ -178,7 +178,7 @@ class Rounds:
                 taken.append(name)
             except LogError as error:
                 refused.append(SeenLog(name=name, size=size, changed=changed))
-                self._say([*map(str, error.flaws), f"{name} is not used: waiting for another log"])
+                self._say([*map(str, error.issues), f"{name} is not used: waiting for another log"])
         rounds, current = self.found.rounds[:-1], self.found.rounds[-1]
         current = current.model_copy(update={"logs": [*current.logs, *taken]})
         kept = [one for one in self.found.seen if one.name not in new]
@@ -194,7 +194,7 @@ class Rounds:
 
     def _refuse(self, error: LogError) -> None:
         # Logs that can be read, and yet say nothing that an estimate can be made of.
-        wrong = {flaw.file for flaw in error.flaws}
+        wrong = {issue.file for issue in error.issues}
         refused = [one for one in self.found.rounds[-1].logs if str(self.folder.path(one)) in wrong]
         if not refused:
             raise error
@@ -203,7 +203,7 @@ class Rounds:
             raise error
         current, there = self.found.rounds[-1], self.folder.found()
         names = listing(refused)
-        self._say([*map(str, error.flaws), f"no estimate can be made with {names}: drive again"])
+        self._say([*map(str, error.issues), f"no estimate can be made with {names}: drive again"])
         signs = ((one, *there[one]) for one in refused if one in there)
         seen = [SeenLog(name=name, size=size, changed=changed) for name, size, changed in signs]
         again = current.model_copy(update={"logs": [one for one in current.logs if one not in refused]})

@@ -157,7 +157,7 @@ def require_readable(files: Files, folder: Path) -> dict[str, Any]:
         there = [name for name in readers if name in files]
         return {name: readers[name](json.loads(files[name]), folder / name) for name in there}
     except RecordError as error:
-        reasons = "; ".join(map(str, error.flaws))
+        reasons = "; ".join(map(str, error.issues))
         raise Failure(f"not saved, for it could not be read again: {reasons}") from None
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from oed.foundation.arguments import typed
-from oed.foundation.errors import Flaw, PathFileError
+from oed.foundation.errors import Issue, PathFileError
 from oed.kernel.criteria import TaskDrive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.prior import Prior
@@ -99,13 +99,13 @@ def own_paths(study: Study) -> dict[str, Trajectory]:
     from oed.records.path_file import read_trajectory
 
     paths: dict[str, Trajectory] = {}
-    flaws: list[Flaw] = []
+    issues: list[Issue] = []
     for index, path in enumerate(study.file.baselines):
         if isinstance(path, PathFile):
             try:
                 paths[path.label] = read_trajectory(study.folder / path.file, study.problem)
             except PathFileError as error:
-                flaws += [Flaw(("baselines", index, "file"), str(flaw)) for flaw in error.flaws]
-    if flaws:
-        raise study.error(flaws)
+                issues += [Issue(("baselines", index, "file"), str(issue)) for issue in error.issues]
+    if issues:
+        raise study.error(issues)
     return paths

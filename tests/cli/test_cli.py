@@ -17,7 +17,7 @@ from studies import GENETIC, INFEASIBLE, SMALL, small, write_study
 
 from oed.cli import main
 from oed.cli.terminal.console import percent
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Issue, ProblemError
 from oed.records.record import load_record
 
 TEXT = small(baselines="[circle]", validation="{replicates: 200}")
@@ -141,17 +141,17 @@ class TestCheck:
         assert first.startswith("wrong.yaml:3: robot.track: expected a length [m], got '18 kg'")
         assert second == "nowhere.yaml: no such file"
 
-    def test_their_flaws_as_json(self, capsys, folder: Path):
+    def test_their_issues_as_json(self, capsys, folder: Path):
         write_study(folder, TEXT.replace("18 cm", "18 kg").replace("samples: 40", "samples: 0"), "wrong.yaml")
         code, data, _ = call_json(capsys, "check", "study.yaml", "wrong.yaml")
         assert code == 2
         right, wrong = data["studies"]
-        assert (right["ok"], right["flaws"], wrong["ok"]) == (True, [], False)
-        assert [(flaw["line"], flaw["key"]) for flaw in wrong["flaws"]] == [
+        assert (right["ok"], right["issues"], wrong["ok"]) == (True, [], False)
+        assert [(issue["line"], issue["key"]) for issue in wrong["issues"]] == [
             (3, "robot.track"),
             (4, "trajectory.samples"),
         ]
-        assert set(wrong["flaws"][0]) == {"file", "line", "column", "key", "message"}
+        assert set(wrong["issues"][0]) == {"file", "line", "column", "key", "message"}
 
 
 class TestSolve:
@@ -462,9 +462,9 @@ class TestMistakes:
         code, data, err = call_json(capsys, *command)
         assert code == 2
         assert err.startswith(message)
-        (flaw,) = data["flaws"] if "flaws" in data else data["studies"][0]["flaws"]
-        assert flaw["file"] == "wrong.yaml"
-        assert flaw["line"] == int(message.split(":")[1])
+        (issue,) = data["issues"] if "issues" in data else data["studies"][0]["issues"]
+        assert issue["file"] == "wrong.yaml"
+        assert issue["line"] == int(message.split(":")[1])
         if "error" in data:
             assert data["error"].startswith(message)
 
@@ -664,7 +664,7 @@ def test_what_nobody_has_foreseen(capsys, monkeypatch: pytest.MonkeyPatch, error
     assert "OED_DEBUG=1" in err
     code, data, _ = call_json(capsys, "schema")
     assert code == 1
-    assert data == {"error": err.strip(), "flaws": []}
+    assert data == {"error": err.strip(), "issues": []}
     monkeypatch.setenv("OED_DEBUG", "1")
     with pytest.raises(type(error)):
         main(["schema"])
@@ -681,7 +681,7 @@ def test_a_working_directory_that_has_been_deleted(capsys, folder: Path, monkeyp
 
 def test_what_is_found_late_is_told_by_its_line(capsys, folder: Path, monkeypatch: pytest.MonkeyPatch):
     def refuse(*_: Any, **__: Any) -> None:
-        raise ProblemError([Flaw(("limits", "wheel_speed"), "is too late"), Flaw(("robot",), "as well")])
+        raise ProblemError([Issue(("limits", "wheel_speed"), "is too late"), Issue(("robot",), "as well")])
 
     monkeypatch.setattr("oed.study.study.Study.require_identifiable", refuse)
     code, data, err = call_json(capsys, "run", "study.yaml", "--quiet")
@@ -690,7 +690,7 @@ def test_what_is_found_late_is_told_by_its_line(capsys, folder: Path, monkeypatc
         "study.yaml:7: limits.wheel_speed: is too late",
         "study.yaml:3: robot: as well",
     ]
-    assert [flaw["line"] for flaw in data["flaws"]] == [7, 3]
+    assert [issue["line"] for issue in data["issues"]] == [7, 3]
 
 
 @pytest.mark.parametrize(

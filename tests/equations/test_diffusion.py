@@ -155,7 +155,7 @@ def test_a_search_that_chooses_the_duration_sees_the_noise_of_the_time_it_takes(
     np.testing.assert_allclose(entries, expected[[0, 0, 1], [0, 1, 1]], rtol=1e-9)
 
 
-class TestFlaws:
+class TestIssues:
     @pytest.mark.parametrize(
         ("given", "name", "said"),
         [
@@ -168,7 +168,7 @@ class TestFlaws:
     def test_are_named_by_state_and_unit(self, given, name, said):
         with pytest.raises(ProblemError, match=said) as refused:
             problem_of(SENSOR.model_copy(update={"diffusion": tuple(given.items())}))
-        assert refused.value.flaws[0].key == ("measurement", "diffusion", name)
+        assert refused.value.issues[0].key == ("measurement", "diffusion", name)
 
     def test_a_word_is_no_diffusion(self):
         with pytest.raises(PartError, match="diffusion: expected names, each with its value, got 'usual'"):

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from oed.equations.dimensions import PLAIN
 from oed.equations.functions import FUNCTIONS
-from oed.equations.grammar import DEEPEST, LONGEST, RESERVED, ExpressionError, name_flaw, parse
+from oed.equations.grammar import DEEPEST, LONGEST, RESERVED, ExpressionError, name_issue, parse
 
 Tree = tuple[Any, ...]
 NUMPY = {
@@ -310,11 +310,11 @@ def test_unknown_names_are_refused_with_what_was_meant():
 
 @pytest.mark.parametrize("name", ["x", "_", "T_in", "lambda", "k1"])
 def test_names(name: str):
-    assert name_flaw(name) == ""
+    assert name_issue(name) == ""
 
 
 def test_what_is_no_name():
     for name in ("", "1x", "x y", "\u0430", "x\n", "é", "x.y"):
-        assert "is no name" in name_flaw(name)
-    assert name_flaw("pi") == "'pi' is a function or a constant already"
-    assert all(name_flaw(name) for name in RESERVED)
+        assert "is no name" in name_issue(name)
+    assert name_issue("pi") == "'pi' is a function or a constant already"
+    assert all(name_issue(name) for name in RESERVED)

@@ -222,8 +222,8 @@ class TestAlgebraic:
 def test_mistakes_are_named_by_key_and_column(keys: dict[str, Any], key: str, words: str):
     with pytest.raises(ProblemError) as error:
         system(CONSERVED, **keys)
-    found = [flaw for flaw in error.value.flaws if ".".join(map(str, flaw.key)) == f"system.{key}"]
-    assert any(words in flaw.message for flaw in found), error.value.flaws
+    found = [issue for issue in error.value.issues if ".".join(map(str, issue.key)) == f"system.{key}"]
+    assert any(words in issue.message for issue in found), error.value.issues
 
 
 def tank(substeps: int, jacket: str = "285 K") -> oed.Problem:

@@ -137,14 +137,16 @@ class TestStep:
 def test_mistakes_are_named_by_key_and_column(keys: dict[str, Any], key: str, words: str):
     with pytest.raises(ProblemError) as error:
         tank(**keys)
-    found = [flaw for flaw in error.value.flaws if ".".join(map(str, flaw.key)).startswith(f"system.{key}")]
-    assert any(words in flaw.message for flaw in found), error.value.flaws
+    found = [
+        issue for issue in error.value.issues if ".".join(map(str, issue.key)).startswith(f"system.{key}")
+    ]
+    assert any(words in issue.message for issue in found), error.value.issues
 
 
 def test_all_mistakes_are_named_at_once():
     with pytest.raises(ProblemError) as error:
         tank(outputs={"y": "amout"}, parameters={"k": "x", "feed": "1.5 mol/l"}, substeps=0)
-    assert len(error.value.flaws) == 2
+    assert len(error.value.issues) == 2
 
 
 def problem(**parts: Any) -> oed.Problem:
@@ -184,14 +186,14 @@ class TestProblem:
     def test_mistakes(self, parts: dict[str, Any], key: str, words: str):
         with pytest.raises(ProblemError) as error:
             problem(**parts)
-        assert any(key in ".".join(map(str, one.key)) and words in one.message for one in error.value.flaws)
+        assert any(key in ".".join(map(str, one.key)) and words in one.message for one in error.value.issues)
 
     def test_a_range_rises(self):
         with pytest.raises(PartError, match=r"expected \[least, largest\]"):
             InputRange(input="flow", range=("1 m", "0 m"))
 
     def test_responses_are_those_of_equations(self):
-        assert Responses(noise={"measured": 1}).flaws(tank(), 3) != []
+        assert Responses(noise={"measured": 1}).issues(tank(), 3) != []
 
 
 @pytest.mark.slow

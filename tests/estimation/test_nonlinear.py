@@ -751,7 +751,7 @@ class TestMistakes:
         names = "wheel_radius_right, wheel_radius_left, track"
         with pytest.raises(ProblemError, match=f"does not identify {names}") as raised:
             Nonlinear(PLAIN.problem, drive)
-        assert raised.value.flaws[0].key == ("validation",)
+        assert raised.value.issues[0].key == ("validation",)
 
     def test_unless_the_rest_is_known_from_before(self):
         problem = sensed_problem(

@@ -20,12 +20,12 @@ from oed.estimation.methods import (
     Heading,
     Nonlinear,
     Regression,
-    estimator_flaws,
+    estimator_issues,
     make_estimator,
     usual_estimator,
 )
 from oed.estimation.methods.measured_headings import corrected_covariance
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Issue, ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.measurement import Measurement
@@ -739,17 +739,17 @@ BOTH = Several(sensors=[POSES, YawRate(noise=0.01)])
 
 
 @cache
-def flaws_of(measurement: Measurement, name=None, heading: Heading = "known") -> list[Flaw]:
-    """The flaws, which `make_estimator` raises."""
-    flaws = estimator_flaws(measurement, name, heading)
+def issues_of(measurement: Measurement, name=None, heading: Heading = "known") -> list[Issue]:
+    """The issues, which `make_estimator` raises."""
+    issues = estimator_issues(measurement, name, heading)
     problem = problem_of(measurement=measurement)
-    if not flaws:
+    if not issues:
         assert make_estimator(problem, DRIVE, name, heading=heading).name
         return []
     with pytest.raises(ProblemError) as raised:
         make_estimator(problem, DRIVE, name, heading=heading)
-    assert raised.value.flaws == tuple(flaws)
-    return flaws
+    assert raised.value.issues == tuple(issues)
+    return issues
 
 
 class TestMistakes:
@@ -764,25 +764,25 @@ class TestMistakes:
     @ways
     @noise_models
     @pytest.mark.parametrize("regressor", ["position", "heading", "both"])
-    def test_what_suits_has_no_flaw(
+    def test_what_suits_has_no_issue(
         self, name: EstimatorName, heading: Heading, noise_model: str, regressor: str
     ):
         measurement = self.displacements(noise_model=noise_model, regressor=regressor)
-        assert estimator_flaws(measurement, name, heading) == []
+        assert estimator_issues(measurement, name, heading) == []
 
     @pytest.mark.parametrize("name", ["nonlinear", "magic"])
     def test_methods_of_displacements(self, name: str):
-        (flaw,) = flaws_of(self.displacements(), name)
-        assert flaw.key == ("validation", "estimators")
-        assert flaw.message == (
+        (issue,) = issues_of(self.displacements(), name)
+        assert issue.key == ("validation", "estimators")
+        assert issue.message == (
             f"displacements are estimated by ols, sandwich, gls, errors_in_variables; not by {name}"
         )
 
     @pytest.mark.parametrize("heading", ["known", "predicted"])
     def test_errors_in_variables_are_those_of_measured_headings(self, heading: Heading):
-        (flaw,) = flaws_of(self.displacements(), "errors_in_variables", heading)
-        assert flaw.key == ("validation", "heading")
-        assert flaw.message == f"errors in variables are those of heading: measured; these are {heading}"
+        (issue,) = issues_of(self.displacements(), "errors_in_variables", heading)
+        assert issue.key == ("validation", "heading")
+        assert issue.message == f"errors in variables are those of heading: measured; these are {heading}"
 
     @pytest.mark.parametrize("name", [None, *METHODS])
     @pytest.mark.parametrize(
@@ -796,9 +796,9 @@ class TestMistakes:
     )
     def test_missing_noise(self, name, regressor: str, noise: dict[str, str], missing: str):
         problem = problem_of(measurement=self.displacements(noise, regressor=regressor))
-        flaws = estimator_flaws(problem.measurement, name, "measured")
-        assert flaws == [
-            Flaw(("measurement", "noise"), f"simulating measured headings needs the noise of {missing}")
+        issues = estimator_issues(problem.measurement, name, "measured")
+        assert issues == [
+            Issue(("measurement", "noise"), f"simulating measured headings needs the noise of {missing}")
         ]
         with pytest.raises(ProblemError, match=missing):
             make_estimator(problem, DRIVE, name, heading="measured")
@@ -806,19 +806,21 @@ class TestMistakes:
     @pytest.mark.parametrize("measurement", [POSES, RANGES, BOTH], ids=lambda one: one.kind)
     @pytest.mark.parametrize("name", [*METHODS, "magic"])
     def test_sensors_are_estimated_from_together(self, measurement: Measurement, name: str):
-        (flaw,) = flaws_of(measurement, name)
-        assert flaw.key == ("validation", "estimators")
-        assert flaw.message == (f"{measurement.kind} are estimated by nonlinear least squares; not by {name}")
+        (issue,) = issues_of(measurement, name)
+        assert issue.key == ("validation", "estimators")
+        assert issue.message == (
+            f"{measurement.kind} are estimated by nonlinear least squares; not by {name}"
+        )
 
     @pytest.mark.parametrize("measurement", [POSES, RANGES, BOTH], ids=lambda one: one.kind)
     def test_which_is_their_usual_estimator(self, measurement: Measurement):
         assert usual_estimator(measurement) == "nonlinear"
-        assert not flaws_of(measurement)
-        assert not flaws_of(measurement, "nonlinear")
+        assert not issues_of(measurement)
+        assert not issues_of(measurement, "nonlinear")
 
     @pytest.mark.parametrize("name", [None, "nonlinear", "ols"])
     def test_a_measurement_of_another_kind(self, name):
-        assert flaws_of(Guesses(), name) == [Flaw(("validation",), "no simulation is known for guesses")]
+        assert issues_of(Guesses(), name) == [Issue(("validation",), "no simulation is known for guesses")]
 
     def test_joint_least_squares_need_sensors(self):
         with pytest.raises(ProblemError, match="displacements is a regression"):
@@ -831,7 +833,7 @@ class TestMistakes:
         names = "c11, c12" if heading == "predicted" else "c21, c22"
         with pytest.raises(ProblemError, match=f"does not identify {names}") as raised:
             Regression(make(regressor="position"), straight, name, heading)
-        assert raised.value.flaws[0].key == ("validation",)
+        assert raised.value.issues[0].key == ("validation",)
 
 
 @distinct_ways

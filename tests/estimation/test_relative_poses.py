@@ -318,7 +318,7 @@ class TestRefused:
     def test_options_for_poses(self, tmp_path: Path, options: dict[str, Any], key: str, words: str):
         with pytest.raises(ProblemError, match=words) as error:
             estimated(logs_of(tmp_path, matched(seconds=60)), **options)
-        assert error.value.flaws[0].key == ("calibration", key)
+        assert error.value.issues[0].key == ("calibration", key)
 
     @pytest.mark.slow
     @pytest.mark.parametrize(

@@ -78,6 +78,6 @@ def test_from_files_to_a_page(tmp_path: Path):
 def test_a_study_names_the_sensors_that_it_measures_with():
     with pytest.raises(oed.StudyError) as caught:
         oed.parse_study(STUDY.replace("    yaw_rate: {column", "    yaw_rates: {column"))
-    (flaw,) = caught.value.flaws
-    assert (flaw.key, flaw.line) == ("log.sensors.yaw_rates", 20)
-    assert "did you mean yaw_rate?" in flaw.message
+    (issue,) = caught.value.issues
+    assert (issue.key, issue.line) == ("log.sensors.yaw_rates", 20)
+    assert "did you mean yaw_rate?" in issue.message

@@ -33,7 +33,7 @@ def doubted(model: Model, off: float) -> dict[str, str]:
     try:
         found = calibrate(logged_problem(model=model), [steered(model, off)])
     except LogError as error:
-        return {flaw.key: flaw.message for flaw in error.flaws}
+        return {issue.key: issue.message for issue in error.issues}
     doubts = {one.parameter: one.message for one in found.doubts}
     return doubts | {one.name: one.message for log in found.logs for one in log.findings if one.doubtful}
 

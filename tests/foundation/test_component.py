@@ -81,9 +81,9 @@ def test_no_field_takes_true_for_a_number(value: bool):
 def test_in_a_study_its_key_and_line_are_named(old: str, new: str, key: str):
     with pytest.raises(StudyError) as caught:
         parse_study(STUDY.replace(old, new))
-    (flaw,) = caught.value.flaws
-    assert flaw.key.startswith(key)
-    assert flaw.line == STUDY[: STUDY.index(old)].count("\n") + 1
+    (issue,) = caught.value.issues
+    assert issue.key.startswith(key)
+    assert issue.line == STUDY[: STUDY.index(old)].count("\n") + 1
 
 
 def test_true_is_true_where_it_means_something():

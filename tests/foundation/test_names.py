@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from oed.cli.terminal.console import print_results
 from oed.cli.terminal.messages import say, tell
-from oed.foundation.errors import FileFlaw, Flaw, UserMistake
-from oed.foundation.files import file_stem, inside, name_flaw
+from oed.foundation.errors import FileIssue, Issue, UserMistake
+from oed.foundation.files import file_stem, inside, name_issue
 from oed.foundation.shown import shown
 from oed.records.stored.result import Result
 
@@ -22,7 +22,7 @@ BIDI = "safe\u202etxt.exe"
 class TestNamesOfFiles:
     @pytest.mark.parametrize("name", ["ipopt", "my drive", "square_same_length", "Weg 2 (lang)", "é+1.b"])
     def test_usual_names_serve(self, name: str):
-        assert name_flaw(name) == ""
+        assert name_issue(name) == ""
         assert file_stem(name) == name.replace(" ", "_")
 
     @pytest.mark.parametrize(
@@ -34,8 +34,8 @@ class TestNamesOfFiles:
         ],
     )
     def test_others_are_refused(self, name: str):
-        assert name_flaw(name).startswith("expected a name")
-        assert shown(name_flaw(name)) == name_flaw(name)
+        assert name_issue(name).startswith("expected a name")
+        assert shown(name_issue(name)) == name_issue(name)
         with pytest.raises(UserMistake, match="expected a name"):
             file_stem(name)
 
@@ -43,7 +43,7 @@ class TestNamesOfFiles:
     @settings(max_examples=50)
     @given(st.text(max_size=30))
     def test_no_name_leads_out_of_its_folder(self, name: str):
-        if name_flaw(name) == "":
+        if name_issue(name) == "":
             folder = Path("/there")
             assert (folder / f"{file_stem(name)}_x.csv").parent == folder
             assert (folder / name).resolve().parent == folder
@@ -77,9 +77,9 @@ class TestTerminal:
         assert shown(shown(text)) == shown(text)
         shown(text).encode()
 
-    def test_flaws(self):
-        assert str(FileFlaw(f"{ESCAPE}.csv", 3, 0, BIDI, "a\nb")).count("\\") == 5
-        assert "\x1b" not in str(Flaw((ESCAPE,), ESCAPE))
+    def test_issues(self):
+        assert str(FileIssue(f"{ESCAPE}.csv", 3, 0, BIDI, "a\nb")).count("\\") == 5
+        assert "\x1b" not in str(Issue((ESCAPE,), ESCAPE))
 
     def test_messages(self, capsys: pytest.CaptureFixture[str]):
         say(f"first\n{ESCAPE}")

@@ -80,8 +80,8 @@ class TestWhatIsSaid:
         # At rest in the first period, at the beacon; the wheel radii have no part in that reading.
         with pytest.raises(NotFinite) as caught:
             evaluate(problem, random_drive(problem, 0))
-        assert caught.value.flaw.key == ("measurement",)
-        text = caught.value.flaw.message
+        assert caught.value.issue.key == ("measurement",)
+        text = caught.value.issue.message
         assert text.startswith("the derivative of plain_ranges at 0 s" + (" of run 1" if runs > 1 else ""))
         assert text.endswith("is not finite")
         assert "wheel_radius" in text
@@ -107,9 +107,9 @@ class TestWhatIsSaid:
             evaluate(problem, random_drive(problem, 0))
 
     def test_it_survives_the_way_from_a_worker(self):
-        error = NotFinite(oed.foundation.errors.Flaw(("robot",), "x: not finite"))
+        error = NotFinite(oed.foundation.errors.Issue(("robot",), "x: not finite"))
         again = pickle.loads(pickle.dumps(error))
-        assert (str(again), again.flaw) == (str(error), error.flaw)
+        assert (str(again), again.issue) == (str(error), error.issue)
 
 
 class TestWhatIsDone:

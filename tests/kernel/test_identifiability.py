@@ -454,10 +454,10 @@ class TestWords:
         problem = posed_problem(model=TwoRadii())
         with pytest.raises(ProblemError) as raised:
             require_identifiable(problem)
-        (flaw,) = raised.value.flaws
-        assert flaw.key == ("measurement",)
+        (issue,) = raised.value.issues
+        assert issue.key == ("measurement",)
         first, second = ambiguities(problem)
-        assert flaw.message == (
+        assert issue.message == (
             f"{first}; {second}. Take one of them as known (leave it out of `estimate`), "
             "give a `prior`, or measure more."
         )
@@ -466,7 +466,7 @@ class TestWords:
     def test_the_key_is_the_one_to_change(self, estimate, key: str):
         with pytest.raises(ProblemError) as raised:
             require_identifiable(posed_problem(model=SKID, estimate=estimate))
-        assert [flaw.key for flaw in raised.value.flaws] == [(key,)]
+        assert [issue.key for issue in raised.value.issues] == [(key,)]
 
     def test_the_first_parameter_is_the_yardstick(self):
         for problem in (

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oed.kernel.measurement.information import information, scale_factors, scaling_flaws
+from oed.kernel.measurement.information import information, scale_factors, scaling_issues
 from oed.robots.sensors import Block, regression
 
 DESIGN = np.array([[1.0, 2.0], [0.5, -1.0], [3.0, 0.25]])
@@ -44,7 +44,7 @@ def test_scaled_information(scaling, scales):
 def test_raw_information_needs_no_noise():
     block = make_block(noise=None)
     np.testing.assert_allclose(np.array(information(block, "none")), DESIGN.T @ DESIGN, rtol=1e-15)
-    assert scaling_flaws((block,), "none") == []
+    assert scaling_issues((block,), "none") == []
 
 
 def test_relative_scaling_gives_the_worst_relative_standard_deviation():
@@ -72,28 +72,30 @@ def test_noise_divides_the_information(factor: float, scaling: str):
 
 
 @pytest.mark.parametrize("scaling", ["relative", {"c21": 1.0, "c22": 1.0}])
-def test_missing_noise_is_a_flaw(scaling):
-    (flaw,) = scaling_flaws((make_block(noise=None),), scaling)
-    assert flaw.key == ("measurement", "noise")
-    assert "position noise is needed" in flaw.message
+def test_missing_noise_is_an_issue(scaling):
+    (issue,) = scaling_issues((make_block(noise=None),), scaling)
+    assert issue.key == ("measurement", "noise")
+    assert "position noise is needed" in issue.message
 
 
 def test_every_block_without_noise_is_named():
     blocks = (make_block(noise=None), make_block(name="heading", parameters=("c11", "c12"), noise=None))
-    messages = [flaw.message for flaw in scaling_flaws(blocks, "relative")]
+    messages = [issue.message for issue in scaling_issues(blocks, "relative")]
     assert [message.split()[1] for message in messages] == ["position", "heading"]
 
 
 def test_a_nominal_zero_has_no_relative_precision():
-    (flaw,) = scaling_flaws((make_block(nominal=np.array([0.0, 0.1])),), "relative")
-    assert flaw.key == ("criterion", "scaling")
-    assert flaw.message.startswith("c21 is nominally 0")
-    assert "scaling: {c21: ..., c22: ...}, " in flaw.message
-    assert scaling_flaws((make_block(nominal=np.array([0.0, 0.1])),), {"c21": 1.0, "c22": 1.0}) == []
+    (issue,) = scaling_issues((make_block(nominal=np.array([0.0, 0.1])),), "relative")
+    assert issue.key == ("criterion", "scaling")
+    assert issue.message.startswith("c21 is nominally 0")
+    assert "scaling: {c21: ..., c22: ...}, " in issue.message
+    assert scaling_issues((make_block(nominal=np.array([0.0, 0.1])),), {"c21": 1.0, "c22": 1.0}) == []
 
 
-def test_unknown_and_missing_names_are_flaws():
-    flaws = {flaw.key: flaw.message for flaw in scaling_flaws((make_block(),), {"c21": 1.0, "track": 2.0})}
-    assert flaws[("criterion", "scaling")] == "the scale of c22 is missing"
-    assert flaws[("criterion", "scaling", "track")].endswith("the parameters are c21, c22")
-    assert len(flaws) == 2
+def test_unknown_and_missing_names_are_issues():
+    issues = {
+        issue.key: issue.message for issue in scaling_issues((make_block(),), {"c21": 1.0, "track": 2.0})
+    }
+    assert issues[("criterion", "scaling")] == "the scale of c22 is missing"
+    assert issues[("criterion", "scaling", "track")].endswith("the parameters are c21, c22")
+    assert len(issues) == 2

@@ -368,12 +368,12 @@ def test_a_search_that_leaves_drift_out_is_scored_with_it():
     assert blind.evaluation.objective < aware.evaluation.objective
 
 
-class TestFlaws:
+class TestIssues:
     def test_what_does_not_go_with_drift_is_refused(self):
         together = Poses(noise={"covariance": np.eye(3 * 41)}, drift=DRIFT)
         with pytest.raises(ProblemError, match="drift") as refused:
             problem_of(measurement=together, criterion=E())
-        assert refused.value.flaws[0].key[:2] == ("measurement", "noise")
+        assert refused.value.issues[0].key[:2] == ("measurement", "noise")
 
     def test_a_robot_drifts_in_one_way(self):
         other = POSES.model_copy(update={"drift": Drift(heading_per_metre=0.01)})

@@ -150,14 +150,14 @@ class TestPredictions:
 
     @predictions
     @pytest.mark.parametrize("inputs", [(1.0,), (1.0, 2.0, 3.0)])
-    def test_a_wrong_number_of_inputs_is_a_flaw(self, kind, inputs: tuple[float, ...]):
+    def test_a_wrong_number_of_inputs_is_an_issue(self, kind, inputs: tuple[float, ...]):
         legs = (LEGS[0], Leg(inputs=inputs, duration=1))
         with pytest.raises(ProblemError) as caught:
             problem_of(criterion=kind(scaling="none", test_drive=legs))
-        (flaw,) = caught.value.flaws
-        assert flaw.key == ("criterion", "test_drive", 1, "inputs")
+        (issue,) = caught.value.issues
+        assert issue.key == ("criterion", "test_drive", 1, "inputs")
         names = "wheel_speed_right, wheel_speed_left"
-        assert flaw.message == f"expected 2 inputs ({names}), got {len(inputs)}"
+        assert issue.message == f"expected 2 inputs ({names}), got {len(inputs)}"
 
     TASK = (TaskDrive(inputs=((5, 4), (-3, 6)), period=0.5),)
 
@@ -168,13 +168,13 @@ class TestPredictions:
             I(task=TASK, quantity="heading", scaling="none"),
         ],
     )
-    def test_what_nothing_estimated_changes_is_a_flaw(self, criterion: G | I):
+    def test_what_nothing_estimated_changes_is_an_issue(self, criterion: G | I):
         # The paper's position regression estimates c21 and c22, of which no heading knows.
         with pytest.raises(ProblemError) as caught:
             problem_of(measurement=Displacements(segments=4), criterion=criterion)
-        (flaw,) = caught.value.flaws
-        assert flaw.key == ("criterion", "quantity")
-        assert flaw.message == "the heading predicted depends on none of c21, c22: every design would do"
+        (issue,) = caught.value.issues
+        assert issue.key == ("criterion", "quantity")
+        assert issue.message == "the heading predicted depends on none of c21, c22: every design would do"
 
     def test_a_task_that_some_regressions_do_not_change_is_that_of_the_others(self):
         values = []
@@ -239,7 +239,7 @@ subsets = pytest.mark.parametrize(
 )
 scalings = pytest.mark.parametrize("scaling", ["none", "relative", "own"])
 
-FLAWS = {
+ISSUES = {
     "a stranger": ({}, ("track", "mass"), "expected some of the estimated .*track, got mass"),
     "none": ({}, (), "expected some of the estimated .*, got none"),
     "not estimated": ({"estimate": GEOMETRY[:2]}, ("track",), "wheel_radius_left, got track"),
@@ -332,12 +332,12 @@ class TestSubset:
         variance = evaluation.covariances["joint"][0, 0]
         assert evaluation.objective == pytest.approx(-variance * (column**2).sum(axis=1).max(), rel=1e-6)
 
-    @pytest.mark.parametrize(("parts", "subset", "message"), FLAWS.values(), ids=FLAWS.keys())
-    def test_unknown_names_are_flaws(self, parts, subset, message):
+    @pytest.mark.parametrize(("parts", "subset", "message"), ISSUES.values(), ids=ISSUES.keys())
+    def test_unknown_names_are_issues(self, parts, subset, message):
         parts = {"measurement": POSES, **parts}
         with pytest.raises(ProblemError, match=message) as caught:
             problem_of(criterion=D(scaling="none", subset=subset), **parts)
-        assert [flaw.key for flaw in caught.value.flaws] == [("criterion", "subset")]
+        assert [issue.key for issue in caught.value.issues] == [("criterion", "subset")]
 
     def test_a_scale_of_every_judged_parameter_is_needed(self):
         criterion = D(subset=("track", "wheel_radius_left"), scaling={"track": 1.0})

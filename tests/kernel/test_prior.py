@@ -19,8 +19,8 @@ def precision(prior: Prior) -> np.ndarray:
     return prior.precision(NAMES, NOMINAL, UNITS)
 
 
-def flaws(prior: Prior) -> dict[str, str]:
-    return {".".join(map(str, flaw.key)): flaw.message for flaw in prior.flaws(NAMES, NOMINAL, UNITS)}
+def issues(prior: Prior) -> dict[str, str]:
+    return {".".join(map(str, issue.key)): issue.message for issue in prior.issues(NAMES, NOMINAL, UNITS)}
 
 
 class TestStandardDeviations:
@@ -42,7 +42,7 @@ class TestStandardDeviations:
         prior = Prior(standard_deviations={name: given})
         expected = np.diag([size**-2 if name == other else 0.0 for other in NAMES])
         assert prior.names == (name,)
-        assert flaws(prior) == {}
+        assert issues(prior) == {}
         np.testing.assert_allclose(precision(prior), expected, rtol=1e-12)
 
     def test_several_are_independent(self):
@@ -73,13 +73,13 @@ class TestStandardDeviations:
         ],
     )
     def test_wrong_ones_are_named(self, name: str, given, words: str):
-        found = flaws(Prior(standard_deviations={"wheel_radius": "1 mm", name: given}))
+        found = issues(Prior(standard_deviations={"wheel_radius": "1 mm", name: given}))
         assert list(found) == [f"prior.standard_deviations.{name}"]
         assert words in found[f"prior.standard_deviations.{name}"]
 
     def test_all_wrong_ones_are_listed(self):
         prior = Prior(standard_deviations={"track": "1 kg", "slip": -1, "width": 1})
-        assert set(flaws(prior)) == {
+        assert set(issues(prior)) == {
             f"prior.standard_deviations.{name}" for name in ("track", "slip", "width")
         }
 
@@ -89,7 +89,7 @@ class TestCovariance:
         prior = Prior(parameters=("wheel_radius", "track"), covariance=COVARIANCE)
         found = precision(prior)
         assert prior.names == ("wheel_radius", "track")
-        assert flaws(prior) == {}
+        assert issues(prior) == {}
         np.testing.assert_allclose(found[:2, :2] @ COVARIANCE, np.eye(2), atol=1e-12)
         assert not found[2].any()
         assert not found[:, 2].any()
@@ -107,7 +107,7 @@ class TestCovariance:
         np.testing.assert_allclose(precision(one), precision(other), rtol=1e-12)
 
     def test_a_parameter_that_is_not_estimated_is_named(self):
-        found = flaws(Prior(parameters=("track", "width"), covariance=COVARIANCE))
+        found = issues(Prior(parameters=("track", "width"), covariance=COVARIANCE))
         assert list(found) == ["prior.parameters"]
         assert "width is not estimated here" in found["prior.parameters"]
 

@@ -42,10 +42,10 @@ class MotorSpeed(WheelSpeed):
     name: ClassVar[str] = "motor_speed"
 
 
-def flaws_of(**overrides) -> dict[str, str]:
+def issues_of(**overrides) -> dict[str, str]:
     with pytest.raises(ProblemError) as caught:
         problem_of(**overrides)
-    return {".".join(map(str, flaw.key)): flaw.message for flaw in caught.value.flaws}
+    return {".".join(map(str, issue.key)): issue.message for issue in caught.value.issues}
 
 
 def test_the_builders_problem_is_valid():
@@ -114,11 +114,11 @@ BREACHES = {
 
 @pytest.mark.parametrize(("overrides", "key", "message"), BREACHES.values(), ids=BREACHES.keys())
 def test_every_breach_of_a_valid_problem_is_named(overrides, key, message):
-    assert message in flaws_of(**overrides)[key]
+    assert message in issues_of(**overrides)[key]
 
 
-def test_all_flaws_are_listed_at_once():
-    found = flaws_of(
+def test_all_issues_are_listed_at_once():
+    found = issues_of(
         design=DesignSpace(duration=10, samples=40, spline=Spline(coefficients=4), start=StartPose(x=3)),
         measurement=Displacements(segments=50),
         limits=(BOX, ACCELERATION),
@@ -131,7 +131,7 @@ def test_all_flaws_are_listed_at_once():
     }
 
 
-def test_a_flawed_problem_is_the_users_mistake():
+def test_an_wrong_problem_is_the_users_mistake():
     with pytest.raises(UserMistake, match="limits: nothing bounds wheel_speed_left; add wheel_speed"):
         problem_of(limits=())
 
@@ -182,8 +182,8 @@ class TestEstimate:
 
     @pytest.mark.parametrize(("names", "words"), WRONG.values(), ids=WRONG.keys())
     @pytest.mark.parametrize("measurement", [POSES, NOISY], ids=["poses", "displacements"])
-    def test_wrong_names_are_flaws(self, measurement, names, words: str):
-        found = flaws_of(measurement=measurement, estimate=names)
+    def test_wrong_names_are_issues(self, measurement, names, words: str):
+        found = issues_of(measurement=measurement, estimate=names)
         assert list(found) == ["estimate"]
         assert words in found["estimate"]
 
@@ -192,12 +192,12 @@ class TestEstimate:
     )
     def test_what_displacements_do_not_tell(self, regressor: str, names):
         measurement = Displacements(segments=4, regressor=regressor)
-        found = flaws_of(measurement=measurement, estimate=names)
+        found = issues_of(measurement=measurement, estimate=names)
         assert list(found) == ["estimate"]
         assert f"{names[0]} cannot be estimated from displacements, which identify c" in found["estimate"]
 
     def test_a_robot_without_coefficients_names_its_parameters_only(self):
-        found = flaws_of(model=Unicycle(), measurement=POSES, estimate=("c11",), limits=())
+        found = issues_of(model=Unicycle(), measurement=POSES, estimate=("c11",), limits=())
         assert found["estimate"] == "expected some of the robot's parameters (gain), got c11"
 
     @pytest.mark.parametrize("names", [("track",), ("track", "wheel_radius_right"), GEOMETRY[::-1]])
@@ -249,13 +249,13 @@ class TestEstimate:
 
     def test_a_slip_that_is_nominally_zero_may_be_left_out(self):
         model = SkidSteer(wheel_radius=RADIUS, track=TRACK)
-        found = flaws_of(model=model, measurement=POSES, criterion=E())
+        found = issues_of(model=model, measurement=POSES, criterion=E())
         assert "slip_outer, slip_inner is nominally 0" in found["criterion.scaling"]
         problem = sensed(model=model, criterion=E(), estimate=GEOMETRY)
         assert evaluate(problem, random_drive(problem, 0)).lambda_min > 0
 
     def test_a_criterion_judges_some_of_them(self):
-        found = flaws_of(measurement=POSES, criterion=E(subset=("track",)), estimate=GEOMETRY[:2])
+        found = issues_of(measurement=POSES, criterion=E(subset=("track",)), estimate=GEOMETRY[:2])
         assert "got track" in found["criterion.subset"]
         whole, judged = joint(sensed()), joint(sensed(criterion=E(scaling="none", subset=("track",))))
         np.testing.assert_allclose(1 / judged, np.linalg.inv(whole)[2:, 2:], rtol=1e-8)
@@ -340,7 +340,7 @@ class TestPrior:
 
     def test_it_cannot_be_added_to_what_leaves_the_noise_out(self):
         prior = Prior(standard_deviations={"c21": "1 mm"})
-        found = flaws_of(measurement=NOISY, criterion=E(scaling="none"), prior=prior)
+        found = issues_of(measurement=NOISY, criterion=E(scaling="none"), prior=prior)
         assert list(found) == ["prior"]
         assert "cannot be added to W'W" in found["prior"]
         sensed(prior=PRIORS["deviations"])
@@ -380,13 +380,13 @@ class TestPrior:
         ],
         ids=["unknown name", "wrong unit", "negative", "covariance of an unknown name"],
     )
-    def test_wrong_ones_are_flaws(self, prior: Prior, key: str, words: str):
-        found = flaws_of(measurement=POSES, prior=prior)
+    def test_wrong_ones_are_issues(self, prior: Prior, key: str, words: str):
+        found = issues_of(measurement=POSES, prior=prior)
         assert list(found) == [key]
         assert words in found[key]
 
-    def test_of_a_parameter_taken_as_known_is_a_flaw(self):
-        found = flaws_of(measurement=POSES, estimate=("track",), prior=PRIORS["deviations"])
+    def test_of_a_parameter_taken_as_known_is_an_issue(self):
+        found = issues_of(measurement=POSES, estimate=("track",), prior=PRIORS["deviations"])
         assert set(found) == {"prior.standard_deviations.wheel_radius_right"}
         assert found.popitem()[1].endswith("the parameters are track")
 

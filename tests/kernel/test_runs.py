@@ -439,15 +439,15 @@ class TestPathFile:
     def test_mistakes_are_named_by_their_line(self, tmp_path: Path, lines: list[str], line, key, text: str):
         with pytest.raises(PathFileError) as caught:
             read_lines(tmp_path, lines, two_runs(start="free"))
-        (flaw,) = caught.value.flaws
-        assert (flaw.file, flaw.line, flaw.key) == (str(tmp_path / "path.csv"), line, key)
-        assert text in flaw.message
+        (issue,) = caught.value.issues
+        assert (issue.file, issue.line, issue.key) == (str(tmp_path / "path.csv"), line, key)
+        assert text in issue.message
 
     def test_mistakes_of_all_runs_are_listed(self, tmp_path: Path):
         lines = [*TWO_RUNS[:2], "1,1,a,4,9,9,9", *TWO_RUNS[3:5], "2,1,7,b,9,9,9", TWO_RUNS[6]]
         with pytest.raises(PathFileError) as caught:
             read_lines(tmp_path, lines, two_runs(start="free"))
-        assert [flaw.line for flaw in caught.value.flaws] == [3, 6]
+        assert [issue.line for issue in caught.value.issues] == [3, 6]
 
 
 STUDY = SMALL.replace("duration: 10 s,", "duration: 10 s, runs: 2,")

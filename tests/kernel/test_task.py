@@ -86,11 +86,11 @@ def test_a_task_or_a_test_drive_is_expected(options):
         I(**options)
 
 
-def test_tasks_of_another_robot_are_flaws():
+def test_tasks_of_another_robot_are_issues():
     other = TaskDrive(inputs=[(1, 2, 3)], period=0.1, start=(0, 0))
     with pytest.raises(ProblemError) as caught:
         problem_of(measurement=POSES, criterion=I(task=["drive.csv", other]))
-    assert [flaw.key for flaw in caught.value.flaws] == [
+    assert [issue.key for issue in caught.value.issues] == [
         ("criterion", "task", 0),
         ("criterion", "task", 1, "inputs"),
     ]

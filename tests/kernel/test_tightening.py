@@ -11,7 +11,7 @@ import pytest
 from builders import ACCELERATION, SPEED, problem_of, random_drive
 
 import oed
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Issue, ProblemError
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
@@ -57,9 +57,9 @@ class Unknown(Uncertain):
 
     constant: str
 
-    def flaws(self, system: UncertainSystem) -> list[Flaw]:
+    def issues(self, system: UncertainSystem) -> list[Issue]:
         known = [parameter.name for parameter in system.own.parameters]
-        return [] if self.constant in known else [Flaw(("uncertainty",), f"no {self.constant}")]
+        return [] if self.constant in known else [Issue(("uncertainty",), f"no {self.constant}")]
 
 
 tight_problem = partial(problem_of, limits=(SPEED, ACCELERATION, ROOM))

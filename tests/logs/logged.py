@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import FileIssue, LogError
 from oed.logs import AnyLogForm, Log, LogForm, read_logs
 from oed.robots.models import DifferentialDrive, Model
 
@@ -55,16 +55,16 @@ def read_one(file: Path, model: Model = ROBOT, **keys: Any) -> Log:
     return log
 
 
-def flaws_of(*files: Path, model: Model = ROBOT, **keys: Any) -> list[FileFlaw]:
+def issues_of(*files: Path, model: Model = ROBOT, **keys: Any) -> list[FileIssue]:
     with pytest.raises(LogError) as caught:
         read_logs(files, form(**keys), model)
-    return list(caught.value.flaws)
+    return list(caught.value.issues)
 
 
-def flaw_of(file: Path, **keys: Any) -> FileFlaw:
-    (flaw,) = flaws_of(file, **keys)
-    assert flaw.file == str(file)
-    return flaw
+def issue_of(file: Path, **keys: Any) -> FileIssue:
+    (issue,) = issues_of(file, **keys)
+    assert issue.file == str(file)
+    return issue
 
 
 def found(log: Log) -> Mapping[str, str]:

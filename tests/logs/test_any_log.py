@@ -36,9 +36,9 @@ def read(text: str, log_form: LogForm) -> list[Log]:
         try:
             return read_logs([file], log_form, ROBOT)
         except LogError as error:
-            told = error.flaws
+            told = error.issues
     assert told
-    assert all(flaw.message and flaw.file == str(file) for flaw in told)
+    assert all(issue.message and issue.file == str(file) for issue in told)
     return []
 
 

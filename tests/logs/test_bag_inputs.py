@@ -24,7 +24,7 @@ from bags import (
     write_bag,
     write_bag_1,
 )
-from logged import ROBOT, drive, flaws_of, found, read_one
+from logged import ROBOT, drive, found, issues_of, read_one
 from pydantic import ValidationError
 
 from oed.foundation.errors import ProblemError
@@ -152,8 +152,8 @@ class TestCommands:
             "steering_angle": {"topic": "/drive", "field": "drive.steering_angle"},
         }
         np.testing.assert_allclose(means(read(path, tricycle, inputs=keys)), BETWEEN * [10, 0.3], atol=1e-4)
-        (flaw,) = BagForm(commands="/drive").flaws(tricycle)
-        assert flaw.message.startswith("no message has wheel_speed, steering_angle as commands; ")
+        (issue,) = BagForm(commands="/drive").issues(tricycle)
+        assert issue.message.startswith("no message has wheel_speed, steering_angle as commands; ")
 
     @pytest.mark.slow
     def test_odometry_as_poses(self, tmp_path: Path):
@@ -182,9 +182,11 @@ class TestCommands:
         log = read(path, inputs=inputs, poses={"topic": "/tf", **world})
         np.testing.assert_allclose(log.poses, TABLE[:, 3:] + [5, 0, 0], atol=1e-9)
         assert log.integrals[-1, 1] == pytest.approx(TABLE[-1, 5] - TABLE[0, 5], abs=1e-6)
-        (flaw,) = flaws_of(path, model=UNICYCLE, kind="rosbag", inputs=inputs, poses={"topic": "/tf", **odom})
+        (issue,) = issues_of(
+            path, model=UNICYCLE, kind="rosbag", inputs=inputs, poses={"topic": "/tf", **odom}
+        )
         assert (
-            flaw.message == "/tf is the robot's own odometry, which its inputs are; the reference is another"
+            issue.message == "/tf is the robot's own odometry, which its inputs are; the reference is another"
         )
 
 
@@ -312,7 +314,7 @@ def wheel(**keys: Any) -> dict[str, Any]:
     return {"inputs": {"wheel_speed_right": {"topic": "/wheels", **keys}, "wheel_speed_left": other}}
 
 
-class TestFlaws:
+class TestIssues:
     """Each names the bag and the topic, the message and the field, and what there is instead."""
 
     @pytest.mark.parametrize(
@@ -340,22 +342,22 @@ class TestFlaws:
     )
     def test_fields(self, own_bag: Path, keys: dict, message: str):
         path = own_bag
-        (flaw,) = flaws_of(path, kind="rosbag", **wheel(**keys))
-        assert flaw.file == str(path)
-        assert message in flaw.message
-        assert flaw.named[:3] == ("log", "inputs", "wheel_speed_right")
+        (issue,) = issues_of(path, kind="rosbag", **wheel(**keys))
+        assert issue.file == str(path)
+        assert message in issue.message
+        assert issue.named[:3] == ("log", "inputs", "wheel_speed_right")
 
     @pytest.mark.slow
     def test_fields_of_poses(self, tmp_path: Path):
         path = write_bag(tmp_path / "drive", [*commanded(), *reference()])
-        (flaw,) = flaws_of(
+        (issue,) = issues_of(
             path,
             model=UNICYCLE,
             kind="rosbag",
             poses={"topic": "/mocap", "x": "pose.position.x", "y": "pose.y"},
         )
-        assert (flaw.key, flaw.named) == ("/mocap", ("log", "poses"))
-        assert flaw.message == "message 1: pose has no field y; it has position, orientation"
+        assert (issue.key, issue.named) == ("/mocap", ("log", "poses"))
+        assert issue.message == "message 1: pose has no field y; it has position, orientation"
 
     @pytest.mark.slow
     @pytest.mark.parametrize(
@@ -412,22 +414,22 @@ class TestFlaws:
     )
     def test_topics(self, tmp_path: Path, messages: Callable[[], list[Message]], keys: dict, expected: str):
         path = write_bag(tmp_path / "drive", messages())
-        found = flaws_of(path, model=UNICYCLE, kind="rosbag", **keys)
-        assert all(flaw.file == str(path) for flaw in found)
-        assert any(expected in flaw.message for flaw in found), found
+        found = issues_of(path, model=UNICYCLE, kind="rosbag", **keys)
+        assert all(issue.file == str(path) for issue in found)
+        assert any(expected in issue.message for issue in found), found
 
     @pytest.mark.slow
     def test_topics_without_messages(self, tmp_path: Path):
         empty = [("/cmd_vel", "geometry_msgs/msg/Twist")]
         path = write_bag(tmp_path / "drive", reference(), empty=empty)
-        flaws = flaws_of(path, model=UNICYCLE, kind="rosbag")
-        assert {(flaw.key, flaw.message) for flaw in flaws} == {("/cmd_vel", "the topic has no messages")}
+        issues = issues_of(path, model=UNICYCLE, kind="rosbag")
+        assert {(issue.key, issue.message) for issue in issues} == {("/cmd_vel", "the topic has no messages")}
 
     def test_a_bag_without_anything(self, tmp_path: Path):
         path = write_bag(
             tmp_path / "drive", [], empty=[("/cmd_vel", "geometry_msgs/msg/Twist"), ("/odom", ODOMETRY)]
         )
-        messages = {flaw.message for flaw in flaws_of(path, model=UNICYCLE, kind="rosbag")}
+        messages = {issue.message for issue in issues_of(path, model=UNICYCLE, kind="rosbag")}
         assert messages == {"the topic has no messages", "no poses in /odom"}
 
     @pytest.mark.slow
@@ -435,8 +437,8 @@ class TestFlaws:
         messages = commanded()
         messages[8][2].twist.angular.z = np.nan
         path = write_bag(tmp_path / "drive", [*messages, *reference()])
-        (flaw,) = flaws_of(path, model=UNICYCLE, kind="rosbag")
-        assert (flaw.key, flaw.message) == ("/cmd_vel", "message 9: expected a finite number, got 'nan'")
+        (issue,) = issues_of(path, model=UNICYCLE, kind="rosbag")
+        assert (issue.key, issue.message) == ("/cmd_vel", "message 9: expected a finite number, got 'nan'")
 
     @pytest.mark.parametrize(
         ("model", "keys", "key", "message"),
@@ -498,9 +500,9 @@ class TestFlaws:
     def test_what_a_study_says(self, model: Model, keys: dict, key: str, message: str):
         with pytest.raises(ProblemError) as caught:
             read_logs(["nowhere"], BagForm(**keys), model)
-        (flaw,) = caught.value.flaws
-        assert ".".join(flaw.key).endswith(key)
-        assert message in flaw.message
+        (issue,) = caught.value.issues
+        assert ".".join(issue.key).endswith(key)
+        assert message in issue.message
 
     @pytest.mark.slow
     def test_each_wheel_by_its_rim(self, tmp_path: Path):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bags import ODOMETRY, START, STORES, TYPES, Message, header, quaternion, write_bag, write_bag_1
-from logged import INPUTS, ROBOT, doubtful, drive, flaws_of, found, read_one
+from logged import INPUTS, ROBOT, doubtful, drive, found, issues_of, read_one
 from rosbags.rosbag2 import StoragePlugin
 
 from oed.foundation.errors import LogError, ProblemError
@@ -169,7 +169,7 @@ class TestRoundTrip:
         log = read(path, inputs=keys)
         require_alike(log)
         assert "counter_wrapped" in found(log)
-        assert "say `wrap: 6.28319`" in flaws_of(path, kind="rosbag")[0].message
+        assert "say `wrap: 6.28319`" in issues_of(path, kind="rosbag")[0].message
 
     @pytest.mark.slow
     def test_one_of_several_transforms(self, tmp_path: Path, wheels: list[Message]):
@@ -177,18 +177,18 @@ class TestRoundTrip:
         both = [*poses(kind, "/tf"), *poses(kind, "/tf", frames=("map", "odom"))]
         path = write_bag(tmp_path / "drive", [*wheels, *both])
         require_alike(read(path, poses={"frame": "odom", "child": "base_link"}))
-        (flaw,) = flaws_of(path, kind="rosbag")
+        (issue,) = issues_of(path, kind="rosbag")
         told = "map -> odom, odom -> base_link"
-        assert flaw.message == f"/tf has several transforms; give `frame` and `child`: {told}"
-        (flaw,) = flaws_of(path, kind="rosbag", poses={"frame": "world"})
-        assert flaw.message == f"no poses in /tf of the frame world; it has {told}"
-        (flaw,) = flaws_of(path, kind="rosbag", poses={"child": "/base_link"})
+        assert issue.message == f"/tf has several transforms; give `frame` and `child`: {told}"
+        (issue,) = issues_of(path, kind="rosbag", poses={"frame": "world"})
+        assert issue.message == f"no poses in /tf of the frame world; it has {told}"
+        (issue,) = issues_of(path, kind="rosbag", poses={"child": "/base_link"})
         assert (
-            flaw.message == f"no poses in /tf of the child /base_link; did you mean base_link? it has {told}"
+            issue.message == f"no poses in /tf of the child /base_link; did you mean base_link? it has {told}"
         )
-        assert flaw.named == ("log", "poses", "child")
-        (flaw,) = flaws_of(path, kind="rosbag", poses={"frame": "map", "child": "base_link"})
-        assert flaw.message == f"no poses in /tf; it has {told}"
+        assert issue.named == ("log", "poses", "child")
+        (issue,) = issues_of(path, kind="rosbag", poses={"frame": "map", "child": "base_link"})
+        assert issue.message == f"no poses in /tf; it has {told}"
 
     @pytest.mark.slow
     def test_messages_without_numbers_are_skipped_on_request(self, tmp_path: Path, wheels: list[Message]):
@@ -197,7 +197,7 @@ class TestRoundTrip:
         odometry[20][2].pose.pose.position.x = np.inf
         odometry[30][2].pose.pose.orientation.w = np.nan
         path = write_bag(tmp_path / "drive", [*wheels, *odometry])
-        assert len(flaws_of(path, kind="rosbag")) == 4
+        assert len(issues_of(path, kind="rosbag")) == 4
         log = read(path, skip_invalid_rows=True)
         np.testing.assert_allclose(log.poses, np.delete(TABLE, [20, 30], axis=0)[:, 3:], atol=1e-9)
         np.testing.assert_allclose(log.integrals[7], ANGLES[8], atol=1e-9)
@@ -220,8 +220,8 @@ class TestRoundTrip:
         )
         path = write_bag(tmp_path / "drive", [*messages, *poses(ODOMETRY)])
         require_alike(read(path))
-        (flaw, _) = flaws_of(path, kind="rosbag", inputs={name: {"form": "speed"} for name in INPUTS})
-        assert flaw.message == f"the joint {JOINTS[0]} has no speeds in the bag"
+        (issue, _) = issues_of(path, kind="rosbag", inputs={name: {"form": "speed"} for name in INPUTS})
+        assert issue.message == f"the joint {JOINTS[0]} has no speeds in the bag"
 
     def test_a_gap(self, tmp_path: Path, wheels: list[Message]):
         gapped = [*wheels[:20], *wheels[40:], *poses(ODOMETRY)]
@@ -246,73 +246,73 @@ def log_start(right: list[Message]) -> float:
     return float(right[0][2].position[0] + right[1][2].position[0]) / 2
 
 
-class TestFlaws:
-    def flaw(self, path: Path, **keys: Any) -> tuple[str, str]:
-        (flaw,) = flaws_of(path, **{"kind": "rosbag", **keys})
-        assert flaw.file == str(path)
-        return flaw.key, flaw.message
+class TestIssues:
+    def issue(self, path: Path, **keys: Any) -> tuple[str, str]:
+        (issue,) = issues_of(path, **{"kind": "rosbag", **keys})
+        assert issue.file == str(path)
+        return issue.key, issue.message
 
     def test_missing(self, tmp_path: Path):
-        assert self.flaw(tmp_path / "drive.mcap") == ("", "no such file")
+        assert self.issue(tmp_path / "drive.mcap") == ("", "no such file")
 
     def test_no_bag(self, tmp_path: Path):
         (tmp_path / "a.csv").write_text("t\n")
         expected = "is no ROS bag: expected a folder with metadata.yaml, or a file .mcap, .db3 or .bag"
-        assert self.flaw(tmp_path / "a.csv") == ("", expected)
+        assert self.issue(tmp_path / "a.csv") == ("", expected)
 
     @pytest.mark.parametrize("name", ["a.mcap", "a.db3", "a.bag"])
     def test_broken(self, tmp_path: Path, name: str):
         (tmp_path / name).write_bytes(b"nonsense" * 100)
-        assert self.flaw(tmp_path / name)[1].startswith("cannot be read as a ROS bag: ")
+        assert self.issue(tmp_path / name)[1].startswith("cannot be read as a ROS bag: ")
 
     @pytest.mark.skipif(os.name != "posix", reason="there are no pipes with names elsewhere")
     def test_a_pipe(self, tmp_path: Path, wheels: list[Message]):
         expected = "cannot be read as a ROS bag: expected a file, got a pipe"
         os.mkfifo(tmp_path / "a.mcap")
-        assert self.flaw(tmp_path / "a.mcap")[1] == expected
+        assert self.issue(tmp_path / "a.mcap")[1] == expected
         bag = write_bag(tmp_path / "drive", wheels)
         (database,) = bag.glob("*.db3")
         database.unlink()
         os.mkfifo(database)
-        (flaw,) = flaws_of(bag, kind="rosbag")
-        assert (flaw.file, flaw.message) == (str(database), expected)
+        (issue,) = issues_of(bag, kind="rosbag")
+        assert (issue.file, issue.message) == (str(database), expected)
 
     @pytest.mark.slow
     def test_no_topics_and_several(self, tmp_path: Path, wheels: list[Message]):
         both = [*poses(ODOMETRY, "/odom"), *poses("geometry_msgs/msg/PoseStamped", "/mocap")]
         path = write_bag(tmp_path / "drive", [*wheels, *both])
-        key, message = self.flaw(path)
+        key, message = self.issue(path)
         assert key == "poses"
         assert message.startswith("expected one topic to choose from; of type Odometry or PoseStamped or ")
         assert message.partition("it has ")[2].split(", ") == ["/mocap", "/odom"]
         only = write_bag(tmp_path / "only", both[:60])
-        flaws = flaws_of(only, kind="rosbag")
-        assert [flaw.message for flaw in flaws] == [
+        issues = issues_of(only, kind="rosbag")
+        assert [issue.message for issue in issues] == [
             "expected one topic to choose from; of type JointState it has none"
         ]
 
     def test_topics_that_are_not_there_or_of_another_type(self, tmp_path: Path, wheels: list[Message]):
         path = write_bag(tmp_path / "drive", [*wheels, *poses(ODOMETRY)])
         keys = {"joint_states": "/pose", "poses": "/mocap"}
-        messages = [flaw.message for flaw in flaws_of(path, kind="rosbag", **keys)]
+        messages = [issue.message for issue in issues_of(path, kind="rosbag", **keys)]
         assert (
             messages[0] == "/pose is of type nav_msgs/msg/Odometry; of type JointState it has /joint_states"
         )
         assert messages[1].startswith("the bag has no topic /mocap; of type Odometry or")
-        (flaw,) = flaws_of(path, kind="rosbag", poses="/robot/pose")
-        assert flaw.message.startswith(
+        (issue,) = issues_of(path, kind="rosbag", poses="/robot/pose")
+        assert issue.message.startswith(
             "the bag has no topic /robot/pose; did you mean /pose? of type Odometry"
         )
-        assert flaw.named == ("log", "poses", "topic")
+        assert issue.named == ("log", "poses", "topic")
 
     @pytest.mark.slow
     def test_joints_that_are_not_clear(self, tmp_path: Path):
         messages = joints(TABLE[:, 0], ANGLES, names=("a", "right_b"))
         path = write_bag(tmp_path / "drive", [*messages, *poses(ODOMETRY)])
         expected = (INPUTS[1], "it is not clear which joint this is; the bag has a, right_b")
-        assert self.flaw(path) == expected
-        assert self.flaw(path, inputs={INPUTS[1]: "c"})[1] == "no joint c; the bag has a, right_b"
-        said = self.flaw(path, inputs={INPUTS[1]: "right"})[1]
+        assert self.issue(path) == expected
+        assert self.issue(path, inputs={INPUTS[1]: "c"})[1] == "no joint c; the bag has a, right_b"
+        said = self.issue(path, inputs={INPUTS[1]: "right"})[1]
         assert said == "no joint right; did you mean right_b? the bag has a, right_b"
 
     @pytest.mark.parametrize(("form", "what"), [("angle", "positions"), ("speed", "speeds")])
@@ -321,7 +321,7 @@ class TestFlaws:
         data = ((), TABLE[:, 1:3]) if form == "angle" else (ANGLES, ())
         path = write_bag(tmp_path / "drive", [*joints(TABLE[:, 0], *data), *poses(ODOMETRY)])
         keys = {name: {"form": form} for name in INPUTS}
-        messages = [flaw.message for flaw in flaws_of(path, kind="rosbag", inputs=keys)]
+        messages = [issue.message for issue in issues_of(path, kind="rosbag", inputs=keys)]
         assert messages == [f"the joint {joint} has no {what} in the bag" for joint in JOINTS]
 
     @pytest.mark.slow
@@ -330,13 +330,13 @@ class TestFlaws:
             message.header.stamp.sec = message.header.stamp.nanosec = 0
         path = write_bag(tmp_path / "drive", [*wheels, *poses(ODOMETRY)])
         expected = "the stamps of the messages are all zero; say `clock: received`"
-        assert self.flaw(path) == ("/joint_states", expected)
+        assert self.issue(path) == ("/joint_states", expected)
         assert len(read(path, clock="received").input_times) == len(TABLE)
 
     def test_stamps_that_go_back(self, tmp_path: Path, wheels: list[Message]):
         wheels[9][2].header.stamp.sec -= 5
         path = write_bag(tmp_path / "drive", [*wheels, *poses(ODOMETRY)])
-        key, message = self.flaw(path)
+        key, message = self.issue(path)
         assert key == "/joint_states"
         assert message.startswith("message 10: time goes back: 1699999995")
         assert message.endswith(" (message 9)")
@@ -345,12 +345,12 @@ class TestFlaws:
         odometry = poses(ODOMETRY)
         odometry[4][2].pose.pose.orientation.w = odometry[4][2].pose.pose.orientation.z = 0.0
         path = write_bag(tmp_path / "drive", [*wheels, *odometry])
-        assert self.flaw(path) == ("/pose", "message 5: expected a unit quaternion")
+        assert self.issue(path) == ("/pose", "message 5: expected a unit quaternion")
 
     def test_numbers_that_are_none(self, tmp_path: Path, wheels: list[Message]):
         wheels[7][2].position[0] = np.nan
         path = write_bag(tmp_path / "drive", [*wheels, *poses(ODOMETRY)])
-        assert self.flaw(path) == ("/joint_states", "message 8: expected a finite number, got 'nan'")
+        assert self.issue(path) == ("/joint_states", "message 8: expected a finite number, got 'nan'")
 
     def test_an_input_the_robot_does_not_have(self, tmp_path: Path):
         form = BagForm(inputs={"wheel": {"joint": "a"}})

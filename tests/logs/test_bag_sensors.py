@@ -158,7 +158,7 @@ def test_points_without_numbers_are_left_out_on_request(tmp_path: Path, size: fl
 def test_faults(tmp_path: Path, sensors: dict[str, Any], words: str):
     with pytest.raises(LogError) as caught:
         read(bag(tmp_path, imu(), markers(SEEN)), sensors)
-    assert words in caught.value.flaws[0].message
+    assert words in caught.value.issues[0].message
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logged import HEADER, cells, drive, flaw_of, form, found, read_one, write
+from logged import HEADER, cells, drive, form, found, issue_of, read_one, write
 from pydantic import ValidationError
 
 from oed.foundation.errors import LogError
@@ -118,7 +118,7 @@ class TestHoldOut:
         logs = [read_one(write(tmp_path / f"{name}.csv", cells(TABLE[:5]))) for name in "ab"]
         with pytest.raises(LogError) as caught:
             last_held_out(logs, 0.25)
-        assert len(caught.value.flaws) == 2
+        assert len(caught.value.issues) == 2
 
 
 class TestThin:
@@ -139,9 +139,9 @@ class TestThin:
         np.testing.assert_allclose(log.poses, TABLE[kept, 3:])
 
     def test_to_nothing(self, tmp_path: Path):
-        flaw = flaw_of(write(tmp_path / "a.csv", cells(TABLE)), thin=100)
-        assert (flaw.key, flaw.named) == ("thin", ("log", "thin"))
-        assert flaw.message == "a: one in 100 of 200 poses leaves 2; at least 3 are needed"
+        issue = issue_of(write(tmp_path / "a.csv", cells(TABLE)), thin=100)
+        assert (issue.key, issue.named) == ("thin", ("log", "thin"))
+        assert issue.message == "a: one in 100 of 200 poses leaves 2; at least 3 are needed"
 
     @pytest.mark.parametrize("each", [0, -1, 1.5, "ten", "10 %", [2], 1e9 + 0.5, {"every": 2}, True])
     def test_of_no_number(self, each: object):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logged import INPUTS, ROBOT, cells, drive, flaw_of, form, found, read_one, write
+from logged import INPUTS, ROBOT, cells, drive, form, found, issue_of, read_one, write
 
 from oed.kernel.dynamics.system import Input
 from oed.robots.models import Ackermann, DifferentialDrive, Mecanum, Model, Tricycle, Unicycle
@@ -74,18 +74,18 @@ class TestSteeringEncoders:
         table = TABLE[:90].copy()
         table[:, 2] = degrees
         file = write(tmp_path / "a.csv", cells(table), STEERED)
-        flaw = flaw_of(file, **steered(unit="deg"))
+        issue = issue_of(file, **steered(unit="deg"))
         steps = np.abs(np.diff(degrees))
         row = int(np.argmax(steps))
-        assert (flaw.line, flaw.key) == (row + 3, "steering_angle")
+        assert (issue.line, issue.key) == (row + 3, "steering_angle")
         advice = "if it begins anew, say `form: angle` and `wrap:` its range"
-        assert flaw.message == f"the steering angle jumps by {steps[row]:.4g} deg; {advice}"
+        assert issue.message == f"the steering angle jumps by {steps[row]:.4g} deg; {advice}"
 
     def test_a_wrong_range_and_none_are_refused(self, tmp_path: Path):
         file = steering_file(tmp_path, np.mod(np.round(ANGLES / (2 * np.pi) * 4096), 4096))
         ticks = {"form": "ticks", "ticks_per_turn": 4096, "cumulative": True}
-        assert "more than `wrap: 1024` allows" in flaw_of(file, **steered(**ticks, wrap=1024)).message
-        assert "say `wrap: 4096`" in flaw_of(file, **steered(**ticks)).message
+        assert "more than `wrap: 1024` allows" in issue_of(file, **steered(**ticks, wrap=1024)).message
+        assert "say `wrap: 4096`" in issue_of(file, **steered(**ticks)).message
 
 
 def rims_file(tmp_path: Path, factor: float) -> Path:
@@ -145,30 +145,30 @@ class TestRims:
                 return 0.0
 
         robot: Model = Bare(wheel_radius=0.05, track=0.2)
-        (flaw,) = form(inputs={INPUTS[0]: {"column": 1, "unit": "m/s"}}).flaws(robot)
-        assert flaw.key == ("log", "inputs", INPUTS[0], "unit")
-        assert flaw.message == "m/s is the speed of a rim; say of which `radius` the wheel is"
-        assert not form(inputs={INPUTS[0]: {"column": 1, "unit": "m/s", "radius": "5 cm"}}).flaws(robot)
+        (issue,) = form(inputs={INPUTS[0]: {"column": 1, "unit": "m/s"}}).issues(robot)
+        assert issue.key == ("log", "inputs", INPUTS[0], "unit")
+        assert issue.message == "m/s is the speed of a rim; say of which `radius` the wheel is"
+        assert not form(inputs={INPUTS[0]: {"column": 1, "unit": "m/s", "radius": "5 cm"}}).issues(robot)
 
     def test_a_yaw_rate_has_no_rim(self):
-        (flaw,) = form(inputs={"omega": {"column": 1, "unit": "m/s", "radius": "5 cm"}}).flaws(Unicycle())
-        assert "whose unit is of another kind" in flaw.message
-        (flaw,) = form(inputs={"v": {"column": 1, "unit": "m/s", "radius": "5 cm"}}).flaws(Unicycle())
-        assert flaw.key == ("log", "inputs", "v", "radius")
-        assert flaw.message == "is that of a wheel's rim, and v has none; leave it out"
+        (issue,) = form(inputs={"omega": {"column": 1, "unit": "m/s", "radius": "5 cm"}}).issues(Unicycle())
+        assert "whose unit is of another kind" in issue.message
+        (issue,) = form(inputs={"v": {"column": 1, "unit": "m/s", "radius": "5 cm"}}).issues(Unicycle())
+        assert issue.key == ("log", "inputs", "v", "radius")
+        assert issue.message == "is that of a wheel's rim, and v has none; leave it out"
 
 
 def test_a_column_is_one_quantity():
     same = {INPUTS[0]: "w", INPUTS[1]: "w"}
-    (flaw,) = form(inputs=same).flaws(ROBOT)
-    assert flaw.key == ("log", "inputs", INPUTS[1])
-    assert flaw.message == f"column w is read as inputs.{INPUTS[0]} already; name another"
-    (flaw,) = form(time="x").flaws(ROBOT)
-    assert (flaw.key, flaw.message.partition(" already")[0]) == (
+    (issue,) = form(inputs=same).issues(ROBOT)
+    assert issue.key == ("log", "inputs", INPUTS[1])
+    assert issue.message == f"column w is read as inputs.{INPUTS[0]} already; name another"
+    (issue,) = form(time="x").issues(ROBOT)
+    assert (issue.key, issue.message.partition(" already")[0]) == (
         ("log", "poses", "x"),
         "column x is read as time",
     )
-    (flaw,) = form(poses={"heading": "y"}).flaws(ROBOT)
-    assert flaw.key == ("log", "poses", "heading")
+    (issue,) = form(poses={"heading": "y"}).issues(ROBOT)
+    assert issue.key == ("log", "poses", "heading")
     # Columns of another file are others.
-    assert not form(time="x", poses={"file": "{stem}_poses.csv"}).flaws(ROBOT)
+    assert not form(time="x", poses={"file": "{stem}_poses.csv"}).issues(ROBOT)

@@ -15,9 +15,9 @@ from logged import (
     cells,
     doubtful,
     drive,
-    flaws_of,
     form,
     found,
+    issues_of,
     read_one,
     write,
 )
@@ -287,8 +287,8 @@ class TestPosesBeside:
         found = read_one(log, poses=own)
         np.testing.assert_allclose(found.poses, TABLE[:, 3:])
         # Names that are numbers pass for a row where it is not said that they are names.
-        flaw = flaws_of(log, poses={**own, "header": False})[0]
-        assert flaw.message == "time goes back: 0 s after 1 s (line 1)"
+        issue = issues_of(log, poses={**own, "header": False})[0]
+        assert issue.message == "time goes back: 0 s after 1 s (line 1)"
 
 
 class TestWildReadings:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logged import ROBOT, cells, doubtful, drive, flaws_of, form, found, read_one, write
+from logged import ROBOT, cells, doubtful, drive, form, found, issues_of, read_one, write
 
 from oed.robots.models import Unicycle
 
@@ -76,26 +76,26 @@ def test_a_heading_that_is_wrong_moves_sideways(tmp_path: Path, wrong: float):
 
 
 def test_of_a_robot_with_wheels():
-    (flaw,) = form(inputs=KEYS).flaws(ROBOT)
-    assert flaw.key == ("log", "inputs", "form")
+    (issue,) = form(inputs=KEYS).issues(ROBOT)
+    assert issue.key == ("log", "inputs", "form")
     known = "wheel_speed_right, wheel_speed_left; take `robot: {kind: unicycle}`"
-    assert flaw.message.endswith(f"the inputs of differential_drive are {known}")
+    assert issue.message.endswith(f"the inputs of differential_drive are {known}")
 
 
 def test_a_unit_of_another_kind():
-    (flaw,) = form(inputs={**KEYS, "heading": {"column": "oyaw", "unit": "mm"}}).flaws(Unicycle())
-    assert flaw.key == ("log", "inputs", "heading", "unit")
-    assert flaw.message == "expected an angle [rad], got 'mm', whose unit is of another kind"
+    (issue,) = form(inputs={**KEYS, "heading": {"column": "oyaw", "unit": "mm"}}).issues(Unicycle())
+    assert issue.key == ("log", "inputs", "heading", "unit")
+    assert issue.message == "expected an angle [rad], got 'mm', whose unit is of another kind"
 
 
 def test_columns_that_are_not_there_and_cells_that_are_no_numbers(tmp_path: Path):
     rows = cells(table(odometry()))
     file = write(tmp_path / "a.csv", rows, HEADER)
-    (flaw,) = flaws_of(file, model=Unicycle(), inputs={**KEYS, "y": "odom_y"})
-    assert (flaw.key, flaw.named) == ("y", ("log", "inputs", "y", "column"))
+    (issue,) = issues_of(file, model=Unicycle(), inputs={**KEYS, "y": "odom_y"})
+    assert (issue.key, issue.named) == ("y", ("log", "inputs", "y", "column"))
     rows[5][3] = "abc"
-    (flaw,) = flaws_of(write(tmp_path / "a.csv", rows, HEADER), model=Unicycle(), inputs=KEYS)
-    assert (flaw.line, flaw.key) == (7, "oyaw")
+    (issue,) = issues_of(write(tmp_path / "a.csv", rows, HEADER), model=Unicycle(), inputs=KEYS)
+    assert (issue.line, issue.key) == (7, "oyaw")
 
 
 @pytest.mark.parametrize(
@@ -114,14 +114,14 @@ def test_columns_that_are_not_there_and_cells_that_are_no_numbers(tmp_path: Path
 def test_faults_have_their_line(tmp_path: Path, row: int, column: int, cell: str, line: int, words: str):
     rows = cells(table(odometry()))
     rows[row][column] = cell
-    (flaw,) = flaws_of(write(tmp_path / "a.csv", rows, HEADER), model=Unicycle(), inputs=KEYS)
-    assert flaw.line == line, flaw
-    assert words in flaw.message
+    (issue,) = issues_of(write(tmp_path / "a.csv", rows, HEADER), model=Unicycle(), inputs=KEYS)
+    assert issue.line == line, issue
+    assert words in issue.message
 
 
 def test_odometry_is_not_its_own_reference():
-    (flaw,) = form(inputs=KEYS, poses={"x": "ox", "y": "oy", "heading": "oyaw"}).flaws(Unicycle())
-    assert flaw.key == ("log", "inputs")
-    assert "name the columns of the odometry" in flaw.message
-    assert form(inputs=KEYS, poses={"x": "ox", "y": "oy", "file": "{stem}_b.csv"}).flaws(Unicycle()) == []
-    assert form(inputs=KEYS).flaws(Unicycle()) == []
+    (issue,) = form(inputs=KEYS, poses={"x": "ox", "y": "oy", "heading": "oyaw"}).issues(Unicycle())
+    assert issue.key == ("log", "inputs")
+    assert "name the columns of the odometry" in issue.message
+    assert form(inputs=KEYS, poses={"x": "ox", "y": "oy", "file": "{stem}_b.csv"}).issues(Unicycle()) == []
+    assert form(inputs=KEYS).issues(Unicycle()) == []

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from logged import INPUTS, ROBOT, cells, drive, flaw_of, flaws_of, form, found, read_one
+from logged import INPUTS, ROBOT, cells, drive, form, found, issue_of, issues_of, read_one
 
 from oed.foundation.errors import ProblemError
 from oed.logs import read_logs
@@ -125,9 +125,9 @@ def test_rows_are_kept_of_each_type(file: Path, rows: list[list[str]]):
     ],
 )
 def test_what_is_not_there(file: Path, rows: list[list[str]], change: dict[str, Any], message: str):
-    flaw = flaw_of(write(file, rows), **{**RAGGED, "records": {**RECORDS, **change}})
-    assert message in flaw.message
-    assert flaw.named[:2] == ("log", "records")
+    issue = issue_of(write(file, rows), **{**RAGGED, "records": {**RECORDS, **change}})
+    assert message in issue.message
+    assert issue.named[:2] == ("log", "records")
 
 
 @pytest.mark.parametrize(
@@ -144,9 +144,9 @@ def test_what_is_not_there(file: Path, rows: list[list[str]], change: dict[str, 
 def test_faults_within_a_type_have_their_line(
     file: Path, rows: list[list[str]], broken: list[str], line: int, message: str
 ):
-    flaws = flaws_of(write(file, [*rows[:8], broken, *rows[8:]]), **RAGGED)
-    assert message in flaws[0].message
-    assert flaws[0].line == line
+    issues = issues_of(write(file, [*rows[:8], broken, *rows[8:]]), **RAGGED)
+    assert message in issues[0].message
+    assert issues[0].line == line
 
 
 def test_poses_are_in_one_place(file: Path, rows: list[list[str]]):
@@ -157,5 +157,5 @@ def test_poses_are_in_one_place(file: Path, rows: list[list[str]]):
 
 def test_values_of_another_text_are_not_named(file: Path):
     file.write_text("root:x:0:0:root\nuucp:x:10:10:uucp\n")
-    flaws = flaws_of(file, records={**RECORDS, "column": 0}, delimiter=";")
-    assert "root" not in " ".join(one.message for one in flaws)
+    issues = issues_of(file, records={**RECORDS, "column": 0}, delimiter=";")
+    assert "root" not in " ".join(one.message for one in issues)

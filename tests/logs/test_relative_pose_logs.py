@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from logged import flaws_of, form, found, read_one
+from logged import form, found, issues_of, read_one
 from pydantic import ValidationError
 
 from oed.foundation.errors import LogError, ProblemError
@@ -162,7 +162,7 @@ def test_faults_are_named_by_file_and_line(
     tmp_path: Path, rows: list[str], keys: dict[str, Any], line: int, key: str, words: str
 ):
     file = written(tmp_path, rows)
-    found = flaws_of(file, model=ROBOT, relative_poses={**BESIDE, **keys})
+    found = issues_of(file, model=ROBOT, relative_poses={**BESIDE, **keys})
     assert found[0].file.endswith("drive_matches.csv")
     assert found[0].line == line
     assert key in found[0].key
@@ -237,9 +237,9 @@ class TestTuples:
         ],
     )
     def test_faults(self, tmp_path: Path, line: str, key: str, words: str):
-        (flaw,) = flaws_of(self.tuples(tmp_path, line), model=ROBOT, kind="tuples")
-        assert (flaw.line, flaw.key) == (7, key)
-        assert words in flaw.message
+        (issue,) = issues_of(self.tuples(tmp_path, line), model=ROBOT, kind="tuples")
+        assert (issue.line, issue.key) == (7, key)
+        assert words in issue.message
         log = read_one(self.tuples(tmp_path, line), ROBOT, kind="tuples", skip_invalid_rows=True)
         assert len(log.motions) == 6
         assert any("1 line(s)" in one.message for one in log.findings)
@@ -259,8 +259,8 @@ class TestTuples:
         assert "of 6 motions one in 2 is used, as the study asks" in [one.message for one in log.findings]
 
     def test_too_few_that_are_left(self, tmp_path: Path):
-        (flaw,) = flaws_of(self.tuples(tmp_path), model=ROBOT, kind="tuples", thin=4)
-        assert flaw.message == "l90: one in 4 of 6 motions leaves 2; at least 3 are needed"
+        (issue,) = issues_of(self.tuples(tmp_path), model=ROBOT, kind="tuples", thin=4)
+        assert issue.message == "l90: one in 4 of 6 motions leaves 2; at least 3 are needed"
 
     def test_other_robots(self, tmp_path: Path):
         robot = Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.35)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from logged import HEADER, INPUTS, ROBOT, cells, drive, form, write
 
-from oed.foundation.errors import FileFlaw, LogError, ProblemError
+from oed.foundation.errors import FileIssue, LogError, ProblemError
 from oed.logs import Log, read_logs
 from oed.robots.sensors import Landmarks, Poses, Ranges, Several, Tags, YawRate
 
@@ -50,10 +50,10 @@ def read(file: Path, sensors: dict[str, Any], **keys: Any) -> Log:
     return log
 
 
-def flaws(file: Path, sensors: dict[str, Any], **keys: Any) -> Sequence[FileFlaw]:
+def issues(file: Path, sensors: dict[str, Any], **keys: Any) -> Sequence[FileIssue]:
     with pytest.raises(LogError) as caught:
         read(file, sensors, **keys)
-    return caught.value.flaws
+    return caught.value.issues
 
 
 def test_columns_in_the_log_itself(tmp_path: Path):
@@ -115,9 +115,9 @@ def test_faults_of_columns(tmp_path: Path, sensors: Any, change: dict, line: int
     for place, value in change.items():
         extra[place] = value
     given = {name: {"columns": one} if isinstance(one, list) else one for name, one in sensors.items()}
-    (flaw,) = flaws(files(tmp_path, more=extra), given)
-    assert (flaw.line, Path(flaw.file).name) == (line, "log.csv")
-    assert words in flaw.message
+    (issue,) = issues(files(tmp_path, more=extra), given)
+    assert (issue.line, Path(issue.file).name) == (line, "log.csv")
+    assert words in issue.message
 
 
 @pytest.mark.parametrize(
@@ -132,17 +132,17 @@ def test_faults_of_columns(tmp_path: Path, sensors: Any, change: dict, line: int
     ],
 )
 def test_faults_of_rows(tmp_path: Path, row: list[str], line: int, words: str):
-    (flaw,) = flaws(files(tmp_path, [*SIGHTS, row]), {"landmarks": LANDMARKS})
-    assert (flaw.line, Path(flaw.file).name) == (line, "sights.csv")
-    assert words in flaw.message
+    (issue,) = issues(files(tmp_path, [*SIGHTS, row]), {"landmarks": LANDMARKS})
+    assert (issue.line, Path(issue.file).name) == (line, "sights.csv")
+    assert words in issue.message
 
 
 def test_readings_of_another_time_are_refused(tmp_path: Path):
     late = [[f"{1e9 + float(row[0])}", *row[1:]] for row in SIGHTS]
-    (flaw,) = flaws(files(tmp_path, late), {"landmarks": LANDMARKS})
-    assert "outside of the log's, from 0 to 2.95 s; are the units of time alike?" in flaw.message
-    (flaw,) = flaws(files(tmp_path), {"landmarks": LANDMARKS | {"file": "sight.csv"}})
-    assert "no such file" in flaw.message
+    (issue,) = issues(files(tmp_path, late), {"landmarks": LANDMARKS})
+    assert "outside of the log's, from 0 to 2.95 s; are the units of time alike?" in issue.message
+    (issue,) = issues(files(tmp_path), {"landmarks": LANDMARKS | {"file": "sight.csv"}})
+    assert "no such file" in issue.message
 
 
 @pytest.mark.parametrize(
@@ -161,6 +161,6 @@ def test_readings_of_another_time_are_refused(tmp_path: Path):
 def test_keys_that_do_not_fit_the_study(sensors: dict[str, Any], key: str, words: str):
     with pytest.raises(ProblemError) as caught:
         read_logs(["log.csv"], form(sensors=sensors), ROBOT, SENSORS)
-    (flaw,) = caught.value.flaws
-    assert ".".join(map(str, flaw.key)) == f"log.sensors.{key}"
-    assert words in flaw.message
+    (issue,) = caught.value.issues
+    assert ".".join(map(str, issue.key)) == f"log.sensors.{key}"
+    assert words in issue.message

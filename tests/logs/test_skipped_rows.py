@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logged import HEADER, cells, drive, flaws_of, read_one, write
+from logged import HEADER, cells, drive, issues_of, read_one, write
 
 WHOLE = drive()
 
@@ -22,8 +22,8 @@ def found(log) -> list[str]:
 
 def test_without_the_key_they_are_refused(tmp_path: Path, rows: list[list[str]]):
     rows[10][3] = "nan"
-    (flaw,) = flaws_of(write(tmp_path / "a.csv", rows))
-    assert (flaw.line, flaw.message) == (12, "expected a finite number, got 'nan'")
+    (issue,) = issues_of(write(tmp_path / "a.csv", rows))
+    assert (issue.line, issue.message) == (12, "expected a finite number, got 'nan'")
 
 
 @pytest.mark.parametrize("cell", ["nan", "inf", "NaN", "-"])
@@ -77,7 +77,7 @@ def test_a_log_without_such_rows_is_read_as_ever(tmp_path: Path, rows: list[list
 def test_a_column_of_no_numbers_is_refused_all_the_same(tmp_path: Path, rows: list[list[str]]):
     for row in rows:
         row[4] = "nan"
-    assert flaws_of(write(tmp_path / "a.csv", rows), skip_invalid_rows=True)
+    assert issues_of(write(tmp_path / "a.csv", rows), skip_invalid_rows=True)
 
 
 def test_rows_to_keep_that_have_no_time(tmp_path: Path, rows: list[list[str]]):
@@ -124,7 +124,7 @@ def test_poses_of_a_file_of_their_own(tmp_path: Path, rows: list[list[str]], for
         write(beside, lines, ("t", "x", "y", "heading"))
     file = write(tmp_path / "a.csv", [row[:3] for row in rows], HEADER[:3])
     keys = {"poses": {"file": beside.name}}
-    assert {Path(flaw.file).name for flaw in flaws_of(file, **keys)} == {beside.name}
+    assert {Path(issue.file).name for issue in issues_of(file, **keys)} == {beside.name}
     log = read_one(file, skip_invalid_rows=True, **keys)
     np.testing.assert_allclose(log.poses, np.delete(WHOLE, [10, 12], axis=0)[:, 3:], atol=1e-12)
     np.testing.assert_allclose(log.input_times, WHOLE[:, 0])

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from logged import HEADER, ROBOT, cells, drive, flaw_of, flaws_of, form, read_one, write
+from logged import HEADER, ROBOT, cells, drive, form, issue_of, issues_of, read_one, write
 
 from oed.foundation.errors import ProblemError
 from oed.logs import Log, read_logs
@@ -125,17 +125,17 @@ def test_no_dates_are_skipped_on_request(file: Path):
 def test_what_is_no_time_as_the_others(
     file: Path, stamp: Stamp, broken: dict[int, str], line: int, message: str
 ):
-    flaws = flaws_of(stamped(file, stamp, broken))
-    assert [flaw.line for flaw in flaws] == [line]
-    assert message in flaws[0].message
+    issues = issues_of(stamped(file, stamp, broken))
+    assert [issue.line for issue in issues] == [line]
+    assert message in issues[0].message
 
 
 def test_another_form_than_the_study_says(file: Path):
-    flaw = flaw_of(stamped(file, str), time={"column": "t", "form": "date"})
-    assert flaw.line == 2
-    assert "(ISO 8601), got 200 that are none, such as '0.0'" in flaw.message
-    flaw = flaw_of(stamped(file, iso), time={"column": "t", "form": "number"})
-    assert "expected finite numbers, and the column has none" in flaw.message
+    issue = issue_of(stamped(file, str), time={"column": "t", "form": "date"})
+    assert issue.line == 2
+    assert "(ISO 8601), got 200 that are none, such as '0.0'" in issue.message
+    issue = issue_of(stamped(file, iso), time={"column": "t", "form": "number"})
+    assert "expected finite numbers, and the column has none" in issue.message
 
 
 @pytest.mark.parametrize(
@@ -144,13 +144,13 @@ def test_another_form_than_the_study_says(file: Path):
 )
 @pytest.mark.parametrize("said", [{}, {"form": "date"}])
 @pytest.mark.parametrize("broken", [{}, {0: "", 5: "?"}])
-def test_one_flaw_of_dates_in_another_form(file: Path, form: str, said: dict, broken: dict[int, str]):
+def test_one_issue_of_dates_in_another_form(file: Path, form: str, said: dict, broken: dict[int, str]):
     stamps = stamped(file, lambda time: moment(time).strftime(form), broken)
-    flaw = flaw_of(stamps, time={"column": "t", **said})
-    assert (flaw.line, flaw.key, flaw.column) == (3 if broken else 2, "t", 1)
-    assert "expected dates and times as 2024-05-31 14:03:07.25" in flaw.message
-    assert "(ISO 8601), got" in flaw.message
-    assert "write them so, or as seconds" in flaw.message
+    issue = issue_of(stamps, time={"column": "t", **said})
+    assert (issue.line, issue.key, issue.column) == (3 if broken else 2, "t", 1)
+    assert "expected dates and times as 2024-05-31 14:03:07.25" in issue.message
+    assert "(ISO 8601), got" in issue.message
+    assert "write them so, or as seconds" in issue.message
 
 
 @pytest.mark.parametrize("place", ["time", "poses"])
@@ -162,9 +162,9 @@ def test_a_date_has_no_unit(file: Path, place: str):
 
 
 def test_every_row_of_another_kind_is_counted(file: Path):
-    flaws = flaws_of(stamped(file, iso, {row: plain(0.05 * row) for row in range(20, 60)}))
-    assert len(flaws) == 10
-    assert flaws[-1].message.endswith("(and 30 more like it)")
+    issues = issues_of(stamped(file, iso, {row: plain(0.05 * row) for row in range(20, 60)}))
+    assert len(issues) == 10
+    assert issues[-1].message.endswith("(and 30 more like it)")
 
 
 def test_clocks_hours_apart_do_not_overlap(file: Path):
@@ -173,11 +173,11 @@ def test_clocks_hours_apart_do_not_overlap(file: Path):
         for row in cells(TABLE)
     ]
     write(file.with_name("poses.csv"), poses, ("t", *HEADER[3:]))
-    flaw = flaws_of(stamped(file, iso), poses={"file": "poses.csv", "time": "t"})[0]
-    assert "the clocks do not overlap" in flaw.message
-    assert "time zones" in flaw.message
+    issue = issues_of(stamped(file, iso), poses={"file": "poses.csv", "time": "t"})[0]
+    assert "the clocks do not overlap" in issue.message
+    assert "time zones" in issue.message
 
 
-def test_one_flaw_of_a_column_that_is_no_clock(file: Path):
+def test_one_issue_of_a_column_that_is_no_clock(file: Path):
     rows = [[f"s{row[0]}", *row[1:]] for row in cells(TABLE)]
-    assert "the column has none: is it the right one" in flaw_of(write(file, rows)).message
+    assert "the column has none: is it the right one" in issue_of(write(file, rows)).message

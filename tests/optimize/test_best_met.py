@@ -10,7 +10,7 @@ import pytest
 from builders import BOX, SPEED, problem_of, random_drive
 from random_problems import random_problem
 
-from oed.foundation.errors import Flaw, NotFinite
+from oed.foundation.errors import Issue, NotFinite
 from oed.kernel.criteria import E
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
@@ -193,7 +193,7 @@ def test_drives_refused_between_the_samples_make_room_for_others(monkeypatch: py
 
 
 def not_finite(*_: Any) -> Any:
-    raise NotFinite(Flaw(("robot",), "diverged"))
+    raise NotFinite(Issue(("robot",), "diverged"))
 
 
 def refusing(drives: list[Any], search: LocalSearch) -> Any:

@@ -42,26 +42,26 @@ class TestSaving:
 
 
 class TestLoading:
-    def flaw(self, place: Path) -> str:
+    def issue(self, place: Path) -> str:
         with pytest.raises(RecordError) as caught:
             load_estimate(place)
-        (flaw,) = caught.value.flaws
-        return flaw.message
+        (issue,) = caught.value.issues
+        return issue.message
 
     def test_nothing_there(self, tmp_path: Path):
-        assert self.flaw(tmp_path) == "no estimate there; make one with `oed estimate`"
-        assert self.flaw(tmp_path / "no.json") == "no estimate there; make one with `oed estimate`"
+        assert self.issue(tmp_path) == "no estimate there; make one with `oed estimate`"
+        assert self.issue(tmp_path / "no.json") == "no estimate there; make one with `oed estimate`"
 
     @pytest.mark.parametrize("text", ["{", "", "\x00", '{"format": 1'])
     def test_not_json(self, tmp_path: Path, text: str):
         (tmp_path / "estimate.json").write_text(text)
-        assert self.flaw(tmp_path).startswith("cannot be read: ")
+        assert self.issue(tmp_path).startswith("cannot be read: ")
 
     def test_not_text(self, tmp_path: Path):
         (tmp_path / "estimate.json").write_bytes(b"\xff\xfe\xff")
-        assert self.flaw(tmp_path).startswith("cannot be read: ")
+        assert self.issue(tmp_path).startswith("cannot be read: ")
 
     @pytest.mark.parametrize("text", ["[]", "{}", '{"format": 2, "parameters": []}', '{"format": 1}', "3"])
     def test_not_an_estimate(self, tmp_path: Path, text: str):
         (tmp_path / "estimate.json").write_text(text)
-        assert self.flaw(tmp_path).startswith("expected an estimate of format 1")
+        assert self.issue(tmp_path).startswith("expected an estimate of format 1")

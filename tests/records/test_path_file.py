@@ -11,7 +11,7 @@ from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, problem_of, random
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from oed.foundation.errors import FileFlaw, PathFileError
+from oed.foundation.errors import FileIssue, PathFileError
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
@@ -39,11 +39,11 @@ def read(folder: Path, *lines: str, problem=PROBLEM) -> Trajectory:
     return read_trajectory(file, problem)
 
 
-def flaws_of(folder: Path, *lines: str) -> tuple[FileFlaw, ...]:
+def issues_of(folder: Path, *lines: str) -> tuple[FileIssue, ...]:
     with pytest.raises(PathFileError) as caught:
         read(folder, *lines)
-    assert {flaw.file for flaw in caught.value.flaws} == {str(folder / "path.csv")}
-    return caught.value.flaws
+    assert {issue.file for issue in caught.value.issues} == {str(folder / "path.csv")}
+    return caught.value.issues
 
 
 class TestRoundTrip:
@@ -183,15 +183,15 @@ class TestCutShort:
         file.write_text(self.WHOLE[: int(share * len(self.WHOLE))])
         with pytest.raises(PathFileError) as caught:
             read_trajectory(file, PROBLEM)
-        assert caught.value.flaws[0].line == len(file.read_text().splitlines())
+        assert caught.value.issues[0].line == len(file.read_text().splitlines())
 
     def test_between_two_rows(self, tmp_path: Path):
         rows = self.WHOLE.splitlines()
-        (flaw,) = flaws_of(tmp_path, *rows[:20])
-        assert flaw.line == 20
-        assert "the last row, with the final pose and no inputs, is missing" in flaw.message
-        (flaw,) = flaws_of(tmp_path, *rows[:-1])
-        assert flaw.line == len(rows) - 1
+        (issue,) = issues_of(tmp_path, *rows[:20])
+        assert issue.line == 20
+        assert "the last row, with the final pose and no inputs, is missing" in issue.message
+        (issue,) = issues_of(tmp_path, *rows[:-1])
+        assert issue.line == len(rows) - 1
 
     def test_of_a_path_without_poses_within_a_number(self, tmp_path: Path):
         (tmp_path / "path.csv").write_text(f"{HEADER}\n0,1.5,1.5\n1,1.5,1.5\n2,1.5,1.")
@@ -199,9 +199,9 @@ class TestCutShort:
             read_trajectory(tmp_path / "path.csv", PROBLEM)
 
     def test_a_row_of_other_length(self, tmp_path: Path):
-        (flaw,) = flaws_of(tmp_path, POSES, "0,1,2,0,0,0", "1,3,4,0", "2,,,0,0,0")
-        assert flaw.line == 3
-        assert "expected 6 cells, as in the header, got 4" in flaw.message
+        (issue,) = issues_of(tmp_path, POSES, "0,1,2,0,0,0", "1,3,4,0", "2,,,0,0,0")
+        assert issue.line == 3
+        assert "expected 6 cells, as in the header, got 4" in issue.message
 
 
 class TestMistakes:
@@ -214,61 +214,61 @@ class TestMistakes:
         ],
     )
     def test_missing_columns(self, tmp_path: Path, header: str, missing: str):
-        (flaw,) = flaws_of(tmp_path, header, "0,1,2", "1,2,3")
-        assert flaw.line == 1
-        assert flaw.message.startswith(f"the header lacks {missing};")
-        assert header.split(",")[-1] in flaw.message
+        (issue,) = issues_of(tmp_path, header, "0,1,2", "1,2,3")
+        assert issue.line == 1
+        assert issue.message.startswith(f"the header lacks {missing};")
+        assert header.split(",")[-1] in issue.message
 
     def test_another_text_is_not_told(self, tmp_path: Path):
-        (flaw,) = flaws_of(tmp_path, "secret,secret,secret", "one,secret,2", "two,secret,3")
-        assert "secret" not in flaw.message
-        (flaw,) = flaws_of(tmp_path, HEADER, f"0,{'z' * 10_000},1", "1,1,1", "2,0,0")
-        assert len(flaw.message) < 120
+        (issue,) = issues_of(tmp_path, "secret,secret,secret", "one,secret,2", "two,secret,3")
+        assert "secret" not in issue.message
+        (issue,) = issues_of(tmp_path, HEADER, f"0,{'z' * 10_000},1", "1,1,1", "2,0,0")
+        assert len(issue.message) < 120
 
     @pytest.mark.parametrize("cell", ["oops", "1.2.3", "nan", "inf", "-inf", "1e999", "1_0", "\u0663"])
     @pytest.mark.parametrize("column", ["t", "wheel_speed_right", "wheel_speed_left"])
     def test_bad_numbers(self, tmp_path: Path, column: str, cell: str):
         row = [cell if name == column else "1" for name in HEADER.split(",")]
-        (flaw,) = flaws_of(tmp_path, HEADER, "0,1,1", ",".join(row), "2,1,1", "3,,")
-        assert (flaw.line, flaw.key) == (3, column)
-        assert flaw.message == f"expected a finite number, got {cell!r}"
+        (issue,) = issues_of(tmp_path, HEADER, "0,1,1", ",".join(row), "2,1,1", "3,,")
+        assert (issue.line, issue.key) == (3, column)
+        assert issue.message == f"expected a finite number, got {cell!r}"
 
     def test_a_bad_start(self, tmp_path: Path):
-        (flaw,) = flaws_of(tmp_path, POSES, "0,1,1,0,here,0", "1,1,1,0,0,0", "2,,,0,0,0")
-        assert (flaw.line, flaw.key) == (2, "y")
+        (issue,) = issues_of(tmp_path, POSES, "0,1,1,0,here,0", "1,1,1,0,0,0", "2,,,0,0,0")
+        assert (issue.line, issue.key) == (2, "y")
 
     def test_every_bad_number_of_a_column_is_named(self, tmp_path: Path):
-        flaws = flaws_of(tmp_path, HEADER, "0,a,1", "1,1,1", "2,b,1", "3,1,1")
-        assert [(flaw.line, flaw.key) for flaw in flaws] == [
+        issues = issues_of(tmp_path, HEADER, "0,a,1", "1,1,1", "2,b,1", "3,1,1")
+        assert [(issue.line, issue.key) for issue in issues] == [
             (2, "wheel_speed_right"),
             (4, "wheel_speed_right"),
         ]
 
     def test_and_of_all_columns(self, tmp_path: Path):
-        flaws = flaws_of(tmp_path, HEADER, "0,1,1", "x,1,1", "2,a,1", "3,1,b", "4,1,1")
-        assert sorted((flaw.line, flaw.key) for flaw in flaws) == [
+        issues = issues_of(tmp_path, HEADER, "0,1,1", "x,1,1", "2,a,1", "3,1,b", "4,1,1")
+        assert sorted((issue.line, issue.key) for issue in issues) == [
             (3, "t"),
             (4, "wheel_speed_right"),
             (5, "wheel_speed_left"),
         ]
 
     def test_empty_inputs_in_the_middle(self, tmp_path: Path):
-        flaws = flaws_of(tmp_path, HEADER, "0,1,1", "1,,1", "2,1,1", "3,,")
-        assert [(flaw.line, flaw.key) for flaw in flaws] == [(3, "wheel_speed_right")]
-        assert "got ''" in flaws[0].message
+        issues = issues_of(tmp_path, HEADER, "0,1,1", "1,,1", "2,1,1", "3,,")
+        assert [(issue.line, issue.key) for issue in issues] == [(3, "wheel_speed_right")]
+        assert "got ''" in issues[0].message
 
     def test_a_row_cut_short(self, tmp_path: Path):
-        flaws = flaws_of(tmp_path, HEADER, "0,1,1", "1,1", "2,1,1", "3,,")
-        assert [(flaw.line, flaw.key) for flaw in flaws] == [(3, "wheel_speed_left")]
+        issues = issues_of(tmp_path, HEADER, "0,1,1", "1,1", "2,1,1", "3,,")
+        assert [(issue.line, issue.key) for issue in issues] == [(3, "wheel_speed_left")]
 
     def test_a_last_row_half_empty(self, tmp_path: Path):
-        (flaw,) = flaws_of(tmp_path, HEADER, "0,1,1", "1,1,1", "2,,1")
-        assert flaw.line == 4
-        assert "expected numbers for wheel_speed_right, wheel_speed_left" in flaw.message
+        (issue,) = issues_of(tmp_path, HEADER, "0,1,1", "1,1,1", "2,,1")
+        assert issue.line == 4
+        assert "expected numbers for wheel_speed_right, wheel_speed_left" in issue.message
 
     def test_blank_lines_do_not_shift_the_count(self, tmp_path: Path):
-        (flaw,) = flaws_of(tmp_path, HEADER, "0,1,1", "", "", "1,1,oops", "2,1,1")
-        assert flaw.line == 5
+        (issue,) = issues_of(tmp_path, HEADER, "0,1,1", "", "", "1,1,oops", "2,1,1")
+        assert issue.line == 5
 
     @pytest.mark.parametrize(
         ("times", "line"),
@@ -282,51 +282,51 @@ class TestMistakes:
     )
     def test_uneven_times(self, tmp_path: Path, times, line: int):
         lines = [f"{time},1,1" for time in times]
-        (flaw,) = flaws_of(tmp_path, HEADER, *lines)
-        assert (flaw.line, flaw.key) == (line, "t")
-        assert "expected even steps" in flaw.message
+        (issue,) = issues_of(tmp_path, HEADER, *lines)
+        assert (issue.line, issue.key) == (line, "t")
+        assert "expected even steps" in issue.message
 
     @pytest.mark.parametrize("times", [(0, 0, 0), (3, 2, 1)], ids=["still", "backwards"])
     def test_times_that_do_not_rise(self, tmp_path: Path, times):
-        (flaw,) = flaws_of(tmp_path, HEADER, *(f"{time},1,1" for time in times))
-        assert (flaw.line, flaw.key) == (3, "t")
+        (issue,) = issues_of(tmp_path, HEADER, *(f"{time},1,1" for time in times))
+        assert (issue.line, issue.key) == (3, "t")
 
     def test_times_that_fall_are_said_to(self, tmp_path: Path):
-        (flaw,) = flaws_of(tmp_path, HEADER, "0.3,1,1", "0.2,1,1", "0.1,,")
-        assert flaw.message == "expected t to rise, got 0.2 s after 0.3 s"
+        (issue,) = issues_of(tmp_path, HEADER, "0.3,1,1", "0.2,1,1", "0.1,,")
+        assert issue.message == "expected t to rise, got 0.2 s after 0.3 s"
 
     @pytest.mark.parametrize("cell", ["1e13", "-1e29"])
     def test_numbers_beyond_all_robots(self, tmp_path: Path, cell: str):
-        (flaw,) = flaws_of(tmp_path, HEADER, "0,1,1", f"1,{cell},1", "2,1,1")
-        assert (flaw.line, flaw.key) == (3, "wheel_speed_right")
-        assert "at most 1e+12" in flaw.message
+        (issue,) = issues_of(tmp_path, HEADER, "0,1,1", f"1,{cell},1", "2,1,1")
+        assert (issue.line, issue.key) == (3, "wheel_speed_right")
+        assert "at most 1e+12" in issue.message
 
     @pytest.mark.parametrize("column", ["t", "wheel_speed_left", "x", "note"])
     def test_a_column_twice(self, tmp_path: Path, column: str):
-        (flaw,) = flaws_of(tmp_path, f"{POSES},note,{column}", *["0,1,1,0,0,0,,1"] * 3)
-        assert flaw.line == 1
-        assert f"has {column} twice" in flaw.message
+        (issue,) = issues_of(tmp_path, f"{POSES},note,{column}", *["0,1,1,0,0,0,,1"] * 3)
+        assert issue.line == 1
+        assert f"has {column} twice" in issue.message
 
     @pytest.mark.parametrize(("header", "lacking"), [("t,RL,x,y", "heading"), ("t,RL,heading", "x, y")])
     def test_a_start_in_part(self, tmp_path: Path, header: str, lacking: str):
         header = header.replace("RL", "wheel_speed_right,wheel_speed_left")
-        (flaw,) = flaws_of(tmp_path, header, *["0,1,1,0,0"] * 3)
-        assert flaw.line == 1
-        assert f"but not {lacking}: give all or none" in flaw.message
+        (issue,) = issues_of(tmp_path, header, *["0,1,1,0,0"] * 3)
+        assert issue.line == 1
+        assert f"but not {lacking}: give all or none" in issue.message
 
     def test_a_stray_quote(self, tmp_path: Path):
-        (flaw,) = flaws_of(tmp_path, HEADER, "0,1,1", '1,"1,1', "2,1,1", '3,"1,1', "4,1,1")
-        assert flaw.line == 3
+        (issue,) = issues_of(tmp_path, HEADER, "0,1,1", '1,"1,1', "2,1,1", '3,"1,1', "4,1,1")
+        assert issue.line == 3
 
     @pytest.mark.parametrize("rows", [[], ["0,1,1"]])
     def test_too_few_rows(self, tmp_path: Path, rows: list[str]):
-        (flaw,) = flaws_of(tmp_path, HEADER, *rows)
-        assert "at least two rows" in flaw.message
+        (issue,) = issues_of(tmp_path, HEADER, *rows)
+        assert "at least two rows" in issue.message
 
     def test_too_few_rows_with_inputs(self, tmp_path: Path):
-        (flaw,) = flaws_of(tmp_path, HEADER, "0,1,1", "1,,")
-        assert flaw.line == 2
-        assert "at least two rows" in flaw.message
+        (issue,) = issues_of(tmp_path, HEADER, "0,1,1", "1,,")
+        assert issue.line == 2
+        assert "at least two rows" in issue.message
 
     def test_an_empty_file(self, tmp_path: Path):
         (tmp_path / "path.csv").write_text("")

@@ -355,7 +355,7 @@ class TestFiles:
         (tmp_path / "record.json").write_text(text)
         with pytest.raises(RecordError, match=message) as caught:
             load_record(tmp_path)
-        assert caught.value.flaws[0].line == line
+        assert caught.value.issues[0].line == line
 
     def test_no_text(self, tmp_path: Path):
         (tmp_path / "record.json").write_bytes(b"\xff\xfe")

@@ -9,7 +9,7 @@ import pytest
 from recorded import record_from
 from studies import SMALL, saved_study
 
-from oed.foundation.errors import FileFlaw, RecordError, StudyError
+from oed.foundation.errors import FileIssue, RecordError, StudyError
 from oed.kernel.solution import scored
 from oed.records.record import Record, load_record, save_record
 from oed.records.recorded_study import recorded_study
@@ -59,8 +59,8 @@ class TestItsStudy:
         changed = record_from({**saved.data, "study": {**study, "limits": limits, "estimate": ["colour"]}})
         with pytest.raises(RecordError) as caught:
             recorded_study(changed)
-        (flaw,) = caught.value.flaws
-        assert (flaw.file, flaw.line, flaw.key) == ("record", 0, "study.limits.path_length")
+        (issue,) = caught.value.issues
+        assert (issue.file, issue.line, issue.key) == ("record", 0, "study.limits.path_length")
 
     def test_characters_that_steer_terminals_are_refused_as_in_a_file(self, saved: Record):
         changed = record_from({**saved.data, "study": {**saved.data["study"], "name": "a\x1b[2J"}})
@@ -78,11 +78,11 @@ class TestPriorOfARecord:
     def study(folder: Path, prior: str, text: str = POSES) -> Study:
         return saved_study(folder, f"{text}prior: {prior}\n")
 
-    def flaw(self, folder: Path, prior: str) -> FileFlaw:
+    def issue(self, folder: Path, prior: str) -> FileIssue:
         with pytest.raises(StudyError) as caught:
             self.study(folder, prior)
-        (flaw,) = caught.value.flaws
-        return flaw
+        (issue,) = caught.value.issues
+        return issue
 
     def test_is_its_covariance_as_numbers(self, folder: Path):
         study = self.study(folder, "{record: earlier}")
@@ -93,23 +93,23 @@ class TestPriorOfARecord:
         assert study.echo()["prior"] == prior.model_dump(mode="json", exclude_none=True)
 
     def test_of_no_record_is_named_by_file_line_and_key(self, folder: Path):
-        flaw = self.flaw(folder, "{record: nowhere}")
-        assert (flaw.file, flaw.line, flaw.key) == (
+        issue = self.issue(folder, "{record: nowhere}")
+        assert (issue.file, issue.line, issue.key) == (
             str(folder / "study.yaml"),
             POSES.count("\n") + 1,
             "prior.record",
         )
-        assert "no record there; make one with `oed run`" in flaw.message
+        assert "no record there; make one with `oed run`" in issue.message
 
     def test_of_no_result_names_those_there_are(self, folder: Path):
-        flaw = self.flaw(folder, "{record: earlier, result: circle}")
-        assert flaw.key == "prior.result"
-        assert flaw.message == "expected one of winding, straight; found no circle"
+        issue = self.issue(folder, "{record: earlier, result: circle}")
+        assert issue.key == "prior.result"
+        assert issue.message == "expected one of winding, straight; found no circle"
 
     def test_of_a_drive_that_tells_too_little(self, folder: Path):
-        flaw = self.flaw(folder, "{record: earlier, result: straight}")
-        assert flaw.key == "prior.record"
-        assert flaw.message == "the record's straight predicts no covariance of all parameters together"
+        issue = self.issue(folder, "{record: earlier, result: straight}")
+        assert issue.key == "prior.record"
+        assert issue.message == "the record's straight predicts no covariance of all parameters together"
 
     def test_is_refused_by_a_reader_that_opens_no_records(self, folder: Path):
         text = f"{POSES}prior: {{record: earlier}}\n"

@@ -188,13 +188,13 @@ class TestWhatIsSaid:
     def test_the_file_and_the_key(self, tmp_path: Path, key: Any, how: str, expected: str):
         assert self.said(tmp_path, key, how).startswith(f"there/record.json: {expected}")
 
-    def test_flaws_are_not_told_without_end(self, tmp_path: Path):
+    def test_issues_are_not_told_without_end(self, tmp_path: Path):
         data = copy.deepcopy(shipped("obstacle_course"))
         data["results"][0]["drive"]["knots"] = ["x"] * 1000
         saved(tmp_path, data)
         with pytest.raises(RecordError, match=r"and 98\d more like that") as caught:
             load_record(tmp_path)
-        assert len(caught.value.flaws) < 20
+        assert len(caught.value.issues) < 20
 
     @pytest.mark.parametrize(
         ("content", "expected"),
@@ -212,7 +212,7 @@ class TestWhatIsSaid:
         (tmp_path / "record.json").write_bytes(content)
         with pytest.raises(RecordError) as caught:
             load_record(tmp_path)
-        assert caught.value.flaws[0].message.startswith(expected)
+        assert caught.value.issues[0].message.startswith(expected)
 
     @pytest.mark.parametrize("file", ["record.json", "estimate.json", "sweep.json"])
     def test_a_folder_instead_of_the_file(self, tmp_path: Path, file: str):

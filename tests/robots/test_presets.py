@@ -124,16 +124,16 @@ class TestMistakes:
     def test_an_unknown_preset_is_named_with_its_line(self):
         with pytest.raises(StudyError) as caught:
             study("{preset: turtlebot4}")
-        (flaw,) = caught.value.flaws
-        assert (flaw.line, flaw.key) == (4, "robot.preset")
-        assert "turtlebot3_burger" in flaw.message
+        (issue,) = caught.value.issues
+        assert (issue.line, issue.key) == (4, "robot.preset")
+        assert "turtlebot3_burger" in issue.message
 
     def test_an_unknown_key_beside_a_preset(self):
         with pytest.raises(StudyError) as caught:
             study("{preset: husky, trak: 55 cm}")
-        (flaw,) = caught.value.flaws
-        assert (flaw.line, flaw.key) == (4, "robot.trak")
-        assert "did you mean track?" in flaw.message
+        (issue,) = caught.value.issues
+        assert (issue.line, issue.key) == (4, "robot.trak")
+        assert "did you mean track?" in issue.message
 
     def test_limits_that_are_no_mapping(self):
         with pytest.raises(StudyError, match="limits: expected keys and values"):

@@ -21,11 +21,11 @@ PILOT = "  discrepancy: {pilot: random}\n"
 TASK = "  task: true\n"
 
 
-def flaw_of(text: str):
+def issue_of(text: str):
     with pytest.raises(StudyError) as caught:
         parse_study(text)
-    (flaw,) = caught.value.flaws
-    return flaw
+    (issue,) = caught.value.issues
+    return issue
 
 
 def aims_of(text: str):
@@ -110,20 +110,20 @@ def test_a_trial_drives_them_and_says_so():
     ],
 )
 def test_what_makes_no_sense_is_refused(text, key, said):
-    flaw = flaw_of(STUDY + text)
-    assert (flaw.key, flaw.line) == (key, STUDY.count("\n") + 1)
-    assert said in flaw.message
+    issue = issue_of(STUDY + text)
+    assert (issue.key, issue.line) == (key, STUDY.count("\n") + 1)
+    assert said in issue.message
 
 
 def test_two_discrepancies_are_refused():
     noise = "noise: {position: 1 cm, heading: 1 deg"
-    flaw = flaw_of(STUDY.replace(noise, f"{noise}, discrepancy: {{position_per_speed: 1 ms}}") + NUMBERS)
-    assert (flaw.key, flaw.line) == ("physics.discrepancy", STUDY.count("\n") + 1)
-    assert "leave out one" in flaw.message
+    issue = issue_of(STUDY.replace(noise, f"{noise}, discrepancy: {{position_per_speed: 1 ms}}") + NUMBERS)
+    assert (issue.key, issue.line) == ("physics.discrepancy", STUDY.count("\n") + 1)
+    assert "leave out one" in issue.message
 
 
 def test_they_are_keys_of_physics_alone():
     for name in ("task", "discrepancy"):
-        flaw = flaw_of(STUDY[: STUDY.index("physics:")] + f"{name}: true\n")
-        assert flaw.key == name
-        assert "physics" in flaw.message
+        issue = issue_of(STUDY[: STUDY.index("physics:")] + f"{name}: true\n")
+        assert issue.key == name
+        assert "physics" in issue.message

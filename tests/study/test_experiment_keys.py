@@ -202,7 +202,7 @@ class TestCandidates:
         assert said in str(error.value)
 
     def test_one_that_says_too_little_is_scored_so(self, tmp_path: Path):
-        """Of a single setting no parabola is identifiable, however it is weighed."""
+        """Of a single setting no parabola is identifiable, however it is weighted."""
         (tmp_path / "trials.csv").write_text("x\n-1 m\n0 m\n1 m\n")
         (tmp_path / "study.yaml").write_text(PARABOLA)
         (tmp_path / "one.csv").write_text("x\n0.5\n")

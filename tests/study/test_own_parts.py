@@ -134,10 +134,10 @@ def test_code_is_run_for_who_trusts_it_only(home: Path) -> None:
     record = load_record(home / "out")
     with pytest.raises(RecordError) as caught:
         validated(record, validation_options(record, replicates=100))
-    keys = [flaw.key for flaw in caught.value.flaws]
+    keys = [issue.key for issue in caught.value.issues]
     assert sorted(keys) == ["study.criterion", "study.limits.own.0", "study.measurement.sensors.1"]
     assert all(
-        "own.py, and would be run; read it, and if you trust it" in str(one) for one in caught.value.flaws
+        "own.py, and would be run; read it, and if you trust it" in str(one) for one in caught.value.issues
     )
     assert not (home / "was_run").exists()
     assert validated(record, validation_options(record, replicates=100), trust=True, workers=1)
@@ -247,10 +247,10 @@ def test_a_study_with_other_keys_is_checked_anew(folder: Path) -> None:
 def test_mistakes_are_named_with_their_key(folder: Path, old: str, new: str, key: str, words: str) -> None:
     with pytest.raises(StudyError) as caught:
         load(folder, STUDY.replace(old, new))
-    (flaw,) = caught.value.flaws
-    assert flaw.key == key
-    assert flaw.line > 4
-    assert words in flaw.message
+    (issue,) = caught.value.issues
+    assert issue.key == key
+    assert issue.line > 4
+    assert words in issue.message
 
 
 @pytest.mark.parametrize(
@@ -291,11 +291,11 @@ def test_a_part_that_does_not_work_is_named_where_it_is(
     assert old in OWN_PARTS
     with pytest.raises(StudyError) as caught:
         load(folder, module=OWN_PARTS.replace(old, new))
-    (flaw,) = caught.value.flaws
-    assert flaw.key.startswith(key)
-    assert flaw.line > 4
-    assert words in flaw.message
-    assert "\n" not in flaw.message
+    (issue,) = caught.value.issues
+    assert issue.key.startswith(key)
+    assert issue.line > 4
+    assert words in issue.message
+    assert "\n" not in issue.message
 
 
 def test_what_fails_later_is_named_too(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,10 +27,10 @@ class LogVolume(oed.Criterion):
         objective = sum((ca.log(ca.det(one)) for one in matrices), start=ca.SX(0))
         return oed.Epigraph(objective, nothing, nothing, lambda numbers: np.zeros(0))
 
-    def flaws(self, subject: oed.Subject) -> list[oed.Flaw]:
+    def issues(self, subject: oed.Subject) -> list[oed.Issue]:
         """One parameter needs no criterion."""
         few = any(len(names) < 2 for names in subject.parameters)
-        return [oed.Flaw(("criterion",), "expected several parameters")] if few else []
+        return [oed.Issue(("criterion",), "expected several parameters")] if few else []
 
 
 class HalfPlane(oed.PathLimit):

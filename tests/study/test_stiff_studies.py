@@ -65,9 +65,9 @@ def test_mistakes_are_named_by_key_and_line(line: str, instead: str, key: str, s
     assert line in BUFFERED
     with pytest.raises(StudyError) as error:
         oed.parse_study(BUFFERED.replace(line, instead))
-    found = [flaw for flaw in error.value.flaws if flaw.key == key]
-    assert any(said in flaw.message for flaw in found), error.value.flaws
-    assert all(flaw.line for flaw in found)
+    found = [issue for issue in error.value.issues if issue.key == key]
+    assert any(said in issue.message for issue in found), error.value.issues
+    assert all(issue.line for issue in found)
 
 
 @pytest.mark.slow

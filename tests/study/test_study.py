@@ -11,9 +11,9 @@ import pytest
 import yaml
 from places import PROBLEMS
 from studies import SMALL, saved_study, small
-from valid import VALID, assert_echo_is_equal, assert_echo_of, flaws_of, line_of, replaced
+from valid import VALID, assert_echo_is_equal, assert_echo_of, issues_of, line_of, replaced
 
-from oed.foundation.errors import FileFlaw, StudyError
+from oed.foundation.errors import FileIssue, StudyError
 from oed.optimize import CmaEs, DifferentialEvolution, Genetic, Ipopt
 from oed.robots.models import DifferentialDrive
 from oed.study.study import PathFile, json_schema
@@ -377,25 +377,25 @@ BROKEN = {
 @pytest.mark.parametrize(("old", "new", "line", "key", "message"), BROKEN.values(), ids=BROKEN.keys())
 def test_one_mistake_is_named_by_its_line_and_key(old: str, new: str, line: str, key: str, message: str):
     text = replaced(old, new)
-    flaws = flaws_of(text)
-    assert [(flaw.line, flaw.key) for flaw in flaws] == [(line_of(text, line), key)]
-    assert message in flaws[0].message
-    assert str(flaws[0]).startswith(f"some.yaml:{flaws[0].line}: {key}: ")
+    issues = issues_of(text)
+    assert [(issue.line, issue.key) for issue in issues] == [(line_of(text, line), key)]
+    assert message in issues[0].message
+    assert str(issues[0]).startswith(f"some.yaml:{issues[0].line}: {key}: ")
 
 
 def test_relative_scaling_needs_the_noise():
     text = SMALL.replace("scaling: none", "scaling: relative").replace("position: 1 cm, ", "")
-    (flaw,) = flaws_of(text)
-    assert (flaw.line, flaw.key) == (line_of(text, "measurement"), "measurement.noise")
-    assert "the position noise is needed" in flaw.message
+    (issue,) = issues_of(text)
+    assert (issue.line, issue.key) == (line_of(text, "measurement"), "measurement.noise")
+    assert "the position noise is needed" in issue.message
 
 
 def test_every_input_needs_a_limit():
     text = replaced("  wheel_speed: 10 rad/s\n", "")
-    flaws = flaws_of(text)
-    assert {(flaw.line, flaw.key) for flaw in flaws} == {(line_of(text, "limits"), "limits")}
-    for flaw, name in zip(flaws, ("wheel_speed_right", "wheel_speed_left"), strict=True):
-        assert f"nothing bounds {name}; add wheel_speed" in flaw.message
+    issues = issues_of(text)
+    assert {(issue.line, issue.key) for issue in issues} == {(line_of(text, "limits"), "limits")}
+    for issue, name in zip(issues, ("wheel_speed_right", "wheel_speed_left"), strict=True):
+        assert f"nothing bounds {name}; add wheel_speed" in issue.message
 
 
 @pytest.mark.parametrize(
@@ -406,23 +406,23 @@ def test_a_scale_may_have_its_unit_or_be_a_share(sizes: str):
     assert [one.scales.tolist() for one in problem.any_estimations] == [pytest.approx([1e-3, 0.49e-3])]
 
 
-def test_a_flaw_of_a_key_that_is_not_there_says_its_name():
+def test_an_issue_of_a_key_that_is_not_there_says_its_name():
     text = SMALL.replace("differential_drive", "skid_steer").replace(
         "criterion: {kind: E, scaling: none}\n", ""
     )
     text = re.sub(
         "measurement: .*", "measurement: {kind: poses, noise: {position: 1 cm, heading: 1 deg}}", text
     )
-    (flaw,) = flaws_of(text)
-    assert (flaw.key, flaw.line) == ("criterion.scaling", 1)
-    assert "slip_outer, slip_inner is nominally 0" in flaw.message
+    (issue,) = issues_of(text)
+    assert (issue.key, issue.line) == ("criterion.scaling", 1)
+    assert "slip_outer, slip_inner is nominally 0" in issue.message
 
 
 @pytest.mark.parametrize("value", [".nan", ".inf", "0", "-1", "1 kg", "wide", "true"])
 def test_a_scale_has_to_be_positive_and_finite(value: str):
     text = SMALL.replace("scaling: none", f"scaling: {{c21: {value}, c22: 1}}")
-    (flaw,) = flaws_of(text)
-    assert (flaw.line, flaw.key) == (line_of(text, "criterion"), "criterion.scaling.c21")
+    (issue,) = issues_of(text)
+    assert (issue.line, issue.key) == (line_of(text, "criterion"), "criterion.scaling.c21")
 
 
 @pytest.mark.parametrize(
@@ -437,7 +437,7 @@ def test_a_scale_has_to_be_positive_and_finite(value: str):
     ids=["search and path", "path twice", "search and file", "two files", "one file for two names"],
 )
 def test_results_that_could_not_be_told_apart_are_refused(text: str):
-    flaws_of(text)
+    issues_of(text)
 
 
 class TestNoStudy:
@@ -445,20 +445,20 @@ class TestNoStudy:
 
     @pytest.mark.parametrize("text", ["", "# only a remark\n", "- a\n- b\n", "hello\n", "3\n"])
     def test_not_a_mapping(self, text: str):
-        (flaw,) = flaws_of(text)
-        assert flaw.line >= 1
-        assert "expected a study" in flaw.message
+        (issue,) = issues_of(text)
+        assert issue.line >= 1
+        assert "expected a study" in issue.message
 
     def test_a_key_given_twice(self):
         text = replaced("seed: 3", "seed: 3\nname: Again")
-        (flaw,) = flaws_of(text)
-        assert (flaw.line, flaw.key) == (line_of(text, "name: Again"), "name")
-        assert "given twice (first in line 2)" in flaw.message
+        (issue,) = issues_of(text)
+        assert (issue.line, issue.key) == (line_of(text, "name: Again"), "name")
+        assert "given twice (first in line 2)" in issue.message
 
     def test_a_key_given_twice_inside(self):
         text = replaced("    population: 20", "    population: 20\n    population: 30")
-        (flaw,) = flaws_of(text)
-        assert (flaw.line, flaw.key) == (line_of(text, "population: 30"), "solvers.0.population")
+        (issue,) = issues_of(text)
+        assert (issue.line, issue.key) == (line_of(text, "population: 30"), "solvers.0.population")
 
     @pytest.mark.parametrize(
         ("old", "new", "line"),
@@ -471,16 +471,16 @@ class TestNoStudy:
     )
     def test_not_yaml(self, old: str, new: str, line: str | None):
         text = replaced(old, new)
-        (flaw,) = flaws_of(text)
-        assert "not valid YAML" in flaw.message
-        assert flaw.line == (line_of(text, line) if line else len(text.splitlines()) + 1)
+        (issue,) = issues_of(text)
+        assert "not valid YAML" in issue.message
+        assert issue.line == (line_of(text, line) if line else len(text.splitlines()) + 1)
 
     def test_an_empty_file(self, tmp_path: Path):
         file = tmp_path / "empty.yaml"
         file.write_text("")
         with pytest.raises(StudyError, match="expected a study") as caught:
             load_study(file)
-        assert caught.value.flaws[0].file == str(file)
+        assert caught.value.issues[0].file == str(file)
 
     def test_no_file(self, tmp_path: Path):
         file = tmp_path / "nowhere.yaml"
@@ -508,27 +508,27 @@ class TestSeveralMistakes:
             ("seed", "seed"),
             ("colour", "colour"),
         ]
-        found = [(flaw.line, flaw.key) for flaw in flaws_of(text)]
+        found = [(issue.line, issue.key) for issue in issues_of(text)]
         assert found == [(line_of(text, line), key) for line, key in expected]
 
     def test_parts_that_do_not_fit_together_are_reported_at_once(self):
         text = replaced("segments: 4", "segments: 41").replace("coefficients: 8", "coefficients: 2")
-        assert [flaw.key for flaw in flaws_of(text)] == [
+        assert [issue.key for issue in issues_of(text)] == [
             "trajectory.spline.coefficients",
             "measurement.segments",
         ]
 
     def test_and_with_those_of_the_searches(self):
         text = replaced("segments: 4", "segments: 41").replace("start_from: genetic", "start_from: nobody")
-        assert [flaw.key for flaw in flaws_of(text)] == ["measurement.segments", "solvers.1.start_from"]
+        assert [issue.key for issue in issues_of(text)] == ["measurement.segments", "solvers.1.start_from"]
 
     def test_searches_and_validation(self):
         text = replaced("    heading: 1 deg\n", "").replace("start_from: genetic", "start_from: nobody")
-        assert {flaw.key for flaw in flaws_of(text)} == {"measurement.noise", "solvers.1.start_from"}
+        assert {issue.key for issue in issues_of(text)} == {"measurement.noise", "solvers.1.start_from"}
 
     def test_keys_given_twice(self):
         text = replaced("seed: 3", "seed: 3\nseed: 4\nname: Again")
-        assert [flaw.key for flaw in flaws_of(text)] == ["seed", "name"]
+        assert [issue.key for issue in issues_of(text)] == ["seed", "name"]
 
 
 class TestSchema:
@@ -566,32 +566,32 @@ class TestSchema:
 
 @pytest.mark.slow
 def test_mistakes_without_number_are_counted():
-    flaws = flaws_of(SMALL + "".join(f"k{number}: 1\n" for number in range(3000)))
-    assert len(flaws) == 201
-    assert flaws[-1].key == "k200"
-    assert flaws[-1].message == "and 2800 more mistakes"
-    assert flaws[-1].line == SMALL.count("\n") + 201
+    issues = issues_of(SMALL + "".join(f"k{number}: 1\n" for number in range(3000)))
+    assert len(issues) == 201
+    assert issues[-1].key == "k200"
+    assert issues[-1].message == "and 2800 more mistakes"
+    assert issues[-1].line == SMALL.count("\n") + 201
 
 
 class TestOwnPaths:
     @staticmethod
-    def flaws(folder: Path, *files: str) -> tuple[FileFlaw, ...]:
+    def issues(folder: Path, *files: str) -> tuple[FileIssue, ...]:
         study = saved_study(folder, SMALL + "baselines:\n" + "".join(f"- file: {file}\n" for file in files))
         with pytest.raises(StudyError) as caught:
             own_paths(study)
-        return caught.value.flaws
+        return caught.value.issues
 
     def test_every_mistake_is_named_by_the_study_and_by_the_path(self, tmp_path: Path):
         header = "t,wheel_speed_right,wheel_speed_left\n"
         (tmp_path / "wrong.csv").write_text(header + "0,1,2\n1,two,2\n2,1,nan\n")
         (tmp_path / "good.csv").write_text(header + "0,1,2\n1,1,2\n2,1,2\n")
-        flaws = self.flaws(tmp_path, "good.csv", "nowhere.csv", "wrong.csv")
-        assert [(flaw.file, flaw.line, flaw.key) for flaw in flaws] == [
+        issues = self.issues(tmp_path, "good.csv", "nowhere.csv", "wrong.csv")
+        assert [(issue.file, issue.line, issue.key) for issue in issues] == [
             (str(tmp_path / "study.yaml"), 13, "baselines.1.file"),
             (str(tmp_path / "study.yaml"), 14, "baselines.2.file"),
             (str(tmp_path / "study.yaml"), 14, "baselines.2.file"),
         ]
-        assert [flaw.message.removeprefix(f"{tmp_path}/") for flaw in flaws] == [
+        assert [issue.message.removeprefix(f"{tmp_path}/") for issue in issues] == [
             "nowhere.csv: no such file",
             "wrong.csv:3: wheel_speed_right: expected a finite number, got 'two'",
             "wrong.csv:4: wheel_speed_left: expected a finite number, got 'nan'",
@@ -599,9 +599,9 @@ class TestOwnPaths:
 
     def test_what_is_no_path_is_not_repeated(self, tmp_path: Path):
         (tmp_path / "passwd").write_text("secretive:x:0:secret\nother:y:1:secret\nlast:z:2:secret\n")
-        (flaw,) = self.flaws(tmp_path, "passwd")
-        assert "the header lacks t, wheel_speed_right, wheel_speed_left; expected a path" in flaw.message
-        assert "secret" not in flaw.message
+        (issue,) = self.issues(tmp_path, "passwd")
+        assert "the header lacks t, wheel_speed_right, wheel_speed_left; expected a path" in issue.message
+        assert "secret" not in issue.message
 
 
 HUGE = 10**40
@@ -626,10 +626,10 @@ HUGE = 10**40
 )
 def test_counts_that_no_machine_can_hold_are_refused(keys: str, key: str):
     kept = [line for line in SMALL.splitlines() if not keys.startswith(line.partition(":")[0] + ":")]
-    flaws = flaws_of("\n".join([*kept, keys]))
-    (flaw,) = [flaw for flaw in flaws if flaw.key == key]
-    assert flaw.line == len(kept) + 1
-    assert "expected at most" in flaw.message
+    issues = issues_of("\n".join([*kept, keys]))
+    (issue,) = [issue for issue in issues if issue.key == key]
+    assert issue.line == len(kept) + 1
+    assert "expected at most" in issue.message
 
 
 @pytest.mark.parametrize("name", ["load_study", "parse_study"])
@@ -650,7 +650,7 @@ def test_readers_of_files_say_where_they_are_now(name: str):
 )
 def test_a_wrong_value_is_named_by_its_own_line_a_wrong_key_by_its(track: str, line: int):
     assert ("robot", line) in [
-        (one.key.partition(".")[0], one.line) for one in flaws_of(replaced("track: 18 cm", track))
+        (one.key.partition(".")[0], one.line) for one in issues_of(replaced("track: 18 cm", track))
     ]
 
 
@@ -677,30 +677,30 @@ def test_a_wrong_value_is_named_by_its_own_line_a_wrong_key_by_its(track: str, l
 )
 def test_a_wrong_value_says_where_and_what_to_do(old: str, new: str, line: int, key: str, message: str):
     text = replaced(old, new)
-    (flaw,) = flaws_of(text)
+    (issue,) = issues_of(text)
     # Else the last line is the wrong one.
-    assert (flaw.line, flaw.key) == (line or len(text.rstrip().splitlines()), key)
-    assert flaw.message.endswith(message)
+    assert (issue.line, issue.key) == (line or len(text.rstrip().splitlines()), key)
+    assert issue.message.endswith(message)
 
 
 def test_a_baseline_is_called_by_its_name():
-    (flaw,) = flaws_of(replaced("  - circle\n", "  - {kind: circle}\n"))
-    assert flaw.key == "baselines.0"
-    assert flaw.message.startswith("expected 'straight', 'circle', ")
-    assert flaw.message.endswith("got {'kind': 'circle'}")
+    (issue,) = issues_of(replaced("  - circle\n", "  - {kind: circle}\n"))
+    assert issue.key == "baselines.0"
+    assert issue.message.startswith("expected 'straight', 'circle', ")
+    assert issue.message.endswith("got {'kind': 'circle'}")
 
 
 def test_a_prior_of_a_mistyped_parameter_says_what_was_meant():
     text = small().replace("scaling: none", "scaling: relative")
-    (flaw,) = flaws_of(f"{text}prior: {{standard_deviations: {{c211: 1 %}}}}\n")
-    assert flaw.message.endswith("the parameters are c21, c22; did you mean c21?")
+    (issue,) = issues_of(f"{text}prior: {{standard_deviations: {{c211: 1 %}}}}\n")
+    assert issue.message.endswith("the parameters are c21, c22; did you mean c21?")
 
 
 def test_a_range_has_two_ends():
-    (flaw,) = flaws_of(replaced("seed: 3", "log: {keep: {x: [5, 1, 3]}}"))
-    assert flaw.message.endswith("or expected at most 2 of them, got [5, 1, 3]")
+    (issue,) = issues_of(replaced("seed: 3", "log: {keep: {x: [5, 1, 3]}}"))
+    assert issue.message.endswith("or expected at most 2 of them, got [5, 1, 3]")
 
 
 def test_an_empty_file_is_no_study():
-    (flaw,) = flaws_of("# to be written\n")
-    assert flaw.message == "expected a study (keys and values), got nothing; `oed init` makes a first one"
+    (issue,) = issues_of("# to be written\n")
+    assert issue.message == "expected a study (keys and values), got nothing; `oed init` makes a first one"

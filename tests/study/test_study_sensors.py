@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from studies import SMALL, small
-from valid import assert_echo_is_equal, flaws_of, line_of
+from valid import assert_echo_is_equal, issues_of, line_of
 
 from oed.robots.sensors import PosePrior, Poses, Ranges, Several, YawRate
 from oed.workflow.studies import parse_study
@@ -311,8 +311,8 @@ TAGS = "{kind: tags, tags: [[1 m, 1 m, 0 deg]], noise: {range: 1 cm, bearing: 1 
 def test_what_is_named_as_its_kind(sensor: str, key: str):
     """Mistakes beside the landmarks, the tags, are not theirs."""
     for text, place in ((sensor, "measurement"), (f"[{sensor}]", "measurement.0")):
-        (flaw,) = flaws_of(f"{without(SMALL, 'measurement:')}measurement: {text}\n")
-        assert flaw.key == f"{place}.{key}"
+        (issue,) = issues_of(f"{without(SMALL, 'measurement:')}measurement: {text}\n")
+        assert issue.key == f"{place}.{key}"
 
 
 class TestSensors:
@@ -407,10 +407,10 @@ class TestSensors:
         self, old: str, new: str, line: str, key: str, message: str
     ):
         text = changed(old, new)
-        flaws = flaws_of(text)
+        issues = issues_of(text)
         place = [number for number, each in enumerate(text.splitlines(), 1) if each.strip().startswith(line)]
-        assert [(flaw.line, flaw.key) for flaw in flaws] == [(place[0], key)]
-        assert message in flaws[0].message
+        assert [(issue.line, issue.key) for issue in issues] == [(place[0], key)]
+        assert message in issues[0].message
 
     def test_mistakes_in_several_sensors_are_reported_at_once(self):
         text = changed("every: 2", "every: 0").replace("bias: 0.2 deg/s", "bias: -1")
@@ -421,25 +421,25 @@ class TestSensors:
             ("beacons", "measurement.2.beacons.0.0"),
             ("track: [1]", "prior.standard_deviations.track"),
         ]
-        found = [(flaw.line, flaw.key) for flaw in flaws_of(text)]
+        found = [(issue.line, issue.key) for issue in issues_of(text)]
         assert found == [(line_of(text, line), key) for line, key in expected]
 
     def test_a_prior_without_noise_has_nothing_to_be_weighed_against(self):
         text = small(prior="{standard_deviations: {c21: 1 mm}}")
-        (flaw,) = flaws_of(text)
-        assert (flaw.line, flaw.key) == (line_of(text, "prior"), "prior")
-        assert "scaling: relative" in flaw.message
+        (issue,) = issues_of(text)
+        assert (issue.line, issue.key) == (line_of(text, "prior"), "prior")
+        assert "scaling: relative" in issue.message
 
     def test_what_displacements_do_not_identify(self):
         text = small(estimate="[track]")
-        (flaw,) = flaws_of(text)
-        assert (flaw.line, flaw.key) == (line_of(text, "estimate"), "estimate")
-        assert "track cannot be estimated from displacements, which identify c21, c22" in flaw.message
+        (issue,) = issues_of(text)
+        assert (issue.line, issue.key) == (line_of(text, "estimate"), "estimate")
+        assert "track cannot be estimated from displacements, which identify c21, c22" in issue.message
 
     @pytest.mark.parametrize("value", ["[]", "[3]", "[[]]"])
     def test_lists_of_no_sensors(self, value: str):
         begin, end = SENSORS.index("measurement:"), SENSORS.index("estimate:")
         text = f"{SENSORS[:begin]}measurement: {value}\n{SENSORS[end:]}"
-        (flaw,) = flaws_of(text)
-        assert flaw.line == line_of(text, "measurement")
-        assert flaw.key in ("measurement", "measurement.0")
+        (issue,) = issues_of(text)
+        assert issue.line == line_of(text, "measurement")
+        assert issue.key in ("measurement", "measurement.0")

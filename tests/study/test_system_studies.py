@@ -97,6 +97,6 @@ def test_mistakes_are_named_by_line_and_key(begin: str, line: str, key: str, sai
     """Each by the key that it is given by."""
     with pytest.raises(StudyError) as error:
         oed.parse_study(of(POINTS, **{begin: line}))
-    found = [flaw for flaw in error.value.flaws if flaw.key.startswith(key) and said in flaw.message]
+    found = [issue for issue in error.value.issues if issue.key.startswith(key) and said in issue.message]
     assert found, error.value
     assert found[0].line > 0

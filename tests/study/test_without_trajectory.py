@@ -81,8 +81,8 @@ def test_its_echo_is_the_same_study():
 def test_nothing_is_asked_of_a_drive(key: str, value: str):
     with pytest.raises(StudyError) as caught:
         parse_study(f"{ONLY}{key}: {value}\n")
-    flaw = next(one for one in caught.value.flaws if "has no `trajectory`" in one.message)
-    assert (flaw.line, flaw.key) == (5, key)
+    issue = next(one for one in caught.value.issues if "has no `trajectory`" in one.message)
+    assert (issue.line, issue.key) == (5, key)
 
 
 def test_a_trajectory_needs_limits():

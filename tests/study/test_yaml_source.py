@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from oed.foundation.errors import FileFlaw, StudyError
+from oed.foundation.errors import FileIssue, StudyError
 from oed.study.yaml_source import CHARACTERS, DEPTH, NODES, parse_yaml, read_yaml
 
 TEXT = """\
@@ -143,7 +143,7 @@ def test_a_value_in_a_line_after_its_key_has_its_own_place(path, place):
 def test_a_key_that_is_wrong_itself_keeps_its_place():
     source = parse_yaml(FORMS, "file")
     assert source.place(("next",), of_key=True) == (("next",), 2, 1)
-    assert source.flaw(("next",), "unknown key", of_key=True).line == 2
+    assert source.issue(("next",), "unknown key", of_key=True).line == 2
 
 
 @pytest.mark.parametrize(
@@ -161,13 +161,13 @@ def test_what_is_not_in_the_file_is_passed_over(path, found, line: int):
     assert parse_yaml(TEXT, "file").place(path)[:2] == (found, line)
 
 
-def test_flaws_name_file_line_and_key():
+def test_issues_name_file_line_and_key():
     source = parse_yaml(TEXT, "some.yaml")
-    assert str(source.flaw(("second", "list", 1, "key"), "is wrong")) == (
+    assert str(source.issue(("second", "list", 1, "key"), "is wrong")) == (
         "some.yaml:8: second.list.1.key: is wrong"
     )
-    assert str(source.flaw(("second",), "missing", missing="third")) == "some.yaml:4: second.third: missing"
-    assert str(source.flaw((), "is wrong")) == "some.yaml:2: is wrong"
+    assert str(source.issue(("second",), "missing", missing="third")) == "some.yaml:4: second.third: missing"
+    assert str(source.issue((), "is wrong")) == "some.yaml:2: is wrong"
 
 
 def test_plain_data_and_text_are_kept():
@@ -211,16 +211,16 @@ def test_an_empty_text_has_a_place():
 def test_mistakes_are_named_by_line(text: str, line: int, message: str):
     with pytest.raises(StudyError) as caught:
         parse_yaml(text, "some.yaml")
-    (flaw,) = caught.value.flaws
-    assert (flaw.file, flaw.line) == ("some.yaml", line)
-    assert message in flaw.message
+    (issue,) = caught.value.issues
+    assert (issue.file, issue.line) == ("some.yaml", line)
+    assert message in issue.message
 
 
 def test_every_repeated_key_is_named():
     text = "a: 1\na: 2\nlist:\n- {b: 1, b: 2}\n- c:\n    d: 1\n    d: 2\n    d: 3\n"
     with pytest.raises(StudyError) as caught:
         parse_yaml(text, "file")
-    assert [(flaw.line, flaw.key) for flaw in caught.value.flaws] == [
+    assert [(issue.line, issue.key) for issue in caught.value.issues] == [
         (2, "a"),
         (4, "list.0.b"),
         (7, "list.1.c.d"),
@@ -249,13 +249,13 @@ def test_every_repeated_key_is_named():
     [("a: 1\nrobot: {track: NUMBER}\n", 2, "robot.track"), ("b:\n- 1\n- [0, NUMBER]\n", 3, "b.1.1")],
 )
 def test_numbers_that_are_not_what_they_look_like_are_refused(number: str, text: str, line: int, key: str):
-    flaw = flaw_of(text.replace("NUMBER", number))
-    assert (flaw.line, flaw.key) == (line, key)
-    assert flaw.message.startswith(f"expected a decimal number, got {number.split()[-1]!r}; ")
+    issue = issue_of(text.replace("NUMBER", number))
+    assert (issue.line, issue.key) == (line, key)
+    assert issue.message.startswith(f"expected a decimal number, got {number.split()[-1]!r}; ")
 
 
 def test_such_numbers_are_no_keys_either():
-    assert "expected a decimal number, got '010'" in flaw_of("limits:\n  010: 1\n").message
+    assert "expected a decimal number, got '010'" in issue_of("limits:\n  010: 1\n").message
 
 
 def test_numbers_that_are_what_they_look_like_stay():
@@ -269,13 +269,13 @@ def test_control_characters_are_not_yaml():
         parse_yaml("a: \x00\n", "file")
 
 
-def flaw_of(text: str) -> FileFlaw:
+def issue_of(text: str) -> FileIssue:
     with pytest.raises(StudyError) as caught:
         parse_yaml(text, "some.yaml")
-    (flaw,) = caught.value.flaws
-    assert "\n" not in str(flaw)
-    assert len(str(flaw)) < 200
-    return flaw
+    (issue,) = caught.value.issues
+    assert "\n" not in str(issue)
+    assert len(str(issue)) < 200
+    return issue
 
 
 def nested(anchors: str, times: int = 9) -> str:
@@ -340,15 +340,15 @@ BOMB = nested("abcdefghij")
 )
 @pytest.mark.slow
 def test_what_no_study_is_made_of_is_named_by_line(text: str, line: int, message: str):
-    flaw = flaw_of(text)
-    assert flaw.line == line
-    assert flaw.message.startswith(message)
+    issue = issue_of(text)
+    assert issue.line == line
+    assert issue.message.startswith(message)
 
 
 def test_what_is_written_out_counts_as_well(monkeypatch):
     monkeypatch.setattr("oed.study.yaml_source.NODES", 100)
-    flaw = flaw_of("a:\n" + "- 1\n" * 1000)
-    assert (flaw.line, flaw.message[:14]) == (99, "more than 100 ")
+    issue = issue_of("a:\n" + "- 1\n" * 1000)
+    assert (issue.line, issue.message[:14]) == (99, "more than 100 ")
 
 
 def test_aliases_of_bounded_size_are_read():
@@ -376,24 +376,24 @@ FRAGMENTS = (
 )  # fmt: skip
 
 
-def flaws_in(text: str) -> tuple[FileFlaw, ...]:
+def issues_in(text: str) -> tuple[FileIssue, ...]:
     try:
         parse_yaml(text, "file")
     except StudyError as error:
-        return error.flaws
+        return error.issues
     return ()
 
 
 @pytest.mark.slow
-def test_any_text_is_data_or_flaws():
+def test_any_text_is_data_or_issues():
     draw = random.Random(0)
     for trial in range(500):
         text = TEXT if trial % 2 else ""
         for _ in range(draw.randint(1, 10)):
             place = draw.randint(0, len(text))
             text = text[:place] + draw.choice(FRAGMENTS) + text[place:]
-        flaws = flaws_in(text)
-        assert all(flaw.line > 0 and "\n" not in str(flaw) for flaw in flaws), text
+        issues = issues_in(text)
+        assert all(issue.line > 0 and "\n" not in str(issue) for issue in issues), text
 
 
 class TestFiles:

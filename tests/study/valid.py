@@ -7,7 +7,7 @@ import json
 import pytest
 import yaml
 
-from oed.foundation.errors import FileFlaw, StudyError
+from oed.foundation.errors import FileIssue, StudyError
 from oed.study.study import Study
 from oed.workflow.studies import parse_study
 
@@ -60,12 +60,12 @@ seed: 3
 """
 
 
-def flaws_of(text: str) -> tuple[FileFlaw, ...]:
+def issues_of(text: str) -> tuple[FileIssue, ...]:
     with pytest.raises(StudyError) as caught:
         parse_study(text, "some.yaml")
-    assert all(flaw.file == "some.yaml" for flaw in caught.value.flaws)
-    assert str(caught.value) == "\n".join(str(flaw) for flaw in caught.value.flaws)
-    return caught.value.flaws
+    assert all(issue.file == "some.yaml" for issue in caught.value.issues)
+    assert str(caught.value) == "\n".join(str(issue) for issue in caught.value.issues)
+    return caught.value.issues
 
 
 def line_of(text: str, start: str) -> int:

@@ -136,7 +136,7 @@ def test_an_expression_of_what_may_differ_takes_scenarios():
     lost = "loss * (temperature - room), range: [0 W, 100 W]"
     with pytest.raises(StudyError) as error:
         study("chance", lost)
-    (flaw,) = error.value.flaws
-    assert flaw.key == "limits.0.of"
-    assert flaw.message.endswith("depends on loss, which may differ: take `robust: {kind: scenarios}`")
+    (issue,) = error.value.issues
+    assert issue.key == "limits.0.of"
+    assert issue.message.endswith("depends on loss, which may differ: take `robust: {kind: scenarios}`")
     assert study("scenarios", lost).problem.limits

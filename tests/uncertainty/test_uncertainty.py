@@ -40,11 +40,11 @@ def spread_of(within: dict[str, Any] | None = None, distribution: str = "uniform
     return spread
 
 
-def flaws_of(within: dict[str, Any], distribution: str = "uniform", **parts: Any) -> dict[str, str]:
+def issues_of(within: dict[str, Any], distribution: str = "uniform", **parts: Any) -> dict[str, str]:
     uncertainty = Uncertainty.model_validate({"within": within, "distribution": distribution})
     with pytest.raises(ProblemError) as caught:
         sensed_problem(uncertainty=uncertainty, **parts)
-    return {".".join(map(str, flaw.key)): flaw.message for flaw in caught.value.flaws}
+    return {".".join(map(str, issue.key)): issue.message for issue in caught.value.issues}
 
 
 def runs(count: int, **options: Any) -> DesignSpace:
@@ -93,7 +93,7 @@ class TestForms:
             Uncertainty.model_validate(value)
 
 
-class TestFlaws:
+class TestIssues:
     @pytest.mark.parametrize(
         ("name", "amount", "words"),
         [
@@ -117,25 +117,25 @@ class TestFlaws:
         ],
     )
     def test_wrong_ones_are_named(self, name: str, amount, words: str):
-        found = flaws_of({RIGHT: "5 %", name: amount})
+        found = issues_of({RIGHT: "5 %", name: amount})
         assert list(found) == [f"uncertainty.{name}"]
         assert words in found[f"uncertainty.{name}"]
 
     def test_a_range_has_no_standard_deviation(self):
-        found = flaws_of({"track": ("17 cm", "19 cm")}, "normal")
+        found = issues_of({"track": ("17 cm", "19 cm")}, "normal")
         assert "expected a standard deviation, got the range" in found["uncertainty.track"]
 
     def test_all_wrong_ones_are_listed(self):
-        found = flaws_of({"track": "-1 cm", "width": 1, "x": "5 %", RIGHT: "5 %"})
+        found = issues_of({"track": "-1 cm", "width": 1, "x": "5 %", RIGHT: "5 %"})
         assert set(found) == {"uncertainty.track", "uncertainty.width", "uncertainty.x"}
 
     def test_coefficients_are_known_where_they_are_estimated(self):
         spread = spread_of({"c21": "5 %"}, estimate=("c11", "c12", "c21", "c22"))
         assert spread.names == ("c21",)
-        assert list(flaws_of({"c21": "5 %"})) == ["uncertainty.c21"]
+        assert list(issues_of({"c21": "5 %"})) == ["uncertainty.c21"]
 
     def test_parameters_and_coefficients_do_not_mix(self):
-        found = flaws_of({"c21": "5 %", "track": "5 %"}, estimate=("c11", "c12", "c21", "c22"))
+        found = issues_of({"c21": "5 %", "track": "5 %"}, estimate=("c11", "c12", "c21", "c22"))
         assert list(found) == ["uncertainty.c21"]
 
 
@@ -292,7 +292,7 @@ class TestRobots:
     @pytest.mark.parametrize("distribution", ["uniform", "normal"])
     def test_ranges_in_which_no_robot_can_be_are_refused(self, distribution):
         within = {"track": 5} if distribution == "uniform" else {"track": "40 %"}
-        (message,) = flaws_of(within, distribution).values()
+        (message,) = issues_of(within, distribution).values()
         assert "cannot be: narrow the ranges" in message
         assert "track -" in message
 

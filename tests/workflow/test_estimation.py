@@ -203,7 +203,7 @@ def test_a_fault_of_the_log_is_all_that_is_told(tmp_path: Path):
     for name in ("run.csv", "missing.csv"):
         with pytest.raises(LogError) as caught:
             estimate(study, [tmp_path / name])
-        assert [Path(flaw.file).name for flaw in caught.value.flaws] == [name]
+        assert [Path(issue.file).name for issue in caught.value.issues] == [name]
 
 
 def test_a_foreign_table_asks_for_the_key_that_explains_it(tmp_path: Path):
@@ -211,7 +211,7 @@ def test_a_foreign_table_asks_for_the_key_that_explains_it(tmp_path: Path):
     with pytest.raises(LogError) as caught:
         estimate(saved_study(tmp_path, STUDY), [tmp_path / "run.csv"])
     # The cause comes first, and what the log lacks is one line.
-    cause, lacking = map(str, caught.value.flaws)
+    cause, lacking = map(str, caught.value.issues)
     assert "study.yaml: log: the study has no key `log`" in cause
     assert lacking.endswith(
         "run.csv:1: nothing says where time, wheel_speed_right, wheel_speed_left, x, y and heading are; "
@@ -228,8 +228,8 @@ def test_times_that_do_not_rise_come_with_the_keys_that_may_mend_them(tmp_path: 
     file.write_text("\n".join([header, *marked]) + "\n")
     with pytest.raises(LogError) as caught:
         estimate(saved_study(tmp_path, STUDY), [file])
-    *flaws, hint = caught.value.flaws
-    assert {flaw.key for flaw in flaws} == {"t"}
+    *issues, hint = caught.value.issues
+    assert {issue.key for issue in issues} == {"t"}
     assert hint.key == "log"
     assert "sort the rows, or say with `runs`" in hint.message
 
@@ -271,8 +271,8 @@ def test_what_a_log_has_not_is_named_with_the_line_of_the_study(tmp_path: Path, 
     study = saved_study(tmp_path, f"{STUDY}{log}")
     with pytest.raises(LogError) as caught:
         estimate(study, [file])
-    (flaw,) = caught.value.flaws
-    assert str(flaw).endswith(said.format(study=study.source))
+    (issue,) = caught.value.issues
+    assert str(issue).endswith(said.format(study=study.source))
 
 
 @pytest.mark.slow
@@ -283,8 +283,8 @@ def test_rows_without_numbers_are_refused_with_a_hint_or_skipped_and_counted(tmp
     file.write_text("\n".join(lines) + "\n")
     with pytest.raises(LogError) as caught:
         estimate(saved_study(tmp_path, STUDY), [file])
-    assert caught.value.flaws[-1].key == "log"
-    assert "`skip_invalid_rows: true`" in caught.value.flaws[-1].message
+    assert caught.value.issues[-1].key == "log"
+    assert "`skip_invalid_rows: true`" in caught.value.issues[-1].message
     found = estimate(saved_study(tmp_path, f"{STUDY}log: {{skip_invalid_rows: true}}\n"), [file])
     said = [one.message for group in findings(found).values() for _, one in group]
     assert any(text.startswith("the poses of 1 of 100 rows of drive.csv are skipped") for text in said)

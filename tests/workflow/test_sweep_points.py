@@ -64,16 +64,16 @@ def test_kinds_are_called_by_what_they_are_kinds_of(tmp_path: Path):
 def test_every_mistake_is_told_before_anything_is_run(tmp_path: Path):
     with pytest.raises(StudyError) as caught:
         points_of(tmp_path, "limits.wheel_speed=5 m,8 rad/s", "trajectory.samples=40,0", "criterion.knd=E")
-    flaws = {flaw.key: flaw for flaw in caught.value.flaws}
-    assert flaws["limits.wheel_speed"].message.startswith(
+    issues = {issue.key: issue for issue in caught.value.issues}
+    assert issues["limits.wheel_speed"].message.startswith(
         "with wheel_speed 5 m, samples 40, knd E and 1 more: expected an angular speed"
     )
-    assert flaws["trajectory.samples"].message.startswith(
+    assert issues["trajectory.samples"].message.startswith(
         "with wheel_speed 5 m, samples 0, knd E and 1 more:"
     )
     # Wrong whatever the other values: said once, of no combination.
-    assert flaws["criterion.knd"].message.startswith("unknown key; did you mean kind?")
-    assert [flaws[key].line for key in ("trajectory.samples", "limits.wheel_speed", "criterion.knd")] == [
+    assert issues["criterion.knd"].message.startswith("unknown key; did you mean kind?")
+    assert [issues[key].line for key in ("trajectory.samples", "limits.wheel_speed", "criterion.knd")] == [
         4,
         7,
         10,

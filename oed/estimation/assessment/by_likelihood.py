@@ -5,7 +5,7 @@ from __future__ import annotations
 from oed.estimation.assessment.covariance import Covariance
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.log_errors import RATES, ErrorSizes, of_rates
-from oed.estimation.methods.whole_logs import Likeliest, WholeLogs, whole_flaw
+from oed.estimation.methods.whole_logs import Likeliest, WholeLogs, whole_issue
 from oed.estimation.setup.options import CalibrationOptions
 from oed.foundation.errors import ProblemError
 from oed.kernel.measurement.measurement import Measurement
@@ -24,9 +24,9 @@ def likeliest(plain: Fit, options: CalibrationOptions, measurement: Measurement)
     Raises:
         ProblemError: options that do not go with it, or logs that it is not for.
     """
-    flaw = whole_flaw(plain)
-    if flaw is not None:
-        raise ProblemError.about(("calibration", "method"), f"{flaw}: use joint")
+    issue = whole_issue(plain)
+    if issue is not None:
+        raise ProblemError.about(("calibration", "method"), f"{issue}: use joint")
     if options.covariance not in ("auto", "information"):
         text = "likelihood has F^-1 of all that errs: omit it, or use method: joint"
         raise ProblemError.about(("calibration", "covariance"), text)

@@ -264,7 +264,7 @@ class ModelSelection:
         try:
             fit = fitting.fitted(self._logs(robot)).fit
         except (ProblemError, FileError) as error:
-            return replace(entry, reason="; ".join(flaw.message for flaw in error.flaws))
+            return replace(entry, reason="; ".join(issue.message for issue in error.issues))
         except np.linalg.LinAlgError:
             return replace(entry, reason="the search failed; are its nominal values near enough?")
         return replace(entry, fit=fit)
@@ -297,7 +297,7 @@ class ModelSelection:
         try:
             found = replace(one, covariance=self.covariance(fit), reason=_why_not(fit), doubt=doubt)
         except ProblemError as error:
-            return replace(one, reason="; ".join(flaw.message for flaw in error.flaws))
+            return replace(one, reason="; ".join(issue.message for issue in error.issues))
         if options.loss == "linear":
             found = replace(found, likelihood=readings.likelihood(fit, options))
         if {"x", "y"} <= set(fit.layout.quantities):

@@ -1,4 +1,4 @@
-from .choice import estimator_flaws as estimator_flaws
+from .choice import estimator_issues as estimator_issues
 from .choice import make_estimator as make_estimator
 from .choice import usual_estimator as usual_estimator
 from .displacements import METHODS as METHODS

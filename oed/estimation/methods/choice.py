@@ -6,7 +6,7 @@ from oed.estimation.methods.displacements import METHODS, Heading, Regression, m
 from oed.estimation.methods.estimator import Estimator, EstimatorName
 from oed.estimation.setup.options import Loss
 from oed.foundation.arguments import typed
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Issue, ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.problem import Problem
@@ -22,12 +22,12 @@ def usual_estimator(measurement: Measurement) -> EstimatorName:
     return "gls" if measurement.estimator == "gls" else "sandwich"
 
 
-def estimator_flaws(
+def estimator_issues(
     measurement: Measurement,
     name: EstimatorName | None = None,
     heading: Heading = "known",
     loss: Loss = "linear",
-) -> list[Flaw]:
+) -> list[Issue]:
     """What keeps the estimator `name` (the usual one by default) from a measurement; [] if nothing.
 
     Args:
@@ -40,24 +40,24 @@ def estimator_flaws(
     if isinstance(measurement, Displacements):
         if chosen not in METHODS:
             text = f"displacements are estimated by {', '.join(METHODS)}; not by {chosen}"
-            return [Flaw(("validation", "estimators"), text)]
+            return [Issue(("validation", "estimators"), text)]
         if chosen == "errors_in_variables" and heading != "measured":
             text = f"errors in variables are those of heading: measured; these are {heading}"
-            return [Flaw(("validation", "heading"), text)]
+            return [Issue(("validation", "heading"), text)]
         if loss != "linear":
             text = f"a robust loss is for sensors; displacements are estimated by {chosen}"
-            return [Flaw(("validation", "loss"), text)]
+            return [Issue(("validation", "loss"), text)]
         missing = missing_noise(measurement, heading)
         text = f"simulating {heading} headings needs the noise of {', '.join(missing)}"
-        return [Flaw(("measurement", "noise"), text)] if missing else []
+        return [Issue(("measurement", "noise"), text)] if missing else []
     if not measurement.joint_sensors:
-        return [Flaw(("validation",), f"no simulation is known for {measurement.kind}")]
+        return [Issue(("validation",), f"no simulation is known for {measurement.kind}")]
     if chosen != "nonlinear":
         text = f"{measurement.kind} are estimated by nonlinear least squares; not by {chosen}"
-        return [Flaw(("validation", "estimators"), text)]
+        return [Issue(("validation", "estimators"), text)]
     if heading != "known":
         text = f"{heading} headings are for displacements; sensors read what they read"
-        return [Flaw(("validation", "heading"), text)]
+        return [Issue(("validation", "heading"), text)]
     return []
 
 
@@ -82,9 +82,9 @@ def make_estimator(
     Raises:
         ProblemError: an estimator that does not suit the measurement, or parameters that nothing identifies.
     """
-    flaws = estimator_flaws(problem.measurement, name, heading, loss)
-    if flaws:
-        raise ProblemError(flaws)
+    issues = estimator_issues(problem.measurement, name, heading, loss)
+    if issues:
+        raise ProblemError(issues)
     chosen = name or usual_estimator(problem.measurement)
     if chosen == "nonlinear":
         # Loaded late: to check a study is not to estimate.

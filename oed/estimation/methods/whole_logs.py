@@ -71,7 +71,7 @@ class Likeliest(NamedTuple):
         return {name: float(one) for name, one in zip(SIZES, sizes, strict=True)}
 
 
-def whole_flaw(fit: Fit) -> str | None:
+def whole_issue(fit: Fit) -> str | None:
     """Why the errors of a fit's logs cannot be separated; None where they may.
 
     They can of poses that are read whole, of a robot that is moved by its inputs alone.

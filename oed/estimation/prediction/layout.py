@@ -20,7 +20,7 @@ from oed.estimation.prediction.grids import GAP as GAP
 from oed.estimation.prediction.grids import grid_of, usual_of
 from oed.estimation.prediction.segments import Labelled
 from oed.foundation.arrays import Array, Bools, Places
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import FileIssue, LogError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs.log import BRIDGED, Log
 
@@ -286,7 +286,7 @@ def cut(
     ]
     if not pieces:
         text = "no poses while the wheels are logged; are the two clocks together?"
-        raise LogError([FileFlaw(log.file, 0, 0, "", text) for log in logs])
+        raise LogError([FileIssue(log.file, 0, 0, "", text) for log in logs])
     shape = (len(pieces), max(part.stop - part.start for _, part in pieces))
     times, readings = np.zeros(shape), np.zeros((*shape, grids[0].readings.shape[1]))
     valid, averaged = np.zeros(readings.shape, dtype=bool), np.ones(readings.shape)

@@ -11,7 +11,7 @@ import numpy as np
 from oed.estimation.prediction.layout import GAP, SegmentLayout
 from oed.estimation.setup.noise import groups, places_of, specified_noise
 from oed.foundation.arrays import Array, Bools, Places
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import FileIssue, LogError
 from oed.kernel.measurement.measurement import Measurement
 from oed.logs.log import Log
 from oed.logs.motions import Motions
@@ -45,7 +45,7 @@ def motion_segments(logs: Sequence[Log], offsets: Sequence[float]) -> SegmentLay
     owner = np.repeat(np.arange(len(logs)), [len(one) for one in each])
     if not len(owner):
         text = "no motion is read while the wheels are logged; are the two clocks together?"
-        raise LogError([FileFlaw(log.file, 0, 0, "", text) for log in logs])
+        raise LogError([FileIssue(log.file, 0, 0, "", text) for log in logs])
     spans, values = (np.concatenate([getattr(one, name) for one in each]) for name in ("times", "values"))
     readings = np.stack([np.zeros_like(values), values], axis=1)
     valid = np.broadcast_to(np.array([[False], [True]]), readings.shape).copy()
@@ -131,7 +131,7 @@ def _errors(logs: Sequence[Log], each: Sequence[Motions]) -> tuple[Array | None,
     missing = [log for log, one in zip(logs, each, strict=True) if one.covariances is None]
     if missing:
         text = "gives no covariances of its motions, other logs do"
-        raise LogError([FileFlaw(log.file, 0, 0, "", text) for log in missing])
+        raise LogError([FileIssue(log.file, 0, 0, "", text) for log in missing])
     given = np.concatenate([one.covariances for one in each if one.covariances is not None])
     own = np.sqrt(np.diagonal(given, axis1=1, axis2=2))
     usual = np.ones(len(quantities))

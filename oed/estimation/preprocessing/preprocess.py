@@ -34,7 +34,7 @@ from oed.estimation.preprocessing.wiring_checks import (
     wiring_fault,
 )
 from oed.foundation.arrays import Array
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import FileIssue, LogError
 from oed.logs.findings import IN_DEGREES, WILD_READING
 from oed.logs.log import Log
 from oed.robots.models.model import Model
@@ -198,14 +198,14 @@ def preprocess(robot: Model, logs: Sequence[Log], *, compare_clocks: bool) -> Pr
     moves = Moves.of(robot, logs)
     if relative or compare_clocks:
         moves = replace(moves, offsets=apart if relative else clock_offsets(moves))
-    flaws, doubts = [], dict[str, str]()
+    issues, doubts = [], dict[str, str]()
     for index, file in enumerate(moves.layout.clocks):
-        flaw, doubt = _judged(moves.within(moves.layout.clock == index), file, logs)
-        flaws += flaw
+        issue, doubt = _judged(moves.within(moves.layout.clock == index), file, logs)
+        issues += issue
         if doubt:
             doubts[file] = doubt
-    if flaws:
-        raise LogError(flaws)
+    if issues:
+        raise LogError(issues)
     prepared = tuple(
         log.found("poorly_explained", doubts[log.file], doubtful=True) if log.file in doubts else log
         for log in logs
@@ -223,7 +223,7 @@ def _without_strays(robot: Model, logs: Sequence[Log], compare_clocks: bool) -> 
     return kept, apart
 
 
-def _judged(moves: Moves, file: str, logs: Sequence[Log]) -> tuple[list[FileFlaw], str]:
+def _judged(moves: Moves, file: str, logs: Sequence[Log]) -> tuple[list[FileIssue], str]:
     # What is plainly wrong with a file, or what may be.
     own = [log for log in logs if log.file == file]
     relative = own[0].motions is not None
@@ -241,7 +241,7 @@ def _judged(moves: Moves, file: str, logs: Sequence[Log]) -> tuple[list[FileFlaw
         wrong = motion_fault(moves, own) or wrong
     if wrong:
         wild = (f"; {one.message}" for one in found if one.name == WILD_READING)
-        return [FileFlaw(file, 0, 0, key, f"{wrong}{next(wild, '')}")], ""
+        return [FileIssue(file, 0, 0, key, f"{wrong}{next(wild, '')}")], ""
     if left is None:
         return [], ""
     doubt = f"the wheels leave {100 * left:.0f} % of the measured motion unexplained"
@@ -283,11 +283,11 @@ def _hopeless(moves: Moves, left: float) -> bool:
 def _require_alike(logs: Sequence[Log]) -> None:
     first = logs[0]
     others = [log for log in logs if _held(log) != _held(first)]
-    flaws = [
-        FileFlaw(log.file, 0, 0, "", f"holds {_held(log)}, {first.name} {_held(first)}") for log in others
+    issues = [
+        FileIssue(log.file, 0, 0, "", f"holds {_held(log)}, {first.name} {_held(first)}") for log in others
     ]
-    if flaws:
-        raise LogError(flaws)
+    if issues:
+        raise LogError(issues)
 
 
 def _held(log: Log) -> str:
@@ -298,8 +298,8 @@ def _require_motion(logs: Sequence[Log]) -> None:
     empty = [log for log in logs if len(log.pose_times) < 2]
     if empty:
         text = "has neither poses nor anything else that is read of where the robot is"
-        raise LogError([FileFlaw(log.file, 0, 0, "", text) for log in empty])
+        raise LogError([FileIssue(log.file, 0, 0, "", text) for log in empty])
     text = "no poses while the wheels are logged; do the two clocks begin together?"
-    flaws = [FileFlaw(log.file, 0, 0, "", text) for log in logs if not stretches(log, 0.0)]
-    if flaws:
-        raise LogError(flaws)
+    issues = [FileIssue(log.file, 0, 0, "", text) for log in logs if not stretches(log, 0.0)]
+    if issues:
+        raise LogError(issues)

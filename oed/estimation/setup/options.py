@@ -12,7 +12,7 @@ from pydantic_core import CoreSchema
 
 from oed.estimation.setup.unknowns import PLACE, PlaceName
 from oed.foundation.component import Component, OneOf
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import Duration
 from oed.robots.models import MODELS, Model
 
@@ -81,7 +81,7 @@ class Alternative(Component):
         """The robot with these parameters: itself, or the same in terms of its coefficients."""
         return self.robot.estimating(self.parameters)
 
-    def flaws(self, inputs: Sequence[str]) -> list[str]:
+    def issues(self, inputs: Sequence[str]) -> list[str]:
         """Why it cannot be fitted to logs of those inputs; [] where it can."""
         missing = [name for name in self.robot.input_names if name not in inputs]
         if missing:
@@ -97,22 +97,22 @@ class Alternative(Component):
         return [f"{self.label}: expected some of its parameters ({choices}), got {', '.join(wanted)}"]
 
 
-def alternative_flaws(robot: Model, models: Iterable[Alternative]) -> list[Flaw]:
+def alternative_issues(robot: Model, models: Iterable[Alternative]) -> list[Issue]:
     """Why robots cannot be compared with a study's own.
 
     Args:
         robot: the study's own, to whose inputs the logs belong.
         models: the others.
     """
-    known, flaws = {str(robot.kind)}, []
+    known, issues = {str(robot.kind)}, []
     for index, one in enumerate(models):
         place = ("calibration", "models", index)
         if one.label in known:
             text = f"a second model named {one.label}; give each a `name` of its own"
-            flaws.append(Flaw((*place, "name") if one.name else place, text))
+            issues.append(Issue((*place, "name") if one.name else place, text))
         known.add(one.label)
-        flaws += [Flaw(place, text) for text in one.flaws(robot.input_names)]
-    return flaws
+        issues += [Issue(place, text) for text in one.issues(robot.input_names)]
+    return issues
 
 
 class CalibrationOptions(Component):

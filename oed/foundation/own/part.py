@@ -17,7 +17,7 @@ from typing import Any, ClassVar, NoReturn, Self
 from pydantic import ConfigDict, model_validator
 
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw, OedError, PartError, UserMistake
+from oed.foundation.errors import Issue, OedError, PartError, UserMistake
 from oed.foundation.own.code import class_at, in_words, lent_streams, place_of
 
 UNMADE = {"code": "is not run"}
@@ -105,7 +105,7 @@ class OwnPart(Component):
                 self.try_out(named(**own))
                 return guarded(named)(**own)
         except PartError as error:
-            reasons = (str(Flaw(one.key[1:], one.message)) for one in error.flaws)
+            reasons = (str(Issue(one.key[1:], one.message)) for one in error.issues)
             raise ValueError(f"{self.object} cannot be made: {'; '.join(reasons)}") from None
         except KeyboardInterrupt:
             raise

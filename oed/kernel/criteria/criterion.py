@@ -16,7 +16,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.information import Scaling, scaling_text
@@ -146,7 +146,7 @@ class Criterion(Component, ABC):
         """The criterion for these parameters; itself unless it needs to know them."""
         return self
 
-    def flaws(self, subject: Subject) -> list[Flaw]:
+    def issues(self, subject: Subject) -> list[Issue]:
         """What makes this criterion impossible for these parameters; [] if nothing."""
         return []
 

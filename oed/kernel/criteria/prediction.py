@@ -12,7 +12,7 @@ from pydantic import Field, FiniteFloat, model_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import UNITS_BY_NAME, Duration
 from oed.foundation.text import count, deviation_text
 from oed.kernel.criteria.criterion import (
@@ -92,25 +92,25 @@ class Prediction(RootCriterion):
         """Rows (predictions, coordinates, p) in place of others with the same judgement; as they are."""
         return rows
 
-    def flaws(self, subject: Subject) -> list[Flaw]:
+    def issues(self, subject: Subject) -> list[Issue]:
         """Legs with more or fewer inputs than the system, parameters that it has not, an unknown quantity, or
         one that no estimated parameter changes.
         """
         return self.misfits(subject) or self._unmoved(subject)
 
-    def _unmoved(self, subject: Subject) -> list[Flaw]:
+    def _unmoved(self, subject: Subject) -> list[Issue]:
         names = [name for names in subject.parameters for name in names]
         own = [parameter.name for parameter in subject.system.parameters]
         if np.any(self.predicted(subject)[..., [own.index(name) for name in names]]):
             return []
         text = f"the {self.quantity} predicted depends on none of {', '.join(names)}: every design would do"
-        return [Flaw(("criterion", "quantity"), text)]
+        return [Issue(("criterion", "quantity"), text)]
 
-    def misfits(self, subject: Subject) -> list[Flaw]:
+    def misfits(self, subject: Subject) -> list[Issue]:
         """What keeps predictions from being made."""
         names, known = subject.system.input_names, subject.system.predictions
-        flaws = [
-            Flaw(
+        issues = [
+            Issue(
                 ("criterion", "test_drive", index, "inputs"),
                 f"expected {len(names)} inputs ({', '.join(names)}), got {len(leg.inputs)}",
             )
@@ -119,14 +119,14 @@ class Prediction(RootCriterion):
         ]
         if self.quantity not in known:
             text = f"expected one of {', '.join(known)}; got {self.quantity!r}"
-            flaws.append(Flaw(("criterion", "quantity"), text))
+            issues.append(Issue(("criterion", "quantity"), text))
         own = {parameter.name for parameter in subject.system.parameters}
         strangers = [name for names in subject.parameters for name in names if name not in own]
         if strangers:
             text = f"predictions follow from the {subject.system.noun}'s parameters"
             text += f"; {', '.join(strangers)} are none"
-            flaws.append(Flaw(("criterion", "kind"), text))
-        return flaws
+            issues.append(Issue(("criterion", "kind"), text))
+        return issues
 
     def variances(self, information: Sequence[SquareRoot]) -> Array:
         """Variance of each leg's prediction, (..., legs); infinite of what is not identifiable."""
@@ -226,9 +226,9 @@ class I(Prediction):  # noqa: E742
             raise ValueError(f"expected test_drive (legs) or task (drives of your own), {text}")
         return self
 
-    def misfits(self, subject: Subject) -> list[Flaw]:
+    def misfits(self, subject: Subject) -> list[Issue]:
         """Also tasks that are not read, or that are not of this system."""
-        return [*super().misfits(subject), *_task_flaws(subject, self.task)]
+        return [*super().misfits(subject), *_task_issues(subject, self.task)]
 
     def predicted(self, subject: Subject) -> Array:
         """Derivatives of all that is predicted by the system's parameters, (predictions, coordinates, p)."""
@@ -269,16 +269,16 @@ class I(Prediction):  # noqa: E742
         )
 
 
-def _task_flaws(subject: Subject, task: Sequence[str | TaskDrive]) -> Iterator[Flaw]:
+def _task_issues(subject: Subject, task: Sequence[str | TaskDrive]) -> Iterator[Issue]:
     inputs, states = len(subject.system.inputs), len(subject.system.states)
     for index, one in enumerate(task):
         key = ("criterion", "task", index)
         if isinstance(one, str):
-            yield Flaw(key, f"the file {one} is read where a study is loaded from a file; here give drives")
+            yield Issue(key, f"the file {one} is read where a study is loaded from a file; here give drives")
         elif any(len(row) != inputs for row in one.inputs):
-            yield Flaw((*key, "inputs"), f"expected {count(inputs, 'input')} in every period")
+            yield Issue((*key, "inputs"), f"expected {count(inputs, 'input')} in every period")
         elif one.start is not None and len(one.start) != states:
-            yield Flaw((*key, "start"), f"expected {count(states, 'state')}, got {len(one.start)}")
+            yield Issue((*key, "start"), f"expected {count(states, 'state')}, got {len(one.start)}")
 
 
 def _states(subject: Subject, quantity: str) -> list[int]:

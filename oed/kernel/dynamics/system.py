@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar
 import casadi as ca
 import numpy.typing as npt
 
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.text import Unit
 from oed.kernel.dynamics.expression import Expression
 
@@ -141,11 +141,11 @@ class System(ABC):
         """
         return {}
 
-    def flaws(self) -> list[Flaw]:
+    def issues(self) -> list[Issue]:
         """Why this is no system at all; [] where it is one."""
         return []
 
-    def doubts(self, problem: Problem) -> Sequence[Flaw]:
+    def doubts(self, problem: Problem) -> Sequence[Issue]:
         """Sizes in a problem of this system that hardly mean what they say, if it knows usual ones."""
         return ()
 

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import Size, parse_size
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.matrices import eliminate
@@ -133,7 +133,7 @@ def _known(block: Block, width: int, prior: Array | None) -> Array:
 
 
 def _precision(block: Block, scaling: Scaling) -> float:
-    # A block without noise is refused when the problem is made; see `scaling_flaws`.
+    # A block without noise is refused when the problem is made; see `scaling_issues`.
     divided = block.noise is not None and not (block.raw and scaling == "none")
     return 1.0 / float(block.noise or 1.0) if divided else 1.0
 
@@ -159,9 +159,9 @@ def _size(block: Block, scaling: Mapping[str, Size], name: str) -> float:
     return parse_size(scaling[name], float(block.nominal[place]), block.units[place], "scale")
 
 
-def scaling_flaws(
+def scaling_issues(
     blocks: Sequence[Block], scaling: Scaling, parameters: Sequence[Sequence[str]] | None = None
-) -> list[Flaw]:
+) -> list[Issue]:
     """What keeps `scaling` from being applied to these blocks' parameters of interest; [] if nothing.
 
     Args:
@@ -172,11 +172,11 @@ def scaling_flaws(
     if scaling == "none":
         return []
     chosen = [block.parameters for block in blocks] if parameters is None else parameters
-    flaws = []
+    issues = []
     for block, names in zip(blocks, chosen, strict=True):
         if block.noise is None:
             text = f"the {block.name} noise is needed to weight the information (or use scaling: none)"
-            flaws.append(Flaw(("measurement", "noise"), text))
+            issues.append(Issue(("measurement", "noise"), text))
         if scaling == "relative":
             zero = [name for name in names if block.scales[block.parameters.index(name)] == 0]
             if zero:
@@ -185,25 +185,25 @@ def scaling_flaws(
                     f"{', '.join(zero)} is nominally 0 and has no relative precision; give the `criterion` "
                     f"sizes, scaling: {{{sizes}}}, or scaling: none"
                 )
-                flaws.append(Flaw(("criterion", "scaling"), text))
+                issues.append(Issue(("criterion", "scaling"), text))
     if isinstance(scaling, Mapping):
-        flaws += _scale_name_flaws([name for names in chosen for name in names], scaling)
+        issues += _scale_name_issues([name for names in chosen for name in names], scaling)
         owners = {name: block for block, names in zip(blocks, chosen, strict=True) for name in names}
         for name in [name for name in scaling if name in owners]:
             try:
                 _size(owners[name], scaling, name)
             except ValueError as error:
-                flaws.append(Flaw(("criterion", "scaling", name), str(error)))
-    return flaws
+                issues.append(Issue(("criterion", "scaling", name), str(error)))
+    return issues
 
 
-def _scale_name_flaws(names: list[str], scaling: Mapping[str, Size]) -> list[Flaw]:
-    flaws = []
+def _scale_name_issues(names: list[str], scaling: Mapping[str, Size]) -> list[Issue]:
+    issues = []
     for name in names:
         if name not in scaling:
-            flaws.append(Flaw(("criterion", "scaling"), f"the scale of {name} is missing"))
+            issues.append(Issue(("criterion", "scaling"), f"the scale of {name} is missing"))
     for name in scaling:
         if name not in names:
             text = f"{name} is not judged here; the parameters are {', '.join(names)}"
-            flaws.append(Flaw(("criterion", "scaling", name), text))
-    return flaws
+            issues.append(Issue(("criterion", "scaling", name), text))
+    return issues

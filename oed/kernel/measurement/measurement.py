@@ -13,7 +13,7 @@ import numpy as np
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.presenting import Brief
 from oed.foundation.text import words
 from oed.kernel.dynamics.expression import Expression
@@ -212,7 +212,7 @@ class Measurement(Component, ABC):
     def blocks(self, drive: Drive) -> tuple[Block, ...]:
         """The estimations that this measurement of `drive` allows, each with its own parameters."""
 
-    def flaws(self, system: System, samples: int) -> list[Flaw]:
+    def issues(self, system: System, samples: int) -> list[Issue]:
         """What makes this measurement impossible for `system` and that many samples; [] if nothing."""
         return []
 

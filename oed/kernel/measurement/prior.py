@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import Size, parse_size, require_covariance
 from oed.foundation.text import did_you_mean
 
@@ -47,7 +47,7 @@ class Prior(Component):
         """The parameters it says something about."""
         return self.parameters or tuple(self.standard_deviations)
 
-    def flaws(self, known: Sequence[str], nominal: Array, units: Sequence[str]) -> list[Flaw]:
+    def issues(self, known: Sequence[str], nominal: Array, units: Sequence[str]) -> list[Issue]:
         """Names that are not estimated, and deviations that are not positive quantities of the right unit.
 
         Args:
@@ -55,20 +55,20 @@ class Prior(Component):
             nominal: their values, SI.
             units: their SI units.
         """
-        flaws, given = [], bool(self.standard_deviations)
+        issues, given = [], bool(self.standard_deviations)
         for name in self.names:
             key = ("prior", "standard_deviations", name) if given else ("prior", "parameters")
             if name not in known:
                 hint = did_you_mean(name, known)
                 text = f"{name} is not estimated here; the parameters are {', '.join(known)}{hint}"
-                flaws.append(Flaw(key, text))
+                issues.append(Issue(key, text))
             elif given:
                 index = list(known).index(name)
                 try:
                     self._deviation(name, nominal[index], units[index])
                 except ValueError as error:
-                    flaws.append(Flaw(key, str(error)))
-        return flaws
+                    issues.append(Issue(key, str(error)))
+        return issues
 
     def precision(self, names: Sequence[str], nominal: Array, units: Sequence[str]) -> Array:
         """Information (p, p) on the parameters `names`, SI; zero for those it does not name.

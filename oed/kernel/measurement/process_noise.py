@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import casadi as ca
 
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 
@@ -77,33 +77,35 @@ class ProcessNoise(ABC):
     def text(self) -> str:
         """What it is and how large, in words."""
 
-    def flaws(self, system: System) -> list[Flaw]:
+    def issues(self, system: System) -> list[Issue]:
         """Why it cannot be of that system; [] if it can."""
         return []
 
 
-def process_flaws(sensors: Sequence[Sensor], system: System) -> list[Flaw]:
+def process_issues(sensors: Sequence[Sensor], system: System) -> list[Issue]:
     """Why the process noise that sensors speak of is none that a filter takes in, by key; [] if it is."""
     noise = process_noise_of(sensors)
     if noise is None:
         return []
-    flaws = noise.flaws(system)
+    issues = noise.issues(system)
     for place, sensor in enumerate(sensors):
         key: tuple[str | int, ...] = ("measurement",) if len(sensors) == 1 else ("measurement", place)
         if sensor.process_noise not in (None, noise):
-            flaws.append(
-                Flaw((*key, noise.key), "differs from that of the sensors before; a system drifts in one way")
+            issues.append(
+                Issue(
+                    (*key, noise.key), "differs from that of the sensors before; a system drifts in one way"
+                )
             )
         if sensor.when == "in periods" and not noise.signal:
             text = (
                 f"readings of whole periods do not go with {noise.key}, which is left out within them: read "
             )
-            flaws.append(Flaw((*key, "kind"), f"{text}at the samples, or leave out `{noise.key}`"))
+            issues.append(Issue((*key, "kind"), f"{text}at the samples, or leave out `{noise.key}`"))
         if sensor.joint_whitening is not None:
             text = "one covariance of all readings does not go with drift, whose filter takes in one by one: "
             text += "give that of one reading"
-            flaws.append(Flaw((*key, "noise", "covariance"), text))
-    return flaws
+            issues.append(Issue((*key, "noise", "covariance"), text))
+    return issues
 
 
 def process_noise_of(sensors: Sequence[Sensor]) -> ProcessNoise | None:

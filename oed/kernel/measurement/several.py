@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC
 from typing import Self
 
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.text import listing
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
@@ -26,12 +26,12 @@ class Together(Measurement, ABC):
         """One block of all sensors."""
         return (joint_block(self.sensors, drive),)
 
-    def flaws(self, system: System, samples: int) -> list[Flaw]:
-        """The sensors' own flaws, and sensors that disagree on what is known of the start."""
-        flaws = [
-            Flaw(("measurement", index, *flaw.key[1:]), flaw.message)
+    def issues(self, system: System, samples: int) -> list[Issue]:
+        """The sensors' own issues, and sensors that disagree on what is known of the start."""
+        issues = [
+            Issue(("measurement", index, *issue.key[1:]), issue.message)
             for index, sensor in enumerate(self.sensors)
-            for flaw in sensor.flaws(system, samples)
+            for issue in sensor.issues(system, samples)
         ]
         known = [sensor.start_known for sensor in self.sensors]
         given = [entry for entry in known if entry is not None]
@@ -39,8 +39,8 @@ class Together(Measurement, ABC):
             if entry is not None and entry != given[0]:
                 name = system.start_name
                 text = f"differs from that of the sensors before; there is one {name.replace('_', ' ')}"
-                flaws.append(Flaw(("measurement", index, name), text))
-        return flaws
+                issues.append(Issue(("measurement", index, name), text))
+        return issues
 
     @property
     def joint_sensors(self) -> tuple[Sensor, ...]:

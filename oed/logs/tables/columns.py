@@ -22,7 +22,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import System
 from oed.logs.form import Repeats
@@ -107,10 +107,10 @@ class TimeColumn(Column):
     form: Literal["number", "date"] | None = None
     unit: Literal["s", "ms", "us", "ns"] | None = None
 
-    def flaws(self, *key: str) -> list[Flaw]:
+    def issues(self, *key: str) -> list[Issue]:
         """A unit of dates; `key` is the column's own, within `log`."""
         if self.form == "date" and self.unit is not None:
-            return [Flaw(("log", *key, "unit"), "a date has no unit; leave it out")]
+            return [Issue(("log", *key, "unit"), "a date has no unit; leave it out")]
         return []
 
 
@@ -190,22 +190,22 @@ class PoseColumns(MaybeBeside):
         further = self.__pydantic_extra__ or {}
         return {name: one for name, one in (plain | further).items() if isinstance(one, PoseColumn)}
 
-    def flaws(self, model: System, *, needed: bool = True) -> list[Flaw]:
+    def issues(self, model: System, *, needed: bool = True) -> list[Issue]:
         """States the robot does not have, units of another kind, nothing measured where that is `needed`."""
-        key, flaws = ("log", "poses"), []
+        key, issues = ("log", "poses"), []
         units = dict(zip(model.states, model.state_units, strict=True))
         for name, column in self.columns.items():
             if name not in units:
                 hint = did_you_mean(name, units)
                 text = f"the robot has no state {name}; it has {', '.join(model.states)}{hint}"
-                flaws.append(Flaw((*key, name), text))
+                issues.append(Issue((*key, name), text))
             elif reason := unit_reason(column.unit, units[name]):
-                flaws.append(Flaw((*key, name, "unit"), reason))
+                issues.append(Issue((*key, name, "unit"), reason))
         if needed and not self.columns:
-            flaws.append(Flaw(key, "nothing of the robot's pose was measured"))
+            issues.append(Issue(key, "nothing of the robot's pose was measured"))
         if self.form is not None and self.file is None:
-            flaws.append(Flaw((*key, "form"), "is that of a file of its own; add `file`"))
-        flaws += [] if self.time is None else self.time.flaws("poses", "time")
+            issues.append(Issue((*key, "form"), "is that of a file of its own; add `file`"))
+        issues += [] if self.time is None else self.time.issues("poses", "time")
         if self.is_tum and self.keep:
-            flaws.append(Flaw((*key, "keep"), "a TUM file has no further columns; leave it out"))
-        return flaws
+            issues.append(Issue((*key, "keep"), "a TUM file has no further columns; leave it out"))
+        return issues

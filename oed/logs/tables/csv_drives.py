@@ -119,9 +119,9 @@ class _Run:
         sheet, model = self.sheet, self.model
         # Without rows there is nothing to integrate.
         turned, said = sheet.columns.turned(inputs, model) if len(inputs) else ([], ())
-        flaws = inputs.clock_flaws() + [flaw for one in turned for flaw in one.flaws]
-        if flaws:
-            raise LogError(flaws)
+        issues = inputs.clock_issues() + [issue for one in turned for issue in one.issues]
+        if issues:
+            raise LogError(issues)
         values = np.zeros((0, len(model.inputs)))
         if turned:
             values = np.column_stack([one.integral for one in turned])

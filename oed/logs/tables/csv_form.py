@@ -6,13 +6,13 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
-from oed.foundation.errors import Flaw, LogError
+from oed.foundation.errors import Issue, LogError
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Measurement
 from oed.logs.drive import to_logs
 from oed.logs.form import LogForm, is_bag, read_twice
 from oed.logs.log import Log
-from oed.logs.sensors import labelled, source_flaws, with_sensors
+from oed.logs.sensors import labelled, source_issues, with_sensors
 from oed.logs.series import together
 from oed.logs.tables.chosen_rows import Records
 from oed.logs.tables.columns import Column, ColumnPlace, Kept, MayBeNone, PoseColumns, Short, TimeColumn
@@ -67,24 +67,24 @@ class CsvForm(LogForm):
         """Types of rows where the poses have one of their own, else None."""
         return None if self.records is None or self.records.poses is None else self.records
 
-    def flaws(self, model: System) -> list[Flaw]:
+    def issues(self, model: System) -> list[Issue]:
         """Inputs and states the robot does not have, units and forms that do not fit."""
-        flaws = [*self.time.flaws("time"), *self.input_columns.flaws(model)]
+        issues = [*self.time.issues("time"), *self.input_columns.issues(model)]
         if self.types_of_poses is not None and self.reference.file is not None:
             text = "the poses are in a file of their own (`poses.file`); leave one of the two out"
-            flaws.append(Flaw(("log", "records", "poses"), text))
+            issues.append(Issue(("log", "records", "poses"), text))
         if self.relative_poses is None:
-            own = self.poses.flaws(model, needed=not self.sensors)
-            return [*flaws, *own, *self._own_reference(), *self._read_twice(model)]
+            own = self.poses.issues(model, needed=not self.sensors)
+            return [*issues, *own, *self._own_reference(), *self._read_twice(model)]
         if "poses" in self.model_fields_set:
             text = "a log has poses or relative_poses; omit one of them"
-            flaws.append(Flaw(("log", "relative_poses"), text))
+            issues.append(Issue(("log", "relative_poses"), text))
         if self.sensors:
             text = "motions of relative_poses are fitted one by one, without other sensors; omit these"
-            flaws.append(Flaw(("log", "sensors"), text))
-        return [*flaws, *self.relative_poses.flaws(model)]
+            issues.append(Issue(("log", "sensors"), text))
+        return [*issues, *self.relative_poses.issues(model)]
 
-    def _own_reference(self) -> list[Flaw]:
+    def _own_reference(self) -> list[Issue]:
         # Compared with itself odometry is right, whatever it is.
         odometry, poses = self.inputs, self.reference
         if isinstance(odometry, dict) or isinstance(poses, RelativePoseColumns) or poses.file is not None:
@@ -93,9 +93,9 @@ class CsvForm(LogForm):
             getattr(odometry, name).column != getattr(poses, name).column for name in ("x", "y")
         ):
             return []
-        return [Flaw(("log", "inputs"), "the poses are those of `poses`; name the columns of the odometry")]
+        return [Issue(("log", "inputs"), "the poses are those of `poses`; name the columns of the odometry")]
 
-    def _read_twice(self, model: System) -> list[Flaw]:
+    def _read_twice(self, model: System) -> list[Issue]:
         each: dict[tuple[str, ...], ColumnPlace] = {("log", "time"): self.time.column}
         inputs = self.input_columns.columns(model).items()
         each |= {("log", "inputs", name): one.column for name, one in inputs}
@@ -121,9 +121,9 @@ class CsvForm(LogForm):
         found = {f"{key}.file": one.beside(log) for key, one in named.items()}
         return {key: file for key, file in found.items() if file is not None}
 
-    def sensor_flaws(self, measurement: Measurement | None) -> list[Flaw]:
+    def sensor_issues(self, measurement: Measurement | None) -> list[Issue]:
         """Sensors that the study has not, numbers of columns and units that do not fit."""
-        return [*source_flaws(self.sensors, measurement), *shared_columns(self.sensors)]
+        return [*source_issues(self.sensors, measurement), *shared_columns(self.sensors)]
 
     def sensed(self, file: Path, logs: list[Log], measurement: Measurement | None) -> list[Log]:
         """The drives with what sensors beside the poses read.

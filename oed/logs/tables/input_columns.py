@@ -9,13 +9,13 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Tag
 
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import System
 from oed.logs.input_forms import AngleForm, SpeedForm, TicksForm, rims, unit_factor, unit_reason
 from oed.logs.integrals import Turned
 from oed.logs.log import Finding
-from oed.logs.odometry import UNITS, odometry_flaws, rolled
+from oed.logs.odometry import UNITS, odometry_issues, rolled
 from oed.logs.series import Series
 from oed.logs.tables.columns import Column, PoseColumn, Short
 
@@ -63,12 +63,12 @@ class OdometryColumns(Component):
     y: Annotated[PoseColumn, Short("column")]
     heading: Annotated[PoseColumn, Short("column")]
 
-    def flaws(self, model: System) -> list[Flaw]:
+    def issues(self, model: System) -> list[Issue]:
         """A robot of other inputs, and units of another kind."""
         columns = self.columns(model).items()
         reasons = {name: unit_reason(column.unit, UNITS[name]) for name, column in columns}
-        units = [Flaw(("log", "inputs", name, "unit"), text) for name, text in reasons.items() if text]
-        return [*odometry_flaws(model), *units]
+        units = [Issue(("log", "inputs", name, "unit"), text) for name, text in reasons.items() if text]
+        return [*odometry_issues(model), *units]
 
     def columns(self, model: System) -> dict[str, PoseColumn]:
         """Of x, y and heading."""
@@ -99,9 +99,9 @@ class InputColumns:
 
     each: Mapping[str, InputColumn]
 
-    def flaws(self, model: System) -> list[Flaw]:
+    def issues(self, model: System) -> list[Issue]:
         """Inputs the robot does not have, forms and units that do not fit."""
-        return input_flaws(self.each, model)
+        return input_issues(self.each, model)
 
     def columns(self, model: System) -> dict[str, Any]:
         """Of every input."""
@@ -143,10 +143,10 @@ AnyInputColumns = Annotated[
 """A log's key `inputs`: columns by the inputs' names, or those of odometry's poses."""
 
 
-def input_flaws(forms: Mapping[str, Any], model: System) -> list[Flaw]:
+def input_issues(forms: Mapping[str, Any], model: System) -> list[Issue]:
     """Inputs the robot does not have, forms and units that do not fit."""
     entries = {entry.name: entry for entry in model.inputs}
-    flaws = []
+    issues = []
     for name, form in forms.items():
         key, reason = (
             form.reason_against(entries[name], model.lever(entries[name]))
@@ -154,8 +154,8 @@ def input_flaws(forms: Mapping[str, Any], model: System) -> list[Flaw]:
             else ("", unknown_input(name, list(entries)))
         )
         if reason:
-            flaws.append(Flaw(("log", "inputs", name, *filter(None, [key])), reason))
-    return flaws
+            issues.append(Issue(("log", "inputs", name, *filter(None, [key])), reason))
+    return issues
 
 
 def unknown_input(name: str, known: Sequence[str]) -> str:

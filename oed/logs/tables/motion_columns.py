@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.kernel.dynamics.system import System
 from oed.logs.form import Repeats
 from oed.logs.input_forms import unit_factor, unit_reason
@@ -94,12 +94,12 @@ class RelativePoseColumns(MaybeBeside):
         each = [unit_factor(one.unit, UNITS[name]) for name, one in self.columns.items()]
         return [*each, *(each[row] * each[column] for row, column in PAIRS if self.covariance is not None)]
 
-    def flaws(self, model: System) -> list[Flaw]:
+    def issues(self, model: System) -> list[Issue]:
         """Units of another kind."""
         reasons = {name: unit_reason(one.unit, UNITS[name]) for name, one in self.columns.items()}
         key, clocks = ("log", "relative_poses"), {"t0": self.t0, "t1": self.t1, "time": self.time}
-        units = [Flaw((*key, name, "unit"), reason) for name, reason in reasons.items() if reason]
-        return [*units, *(flaw for name, one in clocks.items() if one for flaw in one.flaws(key[1], name))]
+        units = [Issue((*key, name, "unit"), reason) for name, reason in reasons.items() if reason]
+        return [*units, *(issue for name, one in clocks.items() if one for issue in one.issues(key[1], name))]
 
 
 def motion_columns(given: RelativePoseColumns) -> dict[Key, Column]:

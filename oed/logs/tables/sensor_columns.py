@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import model_validator
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Flaw, LogError
+from oed.foundation.errors import Issue, LogError
 from oed.foundation.files import no_such_file
 from oed.foundation.text import count, listing
 from oed.kernel.measurement.sensor import Sensor
@@ -55,25 +55,25 @@ class SensorColumns(MaybeBeside, SensorSource):
             return {"columns" if key == "column" else key: one for key, one in value.items()}
         return value
 
-    def flaws(self, name: str, sensor: Sensor) -> list[Flaw]:
+    def issues(self, name: str, sensor: Sensor) -> list[Issue]:
         """Numbers of columns and units that do not fit the sensor."""
-        key, flaws = ("log", "sensors", name), []
+        key, issues = ("log", "sensors", name), []
         quantities = quantities_of(sensor)
         if self.id is not None:
             given = [one for one in ROWS if getattr(self, one) is not None]
             strangers = [one for one in given if one not in quantities]
             if not all("[" in entry for entry in sensor.entries):
-                flaws.append(
-                    Flaw((*key, "id"), f"{name} sees no points that ids could tell apart; leave it out")
+                issues.append(
+                    Issue((*key, "id"), f"{name} sees no points that ids could tell apart; leave it out")
                 )
-            flaws += [Flaw((*key, one), f"{name} measures {listing(quantities)}") for one in strangers]
+            issues += [Issue((*key, one), f"{name} measures {listing(quantities)}") for one in strangers]
         elif len(self.columns) != len(sensor.entries):
             wanted = listing([f"{name}{entry}" for entry in sensor.entries[:8]])
             text = f"expected {count(len(sensor.entries), 'column')} ({wanted}), got {len(self.columns)}"
             hint = "; or `id`, for rows of one each" if len(sensor.entries) > 1 else ""
-            flaws.append(Flaw((*key, "columns"), f"{text}{hint}"))
+            issues.append(Issue((*key, "columns"), f"{text}{hint}"))
         units = units_of(sensor, self.id is not None)
-        return [*flaws, *self.unit_flaws(name, self._columns(sensor), units)]
+        return [*issues, *self.unit_issues(name, self._columns(sensor), units)]
 
     def read(self, name: str, sensor: Sensor, log: Table, form: CsvForm) -> Sensed:
         """All that the sensor read.
@@ -133,7 +133,7 @@ def _require_times(table: Table, place: int, times: Array, values: Array, skip: 
     # Readings without a time are none, but where the study lets them go.
     lost = np.flatnonzero(np.isnan(times) & ~np.isnan(values).all(axis=1)).tolist()
     if lost and not skip:
-        raise LogError(shortened(table.cell_flaw(row, place) for row in lost))
+        raise LogError(shortened(table.cell_issue(row, place) for row in lost))
 
 
 def _runs(table: Table, form: CsvForm) -> list[str] | None:
@@ -141,15 +141,15 @@ def _runs(table: Table, form: CsvForm) -> list[str] | None:
     return table.texts(table.place(column, "runs", "column")) if column in table.header else None
 
 
-def shared_columns(columns: Mapping[str, SensorColumns]) -> list[Flaw]:
+def shared_columns(columns: Mapping[str, SensorColumns]) -> list[Issue]:
     """Columns that two sensors share."""
     seen: dict[tuple[str | None, int | str], str] = {}
-    flaws = []
+    issues = []
     for name, one in columns.items():
         for column in one.columns if one.id is None else ():
             place = (one.file, column.column)
             if place in seen:
                 text = f"the column {column.column} is that of {seen[place]} already"
-                flaws.append(Flaw(("log", "sensors", name), text))
+                issues.append(Issue(("log", "sensors", name), text))
             seen[place] = name
-    return flaws
+    return issues

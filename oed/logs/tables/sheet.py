@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import FileIssue, LogError
 from oed.foundation.files import no_such_file
 from oed.kernel.dynamics.system import System
 from oed.logs.drive import Relative
@@ -69,7 +69,7 @@ class ColumnBlock:
         if self.table is None or not empty.any():
             return
         places = (self.clock, *self.places)
-        raise LogError([self.table.cell_flaw(int(rows[row]), places[at]) for row, at in np.argwhere(empty)])
+        raise LogError([self.table.cell_issue(int(rows[row]), places[at]) for row, at in np.argwhere(empty)])
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def _read_block(
             [partial(_read_clock, table, time, key, skip), *read, partial(_run_labels, table, runs)]
         )
     except LogError as error:
-        raise LogError([*error.flaws, *_clock_flaws(table, time, runs)]) from None
+        raise LogError([*error.issues, *_clock_issues(table, time, runs)]) from None
     series = _series(table, clock, [numbers for _, numbers in found])
     places = tuple(place for place, _ in found)
     if own_clock is not None:
@@ -228,7 +228,7 @@ def _invalid(table: Table, places: Sequence[int], series: Series, own_clock: boo
     return wrong | some | (missing[:, 0] & (not own_clock))
 
 
-def _clock_flaws(table: Table, time: TimeColumn, runs: Column | None) -> list[FileFlaw]:
+def _clock_issues(table: Table, time: TimeColumn, runs: Column | None) -> list[FileIssue]:
     # What is wrong with the times of a single run is named along with what is wrong with the numbers.
     with suppress(LogError):
         if _run_labels(table, runs) is not None:
@@ -236,7 +236,7 @@ def _clock_flaws(table: Table, time: TimeColumn, runs: Column | None) -> list[Fi
     with suppress(LogError):
         clock = _read_clock(table, time, ("time",))
         rows = distinct_rows(table, clock[1], np.arange(len(table.rows)))
-        return _series(table, clock, ()).rows(rows).clock_flaws()
+        return _series(table, clock, ()).rows(rows).clock_issues()
     return []
 
 

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import FileIssue, LogError
 from oed.foundation.quantities import plain_number
 from oed.foundation.shown import written
 from oed.logs.tables.columns import TIME_UNITS, TimeColumn
@@ -41,8 +41,8 @@ def read_times(table: Table, place: int, column: TimeColumn, *, skip: bool = Fal
     Raises:
         LogError: cells that are no times, or not as the others are.
     """
-    values, flaws = table.numbers(place)
-    if not flaws and column.form != "date":
+    values, issues = table.numbers(place)
+    if not issues and column.form != "date":
         return seconds(values, column.unit)
     cells = table.texts(place)
     number = [column.form != "date" and plain_number(cell) is not None for cell in cells]
@@ -51,10 +51,10 @@ def read_times(table: Table, place: int, column: TimeColumn, *, skip: bool = Fal
     odd = [row for row, cell in enumerate(cells) if cell and not moments[row] and not number[row]]
     likely = column.form == "date" or (column.form is None and odd and _DATE.search(cells[odd[0]]))
     if likely and 1 < len(odd) > filled / 2:
-        # One flaw is enough where they all are in another form.
+        # One issue is enough where they all are in another form.
         got = f"got {len(odd)} that are none, such as {written(cells[odd[0]])}: write them so"
         text = f"expected dates and times as {LIKE}, {got}, or as seconds"
-        raise LogError([_flaw(table, odd[0], place, text)])
+        raise LogError([_issue(table, odd[0], place, text)])
     if column.form == "number" or (column.form is None and 2 * dated < filled):
         return seconds(table.finite(place, skip), column.unit)
     wrong = {
@@ -63,7 +63,7 @@ def read_times(table: Table, place: int, column: TimeColumn, *, skip: bool = Fal
         if cell and moment is None
     } | _of_two_kinds(moments)
     if wrong and (not skip or len(wrong) == filled):
-        raise LogError([_flaw(table, row, place, wrong[row]) for row in sorted(wrong)])
+        raise LogError([_issue(table, row, place, wrong[row]) for row in sorted(wrong)])
     known = [None if row in wrong else moment for row, moment in enumerate(moments)]
     return np.array([math.nan if moment is None else _seconds(moment) for moment in known])
 
@@ -105,5 +105,5 @@ def _of_two_kinds(moments: Sequence[datetime | None]) -> dict[int, str]:
     return dict.fromkeys(zoned, "has a time zone, which other rows lack")
 
 
-def _flaw(table: Table, row: int, place: int, text: str) -> FileFlaw:
-    return FileFlaw(table.file, int(table.lines[row]), place + 1, table.label(place), text)
+def _issue(table: Table, row: int, place: int, text: str) -> FileIssue:
+    return FileIssue(table.file, int(table.lines[row]), place + 1, table.label(place), text)

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import FileIssue, LogError
 from oed.foundation.files import text_of
 from oed.foundation.quantities import plain_number
 from oed.foundation.shown import written
@@ -149,8 +149,8 @@ class Table:
         rows = map(self.cells, self.rows)
         return [row[place].strip() if place < len(row) else "" for row in rows]
 
-    def numbers(self, place: int) -> tuple[Array, list[FileFlaw]]:
-        """A column (rows,), not-a-number in empty cells, and a flaw for each cell that is no number."""
+    def numbers(self, place: int) -> tuple[Array, list[FileIssue]]:
+        """A column (rows,), not-a-number in empty cells, and an issue for each cell that is no number."""
         values = self._all_numbers(place)
         if values is not None:
             return values, []
@@ -161,12 +161,12 @@ class Table:
             text = (
                 "expected finite numbers, and the column has none: is it the right one, and the right file?"
             )
-            return values, [FileFlaw(self.file, int(self.lines[0]), place + 1, self.label(place), text)]
+            return values, [FileIssue(self.file, int(self.lines[0]), place + 1, self.label(place), text)]
         if len(wrong) > 1 and all(_COMMA.fullmatch(cells[row]) for row in wrong):
             first, got = int(self.lines[wrong[0]]), written(cells[wrong[0]])
             text = f"decimals need a point, got {len(wrong)} with a comma, such as {got}"
-            return values, [FileFlaw(self.file, first, place + 1, self.label(place), text)]
-        return values, [self.cell_flaw(row, place, cells[row]) for row in wrong]
+            return values, [FileIssue(self.file, first, place + 1, self.label(place), text)]
+        return values, [self.cell_issue(row, place, cells[row]) for row in wrong]
 
     def finite(self, place: int, skip: bool = False) -> Array:
         """A column (rows,), not-a-number in empty cells.
@@ -178,9 +178,9 @@ class Table:
         Raises:
             LogError: cells that are no numbers.
         """
-        values, flaws = self.numbers(place)
-        if flaws and (not skip or np.isnan(values).all()):
-            raise LogError(flaws)
+        values, issues = self.numbers(place)
+        if issues and (not skip or np.isnan(values).all()):
+            raise LogError(issues)
         return values
 
     def _all_numbers(self, place: int) -> Array | None:
@@ -194,7 +194,7 @@ class Table:
             return None
         return values if (np.abs(values) < LARGEST).all() else None
 
-    def cell_flaw(self, row: int, place: int, cell: str = "") -> FileFlaw:
+    def cell_issue(self, row: int, place: int, cell: str = "") -> FileIssue:
         """A cell that is no finite number, or the row of one cell, which is none, that it would be in.
 
         Args:
@@ -205,13 +205,13 @@ class Table:
         found = len(self.cells(self.rows[row]))
         if found == 1 < self.width:
             # Its text is nobody's business.
-            return FileFlaw(self.file, int(self.lines[row]), 0, "", _expected(self.width, found))
+            return FileIssue(self.file, int(self.lines[row]), 0, "", _expected(self.width, found))
         got = f"got {written(cell)}" if cell else "the cell is empty"
         hint = " (decimals need a point)" if "," in cell else ""
         if self.header_in_doubt and not row and cell:
             hint = f" ({MAY_BE_HEADER})"
         text = f"expected a finite number, {got}{hint}"
-        return FileFlaw(self.file, int(self.lines[row]), place + 1, self.label(place), text)
+        return FileIssue(self.file, int(self.lines[row]), place + 1, self.label(place), text)
 
 
 def _expected(width: int, found: int) -> str:
@@ -307,16 +307,16 @@ def _quoted_cells(delimiter: str, row: str) -> list[str]:
 
 def _require_closed_quotes(file: Path, rows: Sequence[str], lines: Rows, cells: Cells) -> None:
     # A quote that is not closed in its line would swallow the lines after it.
-    flaws = []
+    issues = []
     for row, line in zip(rows, lines.tolist(), strict=True):
         try:
             cells(row)
         except csv.Error as error:
             stray = "a stray double quote: a cell in quotes has to end with one, in its line"
             text = f"is not a table: {error}" if "larger" in str(error) else stray
-            flaws.append(FileFlaw(str(file), line, 0, "", text))
-    if flaws:
-        raise LogError(shortened(flaws))
+            issues.append(FileIssue(str(file), line, 0, "", text))
+    if issues:
+        raise LogError(shortened(issues))
 
 
 def _width(names: Sequence[str], row: Sequence[str]) -> int:
@@ -327,15 +327,15 @@ def _width(names: Sequence[str], row: Sequence[str]) -> int:
 def _require_room(file: Path, width: int, rows: Sequence[str], lines: Rows, cells: Cells) -> None:
     # A cell too many moves those after it into columns of others; empty ones at the end do no harm. A single
     # column is no table's.
-    flaws = []
+    issues = []
     for row, line in zip(rows, lines.tolist(), strict=True) if width > 1 else ():
         found = cells(row)
         if len(found) > width and any(map(str.strip, found[width:])):
             hint = " (decimals need a point)" if len(found) == 2 * width else ""
             text = f"{_expected(width, len(found))}{hint}"
-            flaws.append(FileFlaw(str(file), line, width + 1, "", text))
-    if flaws:
-        raise LogError(shortened(flaws))
+            issues.append(FileIssue(str(file), line, width + 1, "", text))
+    if issues:
+        raise LogError(shortened(issues))
 
 
 def _comment_cells(comment: str, delimiter: str) -> list[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import FileFlaw, LogError
+from oed.foundation.errors import FileIssue, LogError
 from oed.logs.series import Series, shortened
 from oed.logs.tables.table import BLANKS, read_table
 
@@ -32,25 +32,25 @@ def read_tum(file: Path, quantities: tuple[str, ...], factor: float = 1.0, *, sk
     table = read_table(file, BLANKS, header=False)
     if table.width != len(NAMES):
         text = f"expected {len(NAMES)} columns ({' '.join(NAMES)}), got {table.width}"
-        raise LogError([FileFlaw(str(file), int(table.lines[0]), 0, "", text)])
+        raise LogError([FileIssue(str(file), int(table.lines[0]), 0, "", text)])
     unknown = [name for name in quantities if name not in ("x", "y", "heading")]
     if unknown:
         raise LogError.about(file, f"a TUM file has no {', '.join(unknown)}, only x, y and heading")
     read = [table.numbers(place) for place in range(len(NAMES))]
-    flaws = [flaw for _, found in read for flaw in found]
+    issues = [issue for _, found in read for issue in found]
     values = np.column_stack([column for column, _ in read])
-    if not flaws:
-        flaws = [table.cell_flaw(row, place) for row, place in np.argwhere(np.isnan(values)).tolist()]
+    if not issues:
+        issues = [table.cell_issue(row, place) for row, place in np.argwhere(np.isnan(values)).tolist()]
     invalid = np.asarray(np.isnan(values).any(axis=1))
     if skip and not invalid.all():
-        flaws = []
+        issues = []
     with np.errstate(over="ignore"):
         sizes = np.linalg.norm(values[:, 4:], axis=1)
     for row in np.flatnonzero(np.abs(sizes - 1) > OFF_UNIT):
         text = "expected a unit quaternion in qx qy qz qw"
-        flaws.append(FileFlaw(str(file), int(table.lines[row]), 5, "qx", text))
-    if flaws:
-        raise LogError(shortened(flaws))
+        issues.append(FileIssue(str(file), int(table.lines[row]), 5, "qx", text))
+    if issues:
+        raise LogError(shortened(issues))
     known = {"x": values[:, 1], "y": values[:, 2], "heading": heading_of(values[:, 4:])}
     poses = np.column_stack([known[name] for name in quantities])
     return Series(str(file), NAMES[0], factor * values[:, 0], poses, table.lines).emptied(invalid)

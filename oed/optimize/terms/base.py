@@ -17,7 +17,7 @@ from oed.kernel.dynamics.embedding import Bounding, embedding_of
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.problem import Problem
-from oed.optimize.terms.begun import Begun, Weighed
+from oed.optimize.terms.begun import Begun, Weighted
 from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.row_bounds import RowBounds
 from oed.optimize.terms.slots import Slots
@@ -74,7 +74,7 @@ class Swept(ABC):
         """What is known at the begins of some samples (1, K), counted through all runs."""
 
     @abstractmethod
-    def curvature(self, entries: Expression, rows: Expression, begun: Sequence[Weighed]) -> Expression:
+    def curvature(self, entries: Expression, rows: Expression, begun: Sequence[Weighted]) -> Expression:
         """Second derivatives (size, size) by z of the weighted sum of entries, rows and what has begun."""
 
 
@@ -99,7 +99,7 @@ def _functions_of(terms: Terms, count: int) -> Functions:
     given, rows, slopes = [sweep.z], sweep.rows, sweep.row_slopes
     weights = [ca.MX.sym("entries", terms.entry_count), ca.MX.sym("rows", rows.shape[0] + count)]
     fixed, own = ca.vertsplit(weights[1], [0, rows.shape[0], weights[1].shape[0]])
-    weighed, more = list[Weighed](), ca.MX(terms.size, terms.size)
+    weighted, more = list[Weighted](), ca.MX(terms.size, terms.size)
     if count:
         numbers = ca.MX.sym("numbers", slots.width)
         begun = sweep.begun(slots.split(numbers)[0])
@@ -107,8 +107,8 @@ def _functions_of(terms: Terms, count: int) -> Functions:
         given.append(numbers)
         rows, slopes = ca.vertcat(rows, around.values), ca.vertcat(slopes, around.slopes)
         one, more = around.curvature(own)
-        weighed.append(one)
-    curvature = ca.triu(sweep.curvature(weights[0], fixed, weighed) + more)
+        weighted.append(one)
+    curvature = ca.triu(sweep.curvature(weights[0], fixed, weighted) + more)
     return Functions(
         ca.Function(FUNCTIONS[0], given, [sweep.entries, rows]),
         ca.Function(FUNCTIONS[1], given, [sweep.entry_slopes, slopes]),

@@ -49,7 +49,7 @@ class Begun(ABC):
 
 
 @dataclass(frozen=True)
-class Weighed:
+class Weighted:
     """What weighted rows weigh of what has begun.
 
     Attributes:

@@ -12,7 +12,7 @@ from oed.kernel.dynamics.embedding import without_zeros
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
 from oed.optimize.terms.base import Terms
-from oed.optimize.terms.begun import Weighed
+from oed.optimize.terms.begun import Weighted
 from oed.optimize.terms.needs import Needs
 from oed.optimize.terms.passes import Sweep
 from oed.optimize.terms.row_bounds import RowBounds, said_once
@@ -92,7 +92,7 @@ class FixedSweep:
         whole = [] if self._whole is None else [self._whole.row_slopes]
         return ca.vertcat(linear, *whole)[self._rows.order, :]
 
-    def curvature(self, weights: Expression) -> tuple[Expression, Sequence[Weighed]]:
+    def curvature(self, weights: Expression) -> tuple[Expression, Sequence[Weighted]]:
         """Second derivatives by z of the weighted sum, but for those of states at samples' begins, and what
         these weigh.
         """

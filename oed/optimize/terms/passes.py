@@ -11,7 +11,7 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.embedding import without_zeros
 from oed.kernel.dynamics.expression import Expression
-from oed.optimize.terms.begun import Begun, Weighed, first_entries, gathered, scattered
+from oed.optimize.terms.begun import Begun, Weighted, first_entries, gathered, scattered
 from oed.optimize.terms.blocks import begins
 from oed.optimize.terms.plan import Plan
 
@@ -174,7 +174,7 @@ class Sweep:
         """Derivatives of the entries by z."""
         return self.plan.total.finish.slope(self._sums) @ self._sum_slopes.T
 
-    def curvature(self, entries: Expression, begun: Sequence[Weighed] = ()) -> Expression:
+    def curvature(self, entries: Expression, begun: Sequence[Weighted] = ()) -> Expression:
         """Second derivatives by z of the weighted sum of entries and of what is known at samples' begins.
 
         Args:
@@ -190,24 +190,24 @@ class Sweep:
         last, more = self._end_curvature(groups)
         added = groups[:, plan.total.group.tolist()]
         pulled = link.pull.map(count)(self._link_slopes[2], added)
-        on_begins, on_samples, inner = self._weighed(begun)
+        on_begins, on_samples, inner = self._weighted(begun)
         pulled = pulled if on_begins is None else pulled + on_begins
         ends = join.weights(last, self._link_slopes[0], pulled)
         following, carried = ends[: self._kernel.states, :], ends[self._kernel.states :, :]
-        weighed = link.pull_gathered.map(count)(*self._arguments, carried, added)
+        weighted = link.pull_gathered.map(count)(*self._arguments, carried, added)
         given, steps = [self.rolled[0], self.inputs], self.steps[0]
-        own = self._kernel.curvature(given, steps, self._sample_slopes, [following, weighed], on_samples)
+        own = self._kernel.curvature(given, steps, self._sample_slopes, [following, weighted], on_samples)
         own = own if inner is None else own + inner
         parts = link.hessian.map(count)(*self._arguments, carried, added, *self._piece_slopes, own)
         return total + more + join.curvature(self.begin_slopes, *parts)
 
-    def _weighed(self, begun: Sequence[Weighed]) -> list[Expression | None]:
+    def _weighted(self, begun: Sequence[Weighted]) -> list[Expression | None]:
         # What they add to weights of the pieces' begins and of the samples', and to second derivatives by the
         # pieces' own unknowns.
         found: list[Expression | None] = [None, None, None]
         for one in begun:
             assert isinstance(one.begun, BegunInPieces)
-            more = [*one.begun.weighed(one.states), one.begun.inner(one) if one.bent else None]
+            more = [*one.begun.weighted(one.states), one.begun.inner(one) if one.bent else None]
             found = [a if b is None else b if a is None else a + b for a, b in zip(found, more, strict=True)]
         return found
 
@@ -301,16 +301,16 @@ class BegunInPieces(Begun):
         total = ca.reshape(scattered(ca.vec(entries), ca.vec(target), size * columns), size, -1)
         return total + by_run if self._unknowns.common else total
 
-    def inner(self, weighed: Weighed) -> Expression:
+    def inner(self, weighted: Weighted) -> Expression:
         """Second derivatives by the pieces' own unknowns, (size, size) of each piece."""
-        size, width, count = self._kernel.size, len(weighed.bent), self._layout.count
+        size, width, count = self._kernel.size, len(weighted.bent), self._layout.count
         slope, own = ca.MX.sym("slope", size, width), ca.MX.sym("inner", width, width)
         each = ca.Function("between", [slope, own], [slope @ own @ slope.T]).map(self._count)
-        entries = each(self._steps[:, self.of(weighed.bent)], weighed.inner)
+        entries = each(self._steps[:, self.of(weighted.bent)], weighted.inner)
         places = first_entries(self._piece, size**2, size**2)
         return ca.reshape(scattered(ca.vec(entries), ca.vec(places), size**2 * count), size, -1)
 
-    def weighed(self, weights: Expression) -> tuple[Expression, Expression]:
+    def weighted(self, weights: Expression) -> tuple[Expression, Expression]:
         """What weights (states, K) of the states add to those of what pieces begin with, and samples."""
         width, cell = self._link.width, self._kernel.cell.width
         each = self._states + self._inputs

@@ -19,7 +19,7 @@ from oed.kernel.measurement.filter_rows import reads_of
 from oed.kernel.measurement.sensor import start_nuisances
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import Swept, Terms
-from oed.optimize.terms.begun import Weighed
+from oed.optimize.terms.begun import Weighted
 from oed.optimize.terms.cell import Cell, carry_of
 from oed.optimize.terms.fixed_rows import FixedRows, FixedSweep
 from oed.optimize.terms.instants import InstantRows
@@ -172,7 +172,7 @@ class PiecesSweep(Swept):
         """What is known at some samples' begins."""
         return self._sweep.begun(samples)
 
-    def curvature(self, entries: Expression, rows: Expression, begun: Sequence[Weighed]) -> Expression:
+    def curvature(self, entries: Expression, rows: Expression, begun: Sequence[Weighted]) -> Expression:
         """Second derivatives by z."""
         around, more = self._rows.curvature(rows)
         return self._sweep.curvature(entries, [*begun, *more]) + around

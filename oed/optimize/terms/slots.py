@@ -15,7 +15,7 @@ import numpy as np
 from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.embedding import Embedding
 from oed.kernel.dynamics.expression import Expression
-from oed.optimize.terms.begun import Begun, Weighed, gathered, scattered
+from oed.optimize.terms.begun import Begun, Weighted, gathered, scattered
 from oed.optimize.terms.instants import InstantRows
 
 
@@ -161,7 +161,7 @@ class Around:
             found += ca.reshape(scattered(ca.vec(asked), target, size * slots.count), size, -1)
         return found.T
 
-    def curvature(self, weights: Expression) -> tuple[Weighed, Expression]:
+    def curvature(self, weights: Expression) -> tuple[Weighted, Expression]:
         """What weights (K,) of the rows weigh of the states and inputs at the begins, and second derivatives
         (size, size) of the weighted sum besides those that come by these.
         """
@@ -175,7 +175,7 @@ class Around:
         if rows.crossing:
             crossed = self._across(across)
             total += crossed + crossed.T
-        return Weighed(self._begun, on_states, rows.bent, own), total
+        return Weighted(self._begun, on_states, rows.bent, own), total
 
     @property
     def _bent_asked(self) -> list[int]:

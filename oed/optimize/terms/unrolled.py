@@ -18,7 +18,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import Swept, Terms
-from oed.optimize.terms.begun import Begun, Weighed, first_entries, gathered, scattered
+from oed.optimize.terms.begun import Begun, Weighted, first_entries, gathered, scattered
 from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.matrices import upper_half
 from oed.optimize.terms.needs import by_instants
@@ -143,13 +143,13 @@ class UnrolledSweep(Swept):
         """What is known at some samples' begins."""
         return BegunUnrolled(self, samples)
 
-    def curvature(self, entries: Expression, rows: Expression, begun: Sequence[Weighed]) -> Expression:
+    def curvature(self, entries: Expression, rows: Expression, begun: Sequence[Weighted]) -> Expression:
         """Second derivatives by z."""
         parts, given = [self.terms.entries, self._rows], [entries, rows]
         if begun:
             own = self.begins[:, : len(self.terms.problem.system.states)].T
             parts.append(ca.vec(own))
-            given.append(sum(one.begun.weighed(one.states) for one in begun))  # type: ignore[attr-defined]
+            given.append(sum(one.begun.weighted(one.states) for one in begun))  # type: ignore[attr-defined]
         symbols = [ca.SX.sym("weights", one.shape[0]) for one in parts]
         weighted = sum(ca.dot(*both) for both in zip(symbols, map(ca.densify, parts), strict=True))
         gradient = ca.gradient(weighted, self.terms.unknowns)
@@ -159,13 +159,13 @@ class UnrolledSweep(Swept):
         return function(self.z, *given) + sum(_inner(one) for one in begun if one.bent)
 
 
-def _inner(weighed: Weighed) -> Expression:
+def _inner(weighted: Weighted) -> Expression:
     # Second derivatives by z of what enters by some of the states and inputs.
-    begun, width = weighed.begun, len(weighed.bent)
-    slopes = begun.slopes[:, begun.of(weighed.bent)]
+    begun, width = weighted.begun, len(weighted.bent)
+    slopes = begun.slopes[:, begun.of(weighted.bent)]
     slope, own = ca.MX.sym("slope", slopes.shape[0], width), ca.MX.sym("inner", width, width)
     half = ca.Function("half", [slope, own], [slope @ own]).map(begun.states.shape[1])
-    return slopes @ half(slopes, weighed.inner).T
+    return slopes @ half(slopes, weighted.inner).T
 
 
 class BegunUnrolled(Begun):
@@ -194,7 +194,7 @@ class BegunUnrolled(Begun):
         width = terms.size * self._each
         return ca.reshape(gathered(whole, first_entries(self._samples, width, width)), terms.size, -1)
 
-    def weighed(self, weights: Expression) -> Expression:
+    def weighted(self, weights: Expression) -> Expression:
         """Weights (states, K) of the states as those of all samples' states, (states * samples,)."""
         places = first_entries(self._samples, self._states, self._states)
         return scattered(ca.vec(weights), ca.vec(places), self._states * self._sweep.begins.shape[0])

@@ -20,7 +20,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.dynamics.system import stepper
 from oed.optimize.terms.base import Terms
-from oed.optimize.terms.begun import Weighed
+from oed.optimize.terms.begun import Weighted
 from oed.optimize.terms.passes import BegunInPieces, Sweep
 from oed.optimize.terms.row_bounds import RowBounds
 from oed.optimize.terms.small_drives import splines_of
@@ -229,7 +229,7 @@ class WholeSweep:
         found = self._formulas.slopes(self._given, self._given_slopes)
         return picked(ca.project(found, self._whole.pattern), self._whole.kept)
 
-    def curvature(self, weights: Expression) -> tuple[Expression, list[Weighed]]:
+    def curvature(self, weights: Expression) -> tuple[Expression, list[Weighted]]:
         """Second derivatives by z of the weighted sum, but for those of states; what these weigh."""
         # Rows that no unknown moves have weights as well.
         weights = _spread(weights, self._whole.kept, self._whole.pattern.size1())
@@ -240,7 +240,7 @@ class WholeSweep:
         gradient = picked(self._formulas.gradient(self._given, weights), range(len(state)))
         count = self._begun.states.shape[0]
         own = _spread(gradient, (place * count + state).tolist(), self._begun.states.numel())
-        return around, [Weighed(self._begun, ca.reshape(own, *self._begun.states.shape))]
+        return around, [Weighted(self._begun, ca.reshape(own, *self._begun.states.shape))]
 
     def _bent(self, weights: Expression) -> Expression:
         # How the gradient of the rows' weighted sum by what is given moves with z.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from oed.foundation.errors import FileFlaw, RecordError
+from oed.foundation.errors import FileIssue, RecordError
 from oed.kernel.criteria import CRITERIA
 from oed.kernel.measurement.prior import Prior
 from oed.records.stored.result import Result
@@ -22,9 +22,9 @@ def require_one_study(found: Record, path: Path) -> None:
     Raises:
         RecordError: names the file and the keys.
     """
-    flaws = [*_unknown(found), *_strangers(found)] or [*_impossible(found)]
-    if flaws:
-        raise RecordError([FileFlaw(str(path), 0, 0, key, message) for key, message in flaws])
+    issues = [*_unknown(found), *_strangers(found)] or [*_impossible(found)]
+    if issues:
+        raise RecordError([FileIssue(str(path), 0, 0, key, message) for key, message in issues])
 
 
 def _unknown(found: Record) -> Iterator[tuple[str, str]]:

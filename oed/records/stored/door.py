@@ -1,4 +1,4 @@
-"""The one way in for saved JSON, every flaw named by file and key; and the way out, its text."""
+"""The one way in for saved JSON, every issue named by file and key; and the way out, its text."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Final, NoReturn, Self, TypeVar
 from pydantic import PrivateAttr, ValidationError
 from pydantic_core import ErrorDetails
 
-from oed.foundation.errors import FileFlaw, ProblemError, RecordError
+from oed.foundation.errors import FileIssue, ProblemError, RecordError
 from oed.foundation.files import text_of
 from oed.foundation.own.part import UNMADE
 from oed.foundation.wording import sentence
@@ -106,7 +106,7 @@ def read_object(path: Path, absent: str, expected: str, study: str = "") -> dict
         if study and path.suffix in STUDIES and not text.lstrip().startswith("{"):
             raise RecordError.about(path, study) from None
         raise RecordError(
-            [FileFlaw(str(path), error.lineno, error.colno, "", f"cannot be read: not JSON: {error.msg}")]
+            [FileIssue(str(path), error.lineno, error.colno, "", f"cannot be read: not JSON: {error.msg}")]
         ) from None
     except RecursionError:
         raise RecordError.about(path, "cannot be read: nested too deeply") from None
@@ -141,16 +141,18 @@ def checked(kind: type[Kind], data: Mapping[str, Any], path: Path) -> Kind:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        raise RecordError(_flaws(error.errors(include_url=False), path)) from None
+        raise RecordError(_issues(error.errors(include_url=False), path)) from None
     except RecursionError:
         raise RecordError.about(path, "cannot be read: nested too deeply") from None
 
 
-def _flaws(details: list[ErrorDetails], path: Path) -> list[FileFlaw]:
-    flaws = [FileFlaw(str(path), 0, 0, ".".join(map(str, one["loc"])), sentence(one)) for one in details]
-    rest = len(flaws) - SHOWN
+def _issues(details: list[ErrorDetails], path: Path) -> list[FileIssue]:
+    issues = [FileIssue(str(path), 0, 0, ".".join(map(str, one["loc"])), sentence(one)) for one in details]
+    rest = len(issues) - SHOWN
     return (
-        flaws if rest <= 0 else [*flaws[:SHOWN], FileFlaw(str(path), 0, 0, "", f"and {rest} more like that")]
+        issues
+        if rest <= 0
+        else [*issues[:SHOWN], FileIssue(str(path), 0, 0, "", f"and {rest} more like that")]
     )
 
 
@@ -171,16 +173,16 @@ def read_echo(data: Any, file: Path, *, designs: bool = True) -> AnyStudyFile:
     except ValidationError as error:
         raise in_record(explain(error, kind, source)) from None
     except ProblemError as error:
-        raise in_record([source.flaw(flaw.key, flaw.message) for flaw in error.flaws]) from None
+        raise in_record([source.issue(issue.key, issue.message) for issue in error.issues]) from None
     if designs and not found.designs:
-        raise in_record([source.flaw((), "missing", "trajectory")])
+        raise in_record([source.issue((), "missing", "trajectory")])
     return found
 
 
-def in_record(flaws: Sequence[FileFlaw]) -> RecordError:
-    """Flaws of a study as those of the record that holds it."""
+def in_record(issues: Sequence[FileIssue]) -> RecordError:
+    """Issues of a study as those of the record that holds it."""
     return RecordError(
-        [FileFlaw(flaw.file, 0, 0, f"study.{flaw.key}".rstrip("."), flaw.message) for flaw in flaws]
+        [FileIssue(issue.file, 0, 0, f"study.{issue.key}".rstrip("."), issue.message) for issue in issues]
     )
 
 

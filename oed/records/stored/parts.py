@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
 
-from oed.foundation.files import identifier_flaw, name_flaw
+from oed.foundation.files import identifier_issue, name_issue
 from oed.foundation.presenting import brief
 from oed.foundation.quantities import LARGEST as FARTHEST
 from oed.foundation.tidy import Tidy
@@ -163,11 +163,11 @@ def _said(annotation: Any) -> Iterator[Any]:
         yield from _said(inner)
 
 
-def _without(flaw_of: Callable[[str], str]) -> AfterValidator:
+def _without(issue_of: Callable[[str], str]) -> AfterValidator:
     def sound(text: str) -> str:
-        flaw = flaw_of(text)
-        if flaw:
-            raise ValueError(flaw)
+        issue = issue_of(text)
+        if issue:
+            raise ValueError(issue)
         return text
 
     return AfterValidator(sound)
@@ -182,9 +182,9 @@ Count = Annotated[int, Field(ge=0, le=10**12)]
 Seed = Annotated[int, Field(ge=0)]
 Seconds = Annotated[Positive, Rounded(6)]
 """A time that was measured."""
-Name = Annotated[str, _without(name_flaw)]
+Name = Annotated[str, _without(name_issue)]
 """What files are named after."""
-Identifier = Annotated[str, _without(identifier_flaw)]
+Identifier = Annotated[str, _without(identifier_issue)]
 """The name of a parameter, an input or of what it is, which files and figures are named after too."""
 Numbers = list[Number]
 Matrix = list[Numbers]

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from oed.foundation.arguments import typed
-from oed.foundation.errors import FileFlaw, RecordError, UserMistake
+from oed.foundation.errors import FileIssue, RecordError, UserMistake
 from oed.foundation.work.progress import Progress
 from oed.records.record import FILE, Record, load_record
 from oed.records.stored.result import Result
@@ -148,7 +148,7 @@ def driven_result(record: Record, name: str | None, place: Path) -> Result:
         return result
     there = ", ".join(one.name for one in with_drive(record)) or "none"
     missing = "no feasible result" if name is None else f"no drive of the name {name!r}"
-    raise RecordError([FileFlaw(str(place), 0, 0, "", f"{missing}; the record has {there}")])
+    raise RecordError([FileIssue(str(place), 0, 0, "", f"{missing}; the record has {there}")])
 
 
 def _mark(record: Record, names: Sequence[str]) -> str:

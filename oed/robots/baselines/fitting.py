@@ -236,7 +236,7 @@ def _exceeded(problem: Problem, trajectory: Trajectory) -> frozenset[str]:
     try:
         return limits_exceeded(problem, trajectory, EXACT)
     except NotFinite as error:
-        return frozenset(map(str, error.flaw.key))
+        return frozenset(map(str, error.issue.key))
 
 
 def of_length(problem: Problem, shape: Shape, length: float, most: float) -> tuple[float, int]:

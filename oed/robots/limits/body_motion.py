@@ -12,13 +12,13 @@ import numpy as np
 from pydantic import Field
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import Length, Unit
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System, follows_state, label_of
-from oed.kernel.limit import BareLimit, LinearBound, PathLimit, Rows, TwoSided, magnitude, rest_flaws
+from oed.kernel.limit import BareLimit, LinearBound, PathLimit, Rows, TwoSided, magnitude, rest_issues
 from oed.robots.models.model import robot_of
 from oed.robots.models.twists import moves_sideways
 
@@ -58,9 +58,9 @@ class MotionLimit(BareLimit):
             if place in parts
         ]
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
+    def issues(self, system: System, space: Space) -> list[Issue]:
         """Bounds that exclude rest."""
-        return rest_flaws(self, self.motion_bounds().values(), self.unit, space)
+        return rest_issues(self, self.motion_bounds().values(), self.unit, space)
 
 
 class BodySpeed(MotionLimit):
@@ -174,7 +174,7 @@ class TrailerAngleLimit(BareLimit, PathLimit):
         count, (low, high) = angle.shape[0], self.bounds
         return Rows(angle, np.full(count, low), np.full(count, high), max(abs(low), abs(high)), "rad")
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
+    def issues(self, system: System, space: Space) -> list[Issue]:
         """A robot without a trailer, or bounds that exclude 0, where every run begins."""
         low, high = self.bounds
         if TRAILER not in system.states:
@@ -183,7 +183,7 @@ class TrailerAngleLimit(BareLimit, PathLimit):
             text = f"[{low:g}, {high:g}] rad excludes 0, where every run begins"
         else:
             return []
-        return [Flaw(("limits", self.name), text)]
+        return [Issue(("limits", self.name), text)]
 
 
 @lru_cache(maxsize=32)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Generic, Literal, TypeVar
 
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System, label_of
-from oed.kernel.limit import InputLimit, Rows, TwoSided, rest_flaws
+from oed.kernel.limit import InputLimit, Rows, TwoSided, rest_issues
 
 SpeedPair = Annotated[tuple[float, float], TwoSided("rad/s", "10 rad/s")]
 AccelerationPair = Annotated[tuple[float, float], TwoSided("rad/s^2", "20 rad/s^2")]
@@ -48,25 +48,27 @@ class DerivativeLimit(InputLimit, Generic[Pair]):
         """The bounds of a limit on the inputs' rates, by the inputs' names."""
         return self.bounds_by_name(system) if self.order == 1 else {}
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
+    def issues(self, system: System, space: Space) -> list[Issue]:
         """No such inputs, splines without that derivative, bounds without rest or beyond the equations."""
         degree = space.own_spline.degree
         if degree < 2 and self.order == 2:
             text = f"a degree-{degree} spline has no jerk; take spline.degree 2 or more"
-            return [Flaw(("limits", self.name), text)]
-        flaws = super().flaws(system, space)
-        if flaws or self.order:
-            return flaws
-        return rest_flaws(self, self.bounds_by_name(system).values(), self.unit, space) + self._beyond(system)
+            return [Issue(("limits", self.name), text)]
+        issues = super().issues(system, space)
+        if issues or self.order:
+            return issues
+        return rest_issues(self, self.bounds_by_name(system).values(), self.unit, space) + self._beyond(
+            system
+        )
 
-    def _beyond(self, system: System) -> list[Flaw]:
+    def _beyond(self, system: System) -> list[Issue]:
         below = {entry.name: entry.below for entry in system.inputs}
         pairs = self.bounds_by_name(system).items()
         far = [name for name, pair in pairs if max(map(abs, pair)) >= below[name]]
         if not far:
             return []
         text = f"must stay below {below[far[0]]:.4g} {self.unit}, or {label_of(system)} cannot roll"
-        return [Flaw(("limits", self.name), f"{', '.join(far)} {text}")]
+        return [Issue(("limits", self.name), f"{', '.join(far)} {text}")]
 
 
 class WheelSpeed(DerivativeLimit[SpeedPair]):
@@ -136,13 +138,15 @@ class Throttle(DerivativeLimit[ThrottlePair]):
 
     name, quantity, unit, order = "throttle", "throttle", "", 0
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
+    def issues(self, system: System, space: Space) -> list[Issue]:
         """No throttle, bounds without rest, or more than the full one."""
-        flaws = super().flaws(system, space)
+        issues = super().issues(system, space)
         most = max((abs(one) for pair in self.bounds_by_name(system).values() for one in pair), default=0.0)
-        if flaws or most <= FULL:
-            return flaws
-        return [Flaw(("limits", self.name), f"{most:g} is more than the full throttle, 1; give shares of it")]
+        if issues or most <= FULL:
+            return issues
+        return [
+            Issue(("limits", self.name), f"{most:g} is more than the full throttle, 1; give shares of it")
+        ]
 
 
 class ThrottleRate(DerivativeLimit[ThrottleRatePair]):

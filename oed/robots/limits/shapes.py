@@ -90,7 +90,7 @@ class ConvexShape:
 _POINT = ca.SX.sym("point", 2)
 
 
-def polygon_flaw(points: Sequence[Point]) -> str:
+def polygon_issue(points: Sequence[Point]) -> str:
     """What keeps points from being the corners of a polygon; "" if nothing."""
     import shapely
 

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component, OneOf
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.space import Space
@@ -29,7 +29,7 @@ from oed.robots.limits.shapes import (
     half_thickness,
     hull_farther_out,
     middle_of,
-    polygon_flaw,
+    polygon_issue,
     seamless,
     walls_and_pockets,
 )
@@ -37,9 +37,9 @@ from oed.robots.models.model import robot_of
 
 
 def _checked(points: tuple[Point, ...]) -> tuple[Point, ...]:
-    flaw = polygon_flaw(points)
-    if flaw:
-        raise ValueError(flaw)
+    issue = polygon_issue(points)
+    if issue:
+        raise ValueError(issue)
     return points
 
 
@@ -69,13 +69,13 @@ class Area(PathLimit):
         """The limit on the robot's origin at every point."""
         return self.rows_for(path[:, :2], robot_of(system).body_radius)
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
+    def issues(self, system: System, space: Space) -> list[Issue]:
         """A fixed start that the limit does not allow."""
         starts = np.zeros((0, 3)) if space.fixed_starts is None else space.fixed_starts
         for x, y in dict.fromkeys((float(x), float(y)) for x, y, _ in starts):
             if not self.allows(x, y, robot_of(system).body_radius):
                 where = f"the start ({x:g} m, {y:g} m)"
-                return [Flaw(("limits", self.name), self.start_flaw(where, robot_of(system).body_radius))]
+                return [Issue(("limits", self.name), self.start_issue(where, robot_of(system).body_radius))]
         return []
 
     def allows(self, x: float, y: float, radius: float = 0.0) -> bool:
@@ -94,7 +94,7 @@ class Area(PathLimit):
         return bool(np.array(margins).min() >= -1e-9)
 
     @abstractmethod
-    def start_flaw(self, where: str, radius: float) -> str:
+    def start_issue(self, where: str, radius: float) -> str:
         """What to say of a start that the limit does not allow."""
 
 
@@ -147,14 +147,14 @@ class Workspace(Area):
         x_min, x_max, y_min, y_max = self.extent
         return (x_min + x_max) / 2, (y_min + y_max) / 2
 
-    def flaws(self, system: System, space: Space) -> list[Flaw]:
+    def issues(self, system: System, space: Space) -> list[Issue]:
         """A fixed start outside, a robot larger than the room."""
         if not self.allows(*self.middle, robot_of(system).body_radius):
             text = f"the room is too small for a robot of radius {robot_of(system).body_radius:g} m"
-            return [Flaw(("limits", self.name), text)]
-        return super().flaws(system, space)
+            return [Issue(("limits", self.name), text)]
+        return super().issues(system, space)
 
-    def start_flaw(self, where: str, radius: float) -> str:
+    def start_issue(self, where: str, radius: float) -> str:
         """What to say of a start outside."""
         shape = "" if self.kind == "rectangle" else f"(a {self.kind}) within "
         x_min, x_max, y_min, y_max = self.extent
@@ -379,6 +379,6 @@ class Obstacles(Area):
         clearances = [part for shape in self.shapes for part in shape.clearances(points)]
         return _clear(clearances, radius, min(shape.size for shape in self.shapes) + radius)
 
-    def start_flaw(self, where: str, radius: float) -> str:
+    def start_issue(self, where: str, radius: float) -> str:
         """What to say of a start inside one."""
         return f"{where} touches an obstacle{_keeping(radius)}; move the start or the obstacle"

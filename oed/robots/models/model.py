@@ -17,14 +17,14 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw, UserMistake
+from oed.foundation.errors import Issue, UserMistake
 from oed.foundation.own.code import in_words
 from oed.foundation.quantities import Length
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import Input, Parameter, System, follows_state, label_of
 from oed.robots.models.arcs import Integration, after_arc, chord
 from oed.robots.models.coefficients import coefficient_parameters, coefficient_twist
-from oed.robots.models.plausibility import size_flaws
+from oed.robots.models.plausibility import size_issues
 from oed.robots.models.rates import RATES
 
 if TYPE_CHECKING:
@@ -76,9 +76,9 @@ class Model(Component, System):
         other._integration = rule
         return other
 
-    def doubts(self, problem: Problem) -> Sequence[Flaw]:
+    def doubts(self, problem: Problem) -> Sequence[Issue]:
         """Durations, rooms, robots and noise of sizes that no robot has: a unit is missing, or wrong."""
-        return tuple(size_flaws(self, problem))
+        return tuple(size_issues(self, problem))
 
     @abstractmethod
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
@@ -177,16 +177,16 @@ class Model(Component, System):
             "direction": direction,
         }
 
-    def flaws(self) -> list[Flaw]:
+    def issues(self) -> list[Issue]:
         """Why what its class gives as its twist is none; [] where it is one."""
         inputs, parameters = ca.SX.sym("inputs", len(self.inputs)), ca.SX.sym("p", len(self.parameters))
         try:
             twist = ca.SX(self.twist(inputs, parameters))
         except Exception as error:
             # A class of the user's own may fail in any way.
-            return [Flaw(("robot",), f"its twist cannot be made: {in_words(error, 200)}")]
+            return [Issue(("robot",), f"its twist cannot be made: {in_words(error, 200)}")]
         text = "expected a twist (3, 1): forward speed, lateral speed, yaw rate; got one of shape"
-        return [] if twist.shape == (3, 1) else [Flaw(("robot",), f"{text} {twist.shape}")]
+        return [] if twist.shape == (3, 1) else [Issue(("robot",), f"{text} {twist.shape}")]
 
     @property
     def estimable(self) -> Mapping[str, tuple[str, ...]]:

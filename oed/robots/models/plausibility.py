@@ -7,7 +7,7 @@ from itertools import product
 from math import hypot, inf, isfinite, pi
 from typing import TYPE_CHECKING, Any
 
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import Unit, parse_quantity
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ OTHER_UNITS = {"m": ("cm", "mm"), "rad": ("deg",), "rad/s": ("deg/s",), "s": ("m
 """SI unit -> units that are often left out."""
 
 
-def size_flaws(robot: object, problem: Problem) -> Iterator[Flaw]:
+def size_issues(robot: object, problem: Problem) -> Iterator[Issue]:
     """Durations, rooms, robots, noise and places of absurd sizes: of which a unit is missing, or wrong.
 
     Args:
@@ -55,11 +55,11 @@ def size_flaws(robot: object, problem: Problem) -> Iterator[Flaw]:
     shorter, longer = _room(problem)
     if FARTHEST < longer < inf:
         text = f"the room is {longer / 1e3:g} km across, too far for a robot: is its unit right?"
-        yield Flaw(("limits", "workspace"), text)
-    yield from _robot_flaws(robot, shorter)
-    yield from _noise_flaws(problem, shorter)
-    yield from _sensor_flaws(problem, shorter)
-    yield from _angle_flaws(problem)
+        yield Issue(("limits", "workspace"), text)
+    yield from _robot_issues(robot, shorter)
+    yield from _noise_issues(problem, shorter)
+    yield from _sensor_issues(problem, shorter)
+    yield from _angle_issues(problem)
 
 
 def _room(problem: Problem) -> tuple[float, float]:
@@ -69,7 +69,7 @@ def _room(problem: Problem) -> tuple[float, float]:
     return min(sides), max(sides)
 
 
-def _robot_flaws(robot: object, room: float) -> Iterator[Flaw]:
+def _robot_issues(robot: object, room: float) -> Iterator[Issue]:
     for name, size in _sizes(robot, "s"):
         yield from _question(("robot", name), size, "s", LATE, f"{LATE:g} s")
     # How far the body reaches is compared with the room by the room itself.
@@ -102,7 +102,7 @@ def _robot_flaws(robot: object, room: float) -> Iterator[Flaw]:
         )
 
 
-def _noise_flaws(problem: Problem, room: float) -> Iterator[Flaw]:
+def _noise_issues(problem: Problem, room: float) -> Iterator[Issue]:
     known = {
         "m": (max(NOISY * room, LEAST_NOISE), f"an eighth of a room of {room:g} m"),
         "rad": (UNSURE, f"{UNSURE:g} rad"),
@@ -121,7 +121,7 @@ def _sensors(problem: Problem) -> list[tuple[Key, Any]]:
     return [(("measurement", place), one) for place, one in enumerate(several)]
 
 
-def _sensor_flaws(problem: Problem, room: float) -> Iterator[Flaw]:
+def _sensor_issues(problem: Problem, room: float) -> Iterator[Issue]:
     # When and where they read, and where what they see stands.
     for key, sensor in _sensors(problem):
         for name, size in _sizes(sensor, "s"):
@@ -138,7 +138,7 @@ def _sensor_flaws(problem: Problem, room: float) -> Iterator[Flaw]:
             far = min((hypot(one[0] - x, one[1] - y) for x, y in near), default=0.0)
             if far > SIGHT:
                 text = f"is {far / 1e3:.4g} km from everything else, too far to be seen: is its unit right?"
-                yield Flaw((*key, f"{sensor.point}s", number), text)
+                yield Issue((*key, f"{sensor.point}s", number), text)
 
 
 def _whereabouts(problem: Problem) -> list[tuple[float, float]]:
@@ -156,7 +156,7 @@ def _noises(sensor: object, unit: str) -> Iterator[tuple[Key, float]]:
     yield from ((("noise", name), size) for name, size in inside)
 
 
-def _angle_flaws(problem: Problem) -> Iterator[Flaw]:
+def _angle_issues(problem: Problem) -> Iterator[Issue]:
     starts, units = problem.design.fixed_starts, problem.model.state_units
     for start in [] if starts is None else starts.tolist():
         for size in [abs(value) for value, unit in zip(start, units, strict=False) if unit == "rad"]:
@@ -169,13 +169,13 @@ def _angle_flaws(problem: Problem) -> Iterator[Flaw]:
             yield from _question(("limits", limit.name), size, "rad", FULL_TURN, "a full turn")
 
 
-def _question(key: Key, size: float, unit: str, most: float, what: str) -> Iterator[Flaw]:
+def _question(key: Key, size: float, unit: str, most: float, what: str) -> Iterator[Issue]:
     # People give sizes with few digits; one that is computed has not lost its unit.
     if size > most and float(f"{size:.3g}") == size:
         given = f"{size:g}"
         meant = [one for one in OTHER_UNITS[unit] if parse_quantity(f"{given} {one}", unit) <= most]
         hint = f"did you mean '{given} {meant[0]}'?" if meant else "is its unit right?"
-        yield Flaw(key, f"{given} is taken as {given} {unit}, more than {what}; {hint}")
+        yield Issue(key, f"{given} is taken as {given} {unit}, more than {what}; {hint}")
 
 
 def _sizes(part: object, unit: str) -> Iterator[tuple[str, float]]:

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from oed.foundation.files import identifier_flaw
+from oed.foundation.files import identifier_issue
 from oed.foundation.own.part import OwnDescription, OwnPart
 from oed.foundation.quantities import LARGEST, parse_quantity
 from oed.foundation.shown import shown, written
@@ -102,9 +102,9 @@ def _try_states(robot: Model) -> None:
 
 def _try_motion(robot: Model) -> None:
     inputs, parameters, state, period = _symbols(robot)
-    flaws = robot.flaws()
-    if flaws:
-        raise ValueError(flaws[0].message)
+    issues = robot.issues()
+    if issues:
+        raise ValueError(issues[0].message)
     twist = ca.SX(robot.twist(inputs, parameters))
     _require_shape("mean_twist", robot.mean_twist(state, twist, parameters, period), 3)
     following = robot.internal_step(state, twist, parameters, period)
@@ -152,9 +152,9 @@ def _require(entries: Any, kind: type, what: str, expected: str, least: int = 1)
 
 
 def _require_names(what: str, names: Sequence[str]) -> None:
-    flaw = next(filter(None, map(identifier_flaw, names)), "")
-    if flaw:
-        raise ValueError(f"{what}: {flaw}")
+    issue = next(filter(None, map(identifier_issue, names)), "")
+    if issue:
+        raise ValueError(f"{what}: {issue}")
     for place, name in enumerate(names):
         if name in names[:place]:
             raise ValueError(f"{what}: a second one named {name!r}")

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 import casadi as ca
 from pydantic import Field
 
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import Angle, AngularSpeed, Ratio
 from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
@@ -150,10 +150,10 @@ class TrailerAngle(BiasedSensor):
         """Nowhere: an angle of the robot itself."""
         return None
 
-    def flaws(self, system: System, samples: int) -> list[Flaw]:
+    def issues(self, system: System, samples: int) -> list[Issue]:
         """A robot without a trailer."""
         if "trailer_angle" in system.states:
             return []
         return [
-            Flaw(("measurement", "kind"), f"{label_of(system)} has no trailer whose angle could be measured")
+            Issue(("measurement", "kind"), f"{label_of(system)} has no trailer whose angle could be measured")
         ]

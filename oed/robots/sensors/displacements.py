@@ -10,7 +10,7 @@ from pydantic import Field
 
 from oed.foundation.arrays import Places
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import Angle, Length
 from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
@@ -72,23 +72,23 @@ class Displacements(Measurement):
         """The blocks' names: "heading", "position" or both."""
         return ("heading", "position") if self.regressor == "both" else (self.regressor,)
 
-    def flaws(self, system: System, samples: int) -> list[Flaw]:
+    def issues(self, system: System, samples: int) -> list[Issue]:
         """Robots without coefficients, more segments than samples, too few to identify two parameters."""
         robot = robot_of(system)
         if not robot.coefficient_names:
             text = f"displacements need a robot whose twist is linear in coefficients; {robot.kind} is not"
-            return [Flaw(("measurement", "kind"), text)]
+            return [Issue(("measurement", "kind"), text)]
         count = self.segment_count(samples)
         if count > samples:
             text = f"expected at most as many segments as there are samples ({samples}), got {count}"
-            return [Flaw(("measurement", "segments"), text)]
+            return [Issue(("measurement", "segments"), text)]
         columns = len(robot.coefficient_names[0])
         if self.regressor != "position" and count < columns:
             text = (
                 f"one heading row per segment cannot identify {columns} coefficients: expected at least "
                 f"{columns} segments, got {count}"
             )
-            return [Flaw(("measurement", "segments"), text)]
+            return [Issue(("measurement", "segments"), text)]
         return []
 
     def brief(self, samples: int) -> str:

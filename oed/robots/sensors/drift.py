@@ -11,7 +11,7 @@ from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.quantities import Angle, Length, require_covariance
 from oed.foundation.text import given_text, listing
 from oed.kernel.dynamics.expression import Expression
@@ -106,11 +106,11 @@ class Drift(Component, ProcessNoise):
             further = robot.internal_step(state, moved, parameters, duration)
         return after_arc(state, moved, further, duration, robot.integration)
 
-    def flaws(self, system: System) -> list[Flaw]:
+    def issues(self, system: System) -> list[Issue]:
         """Of what is no robot."""
         if isinstance(system, Model):
             return []
-        return [Flaw(("measurement", "drift"), f"{system.noun}s have no odometry that drifts")]
+        return [Issue(("measurement", "drift"), f"{system.noun}s have no odometry that drifts")]
 
     @property
     def text(self) -> str:

@@ -9,7 +9,7 @@ import casadi as ca
 from pydantic import Field
 
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import Angle, Length
 from oed.foundation.text import count, given_text, listing
 from oed.kernel.dynamics.expression import Expression
@@ -144,27 +144,27 @@ class Sights(MappedSensor):
         times = count(len(self.columns(samples)), "time")
         return f"{seen} {count(len(self.places), self.point)} at {times}"
 
-    def flaws(self, system: System, samples: int) -> list[Flaw]:
+    def issues(self, system: System, samples: int) -> list[Issue]:
         """Quantities without noise or listed twice, ids or places that do not tell the points apart."""
-        flaws = (
-            super().flaws(system, samples) if self.ids is None or len(self.ids) == len(self.places) else []
+        issues = (
+            super().issues(system, samples) if self.ids is None or len(self.ids) == len(self.places) else []
         )
         if len(set(self.quantities)) < len(self.quantities):
-            flaws.append(Flaw(("measurement", "quantities"), "a quantity is listed twice"))
+            issues.append(Issue(("measurement", "quantities"), "a quantity is listed twice"))
         missing = [name for name in self.quantities if self.noise.of(name) is None]
         if missing:
             example = ", ".join(f"{name}: {USUAL[name]}" for name in missing)
             text = f"the noise of {listing(missing)} is needed to weight the readings: noise: {{{example}}}"
-            flaws.append(Flaw(("measurement", "noise"), text))
+            issues.append(Issue(("measurement", "noise"), text))
         if self.ids is not None and len(self.ids) != len(self.places):
             text = (
                 f"expected one id for each of the {count(len(self.places), self.point)}, got {len(self.ids)}"
             )
-            flaws.append(Flaw(("measurement", "ids"), text))
+            issues.append(Issue(("measurement", "ids"), text))
         twice = sorted({label for label in self.labels if self.labels.count(label) > 1})
         if twice:
-            flaws.append(Flaw(("measurement", "ids"), f"the id {listing(twice)} is listed twice"))
-        return flaws
+            issues.append(Issue(("measurement", "ids"), f"the id {listing(twice)} is listed twice"))
+        return issues
 
 
 class Landmarks(Sights):

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import Length
 from oed.foundation.text import count, listing
 from oed.kernel.dynamics.expression import Expression
@@ -74,14 +74,14 @@ class MappedSensor(PlacedSensor):
         free = self.map == "unknown" and self.initial_pose in ("unknown", "resting")
         return tuple(axis for axis, _ in AXES) if free else ()
 
-    def flaws(self, system: System, samples: int) -> list[Flaw]:
+    def issues(self, system: System, samples: int) -> list[Issue]:
         """Points that are where another one is."""
         found = []
         for number, place in enumerate(self.places):
             first = self.places.index(place)
             if first < number:
                 text = f"is where {self.point} {self.labels[first]} is; give each a place of its own"
-                found.append(Flaw(("measurement", f"{self.point}s", number), text))
+                found.append(Issue(("measurement", f"{self.point}s", number), text))
         return found
 
     @property

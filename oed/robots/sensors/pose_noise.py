@@ -12,7 +12,7 @@ from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.quantities import Angle, Duration, Length, LengthPerYawRate, Unit, require_covariance
 from oed.foundation.text import given_text, listing
 from oed.kernel.dynamics.expression import Expression
@@ -146,7 +146,7 @@ class AbsoluteNoise(Component):
         given = self.covariance
         return None if given is None or len(given) == len(quantities) else _inverse_factor(given)
 
-    def flaws(self, quantities: Sequence[Quantity], readings: int) -> list[Flaw]:
+    def issues(self, quantities: Sequence[Quantity], readings: int) -> list[Issue]:
         """Quantities without noise, a covariance of another size than of so many readings, or of one."""
         if self.covariance is not None:
             alone, got = len(quantities), len(self.covariance)
@@ -154,10 +154,10 @@ class AbsoluteNoise(Component):
             if got in (alone, together):
                 return []
             text = f"expected {alone} rows (one pose) or {together} (all readings), got {got}"
-            return [Flaw(("measurement", "noise", "covariance"), text)]
+            return [Issue(("measurement", "noise", "covariance"), text)]
         if isinstance(self.discrepancy, DiscrepancyRecord):
             text = "a record is read where a study is loaded from a file; here give the numbers"
-            return [Flaw(("measurement", "noise", "discrepancy", "record"), text)]
+            return [Issue(("measurement", "noise", "discrepancy", "record"), text)]
         missing: list[str] = [name for name in quantities if self.deviation(name) is None]
         if not missing:
             return []
@@ -165,7 +165,7 @@ class AbsoluteNoise(Component):
             missing = ["position", *(name for name in missing if name == "heading")]
         example = ", ".join(f"{name}: {USUAL[UNITS[name]]}" for name in missing)
         text = f"the noise of {listing(missing)} is needed to weight the readings: noise: {{{example}}}"
-        return [Flaw(("measurement", "noise"), text)]
+        return [Issue(("measurement", "noise"), text)]
 
     def drawn(
         self, quantities: Sequence[Quantity], speeds: Array, yaw_rates: Array, rng: np.random.Generator

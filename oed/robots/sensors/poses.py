@@ -8,7 +8,7 @@ import casadi as ca
 from pydantic import Field
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.text import count, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
@@ -85,8 +85,8 @@ class Poses(PlacedSensor):
         """The lever arm."""
         return self.lever_arm
 
-    def flaws(self, system: System, samples: int) -> list[Flaw]:
+    def issues(self, system: System, samples: int) -> list[Issue]:
         """Quantities without noise or given twice, a covariance of another size."""
         twice = len(set(self.quantities)) < len(self.quantities)
-        flaws = [Flaw(("measurement", "quantities"), "a quantity is listed twice")] if twice else []
-        return flaws + self.noise.flaws(self.quantities, len(self.columns(samples)))
+        issues = [Issue(("measurement", "quantities"), "a quantity is listed twice")] if twice else []
+        return issues + self.noise.issues(self.quantities, len(self.columns(samples)))

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 import casadi as ca
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Flaw
+from oed.foundation.errors import Issue
 from oed.foundation.text import count, given_text
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
@@ -113,12 +113,12 @@ class RelativePoses(DriftingSensor):
         """As it is mounted."""
         return self.mounting
 
-    def flaws(self, system: System, samples: int) -> list[Flaw]:
+    def issues(self, system: System, samples: int) -> list[Issue]:
         """No motion within the drive, quantities without noise, a covariance of another size."""
         if self.every > samples:
             text = f"expected at most the drive's {samples} samples between readings, got {self.every}"
-            return [Flaw(("measurement", "every"), text)]
-        return self.noise.flaws(READ, len(self.columns(samples)))
+            return [Issue(("measurement", "every"), text)]
+        return self.noise.issues(READ, len(self.columns(samples)))
 
 
 def logged_sensors(measurement: Measurement, relative: bool) -> list[LoggedSensor]:

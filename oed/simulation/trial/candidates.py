@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from oed.estimation.setup.options import Alternative, CalibrationOptions, Method
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.text import words
 from oed.kernel.dynamics.system import label_of
 from oed.kernel.problem import Problem
 from oed.robots.models.model import robot_of
 from oed.robots.sensors import LeverArm, Poses
-from oed.simulation.trial.options import Pilot, Trial, drive_flaw
+from oed.simulation.trial.options import Pilot, Trial, drive_issue
 
 if TYPE_CHECKING:
     from oed.estimation.methods.fitting import Fitting
@@ -52,15 +52,15 @@ def candidates(problem: Problem, trial: Trial) -> tuple[Candidate, ...]:
     return (Candidate(words(label_of(problem.model)), problem), *others)
 
 
-def trial_flaws(problem: Problem, trial: Trial | None) -> list[Flaw]:
+def trial_issues(problem: Problem, trial: Trial | None) -> list[Issue]:
     """Why a study cannot be tried on a simulated robot."""
     if trial is None:
         return []
-    flaws = [Flaw(("physics",), text) for text in _misfits(problem)]
-    if flaws:
-        return flaws
-    found = (_model_flaws, _drive_flaws, _method_flaws, _discrepancy_flaws)
-    return [flaw for one in found for flaw in one(problem, trial)]
+    issues = [Issue(("physics",), text) for text in _misfits(problem)]
+    if issues:
+        return issues
+    found = (_model_issues, _drive_issues, _method_issues, _discrepancy_issues)
+    return [issue for one in found for issue in one(problem, trial)]
 
 
 def _misfits(problem: Problem) -> Iterator[str]:
@@ -77,53 +77,53 @@ def _misfits(problem: Problem) -> Iterator[str]:
         yield f"expected a single run, got {problem.design.runs}"
 
 
-def _model_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
+def _model_issues(problem: Problem, trial: Trial) -> Iterator[Issue]:
     known = {words(label_of(problem.model))}
     for index, one in enumerate(trial.models):
         place: Key = ("physics", "models", index)
         if one.label in known:
-            yield Flaw(place, f"a second model named {one.label}; give each a `name` of its own")
+            yield Issue(place, f"a second model named {one.label}; give each a `name` of its own")
         known.add(one.label)
-        found = one.flaws(problem.model.input_names)
-        yield from (Flaw(place, text) for text in found or _design_flaws(problem, trial, one))
+        found = one.issues(problem.model.input_names)
+        yield from (Issue(place, text) for text in found or _design_issues(problem, trial, one))
 
 
-def _design_flaws(problem: Problem, trial: Trial, one: Alternative) -> list[str]:
+def _design_issues(problem: Problem, trial: Trial, one: Alternative) -> list[str]:
     try:
         _redesigned(problem, trial, one)
     except ProblemError as error:
-        return [f"{one.label}: {flaw}" for flaw in error.flaws]
+        return [f"{one.label}: {issue}" for issue in error.issues]
     return []
 
 
-def _drive_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
+def _drive_issues(problem: Problem, trial: Trial) -> Iterator[Issue]:
     for index, name in enumerate(trial.drives):
-        text = drive_flaw(problem, name)
+        text = drive_issue(problem, name)
         if text:
-            yield Flaw(("physics", "drives", index), text)
+            yield Issue(("physics", "drives", index), text)
 
 
-def _method_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
+def _method_issues(problem: Problem, trial: Trial) -> Iterator[Issue]:
     if "two_stage" in trial.methods and not robot_of(problem.system).coefficient_names:
         text = f"{label_of(problem.system)} has no coefficients, which two_stage estimates"
-        yield Flaw(("physics", "methods", trial.methods.index("two_stage")), text)
+        yield Issue(("physics", "methods", trial.methods.index("two_stage")), text)
 
 
-def _discrepancy_flaws(problem: Problem, trial: Trial) -> Iterator[Flaw]:
+def _discrepancy_issues(problem: Problem, trial: Trial) -> Iterator[Issue]:
     place, asked, sensor = ("physics", "discrepancy"), trial.discrepancy, problem.measurement
     assert isinstance(sensor, Poses)
     if asked is None:
         return
     if sensor.noise.discrepancy is not None:
-        yield Flaw(
+        yield Issue(
             place, "all drives are designed with the measurement's `discrepancy`: leave out one of them"
         )
     if isinstance(asked, Pilot):
-        text = drive_flaw(problem, asked.pilot)
+        text = drive_issue(problem, asked.pilot)
         if text:
-            yield Flaw((*place, "pilot"), text)
+            yield Issue((*place, "pilot"), text)
     elif not any(asked.model_dump().values()):
-        yield Flaw(place, "expected a number above 0, or `pilot`, the baseline whose residuals show them")
+        yield Issue(place, "expected a number above 0, or `pilot`, the baseline whose residuals show them")
 
 
 def _redesigned(problem: Problem, trial: Trial, one: Alternative) -> Problem:

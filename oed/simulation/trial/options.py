@@ -49,7 +49,7 @@ def paced_baseline(problem: Problem, name: str, seed: int = 0) -> Trajectory:
     return Trajectory.from_samples(slowly, space.duration, whole.start, rest_to_rest=space.rest_to_rest)
 
 
-def drive_flaw(problem: Problem, name: str) -> str:
+def drive_issue(problem: Problem, name: str) -> str:
     """Why the robot cannot drive a baseline; "" where it can."""
     if name.startswith(SLOW) and problem.design.samples % 2:
         return f"{name} needs an even number of samples, got {problem.design.samples}"

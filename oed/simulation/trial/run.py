@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from oed.estimation.methods.fitting import Fitting
-from oed.foundation.errors import Flaw, ProblemError
+from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.text import words
 from oed.foundation.work.parallel import run_tasks
 from oed.kernel.evaluation import evaluate
@@ -30,14 +30,14 @@ def require_ready(problem: Problem, trial: Trial) -> None:
         ProblemError: models with parameters that no drive tells apart.
     """
     engine_library()
-    flaws: list[Flaw] = []
+    issues: list[Issue] = []
     for index, model in enumerate(candidates(problem, trial)[1:]):
         try:
             require_identifiable(model.problem)
         except ProblemError as error:
-            flaws += [Flaw(("physics", "models", index), flaw.message) for flaw in error.flaws]
-    if flaws:
-        raise ProblemError(flaws)
+            issues += [Issue(("physics", "models", index), issue.message) for issue in error.issues]
+    if issues:
+        raise ProblemError(issues)
 
 
 def run_trial(

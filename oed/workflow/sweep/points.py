@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from oed.foundation.errors import FileError, FileFlaw, ProblemError, StudyError, UserMistake
+from oed.foundation.errors import FileError, FileIssue, ProblemError, StudyError, UserMistake
 from oed.simulation.trial import require_ready
 from oed.study.study import Study
 from oed.study.yaml_source import YamlSource, read_yaml
@@ -55,7 +55,7 @@ def grid(file: str, axes: Sequence[Axis]) -> list[Point]:
         raise UserMistake(f"{twice[0]} is swept twice: give all its values in one --over")
     source = read_yaml(file)
     points: list[Point] = []
-    flaws: list[tuple[str, FileFlaw]] = []
+    issues: list[tuple[str, FileIssue]] = []
     combinations = list(itertools.product(*(range(len(axis.texts)) for axis in axes)))
     for chosen in combinations:
         label = _label(axes, chosen)
@@ -64,9 +64,9 @@ def grid(file: str, axes: Sequence[Axis]) -> list[Point]:
             _require_runnable(study)
             points.append(_point(axes, chosen, label, study))
         except (FileError, ProblemError) as error:
-            flaws += [(label, flaw) for flaw in _flaws(error, source)]
-    if flaws:
-        raise StudyError(_together(flaws, len(combinations), source))
+            issues += [(label, issue) for issue in _issues(error, source)]
+    if issues:
+        raise StudyError(_together(issues, len(combinations), source))
     return points
 
 
@@ -159,17 +159,17 @@ def _folder(label: str) -> str:
     return name if plain else f"{short}_{digest}"
 
 
-def _flaws(error: FileError | ProblemError, source: YamlSource) -> Iterable[FileFlaw]:
+def _issues(error: FileError | ProblemError, source: YamlSource) -> Iterable[FileIssue]:
     if isinstance(error, FileError):
-        return error.flaws
-    return [source.flaw(flaw.key, flaw.message) for flaw in error.flaws]
+        return error.issues
+    return [source.issue(issue.key, issue.message) for issue in error.issues]
 
 
-def _together(flaws: Sequence[tuple[str, FileFlaw]], count: int, source: YamlSource) -> list[FileFlaw]:
+def _together(issues: Sequence[tuple[str, FileIssue]], count: int, source: YamlSource) -> list[FileIssue]:
     # Lines are those of the file, not of the combination's own text; what is wrong with all is said once.
     labels: dict[tuple[str, str, str], list[str]] = {}
-    for label, flaw in flaws:
-        labels.setdefault((flaw.file, flaw.key, flaw.message), []).append(label)
+    for label, issue in issues:
+        labels.setdefault((issue.file, issue.key, issue.message), []).append(label)
     found = []
     for (file, key, message), of in labels.items():
         line, column = 0, 0
@@ -178,5 +178,5 @@ def _together(flaws: Sequence[tuple[str, FileFlaw]], count: int, source: YamlSou
             _, line, column = source.place(path)
         more = f" and {len(of) - 1} more" if len(of) > 1 else ""
         prefix = "" if len(of) == count else f"with {of[0]}{more}: "
-        found.append(FileFlaw(file, line, column, key, f"{prefix}{message}"))
+        found.append(FileIssue(file, line, column, key, f"{prefix}{message}"))
     return found

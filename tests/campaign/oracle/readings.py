@@ -275,7 +275,7 @@ def _regressions(
     nominal = {"heading": robot.coefficients[0], "position": robot.coefficients[1:].ravel()}
     noise = measurement.get("noise", {})
     return tuple(
-        _weighed(
+        _weighted(
             measurement,
             [one[place] for one in both],
             Block(
@@ -315,7 +315,7 @@ def _run_regressors(measurement: Mapping[str, Any], robot: Robot, run: Run, rule
     return turns[None], np.stack([np.add.reduceat(one, first, axis=0) for one in (x, y)])
 
 
-def _weighed(measurement: Mapping[str, Any], runs: Sequence[Array], block: Block) -> Block:
+def _weighted(measurement: Mapping[str, Any], runs: Sequence[Array], block: Block) -> Block:
     stacked = [coordinate for run in runs for coordinate in run]
     plain = np.vstack(stacked)
     if measurement.get("noise_model", "increments") == "increments":

@@ -216,7 +216,7 @@ class TestSuited:
             assert solution.message == f"The robot cannot make this drive. {expected}."
 
 
-class TestFlaws:
+class TestIssues:
     def test_slip_is_no_obstacle(self):
         slips = {"slip_outer": -0.5, "slip_inner": 0.3}
         model = SkidSteer(wheel_radius=0.049, track=0.18, **slips)

@@ -206,28 +206,28 @@ def test_a_body_counts_along_a_drive(distance: float, expected: float):
         (Rectangle(x=(0, 2), y=(0, 2)), (1, 1.5), (1, 2.1)),
     ],
 )
-def test_a_start_outside_the_room_is_a_flaw(area, inside, outside):
-    def flaws(point, body: float = 0.0):
-        return area.flaws(with_body(body), DesignSpace(duration=9, start=StartPose(x=point[0], y=point[1])))
+def test_a_start_outside_the_room_is_an_issue(area, inside, outside):
+    def issues(point, body: float = 0.0):
+        return area.issues(with_body(body), DesignSpace(duration=9, start=StartPose(x=point[0], y=point[1])))
 
-    (flaw,) = flaws(outside)
-    assert flaw.key == ("limits", "workspace")
-    assert f"({outside[0]:g} m, {outside[1]:g} m) lies outside the workspace" in flaw.message
-    assert flaws(inside) == []
-    (flaw,) = flaws(inside, body=1.1)
-    assert "for a robot of radius 1.1 m" in flaw.message
+    (issue,) = issues(outside)
+    assert issue.key == ("limits", "workspace")
+    assert f"({outside[0]:g} m, {outside[1]:g} m) lies outside the workspace" in issue.message
+    assert issues(inside) == []
+    (issue,) = issues(inside, body=1.1)
+    assert "for a robot of radius 1.1 m" in issue.message
 
 
-def test_a_start_in_an_obstacle_is_a_flaw():
+def test_a_start_in_an_obstacle_is_an_issue():
     area = obstacles(COLUMN, SHELF)
     starts = (StartPose(), StartPose(x=0.4, y=0.4), StartPose(x=-0.9, y=0.9))
-    (flaw,) = area.flaws(with_body(0), DesignSpace(duration=9, start=starts, runs=3))
-    assert flaw.key == ("limits", "obstacles")
-    assert "(0.4 m, 0.4 m) touches an obstacle" in flaw.message
-    assert area.flaws(with_body(0), DesignSpace(duration=9, start=starts[:1], runs=1)) == []
-    (flaw,) = area.flaws(with_body(0.31), DesignSpace(duration=9))
-    assert "for a robot of radius 0.31 m" in flaw.message
-    assert area.flaws(with_body(0.31), DesignSpace(duration=9, start="free")) == []
+    (issue,) = area.issues(with_body(0), DesignSpace(duration=9, start=starts, runs=3))
+    assert issue.key == ("limits", "obstacles")
+    assert "(0.4 m, 0.4 m) touches an obstacle" in issue.message
+    assert area.issues(with_body(0), DesignSpace(duration=9, start=starts[:1], runs=1)) == []
+    (issue,) = area.issues(with_body(0.31), DesignSpace(duration=9))
+    assert "for a robot of radius 0.31 m" in issue.message
+    assert area.issues(with_body(0.31), DesignSpace(duration=9, start="free")) == []
 
 
 @pytest.mark.parametrize(

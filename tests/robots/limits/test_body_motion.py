@@ -177,10 +177,10 @@ def test_margins_of_the_motion_are_between_the_samples_too(name: str):
 @pytest.mark.parametrize("limit", [BodySpeed(bounds=(0.1, 0.5)), YawRate(bounds=(-2, -1))])
 def test_motion_that_excludes_rest_needs_a_drive_without_it(limit):
     model = BY_NAME["differential"].model
-    (flaw,) = limit.flaws(model, DesignSpace(duration=9))
-    assert flaw.key == ("limits", limit.name)
-    assert "excludes 0" in flaw.message
-    assert limit.flaws(model, DesignSpace(duration=9, rest_to_rest=False)) == []
+    (issue,) = limit.issues(model, DesignSpace(duration=9))
+    assert issue.key == ("limits", limit.name)
+    assert "excludes 0" in issue.message
+    assert limit.issues(model, DesignSpace(duration=9, rest_to_rest=False)) == []
 
 
 @pytest.mark.parametrize("limit", ["lateral_acceleration", "turning_radius", "path_length"])
@@ -279,9 +279,9 @@ def test_what_a_limit_sees_of_jerks_is_what_the_scorer_sees(degree: int, count: 
 @pytest.mark.parametrize(("degree", "refused"), [(0, True), (1, True), (2, False), (3, False)])
 def test_wheel_jerk_needs_accelerations_without_jumps(degree: int, refused: bool):
     space = DesignSpace(duration=9, spline=Spline(degree=degree, coefficients=8))
-    flaws = WheelJerk(bounds=100).flaws(BY_NAME["differential"].model, space)
-    assert [flaw.key for flaw in flaws] == [("limits", "wheel_jerk")] * refused
-    assert all("spline.degree 2 or more" in flaw.message for flaw in flaws)
+    issues = WheelJerk(bounds=100).issues(BY_NAME["differential"].model, space)
+    assert [issue.key for issue in issues] == [("limits", "wheel_jerk")] * refused
+    assert all("spline.degree 2 or more" in issue.message for issue in issues)
 
 
 @pytest.mark.parametrize("name", ["tricycle", "ackermann"])
@@ -317,8 +317,8 @@ def test_trailer_angle(name: str):
 @pytest.mark.parametrize("start", [StartPose(), "free"])
 def test_trailer_angle_needs_a_trailer_that_may_be_straight(start):
     space = DesignSpace(duration=9, start=start)
-    (flaw,) = TrailerAngle(bounds=1).flaws(BY_NAME["differential"].model, space)
-    assert (flaw.key, flaw.message) == (("limits", "trailer_angle"), "differential_drive has no trailer")
-    assert TrailerAngle(bounds=1).flaws(BY_NAME["trailer"].model, space) == []
-    (flaw,) = TrailerAngle(bounds=(0.1, 1)).flaws(BY_NAME["trailer"].model, space)
-    assert "excludes 0" in flaw.message
+    (issue,) = TrailerAngle(bounds=1).issues(BY_NAME["differential"].model, space)
+    assert (issue.key, issue.message) == (("limits", "trailer_angle"), "differential_drive has no trailer")
+    assert TrailerAngle(bounds=1).issues(BY_NAME["trailer"].model, space) == []
+    (issue,) = TrailerAngle(bounds=(0.1, 1)).issues(BY_NAME["trailer"].model, space)
+    assert "excludes 0" in issue.message

@@ -54,22 +54,22 @@ def test_wrong_bounds_by_name_are_refused(key: str, wrong, reason: str):
 def test_every_input_needs_bounds_by_its_name(key: str):
     model = robot_for(key)
     own = [entry.name for entry in model.inputs if entry.quantity == LIMITS[key].quantity]
-    assert limit_of(key, dict.fromkeys(own, 0.5)).flaws(model, SPACE) == []
-    (flaw,) = limit_of(key, {**dict.fromkeys(own, 0.5), "wheel_middle": 1}).flaws(model, SPACE)
-    assert flaw.key == ("limits", key)
-    assert flaw.message == f"expected bounds of {', '.join(own)}; got {', '.join([*own, 'wheel_middle'])}"
-    (flaw,) = limit_of(key, {"another": 1}).flaws(model, SPACE)
-    assert flaw.message.endswith("got another")
+    assert limit_of(key, dict.fromkeys(own, 0.5)).issues(model, SPACE) == []
+    (issue,) = limit_of(key, {**dict.fromkeys(own, 0.5), "wheel_middle": 1}).issues(model, SPACE)
+    assert issue.key == ("limits", key)
+    assert issue.message == f"expected bounds of {', '.join(own)}; got {', '.join([*own, 'wheel_middle'])}"
+    (issue,) = limit_of(key, {"another": 1}).issues(model, SPACE)
+    assert issue.message.endswith("got another")
     if len(own) > 1:
-        (flaw,) = limit_of(key, {own[0]: 1}).flaws(model, SPACE)
-        assert flaw.message == f"expected bounds of {', '.join(own)}; got {own[0]}"
+        (issue,) = limit_of(key, {own[0]: 1}).issues(model, SPACE)
+        assert issue.message == f"expected bounds of {', '.join(own)}; got {own[0]}"
 
 
 @pytest.mark.parametrize("key", ["steering_angle", "steering_rate"])
 def test_steering_limits_need_a_steered_wheel(key: str):
-    (flaw,) = limit_of(key, 0.5).flaws(BY_NAME["differential"].model, SPACE)
-    assert flaw.key == ("limits", key)
-    assert "differential_drive has no steering_angle; its inputs are wheel_" in flaw.message
+    (issue,) = limit_of(key, 0.5).issues(BY_NAME["differential"].model, SPACE)
+    assert issue.key == ("limits", key)
+    assert "differential_drive has no steering_angle; its inputs are wheel_" in issue.message
 
 
 @pytest.mark.parametrize(
@@ -78,21 +78,21 @@ def test_steering_limits_need_a_steered_wheel(key: str):
 def test_ackermann_cannot_steer_across(bounds, refused: bool):
     # Gain 1.1 and offset -0.02 rad: the wheels stand across at (90 deg - 0.02 rad) / 1.1 = 1.4098 rad.
     for value in (bounds, {"steering_angle": bounds}):
-        flaws = limit_of("steering_angle", value).flaws(BY_NAME["ackermann"].model, SPACE)
-        assert [flaw.key for flaw in flaws] == [("limits", "steering_angle")] * refused
-        assert all("steering_angle must stay below 1.41 rad" in flaw.message for flaw in flaws)
+        issues = limit_of("steering_angle", value).issues(BY_NAME["ackermann"].model, SPACE)
+        assert [issue.key for issue in issues] == [("limits", "steering_angle")] * refused
+        assert all("steering_angle must stay below 1.41 rad" in issue.message for issue in issues)
 
 
 def test_a_tricycle_may_steer_across():
-    assert limit_of("steering_angle", "120 deg").flaws(BY_NAME["tricycle"].model, SPACE) == []
+    assert limit_of("steering_angle", "120 deg").issues(BY_NAME["tricycle"].model, SPACE) == []
 
 
 @pytest.mark.parametrize("value", [[0.1, 0.5], {"steering_angle": [-0.5, -0.1]}])
 def test_steering_that_excludes_straight_needs_a_drive_without_rest(value):
     model, limit = BY_NAME["tricycle"].model, limit_of("steering_angle", value)
-    (flaw,) = limit.flaws(model, SPACE)
-    assert "excludes 0" in flaw.message
-    assert limit.flaws(model, DesignSpace(duration=9, rest_to_rest=False)) == []
+    (issue,) = limit.issues(model, SPACE)
+    assert "excludes 0" in issue.message
+    assert limit.issues(model, DesignSpace(duration=9, rest_to_rest=False)) == []
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -161,22 +161,22 @@ def test_what_is_active_and_what_is_kept(margin: float, active: bool, kept: bool
 
 
 @pytest.mark.parametrize(("x", "y"), [(1.5, 0), (0, -1.5), (-2, 2)])
-def test_a_start_outside_the_workspace_is_a_flaw(x: float, y: float):
+def test_a_start_outside_the_workspace_is_an_issue(x: float, y: float):
     model, box = problem_of().model, Rectangle(x=(-1, 1), y=(-1, 1))
-    (flaw,) = box.flaws(model, DesignSpace(duration=10, start=StartPose(x=x, y=y)))
-    assert flaw.key == ("limits", "workspace")
-    assert f"({x:g} m, {y:g} m) lies outside the workspace" in flaw.message
-    assert box.flaws(model, DesignSpace(duration=10, start=StartPose(x=1, y=-1))) == []
-    assert box.flaws(model, DesignSpace(duration=10, start="free")) == []
+    (issue,) = box.issues(model, DesignSpace(duration=10, start=StartPose(x=x, y=y)))
+    assert issue.key == ("limits", "workspace")
+    assert f"({x:g} m, {y:g} m) lies outside the workspace" in issue.message
+    assert box.issues(model, DesignSpace(duration=10, start=StartPose(x=1, y=-1))) == []
+    assert box.issues(model, DesignSpace(duration=10, start="free")) == []
 
 
 @pytest.mark.parametrize("bounds", [(3, 10), (-10, -3)])
 def test_a_least_speed_needs_a_drive_without_rest(bounds):
     model, limit = problem_of().model, WheelSpeed(bounds=bounds)
-    (flaw,) = limit.flaws(model, DesignSpace(duration=10))
-    assert flaw.key == ("limits", "wheel_speed")
-    assert "excludes 0" in flaw.message
-    assert limit.flaws(model, DesignSpace(duration=10, rest_to_rest=False)) == []
+    (issue,) = limit.issues(model, DesignSpace(duration=10))
+    assert issue.key == ("limits", "wheel_speed")
+    assert "excludes 0" in issue.message
+    assert limit.issues(model, DesignSpace(duration=10, rest_to_rest=False)) == []
 
 
 def test_speeds_bound_the_inputs_and_accelerations_do_not():

@@ -32,7 +32,7 @@ from oed.robots.limits.shapes import (
     ConvexShape,
     convex_pieces,
     middle_of,
-    polygon_flaw,
+    polygon_issue,
     seamless,
     walls_and_pockets,
 )
@@ -228,7 +228,7 @@ def test_what_is_no_outline_is_refused(shape, corners, reason: str):
 
 @every_outline
 def test_outlines_are_accepted(outline):
-    assert polygon_flaw(outline) == ""
+    assert polygon_issue(outline) == ""
 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
@@ -239,7 +239,7 @@ def test_shapes_of_any_size(size: float):
     np.testing.assert_allclose(
         room_rows(outline, points).min(axis=0)[truth > 0], truth[truth > 0], rtol=1e-9, atol=1.1e-6
     )
-    assert polygon_flaw([tuple(corner) for corner in outline]) == ""
+    assert polygon_issue([tuple(corner) for corner in outline]) == ""
 
 
 def on_seams(outline) -> np.ndarray:
@@ -268,7 +268,7 @@ def test_nothing_passes_where_pieces_meet(outline):
 def turned_room(seed: int) -> tuple[np.random.Generator, np.ndarray]:
     draw = np.random.default_rng([7, seed])
     outline = rectilinear_outline(draw)
-    while polygon_flaw([tuple(corner) for corner in outline]):
+    while polygon_issue([tuple(corner) for corner in outline]):
         outline = rectilinear_outline(draw)
     return draw, outline
 

@@ -145,9 +145,9 @@ def test_an_object_in_python_needs_no_study(folder: Path):
 def test_mistakes_are_named_with_their_line(folder: Path, place: str, changes: dict, words: str):
     with pytest.raises(StudyError) as caught:
         load(folder, place, **changes)
-    (flaw,) = caught.value.flaws
-    assert flaw.line in (4, 5, 6)
-    assert words in flaw.message
+    (issue,) = caught.value.issues
+    assert issue.line in (4, 5, 6)
+    assert words in issue.message
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_a_twist_that_is_none(folder: Path, new: str, words: str):
     (folder / "my_robots.py").write_text(text)
     with pytest.raises(StudyError, match=words) as caught:
         load(folder)
-    assert caught.value.flaws[0].key == "robot"
+    assert caught.value.issues[0].key == "robot"
 
 
 VELOCITIES = MODULE.replace('"wheel_speed", "wheel_speed", "rad/s"', '"v", "speed", "m/s"').replace(
@@ -207,7 +207,7 @@ class TestVelocityCommands:
     def test_what_nothing_bounds_is_said_with_what_would(self, folder: Path, limits: str, told: list[str]):
         with pytest.raises(StudyError) as caught:
             self.load(folder, limits)
-        messages = [flaw.message for flaw in caught.value.flaws]
+        messages = [issue.message for issue in caught.value.issues]
         assert messages == [f"nothing bounds {one}, without which no design is best" for one in told]
 
     def test_motion_that_is_not_linear_is_said_to_bound_nothing(self, folder: Path):
@@ -408,11 +408,11 @@ def test_a_robot_that_does_not_work_is_named_where_it_is(folder: Path, method: s
     (folder / f"own_{abs(hash(body))}.py").write_text(METHODS.format(**bodies))
     with pytest.raises(StudyError) as caught:
         load(folder, f"own_{abs(hash(body))}:Robot")
-    (flaw,) = caught.value.flaws
-    assert flaw.key == "robot"
-    assert flaw.line == 4
-    assert words in flaw.message
-    assert "\n" not in flaw.message
+    (issue,) = caught.value.issues
+    assert issue.key == "robot"
+    assert issue.line == 4
+    assert words in issue.message
+    assert "\n" not in issue.message
 
 
 def test_a_robot_that_ends_programs_ends_no_check(folder: Path, capsys: pytest.CaptureFixture[str]):
@@ -452,14 +452,14 @@ def own(folder: Path, more: str = "", **changes: str) -> oed.Study:
 
 
 def refused(folder: Path, more: str = "", **changes: str) -> str:
-    """What is said of it, in the one flaw that it has, by the line of the robot."""
+    """What is said of it, in the one issue that it has, by the line of the robot."""
     with pytest.raises(StudyError) as caught:
         own(folder, more, **changes)
-    (flaw,) = caught.value.flaws
-    assert (flaw.key, flaw.line) == ("robot", 4)
-    assert len(str(flaw)) < 1000
-    assert "prototypes" not in flaw.message
-    return flaw.message
+    (issue,) = caught.value.issues
+    assert (issue.key, issue.line) == ("robot", 4)
+    assert len(str(issue)) < 1000
+    assert "prototypes" not in issue.message
+    return issue.message
 
 
 class TestNames:

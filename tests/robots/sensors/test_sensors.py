@@ -413,16 +413,16 @@ class TestSeveral:
         ranges = Ranges(beacons=[(1, 2)], noise=0.1, initial_pose=other)
         with pytest.raises(ProblemError) as caught:
             sensor_problem(measurement=Several(sensors=[noise, poses, ranges]))
-        (flaw,) = caught.value.flaws
-        assert flaw.key == ("measurement", 2, "initial_pose")
-        assert "differs from that of the sensors before" in flaw.message
+        (issue,) = caught.value.issues
+        assert issue.key == ("measurement", 2, "initial_pose")
+        assert "differs from that of the sensors before" in issue.message
 
-    def test_flaws_of_every_sensor_are_listed(self):
+    def test_issues_of_every_sensor_are_listed(self):
         good = Poses(noise={"position": 1e-3, "heading": 0.1})
         several = Several(sensors=[Poses(), good, Poses(quantities=("x", "x"), noise={"x": 1})])
         with pytest.raises(ProblemError) as caught:
             sensor_problem(measurement=several)
-        assert [(flaw.key, flaw.message) for flaw in caught.value.flaws] == [
+        assert [(issue.key, issue.message) for issue in caught.value.issues] == [
             (
                 ("measurement", 0, "noise"),
                 "the noise of position and heading is needed to weight the readings: "
@@ -751,12 +751,12 @@ def test_noise_may_come_with_units():
         ),
     ],
 )
-def test_sensors_that_cannot_be_weighed_are_flaws(sensor: Sensor, key: str, words: str):
+def test_sensors_that_cannot_be_weighed_are_issues(sensor: Sensor, key: str, words: str):
     with pytest.raises(ProblemError) as caught:
         sensor_problem(measurement=sensor)
-    (flaw,) = caught.value.flaws
-    assert ".".join(map(str, flaw.key)) == f"measurement.{key}"
-    assert words in flaw.message
+    (issue,) = caught.value.issues
+    assert ".".join(map(str, issue.key)) == f"measurement.{key}"
+    assert words in issue.message
 
 
 @pytest.mark.parametrize(
