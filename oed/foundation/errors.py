@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
+from oed.foundation.moved import Renamed
 from oed.foundation.shown import shown
 
 
@@ -38,8 +39,10 @@ class Issue:
         return shown(f"{path}: {self.message}" if path else self.message)
 
 
-class ProblemError(UserMistake):
+class ProblemError(Renamed, UserMistake):
     """A design problem whose parts do not fit together; `issues` lists every reason at once."""
+
+    issues: tuple[Issue, ...]
 
     def __init__(self, issues: Sequence[Issue]) -> None:
         """Keep the issues and join them into the message."""
@@ -85,8 +88,10 @@ class FileIssue:
         return shown(f"{place}: {self.key}: {self.message}" if self.key else f"{place}: {self.message}")
 
 
-class FileError(UserMistake):
+class FileError(Renamed, UserMistake):
     """A file that cannot be used as it is; `issues` lists every reason at once."""
+
+    issues: tuple[FileIssue, ...]
 
     def __init__(self, issues: Sequence[FileIssue]) -> None:
         """Keep the issues and join them into the message."""

@@ -114,7 +114,7 @@ RENAMED = {
 """Folders and modules by where they are now, under another name or as part of another."""
 
 
-NAMES = {"leaving": "violation_probability", "Leaving": "Violation"}
+NAMES = {"leaving": "violation_probability", "Leaving": "Violation", "Flaw": "Issue"}
 """Public names by those that they had."""
 
 
@@ -154,7 +154,9 @@ ATTRIBUTES = {
     "Certificate": {"caps": "bounds"},
     "DrivenPath": {"share_of_best": "efficiency"},
     "Evaluation": {"poses": "states"},
+    "FileError": {"flaws": "issues"},
     "Margin": {"kept": "satisfied"},
+    "ProblemError": {"flaws": "issues"},
     "Problem": {"robot": "system", "judged_robots": "judged_systems", "told": "judging"},
     "Robust": {"kept": "added_scenarios"},
     "Solution": {"leaving": "violation"},
@@ -165,6 +167,21 @@ ATTRIBUTES = {
 """New names of classes' attributes by old ones."""
 
 
+METHODS = {"flaws": "issues"}
+"""New names of methods that parts of the user's own may have, by old ones."""
+
+
+def require_new_methods(kind: type) -> None:
+    """Make sure that a class has none under a name that nobody calls any more.
+
+    Raises:
+        TypeError: it has; with the new name.
+    """
+    for old, new in METHODS.items():
+        if old in vars(kind):
+            raise TypeError(f"{kind.__qualname__}.{old} is now called {new}: rename it, or nobody calls it")
+
+
 class Renamed:
     """What has attributes that had other names: those of `ATTRIBUTES`."""
 
@@ -173,6 +190,7 @@ class Renamed:
         def __getattr__(self, name: str) -> Any:
             """Raise AttributeError, with the new name of what has one."""
             kind = type(self).__name__
-            new = ATTRIBUTES.get(kind, {}).get(name)
+            found = (ATTRIBUTES.get(one.__name__, {}).get(name) for one in type(self).__mro__)
+            new = next(filter(None, found), None)
             hint = f": it is now {new!r}" if new else ""
             raise AttributeError(f"{kind!r} object has no attribute {name!r}{hint}")

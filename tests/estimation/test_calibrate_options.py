@@ -72,7 +72,7 @@ class TestOptions:
 
     @pytest.mark.slow
     def test_noise_as_stated(self):
-        found = found_by(noise="stated")
+        found = found_by(noise="specified")
         assert dict(found.fit.noises) == specified_noise(logged_problem().measurement)
         assert within(found)
 
@@ -80,7 +80,7 @@ class TestOptions:
         heading = Poses(quantities=("heading",), noise=AbsoluteNoise(heading=0.01))
         problem = logged_problem(measurement=heading, estimate=("wheel_radius_right", "wheel_radius_left"))
         with pytest.raises(ProblemError, match=r"calibration\.noise: .*no noise of x, y; use noise"):
-            found_by(problem=problem, noise="stated")
+            found_by(problem=problem, noise="specified")
 
     @pytest.mark.slow
     def test_every_sensor_states_the_noise_of_what_it_reads(self):
@@ -88,7 +88,7 @@ class TestOptions:
         both = Several(sensors=(Poses(noise=STATED), TrailerAngle(noise=0.004)))
         quantities = ("x", "y", "heading", "trailer_angle")
         log = log_of(course(model, np.array(model.nominal), seconds=4.0), noise=NOISE, quantities=quantities)
-        found = found_by([log], logged_problem(model=model, measurement=both), noise="stated")
+        found = found_by([log], logged_problem(model=model, measurement=both), noise="specified")
         assert found.fit.noises["trailer_angle"] == Noise(0.004)
         judged = {one.about for one in found.diagnostics if one.name == "stated_noise"}
         assert judged == {"position", "heading", "trailer_angle"}

@@ -260,14 +260,14 @@ class TestEstimate:
 
     @pytest.mark.slow
     def test_gls_of_positions_with_noise_as_specified(self):
-        found = estimated(method="gls", segment="log", noise="stated")
+        found = estimated(method="gls", segment="log", noise="specified")
         specified = logged_problem().measurement.noise.position
         assert found.fit.correlated.white == {"position": pytest.approx(specified)}
 
     @pytest.mark.slow
     def test_likelihood_is_that_of_what_starts_leave(self):
         fit = CorrelatedReadings(search_of(self.LOGS)).fit()
-        found = FittedReadings.of([fit]).likelihood(fit, options(noise="stated"))
+        found = FittedReadings.of([fit]).likelihood(fit, options(noise="specified"))
         rest = Remainder.of(search_of(self.LOGS), fit.values, fit.starts, fit.noises)
         sizes = [*fit.correlated.white.values(), *fit.correlated.lasting.values(), fit.correlated.seconds]
         known = replace(rest, rows=np.delete(rest.rows, [1, 2, 3], axis=-1), known=np.zeros((0, 0)))

@@ -109,7 +109,7 @@ def test_averages_tell_what_all_poses_tell():
 def test_a_long_log_is_fitted_by_few_poses_and_says_so(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(preprocess, "LEAST", 20)
     monkeypatch.setattr(thinned, "__defaults__", (400,))
-    found = calibrate(logged_problem(), [LONG], options(segment="log", noise="stated"))
+    found = calibrate(logged_problem(), [LONG], options(segment="log", noise="specified"))
     assert found.fit.layout.valid.sum() == 3 * 400
     assert "averaged 10 at a time, 400 kept in pieces" in found.notes[0]
     assert {one.name for one in found.logs[0].findings} >= {"averaged_poses", "sampled_poses"}

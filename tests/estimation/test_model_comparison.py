@@ -138,7 +138,7 @@ class TestLikelihood:
         specified = fit_of(self.LOGS).noises
         fit = fit_of(self.LOGS, specified=specified)
         readings = FittedReadings.of([fit])
-        found = readings.likelihood(fit, options(noise="stated"))
+        found = readings.likelihood(fit, options(noise="specified"))
         sizes = np.array([specified["position"].at_rest] * 2 + [specified["heading"].at_rest])
         valid = fit.layout.valid.all(axis=-1)
         rest, shares = fit.residuals[valid] / sizes, readings.shares[valid]
@@ -158,7 +158,7 @@ class TestLikelihood:
 
     def test_of_windows_is_that_of_all_together(self):
         fit = gls(several(3, seconds=12.0, noise=NOISE))
-        found = FittedReadings.of([fit]).likelihood(fit, options(noise="stated"))
+        found = FittedReadings.of([fit]).likelihood(fit, options(noise="specified"))
         # Whitened residuals are those of a normal distribution times the volume.
         white = fit.white[fit.layout.valid]
         wanted = norm.logpdf(white).sum() - fit.volumes.sum() / 2

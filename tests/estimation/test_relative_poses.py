@@ -169,7 +169,7 @@ class TestEstimates:
         form = CsvForm(
             **LOG | {"relative_poses": LOG["relative_poses"] | {"covariance": {k: k for k in keys}}}
         )
-        found = estimated(read_logs([file], form, NOMINAL), noise="stated" if known else "estimated")
+        found = estimated(read_logs([file], form, NOMINAL), noise="specified" if known else "estimated")
         assert np.abs(errors(found)).max() < 3.5
         assert found.fit.misfit == pytest.approx(1.0, abs=0.3)
         typical = np.sqrt(np.median(given[:, 0, 0]))

@@ -215,7 +215,7 @@ def test_intervals_cover_the_truth(name: str):
     twin, off, covariances, count = TWINS[name], [], [], len(TRUTH)
     for seed in range(SETS):
         drive = course(seconds=8.0, period=0.2, seed=seed % 20)
-        found = calibrated(twin, twin.log(drive, seed), noise="stated", clock_offset=False)
+        found = calibrated(twin, twin.log(drive, seed), noise="specified", clock_offset=False)
         assert found.fit.unknowns.names[:count] == tuple(TRUTH)
         off.append(found.fit.values[:count] - list(TRUTH.values()))
         covariances.append(found.covariances[0].matrix[:count, :count])
@@ -309,7 +309,7 @@ def test_a_landmark_elsewhere_than_the_study_has_it_is_named():
     log = with_sensors(
         drive, sighted(drive, "landmarks", "rb", PLACES, noise=[0.02, 0.01], rows=rows), poses=False
     )
-    found = calibrated(twin, log, noise="stated", loss="huber")
+    found = calibrated(twin, log, noise="specified", loss="huber")
     doubts = [one.message for one in found.doubts if one.name == "odd_point"]
     assert any(one.startswith("landmarks.range[12] is") and "place in the study" in one for one in doubts)
     assert not any("[8]" in one for one in doubts)
@@ -318,7 +318,7 @@ def test_a_landmark_elsewhere_than_the_study_has_it_is_named():
 @pytest.mark.slow
 def test_a_map_that_nobody_knows_is_in_the_frame_of_its_first_landmarks():
     twin = TWINS["landmarks of unknown place"]
-    found = calibrated(twin, twin.log(course(seconds=8.0, period=0.1, seed=3), 3), noise="stated")
+    found = calibrated(twin, twin.log(course(seconds=8.0, period=0.1, seed=3), 3), noise="specified")
     unknowns = found.fit.unknowns
     values = dict(zip(unknowns.names, found.fit.values, strict=True))
     sizes = dict(zip(unknowns.names, found.covariances[0].deviations, strict=True))

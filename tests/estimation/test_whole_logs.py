@@ -298,13 +298,13 @@ def test_says_what_errs():
 
 @pytest.mark.slow
 def test_what_the_study_states_is_said_to_be_stated():
-    found = calibrate(logged_problem(), [driven(0, 8.0)], options(method="likelihood", noise="stated"))
+    found = calibrate(logged_problem(), [driven(0, 8.0)], options(method="likelihood", noise="specified"))
     assert {name for name, size in found.log_errors.sizes.items() if not size} == {*PASSING, *LASTING}
     (table,) = (
         one for one in error_bars(estimate_of(found)).tables if one.columns[-1].title == "95 % interval"
     )
     assert [row[0] for row in table.rows] == ["noise of readings"] * 2 + ["drift"] * 4
-    assert [row[-1] == "as stated" for row in table.rows] == [True] * 2 + [False] * 4
+    assert [row[-1] == "as specified" for row in table.rows] == [True] * 2 + [False] * 4
 
 
 @pytest.mark.slow
@@ -336,7 +336,7 @@ def test_maximises_the_likelihood_that_designs_are_simulated_with():
     poses = readings.reshape(-1, 3)
     log = Log("drive", "drive", times, turned, times[-len(poses) :], poses)
     fit = fit_of([log], unknowns_of(problem.model), seconds=2.0)
-    stated = ErrorSizes.stated({"position": NOISE[0], "heading": NOISE[1]}, drift)
+    stated = ErrorSizes.specified({"position": NOISE[0], "heading": NOISE[1]}, drift)
     found = WholeLogs(fit, stated, together=1).found()
     # Drift grows with the motion at the values found here, at nominal ones there.
     errors = np.sqrt(np.diag(expected.covariance))

@@ -138,7 +138,7 @@ def test_a_tricycle_by_windows():
 @pytest.mark.parametrize("method", ["gls", "two_stage"])
 @pytest.mark.slow
 def test_stated_noise_is_used(method, logs):
-    found = calibrate(logged_problem(), logs, quick(method=method, noise="stated"))
+    found = calibrate(logged_problem(), logs, quick(method=method, noise="specified"))
     assert found.fit.noises["position"].at_rest == pytest.approx(0.002)
     assert found.fit.noises["heading"].at_rest == pytest.approx(0.005)
 

@@ -35,7 +35,10 @@ def test_every_attribute_has_a_new_name():
         kinds = [kind for kind in Renamed.__subclasses__() if kind.__name__ == name]
         for kind in kinds:
             for old, new in renamed.items():
-                fields = (getattr(kind, name, ()) for name in ("__dataclass_fields__", "model_fields"))
+                fields = (
+                    getattr(kind, name, ())
+                    for name in ("__dataclass_fields__", "model_fields", "__annotations__")
+                )
                 assert new in {*vars(kind), *chain(*fields)}, f"{name}.{old}"
 
 
@@ -46,6 +49,24 @@ def test_an_attribute_by_its_old_name():
     with pytest.raises(AttributeError, match=r"no attribute 'nonsense'$"):
         certificate.nonsense  # noqa: B018
     assert pickle.loads(pickle.dumps(certificate)) == certificate
+
+
+def test_what_is_wrong_with_a_study_by_its_old_name():
+    error = oed.StudyError.about("study.yaml", "no study")
+    with pytest.raises(
+        AttributeError, match="'StudyError' object has no attribute 'flaws': it is now 'issues'"
+    ):
+        error.flaws  # noqa: B018
+    assert len(error.issues) == 1
+
+
+def test_a_method_of_the_users_own_by_its_old_name():
+    """A limit and a system, of which nobody would call it any more."""
+    for base in (oed.Limit, oed.System):
+        with pytest.raises(
+            TypeError, match=r"Own\.flaws is now called issues: rename it, or nobody calls it"
+        ):
+            type("Own", (base,), {"flaws": lambda *_: [], "__module__": __name__, "__qualname__": "Own"})
 
 
 @pytest.mark.parametrize(("old", "new"), NAMES.items())

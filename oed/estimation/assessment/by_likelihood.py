@@ -34,8 +34,8 @@ def likeliest(plain: Fit, options: CalibrationOptions, measurement: Measurement)
         text = "likelihood takes whole logs: omit it, or use method: joint"
         raise ProblemError.about(("calibration", "segment"), text)
     # Where the study states noise it states what there is.
-    stated = _stated(plain, measurement) if options.noise == "stated" else None
-    return WholeLogs(plain, stated).found()
+    known = _specified(plain, measurement) if options.noise == "specified" else None
+    return WholeLogs(plain, known).found()
 
 
 def covariance_of(found: Likeliest) -> Covariance:
@@ -43,12 +43,12 @@ def covariance_of(found: Likeliest) -> Covariance:
     return Covariance(found.covariance, found.degrees, "information")
 
 
-def _stated(plain: Fit, measurement: Measurement) -> ErrorSizes:
+def _specified(plain: Fit, measurement: Measurement) -> ErrorSizes:
     if any(noise.per_speed or noise.per_yaw_rate for noise in plain.noises.values()):
-        text = "likelihood takes stated noise that does not grow with speed: use noise: estimated"
+        text = "likelihood takes specified noise that does not grow with speed: use noise: estimated"
         raise ProblemError.about(("calibration", "noise"), text)
     drift = process_noise_of(measurement.joint_sensors)
     if drift is not None and not (isinstance(drift, Drift) and of_rates(drift)):
         text = f"likelihood has drift by {', '.join(RATES)}: state these alone, or use noise: estimated"
         raise ProblemError.about(("calibration", "noise"), text)
-    return ErrorSizes.stated({name: noise.at_rest for name, noise in plain.noises.items()}, drift)
+    return ErrorSizes.specified({name: noise.at_rest for name, noise in plain.noises.items()}, drift)

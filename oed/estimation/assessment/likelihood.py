@@ -81,7 +81,7 @@ class FittedReadings:
         """
         noise = 0
         if fit.volumes is not None:
-            each = _correlated(fit, free=options.noise != "stated")
+            each = _correlated(fit, free=options.noise != "specified")
             noise = _noise_parts(fit, options)
         else:
             each = np.zeros(fit.layout.count)
@@ -100,7 +100,7 @@ class FittedReadings:
         rates = [np.repeat(one[..., None], len(places), axis=-1) for one in (fit.speeds, fit.yaw_rates)]
         identified = shares > 0
         noise, count = fit.noises[group], 0
-        if options.noise != "stated":
+        if options.noise != "specified":
             own_rates = np.stack([one[identified] for one in rates])
             noise, count = _greatest(residuals[identified], shares[identified], own_rates, self.growth[group])
         variance = noise.deviation(*rates) ** 2
@@ -133,8 +133,8 @@ def _correlated(fit: Fit, *, free: bool) -> Array:
 def _noise_parts(fit: Fit, options: CalibrationOptions) -> int:
     # How many numbers a correlated noise has that were estimated.
     if fit.correlated is not None:
-        return (0 if options.noise == "stated" else len(fit.noises)) + len(fit.correlated.lasting) + 1
-    return len(PARTS) - (OF_POSES if options.noise == "stated" else options.noise == "constant")
+        return (0 if options.noise == "specified" else len(fit.noises)) + len(fit.correlated.lasting) + 1
+    return len(PARTS) - (OF_POSES if options.noise == "specified" else options.noise == "constant")
 
 
 def inflation(fit: Fit, block: float | None) -> tuple[float, Way]:

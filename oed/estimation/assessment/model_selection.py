@@ -311,7 +311,7 @@ def _with_segments(options: CalibrationOptions, fit: Fit) -> CalibrationOptions:
         return options
     seconds = fit.layout.seconds
     update: dict[str, object] = {"segment": seconds if math.isfinite(seconds) else "log"}
-    if fit.correlated is not None and options.noise != "stated":
+    if fit.correlated is not None and options.noise != "specified":
         update["noise"] = "correlated"
     return options.model_copy(update=update)
 

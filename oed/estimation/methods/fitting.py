@@ -229,7 +229,7 @@ class Fitting:
     def _may_last(self, layout: SegmentLayout) -> bool:
         # Whether noise that lasts is looked for. Likelihood looks for it itself, beside drift.
         options = self.options
-        free = options.loss == "linear" and options.noise != "stated" and options.method != "likelihood"
+        free = options.loss == "linear" and options.noise != "specified" and options.method != "likelihood"
         return free and has_lasting_form(layout.quantities)
 
     def _correlated(self, fit: Fit, unknowns: Unknowns) -> Fit:
@@ -274,7 +274,7 @@ class Fitting:
 
     def _specified(self, layout: SegmentLayout) -> dict[str, Noise] | None:
         # The noise that is not to be estimated.
-        if self.options.noise != "stated":
+        if self.options.noise != "specified":
             return None
         specified = noise_specified(self.measurement, layout.logs)
         missing = [name for name in layout.quantities if group_of(name) not in specified]

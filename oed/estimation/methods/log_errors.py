@@ -126,8 +126,8 @@ class ErrorSizes:
         return self.known(dict.fromkeys(names, 0.0))
 
     @classmethod
-    def stated(cls, white: Mapping[str, float], drift: Drift | None) -> ErrorSizes:
-        """Of noise that is as it is stated, with nothing that passes or lasts, and drift as stated, if it is.
+    def specified(cls, white: Mapping[str, float], drift: Drift | None) -> ErrorSizes:
+        """Of noise, and drift if there is any, as they are specified, with nothing that passes or lasts.
 
         Args:
             white: noise of position [m] and heading [rad].

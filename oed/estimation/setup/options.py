@@ -155,7 +155,7 @@ class CalibrationOptions(Component):
     replicates: Annotated[int, Field(ge=100, le=10_000_000)] = 2000
     sensor_place: tuple[PlaceName, ...] = PLACE
     clock_offset: bool = True
-    noise: Literal["estimated", "constant", "correlated", "stated"] = "estimated"
+    noise: Literal["estimated", "constant", "correlated", "specified"] = "estimated"
     loss: Loss = "linear"
     models: tuple[Alternative, ...] = ()
 
@@ -163,6 +163,12 @@ class CalibrationOptions(Component):
     def by_readings(self) -> bool:
         """Whether each reading is fitted, not motion between two."""
         return self.method in ("joint", "likelihood")
+
+    @field_validator("noise", mode="before")
+    @classmethod
+    def _as_it_is_called(cls, noise: object) -> object:
+        # As studies and records before 1.0 have it.
+        return "specified" if noise == "stated" else noise
 
     @field_validator("models")
     @classmethod

@@ -104,7 +104,7 @@ def _errors(record: EstimateRecord) -> Table | None:
 
 def _size_interval(one: FoundError) -> str:
     low, high = one.interval
-    return "as stated" if low == high else " to ".join(_size(end, one.unit) for end in (low, high))
+    return "as specified" if low == high else " to ".join(_size(end, one.unit) for end in (low, high))
 
 
 def _size(size: float | None, unit: str) -> str:

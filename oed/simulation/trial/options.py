@@ -103,7 +103,7 @@ AnyDiscrepancy = Annotated[
     Annotated[Discrepancy, Tag("as numbers")] | Annotated[Pilot, Tag("from a pilot drive")],
     Discriminator(_form),
 ]
-AS_DESIGNED = CalibrationOptions(segment="log", sensor_place=(), clock_offset=False, noise="stated")
+AS_DESIGNED = CalibrationOptions(segment="log", sensor_place=(), clock_offset=False, noise="specified")
 """Whole drives of which nothing is unknown but the parameters and the initial pose, as designs take it."""
 USUAL_DRIVES = ("circle", "square", "slow_square", "straight_and_spin", "random")
 
