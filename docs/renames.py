@@ -12,8 +12,8 @@ from oed.foundation import moved
 SAID = """\
 # Names that have changed
 
-What had another name before 1.0 fails when it is asked for by the old one, and says the new one. Nothing
-goes on under two names. Saved records are read whatever their age.
+Public names go on working by their old ones until 2.0, with a warning (`DeprecationWarning`). Attributes and
+modules fail by their old names, and say the new ones. Saved records are read whatever their age.
 """
 
 

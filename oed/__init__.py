@@ -86,10 +86,10 @@ def __getattr__(name: str) -> object:
         from oed.foundation.extras import package_version
 
         return package_version(__name__)
+    if name in moved.NAMES:
+        return _public(moved.renamed(name))
     if name not in _names:
-        new = moved.NAMES.get(name)
-        hint = f": it is now {__name__}.{new}" if new else ""
-        text = f"module {__name__!r} has no attribute {name!r}{hint}"
+        text = f"module {__name__!r} has no attribute {name!r}"
         raise AttributeError(text, name=name, obj=sys.modules[__name__])
     return _public(name)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from oed.foundation.arrays import Array
+from oed.foundation.equality import ByValue
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Card, Presented, given, number
 from oed.kernel.criteria import Criterion, E
@@ -45,8 +46,8 @@ class Bound:
     block: str = ""
 
 
-@dataclass(frozen=True, repr=False)
-class Certificate(Presented, Renamed):
+@dataclass(frozen=True, repr=False, eq=False)
+class Certificate(ByValue, Presented, Renamed):
     """The smallest of the bounds found, and what drives were found with it.
 
     Attributes:

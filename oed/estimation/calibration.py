@@ -31,6 +31,7 @@ from oed.estimation.preprocessing.steering_checks import steered_beyond
 from oed.estimation.setup.options import CalibrationOptions, alternative_issues
 from oed.estimation.setup.unknowns import PLACE
 from oed.foundation.arrays import Array
+from oed.foundation.equality import ByValue
 from oed.foundation.errors import LogError, ProblemError
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Brief
@@ -49,8 +50,8 @@ CLOCKS_APART = 0.1
 """Offset of two clocks that is worth a warning [s]."""
 
 
-@dataclass(frozen=True, repr=False)
-class Calibration(Brief, Renamed):
+@dataclass(frozen=True, repr=False, eq=False)
+class Calibration(ByValue, Brief, Renamed):
     """What logs say of a robot.
 
     Attributes:

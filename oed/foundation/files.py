@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fnmatch
 import os
 import re
+import secrets
 import stat
 import tempfile
 import unicodedata
@@ -181,24 +183,30 @@ def write_bytes(path: Path, content: bytes) -> None:
     require_replaceable(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # A short name, for the file's own may be as long as names can be.
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".oed-")
+        handle, temporary = _temporary(path.parent)
     except OSError as error:
         raise unwritten(f"{path.parent}: cannot write there", error) from None
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
-        # mkstemp makes files private; a report is to be read as any other file.
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
         os.replace(temporary, path)
     except OSError as error:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise unwritten(f"{path}: cannot be written", error) from None
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
+
+
+def _temporary(folder: Path) -> tuple[int, Path]:
+    # A new file, open: to be read by whom any other new file is, where those of `tempfile` are private. What
+    # that is, is the process's, and asking for it would change it for other threads' files.
+    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+    while True:
+        # A short name, for the file's own may be as long as names can be.
+        path = folder / f".oed-{secrets.token_hex(8)}"
+        with contextlib.suppress(FileExistsError):
+            return os.open(path, flags, 0o666), path
 
 
 def require_replaceable(path: Path, *, links: bool = False) -> None:

@@ -118,6 +118,16 @@ NAMES = {"leaving": "violation_probability", "Leaving": "Violation", "Flaw": "Is
 """Public names by those that they had."""
 
 
+def renamed(old: str) -> str:
+    """The public name that was `old`; warns of the old one, which goes on working until 2.0."""
+    # Loaded where it is needed: once for each process at most.
+    import warnings
+
+    new = NAMES[old]
+    warnings.warn(f"oed.{old} is now oed.{new}; the old name ends with 2.0", DeprecationWarning, stacklevel=3)
+    return new
+
+
 class Moved:
     """A finder of `sys.meta_path` that says where a module is that was elsewhere."""
 

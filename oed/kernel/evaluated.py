@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from oed.foundation.arrays import Array
+from oed.foundation.equality import ByValue
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import (
     PARAMETER_COLUMNS,
@@ -33,8 +34,8 @@ def _amount(margin: Margin) -> str:
     return size_text(margin.violation, margin.unit, 2)
 
 
-@dataclass(frozen=True, repr=False)
-class Evaluation(Presented, Renamed):
+@dataclass(frozen=True, repr=False, eq=False)
+class Evaluation(ByValue, Presented, Renamed):
     """What `evaluate` says of a trajectory; all SI.
 
     Attributes:

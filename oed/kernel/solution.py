@@ -9,6 +9,7 @@ from typing import Any
 
 from oed.foundation import plots
 from oed.foundation.arrays import Array
+from oed.foundation.equality import ByValue
 from oed.foundation.errors import UserMistake
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import PARAMETER_COLUMNS, Card, Presented, given
@@ -186,8 +187,8 @@ class Violation:
         return self.interval[1] <= probability
 
 
-@dataclass(frozen=True, repr=False)
-class Solution(Presented, Renamed):
+@dataclass(frozen=True, repr=False, eq=False)
+class Solution(ByValue, Presented, Renamed):
     """A solver's best design.
 
     Attributes:

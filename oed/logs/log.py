@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools
+from oed.foundation.equality import ByValue
 from oed.foundation.presenting import Card, Presented, dataframe, given
 from oed.foundation.text import given_text
 from oed.logs.motions import Motions
@@ -62,8 +63,8 @@ class SensorReadings:
         return np.column_stack([np.interp(times, self.times, column) for column in columns])
 
 
-@dataclass(frozen=True, repr=False)
-class Log(Presented):
+@dataclass(frozen=True, repr=False, eq=False)
+class Log(ByValue, Presented):
     """One drive as it was logged. Times rise, numbers are finite, all SI.
 
     Attributes:

@@ -11,6 +11,7 @@ import numpy as np
 
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
+from oed.foundation.equality import ByValue
 from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
 from oed.kernel.criteria import Criterion
@@ -24,8 +25,8 @@ SLIGHT = 1e-9
 """Gain of an exchange, relative to the criterion, that is rounding."""
 
 
-@dataclass(frozen=True, repr=False)
-class Weights(Brief):
+@dataclass(frozen=True, repr=False, eq=False)
+class Weights(ByValue, Brief):
     """Weights of readings.
 
     Attributes:

@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 
 from oed.foundation.arrays import Array
+from oed.foundation.equality import ByValue
 from oed.foundation.presenting import Card, Presented
 from oed.foundation.text import listing, significant
 from oed.simulation.checks import Moments
@@ -26,8 +27,8 @@ PRESENT = 0.1
 """Least share of a combination that makes a parameter worth naming."""
 
 
-@dataclass(frozen=True, repr=False)
-class Linearisation(Presented):
+@dataclass(frozen=True, repr=False, eq=False)
+class Linearisation(ByValue, Presented):
     """Simulated estimates against the linearised least squares of the same noise.
 
     Attributes:

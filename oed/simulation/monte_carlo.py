@@ -18,6 +18,7 @@ from oed.estimation.methods import Estimator, EstimatorName, Heading, make_estim
 from oed.estimation.setup.options import Loss
 from oed.foundation.arguments import require_count, typed
 from oed.foundation.arrays import Array
+from oed.foundation.equality import ByValue
 from oed.foundation.errors import ProblemError
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Card, Fact, Presented, dataframe
@@ -40,8 +41,8 @@ SHOWN = 200
 STREAM = 5
 
 
-@dataclass(frozen=True, repr=False)
-class Validation(Presented, Renamed):
+@dataclass(frozen=True, repr=False, eq=False)
+class Validation(ByValue, Presented, Renamed):
     """Predicted against simulated precision; all SI.
 
     Attributes:

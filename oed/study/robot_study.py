@@ -31,10 +31,11 @@ def _limit_table() -> Any:
         for name, kind in LIMITS.items()
     }
     fields["own"] = (Optional[tuple[Annotated[Limit, OneOf((PythonLimit,))], ...]], None)  # noqa: UP045
-    return create_model("Limits", __base__=Component, __doc__="Limits by name; all optional.", **fields)
+    said = "Limits by name; all optional."
+    return create_model("Limits", __base__=Component, __doc__=said, __module__=__name__, **fields)
 
 
-_Limits = _limit_table()
+Limits = _limit_table()
 
 
 def sensor_list(value: Any) -> Any:
@@ -60,7 +61,7 @@ class RobotStudyFile(StudyFile):
     trajectory: DesignSpace | None = None
     measurement: Annotated[Measurement, OneOf(MEASUREMENTS), BeforeValidator(sensor_list)]
     prior: AnyPrior | None = None
-    limits: Annotated[_Limits | None, Field(validate_default=True)] = None  # type: ignore[valid-type]
+    limits: Annotated[Limits | None, Field(validate_default=True)] = None  # type: ignore[valid-type]
     baselines: tuple[AnyBaseline, ...] = ()
     same_length: bool = False
     log: AnyLogForm | None = None

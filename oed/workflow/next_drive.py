@@ -12,6 +12,7 @@ import yaml
 
 from oed.foundation.arguments import typed
 from oed.foundation.component import OneOf
+from oed.foundation.equality import ByValue
 from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.presenting import Brief
 from oed.logs import CsvForm
@@ -59,8 +60,8 @@ class Precision:
         return float(error or 0.0) / float(self.wanted or self.size or 1.0)
 
 
-@dataclass(frozen=True, repr=False)
-class NextDrive(Brief):
+@dataclass(frozen=True, repr=False, eq=False)
+class NextDrive(ByValue, Brief):
     """What to do after the drives so far.
 
     Attributes:

@@ -40,6 +40,15 @@ def test_an_old_file_is_replaced(tmp_path: Path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions are POSIX's")
+def test_files_that_other_threads_make_meanwhile_are_none_of_its_business(tmp_path: Path, monkeypatch):
+    # What new files may be is the process's: to ask for it is to change it.
+    monkeypatch.setattr(os, "umask", lambda _: pytest.fail("changed for all threads"))
+    write_text(tmp_path / "report.md", "text")
+    (tmp_path / "other").touch()
+    modes = {file.stat().st_mode for file in tmp_path.iterdir()}
+    assert len(modes) == 1
+
+
 def test_others_may_read_it_as_any_other_file(tmp_path: Path):
     ordinary = tmp_path / "ordinary.txt"
     ordinary.write_text("x")

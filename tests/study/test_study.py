@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import re
 from pathlib import Path
 
@@ -33,6 +34,8 @@ class TestShipped:
         assert study.solvers
         assert study.problem.name == study.name
         assert_echo_of(study)
+        # As a process that it is given to has it.
+        assert pickle.loads(pickle.dumps(study)).echo() == study.echo()
 
     def test_there_are_some(self):
         assert {"choi_skid_steer", "choi_paper_table"} <= {file.stem for file in STUDIES}

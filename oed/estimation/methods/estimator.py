@@ -11,6 +11,7 @@ import numpy as np
 
 from oed.estimation.methods.fit import Fit
 from oed.foundation.arrays import Array
+from oed.foundation.equality import ByValue
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Brief
 
@@ -47,8 +48,8 @@ class Estimator(Renamed, ABC):
         """Estimates (count, p) from simulated readings, and the linearised estimates of the same noise."""
 
 
-@dataclass(frozen=True, repr=False)
-class Estimate(Brief):
+@dataclass(frozen=True, repr=False, eq=False)
+class Estimate(ByValue, Brief):
     """Parameters estimated from readings; all SI.
 
     Attributes:

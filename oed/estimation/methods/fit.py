@@ -13,6 +13,7 @@ from oed.estimation.methods.gauss_markov import GaussMarkov
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.unknowns import Unknowns, inverse_of_sum
 from oed.foundation.arrays import Array
+from oed.foundation.equality import ByValue
 from oed.foundation.presenting import Brief
 from oed.logs.log import Log
 from oed.robots.sensors.logged import Noise
@@ -43,8 +44,8 @@ class ScoreParts(NamedTuple):
     spread: Array
 
 
-@dataclass(frozen=True, repr=False)
-class Fit(Brief):
+@dataclass(frozen=True, repr=False, eq=False)
+class Fit(ByValue, Brief):
     """A least-squares solution over segments.
 
     Attributes:

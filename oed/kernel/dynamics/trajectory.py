@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from oed.foundation.arrays import Array
+from oed.foundation.equality import ByValue
 from oed.foundation.presenting import Card, Presented, dataframe, given
 from oed.foundation.text import given_text
 from oed.kernel.dynamics import spline
@@ -58,8 +59,8 @@ def held_jerks(knots: Array, degree: int, coefficients: Array, samples: int) -> 
     return np.asarray(np.diff(held_rates(knots, degree, coefficients, samples), axis=0) / period)
 
 
-@dataclass(frozen=True, repr=False)
-class Trajectory(Presented):
+@dataclass(frozen=True, repr=False, eq=False)
+class Trajectory(ByValue, Presented):
     """A drive: splines of the inputs over time, held sample by sample, from a start state.
 
     A drive may consist of several runs, each from a start of its own: then their splines follow each other

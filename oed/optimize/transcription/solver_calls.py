@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stderr
 from functools import cache
 from pathlib import Path
+from threading import Lock
 from types import FrameType
 from typing import Any
 
@@ -61,13 +62,35 @@ def one_thread() -> Iterator[None]:
     if control is None:
         yield
         return
-    get, put = control
-    before = get()
-    put(1)
+    _single.enter(control)
     try:
         yield
     finally:
-        put(before)
+        _single.leave(control)
+
+
+class _Single:
+    # The number is the process's: the first of all its threads' solves sets it, the last one sets it back.
+
+    def __init__(self) -> None:
+        self._lock, self._solves, self._before = Lock(), 0, 0
+
+    def enter(self, control: Control) -> None:
+        get, put = control
+        with self._lock:
+            self._solves += 1
+            if self._solves == 1:
+                self._before = get()
+                put(1)
+
+    def leave(self, control: Control) -> None:
+        with self._lock:
+            self._solves -= 1
+            if self._solves == 0:
+                control[1](self._before)
+
+
+_single = _Single()
 
 
 @cache
