@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from oed.cli.design_commands import PLAN, RUN, SOLVE, SWEEP
+from oed.cli.examples_command import EXAMPLES
 from oed.cli.log_commands import ESTIMATE, NEXT
 from oed.cli.loop_command import LOOP
 from oed.cli.record_commands import ANIMATE, EXPORT, REPORT, VALIDATE
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 COMMANDS: tuple[Command, ...] = (
     INIT,
+    EXAMPLES,
     RUN,
     CHECK,
     SOLVE,
