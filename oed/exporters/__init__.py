@@ -11,7 +11,7 @@ from oed.exporters.played import MESSAGES as MESSAGES
 from oed.exporters.request import Request, require_rate
 from oed.exporters.ros2_node import write_node
 from oed.exporters.rosbag2 import STORAGES as STORAGES
-from oed.exporters.rosbag2 import write_bag
+from oed.exporters.rosbag2 import bag_library, write_bag
 from oed.exporters.tables import write_csv, write_json
 from oed.foundation.arguments import typed
 from oed.foundation.errors import RecordError, UserMistake
@@ -29,6 +29,8 @@ EXPORTERS: dict[str, Callable[[Request], Path]] = {
     "ros2_yaml": write_parameters,
 }
 """The formats: each writes what is asked for and returns the file or folder."""
+LIBRARIES: dict[str, Callable[[], object]] = {"rosbag2": bag_library}
+"""By format, what raises a `UserMistake` where the extra that it needs is not installed."""
 
 
 @typed

@@ -60,11 +60,20 @@ def write_bag(request: Request) -> Path:
     return path
 
 
+def bag_library() -> Any:
+    """What knows the messages of bags that are written.
+
+    Raises:
+        UserMistake: it is not installed; says how to.
+    """
+    return extra("rosbags.typesys", "ros", PURPOSE)
+
+
 class _Messages:
     """Makes messages of the types that every release of ROS 2 has alike."""
 
     def __init__(self) -> None:
-        stores = extra("rosbags.typesys", "ros", PURPOSE)
+        stores = bag_library()
         self.types = stores.get_typestore(stores.Stores.ROS2_HUMBLE)
 
     def make(self, kind: str, *values: Any) -> Any:

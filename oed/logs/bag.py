@@ -149,6 +149,15 @@ def _stamp(message: Any) -> float:
     return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 
+def bag_reader() -> Any:
+    """The library that reads bags.
+
+    Raises:
+        UserMistake: it is not installed; says how to.
+    """
+    return extra("rosbags.highlevel", "ros", NEEDED_FOR)
+
+
 @contextmanager
 def open_bag(file: Path) -> Iterator[Bag]:
     """Open a ROS 1 or ROS 2 bag.
@@ -165,7 +174,7 @@ def open_bag(file: Path) -> Iterator[Bag]:
     for part in (file, *(file.iterdir() if file.is_dir() else ())):
         if special(part):
             raise LogError.about(part, f"cannot be read as a ROS bag: expected a file, got {special(part)}")
-    highlevel = extra("rosbags.highlevel", "ros", NEEDED_FOR)
+    highlevel = bag_reader()
     try:
         with highlevel.AnyReader([file], default_typestore=_known_types()) as reader:
             _share_types(reader)

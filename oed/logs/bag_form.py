@@ -14,7 +14,7 @@ from pydantic import Tag
 from oed.foundation.errors import Issue, LogError
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Measurement
-from oed.logs.bag import JOINTS, POSES, Bag, Clock, open_bag
+from oed.logs.bag import JOINTS, POSES, Bag, Clock, bag_reader, open_bag
 from oed.logs.bag_inputs import AnyBagInputs, BagInput, OdometryTopic, meant, source_of
 from oed.logs.bag_poses import PoseTopic
 from oed.logs.bag_reading import BagReading, Reading
@@ -56,6 +56,10 @@ class BagForm(LogForm):
     poses: AnyPoseTopic = PoseTopic()
     sensors: dict[str, Annotated[SensorTopic, Short("topics")]] = {}  # noqa: RUF012
     clock: Clock = "header"
+
+    def require_installed(self) -> None:
+        """The library that reads bags."""
+        bag_reader()
 
     def issues(self, model: System) -> list[Issue]:
         """Inputs the robot does not have, keys that exclude each other, forms and units that do not fit."""

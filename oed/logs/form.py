@@ -66,6 +66,14 @@ class LogForm(Component, ABC):
     def issues(self, model: System) -> list[Issue]:
         """What in this form does not fit the robot."""
 
+    def require_installed(self) -> None:
+        """Make sure that what reads such logs is installed.
+
+        Raises:
+            UserMistake: an extra is missing; says how to install it.
+        """
+        return
+
     def sensor_issues(self, measurement: Measurement | None) -> list[Issue]:
         """What in this form does not fit the sensors of a study."""
         return []

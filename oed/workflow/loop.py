@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from oed.exporters import EXPORTERS
+from oed.exporters import EXPORTERS, LIBRARIES
 from oed.foundation.arguments import typed
 from oed.foundation.errors import RecordError, UserMistake
 from oed.foundation.extras import package_version
@@ -116,8 +116,8 @@ def loop(
         written: called with each folder that has new results.
 
     Raises:
-        UserMistake: no such folder or format, targets for what is not estimated, `out` of another study's
-            loop, or of one that is at work.
+        UserMistake: no such folder or format, an extra that is not installed, targets for what is not
+            estimated, `out` of another study's loop, or of one that is at work.
         Failure: the command failed, or left no log.
     """
     _require(study, targets or {}, to, least_gain, most, poll, settle)
@@ -174,6 +174,9 @@ def _require(
     if to not in drives:
         why = "; ros2_yaml is no drive" if to == "ros2_yaml" else ""
         raise UserMistake(f"expected a format of {', '.join(drives)}; got {to!r}{why}")
+    if to in LIBRARIES:
+        LIBRARIES[to]()
+    study.log.require_installed()
     if not 0 <= least_gain < 1:
         raise UserMistake(f"least gain: expected a share from 0 to 1, got {least_gain:g}")
     if not (poll > 0 and settle >= 0):

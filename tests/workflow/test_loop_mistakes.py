@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -60,6 +61,27 @@ class TestMistakes:
         error = capsys.readouterr().err
         assert said in error
         assert len(error.splitlines()) == 1
+        assert sorted(file.parent.rglob("*")) == before
+
+    @pytest.mark.parametrize(
+        ("flags", "log", "said"),
+        [
+            (["--export", "rosbag2"], "", "writing ROS 2 bags needs an extra"),
+            ([], "log: {kind: rosbag}\n", "reading ROS bags needs an extra"),
+        ],
+    )
+    def test_an_extra_that_is_missing(
+        self, file: Path, logs: Path, capsys, monkeypatch, flags: list[str], log: str, said: str
+    ):
+        for part in ("highlevel", "rosbag2", "typesys"):
+            monkeypatch.setitem(sys.modules, f"rosbags.{part}", None)
+        file.write_text(STUDY + log)
+        before = sorted(file.parent.rglob("*"))
+        out = file.parent / "out"
+        assert main(["loop", str(file), "--logs", str(logs), "--out", str(out), "--quiet", *flags]) == 2
+        error = capsys.readouterr().err
+        assert error.startswith(said)
+        assert error.endswith(": pip install 'oed[ros]'\n")
         assert sorted(file.parent.rglob("*")) == before
 
     @pytest.mark.parametrize(
