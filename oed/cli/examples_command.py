@@ -42,12 +42,22 @@ def _copy(options: argparse.Namespace) -> int:
     from oed.study.examples import FOLDER, copy_examples, examples, examples_named
 
     chosen = list(examples().values()) if options.all else examples_named(options.names)
-    out = Path(FOLDER if options.out is None else options.out)
+    out = Path(options.out or FOLDER)
     files = copy_examples(chosen, out, force=options.force)
     studies = [out / one.files[0] for one in chosen]
-    wrote = " and ".join(map(str, files)) if len(files) <= 2 else f"{len(files)} files to {out}"
-    data = {"directory": str(out), "studies": [*map(str, studies)], "files": [*map(str, files)]}
-    return answered(options, data, lambda: say(f"wrote {wrote}; then: oed run {studies[0]}"))
+    written = [str(file) for file, new in files.items() if new]
+    data = {
+        "directory": str(out),
+        "studies": [*map(str, studies)],
+        "files": [*map(str, files)],
+        "written": written,
+    }
+    text = f"wrote {_named(written, out)}" if written else f"nothing to write, all is in {out} already"
+    return answered(options, data, lambda: say(f"{text}; then: oed run {studies[0]}"))
+
+
+def _named(files: list[str], out: Path) -> str:
+    return " and ".join(files) if len(files) <= 2 else f"{len(files)} files to {out}"
 
 
 EXAMPLES = Command(

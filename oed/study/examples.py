@@ -78,10 +78,10 @@ def examples_named(names: Iterable[str]) -> list[Example]:
     return [known[name] for name in asked]
 
 
-def copy_examples(chosen: Iterable[Example], out: Path, *, force: bool = False) -> list[Path]:
+def copy_examples(chosen: Iterable[Example], out: Path, *, force: bool = False) -> dict[Path, bool]:
     """Copy examples with what they need into a folder, all or none; returns the copies.
 
-    A file that is there already, and the same, stays.
+    A file that is there already, and the same, stays: its value is false, that of a new one true.
 
     Args:
         chosen: examples.
@@ -101,7 +101,7 @@ def copy_examples(chosen: Iterable[Example], out: Path, *, force: bool = False) 
         with updated(out) as draft:
             draft.write(contents)
             draft.publish()
-    return [out / name for name in names]
+    return {out / name: name in contents for name in names}
 
 
 def _holds(path: Path, content: bytes) -> bool:

@@ -16,7 +16,7 @@ from oed.study import examples
 from oed.workflow.studies import load_study
 
 STUDIES = sorted(one.relative_to(PROBLEMS).with_suffix("").as_posix() for one in PROBLEMS.rglob("*.yaml"))
-PAIR = {"room_robot.yaml": None, "logs/room_robot.csv": None}
+PAIR = ("room_robot.yaml", "logs/room_robot.csv")
 
 
 @pytest.fixture
@@ -36,6 +36,7 @@ def shipped(*names: str) -> dict[str, bytes]:
 
 
 def data(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict]:
+    capsys.readouterr()
     code = main(["examples", *arguments, "--json"])
     return code, json.loads(capsys.readouterr().out)
 
@@ -90,6 +91,7 @@ def test_copies_are_told_as_json(folder: Path, capsys: pytest.CaptureFixture[str
         "directory": "here",
         "studies": studies,
         "files": [*studies, "here/logs/room_robot.csv"],
+        "written": [*studies, "here/logs/room_robot.csv"],
     }
 
 
@@ -137,14 +139,17 @@ def test_nothing_is_written_over_without_force(folder: Path, capsys: pytest.Capt
     assert contents(folder) == shipped("heading.yaml", *PAIR)
 
 
-def test_a_copy_that_is_there_already_stays(folder: Path):
+def test_a_copy_that_is_there_already_stays(folder: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["examples", "room_robot"]) == 0
     (folder / "problems" / "notes.txt").write_text("mine")
     log = folder / "problems" / "logs" / "room_robot.csv"
     before = log.stat()
     (folder / "problems" / "room_robot.yaml").unlink()
-    assert main(["examples", "room_robot"]) == 0
+    code, found = data(capsys, "room_robot")
+    assert (code, found["written"], len(found["files"])) == (0, ["problems/room_robot.yaml"], 2)
     assert contents(folder) == {**shipped(*PAIR), "problems/notes.txt": b"mine"}
+    assert main(["examples", "room_robot"]) == 0
+    assert capsys.readouterr().err.startswith("nothing to write, all is in problems already; then: oed run ")
     assert (log.stat().st_ino, log.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
 
 
