@@ -327,12 +327,8 @@ class MultiStart:
         return earlier_design(self.context.earlier, name, self.design)
 
     def _standing(self, results: Sequence[Local | None]) -> str:
-        reached = [one.objective for one in (*results, self.best) if one is not None]
-        return (
-            f"best by {self.problem.criterion.kind}: {max(reached):.4g}"
-            if reached and np.isfinite(max(reached))
-            else ""
-        )
+        best = max(one.objective for one in (*results, self.best) if one is not None)
+        return f"best by {self.problem.criterion.kind}: {best:.4g}" if np.isfinite(best) else ""
 
     def _task(self, unknowns: Array, share: float | None = None, barrier: float | None = None) -> Task:
         return Task(self.token, self.problem, self.settings, unknowns, share, barrier, self._binary)

@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from builders import ACCELERATION, BOX, SPEED, problem_of
+from listeners import Listener
 
 from oed.kernel.problem import Problem
+from oed.optimize import Ipopt, solve
 from oed.optimize.conflict import describe_conflict
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives
@@ -102,3 +104,17 @@ def test_an_angle_is_in_degrees():
         start={"x": 0, "y": 0, "heading": 0},
     )
     assert re.search(r"end heading \(by at most \S+ deg\)", describe(straight))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("problem", "said"), [(make_cornered(), r"^$"), (problem_of(), r"^best by E: \d+")])
+def test_progress_says_nothing_of_a_best_until_there_is_one(problem: Problem, said: str):
+    notes = []
+
+    class Noting(Listener):
+        def advance(self, note: str = "") -> None:
+            notes.append(note)
+
+    options = Ipopt(starts=1, perturbations=0, second_stage="none")
+    solve(problem, options, seed=0, workers=1, progress=Noting())
+    assert re.search(said, notes[0])
