@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import count, islice
+from itertools import chain, count, islice, repeat
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ from oed.optimize.sketches import Sketches
 from oed.optimize.terms.base import Terms
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.perturbations import varied_design
-from oed.optimize.transcription.starting_points import screen, varied_starts
+from oed.optimize.transcription.starting_points import Screening, screen, varied_starts
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.space import DesignSpace
 from oed.workflow.studies import parse_study
@@ -63,18 +63,64 @@ def test_varied_starts_are_farther_apart_than_the_best_ones(design):
     assert nearest(np.array(varied)) > 1.2 * nearest(best)
 
 
+def test_varied_starts_begin_within_the_room():
+    room = Rectangle(x=(-0.3, 0.3), y=(0.1, 0.4))
+    limits = (room, WheelSpeed(bounds=(2, 8)), ACCELERATION)
+    problem = problem_of(design=SPACE.model_copy(update={"start": "free"}), limits=limits)
+    design = DesignExpressions(problem)
+    screened = screen(design, np.random.default_rng(0))
+    starts = list(islice(varied_starts(design, screened, np.random.default_rng(1)), 12))
+    places = np.array([design.trajectory(start).starts[0, :2] for start in starts])
+    assert np.all((np.array([-0.3, 0.1]) <= places) & (places <= np.array([0.3, 0.4])))
+    assert len(np.unique(places, axis=0)) == len(starts)
+
+
+def test_every_fourth_varied_start_is_the_best_of_those_left(design):
+    drawn = screen(design, np.random.default_rng(0))
+    # All alike in how they keep the limits: the criterion alone says which are best.
+    screened = Screening(drawn.candidates, drawn.values, np.zeros_like(drawn.violations))
+    ranked = list(screened.candidates[np.argsort(-screened.values, kind="stable")])
+    starts = list(islice(varied_starts(design, screened, np.random.default_rng(1)), 12))
+    taken = set[bytes]()
+    for place, start in enumerate(starts):
+        if place % 4 == 0:
+            best = next(one for one in ranked if one.tobytes() not in taken)
+            np.testing.assert_array_equal(start, best)
+        taken.add(start.tobytes())
+
+
 def test_perturbations_are_of_all_sizes(design):
     rng, base = np.random.default_rng(0), screen(design, np.random.default_rng(0)).candidates[0]
     sizes = [np.linalg.norm(varied_design(design, base, rng) - base) for _ in range(200)]
     assert np.quantile(sizes, 0.9) > 4 * np.quantile(sizes, 0.1)
 
 
-def test_the_budget_counts_iterations_by_samples(design):
-    found = exploration(design, budget=60)
+def test_a_drive_whose_time_is_warped_begins_and_ends_as_it_did(design):
+    low, high = design.coefficient_bounds.T
+    half = len(low) // 2
+    # Both inputs rise all the time: they still do where nothing but their time has changed.
+    rising = np.concatenate([np.linspace(0.1, 0.9, half)] * 2) * (high - low) + low
+    rng, before = np.random.default_rng(0), rising.reshape(2, half)
+    drawn = [varied_design(design, rising, rng).reshape(2, half) for _ in range(200)]
+    warped = [one for one in drawn if np.all(np.diff(one) >= 0) and np.array_equal(one[:, 0], before[:, 0])]
+    assert len(warped) > 20
+    # Some of those that are drawn anew may have risen by chance.
+    kept = [np.array_equal(one[:, -1], before[:, -1]) for one in warped]
+    assert np.mean(kept) > 0.9
+
+
+def test_after_the_opening_one_start_of_a_round_is_fresh(design):
+    found, rounds = exploration(design, budget=60), []
     rising = count()
-    found.run(lambda attempts: [(one, Sketch(one.unknowns, next(rising), 50)) for one in attempts])
-    # 24 samples of 200: 0.12 of an iteration each, so that 500 of them are the budget, up to a round.
-    assert 500 <= found.iterations < 500 + ROUND * 50
+
+    def solved(attempts):
+        rounds.append([one.perturbed for one in attempts])
+        return [(one, Sketch(one.unknowns, next(rising), 50)) for one in attempts]
+
+    found.run(solved)
+    fresh = [not any(one) for one in rounds]
+    assert fresh == [place < QUICK.opening for place in range(len(rounds))]
+    assert all(one == [True] * (ROUND - 1) + [False] for one in rounds[QUICK.opening :])
 
 
 def test_it_ends_when_the_best_is_found_again_and_again(design):
@@ -82,6 +128,13 @@ def test_it_ends_when_the_best_is_found_again_and_again(design):
     found.run(lambda attempts: [(one, Sketch(one.unknowns, next(values), 50)) for one in attempts])
     # Up to a round.
     assert 9 + 2 * QUICK.again <= found.solves < 9 + 2 * QUICK.again + ROUND
+
+
+def test_a_best_found_late_is_looked_for_half_as_long_again(design):
+    found, values = exploration(design, budget=700), chain(np.linspace(2.0, 1.0, 60), repeat(3.0))
+    found.run(lambda attempts: [(one, Sketch(one.unknowns, next(values), 50)) for one in attempts])
+    # First found by solve 61, and again ever since: more often than `again` says before that is enough.
+    assert 61 + QUICK.again + ROUND < 61 * 3 / 2 <= found.solves < 61 * 3 / 2 + ROUND
 
 
 def test_where_solves_are_cheap_it_goes_on_for_more_of_them(design):

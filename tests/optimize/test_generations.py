@@ -14,7 +14,7 @@ from pymoo.operators.mutation.gauss import GaussianMutation
 from pymoo.termination import get_termination
 
 from oed.foundation.arrays import Array
-from oed.optimize import Genetic
+from oed.optimize import CmaEs, Genetic
 from oed.optimize.generations import APART, OnArrays, known, repeated
 
 SIZE, GENERATIONS = 5, 12
@@ -135,6 +135,14 @@ class TestGaussianMutation:
         theirs = self.mutated(GaussianMutation(), 1)
         assert 0 < np.count_nonzero(first[0] != theirs[0]) < 100
         assert (first[0] >= -1).all()
+
+
+def test_cmaes_begins_about_the_gentlest_drive_of_the_sampling():
+    gentlest = np.full(SIZE, -0.1)
+    first = np.stack([np.full(SIZE, 0.9), gentlest, np.full(SIZE, -0.5)])
+    generations = CmaEs(sigma=0.01).begun(Bowl(), first, seed=0)
+    generations.advance()
+    np.testing.assert_allclose(generations.standing.unknowns.mean(axis=0), gentlest, atol=0.05)
 
 
 class TestSame:

@@ -47,13 +47,14 @@ def test_instants_between_the_samples_are_added(coarse: Problem):
 
 def test_a_start_has_what_is_left_of_the_whole_time(coarse: Problem):
     # Not the whole limit once more: that is up after a solve.
-    ends = []
+    ends, began = [], time.perf_counter()
     for left in (-1.0, 100.0):
         settings = Settings(200, 1e-6, 100.0, "none", deadline=time.time() + left)
         assert settings.until == pytest.approx(time.perf_counter() + left, abs=0.1)
         search = local_search(f"{left} s left", coarse, settings)
         ends.append(search.maximise(np.random.default_rng(0).uniform(-0.5, 0.5, search.design.terms.size)))
     cut, whole = ends
+    assert 0 <= cut.wall_seconds + whole.wall_seconds <= time.perf_counter() - began
     assert whole.status is Status.CONVERGED
     assert cut.status is not Status.CONVERGED
     assert cut.iterations < whole.iterations

@@ -19,6 +19,7 @@ from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
 from oed.optimize.terms.base import Terms
 from oed.optimize.terms.pieces import Pieces
+from oed.optimize.terms.row_bounds import RowBounds, violation
 from oed.optimize.terms.unrolled import Unrolled
 from oed.optimize.transcription.design import DesignExpressions
 from oed.robots.limits import BodySpeed, EndHeading, PathLength, WheelSpeed
@@ -179,3 +180,23 @@ def test_compiled_anew_only_where_that_spares_time(cache: Path):
         assert libraries() == count
         assert_same_bits(list(own.score_many(drives)), list(plain))
         assert own._scores.is_a("External") == bool(count)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper"),
+    [
+        ((-1.0, -1.0), (1.0, 1.0)),
+        ((-2.0, 0.5), (0.0, 3.0)),
+        ((-np.inf, -2.0, 0.5), (1.0, np.inf, 2.0)),
+        ((-np.inf, -np.inf), (0.5, 1.5)),
+        ((0.5, 1.5), (np.inf, np.inf)),
+    ],
+    ids=str,
+)
+def test_a_violation_is_the_most_that_any_row_is_out_of_its_bounds(lower, upper):
+    low, high, size = np.array(lower), np.array(upper), 0.25
+    values = ca.SX.sym("values", len(low))
+    found = ca.Function("f", [values], [violation(values, RowBounds(low, high, size, "m"))])
+    for one in np.random.default_rng(0).normal(scale=2, size=(50, len(low))):
+        excess = np.maximum(one - high, low - one).max(initial=0.0)
+        assert float(found(one)) == pytest.approx(excess / size)
