@@ -289,6 +289,18 @@ def test_no_angles_say_more_than_one_input_that_turns_round() -> None:
         assert most <= (np.add.reduceat(reach, edges[:-1]) ** 2).sum() / 2 + 1e-12
 
 
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
+def test_angles_of_another_size_say_as_much_more_as_their_squares(scale: float) -> None:
+    rng = np.random.default_rng(1)
+    for segments in range(3, 8):
+        edges = 3 * np.arange(segments + 1)
+        reach, steps = rng.uniform(0.5, 1.5, (3 * segments, 2)), rng.uniform(0.02, 0.1, 2)
+        most = most_turning(reach, steps, edges)
+        # Less than where neither turns round.
+        assert most < 0.95 * (np.add.reduceat(reach, edges[:-1]) ** 2).sum() / 2
+        assert most_turning(scale * reach, scale * steps, edges) == pytest.approx(scale**2 * most, rel=1e-9)
+
+
 def test_headings_are_bounded_by_an_input_that_turns_round() -> None:
     problem = load_study(PROBLEMS / "heading.yaml").problem
     by_method = {one.method: one.value for one in regression_bounds(problem)}
