@@ -94,11 +94,13 @@ def test_narrow_stretches_have_close_bounds(name: str):
         assert widths[1] <= 0.03 * widths[0] + 1e-12
 
 
-def test_a_choice_is_bounded_as_one():
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_a_choice_is_bounded_as_one(*, exchanged: bool):
     # Not term by term, which would bound this constant by 0 and 2.
     x, end = ca.SX.sym("x"), ca.SX.sym("end")
-    function = ca.Function("f", [x], [ca.if_else(x < 0.5, 1.0, ca.cos(x - 0.5))])
-    (found,) = enclosed(function, [[Enclosure(Interval(x, end), ONE)]])
+    early, late, curved = ca.logic_and(x < 0.5, x < 0.6), 1.0, ca.cos(x - 0.5)
+    choice = ca.if_else(ca.logic_not(early), curved, late) if exchanged else ca.if_else(early, late, curved)
+    (found,) = enclosed(ca.Function("f", [x], [choice]), [[Enclosure(Interval(x, end), ONE)]])
     low, high = ca.Function("bounds", [x, end], [found.value.low, found.value.high])(0.4, 0.6)
     assert 0.99 < float(low) <= float(high) == 1
 

@@ -227,6 +227,12 @@ def test_spaces_that_do_not_fit_the_system(parts, reason):
         decay(**parts)
 
 
+@pytest.mark.parametrize(("rest", "least"), [(False, "0.1 1/s"), (True, "-0.1 1/s"), (True, "0 1/s")])
+def test_a_spline_fits_a_range_with_the_rest_that_it_needs(rest, least):
+    (spline,) = decay(signals=(SplineSignal(rest_to_rest=rest),), least=least).design.signals
+    assert spline.rest_to_rest is rest
+
+
 class TestStarts:
     def test_between_bounds_and_fixed(self):
         chosen = ChosenStarts.between(np.array([[1.0, 3.0], [5.0, 5.0], [-2.0, 0.0]]), 4, 2)
