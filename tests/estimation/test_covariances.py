@@ -38,7 +38,7 @@ from oed.estimation.assessment.covariance import (
 )
 from oed.estimation.assessment.dead_reckoning import cross_validated, values_without
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
-from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.fit import SUREST, Fit, degrees_of
 from oed.estimation.methods.segment_length import longest_without_drift, spread
 from oed.estimation.setup.noise import estimated, greatest
 from oed.estimation.setup.unknowns import Knowledge, inverse_of_identifiable
@@ -59,6 +59,14 @@ def fit() -> Fit:
 def relative(fit: Fit, one: Covariance) -> np.ndarray:
     """Standard errors in units of those by F^-1."""
     return one.deviations / np.sqrt(np.diag(fit.inverse))
+
+
+@pytest.mark.parametrize("unsure", [0.01, 0.5, 2.0])
+def test_degrees_of_freedom_are_those_of_the_kurtosis(unsure: float):
+    degrees = degrees_of(unsure)
+    # Of Student's t, 3 (d - 2) / (d - 4), and of normal errors of log-normal variances, 3 e^(s^2).
+    assert (degrees - 2) / (degrees - 4) == pytest.approx(np.exp(unsure))
+    assert degrees_of(0.0) == pytest.approx(SUREST, rel=1e-5)
 
 
 class TestBlocks:

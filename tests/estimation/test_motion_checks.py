@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -93,6 +94,11 @@ class TestClocks:
         kept = calibrate(logged_problem(), [log], options(segment="log", clock_offset=False))
         assert kept.fit.clock_offsets == pytest.approx([0.0])
         assert "clock_offset" not in kept.fit.unknowns.names
+
+
+@pytest.mark.parametrize(("quantities", "goes"), [(("heading",), False), (("x", "y"), True)])
+def test_headings_alone_show_no_distance(quantities, goes):
+    assert moves_of(log_of(DRIVE, noise=NOISE, quantities=quantities)).goes_places == goes
 
 
 class TestUnexplained:
@@ -235,6 +241,11 @@ class TestNamed:
     def test_is_refused_with_the_files_name(self):
         with pytest.raises(LogError, match=rf"drive\.csv: {SWAPPED}.* instead of all of it"):
             calibrate(logged_problem(), [exchanged(LOG)])
+
+
+def test_of_a_fault_it_is_said_how_much_motion_it_leaves_unexplained():
+    text = suspected(negated(LOG, 0)) or ""
+    assert re.search(r"leaves 0 % of the motion unexplained instead of [1-9]\d %$", text)
 
 
 def mirrored(log: Log) -> Log:
@@ -456,6 +467,14 @@ class TestOutliers:
         found = calibrate(logged_problem(), [with_outliers(LOG, 0.026)], options(loss="huber"))
         errors = np.abs(found.values - [*TRUTH.values()]) / found.covariances[0].deviations[:3]
         assert errors.max() < 4
+
+    def test_poses_that_jump_and_no_others_are_left_out(self):
+        jumping = [50, 120, 121]
+        poses = LOG.poses.copy()
+        poses[jumping, :2] += 3.0
+        found = without_outliers(replace(LOG, poses=poses))
+        np.testing.assert_array_equal(found.pose_times, np.delete(LOG.pose_times, jumping))
+        np.testing.assert_array_equal(found.poses, np.delete(LOG.poses, jumping, axis=0))
 
     def test_poses_that_jump_all_the_time_are_the_drive(self):
         log = as_driven(ROBOT, rich_inputs(ROBOT, np.arange(400) * 0.05), every=40)

@@ -131,6 +131,16 @@ def test_knowledge_from_before_holds_a_parameter():
     assert np.sqrt(fit.inverse[2, 2]) < 1.01e-7
 
 
+def test_volumes_are_log_determinants_of_the_noise():
+    log = log_of(course(seconds=20), noise=(0.002, 0.01))
+    one, other = (
+        gls([log], specified={"position": Noise(0.02 * scale), "heading": Noise(0.1 * scale)})
+        for scale in (1.0, 3.0)
+    )
+    # Three quantities of each window, the variance of each nine times as large; little of it is drift.
+    np.testing.assert_allclose(other.volumes - one.volumes, 3 * np.log(9.0), rtol=0.03)
+
+
 def test_noise_that_is_stated_is_taken_as_it_is():
     log = log_of(course(seconds=30), noise=(0.001, 0.005))
     specified = {"position": Noise(0.002, 0.01), "heading": Noise(0.01)}

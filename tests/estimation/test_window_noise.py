@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from simulated import ROBOT, TRUTH, course, log_of, truth_of
@@ -151,6 +153,33 @@ def test_its_derivatives_are_difference_quotients(part):
     quotient = likelihood.surprise(SOME + step)[0] - likelihood.surprise(SOME - step)[0]
     found = likelihood.surprise(SOME)[1][part]
     assert found == pytest.approx(quotient / (2 * step[part]), rel=1e-4)
+
+
+def test_variances_are_known_as_well_as_the_likelihood_is_curved():
+    deviation = np.full(len(SOME), 1.5)
+    likelihood = replace(some_likelihood(), prior=(np.log(SOME), deviation))
+    logs = np.log(likelihood.greatest())
+
+    def surprise(at: np.ndarray) -> float:
+        return likelihood.surprise(np.exp(at))[0]
+
+    units = 1e-2 * np.eye(len(logs))
+    curvature = [
+        [
+            surprise(logs + one + other)
+            - surprise(logs + one - other)
+            - surprise(logs - one + other)
+            + surprise(logs - one - other)
+            for other in units
+        ]
+        for one in units
+    ]
+    # Minus twice the logarithm of the likelihood.
+    information = np.array(curvature) / (4 * 1e-2**2) / 2
+    values, vectors = np.linalg.eigh(information)
+    expected = (vectors / np.maximum(values, 1 / deviation**2)) @ vectors.T
+    np.testing.assert_allclose(likelihood.spread(np.exp(logs)), expected, atol=0.02)
+    assert np.linalg.eigvalsh(expected)[0] < 0.5 * deviation[0] ** 2
 
 
 @pytest.mark.slow
