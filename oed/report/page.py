@@ -151,9 +151,10 @@ def _printed(sections: list[Section], figures: Sequence[str]) -> Iterator[tuple[
 
 
 def html_text(text: str) -> Markup:
-    """Plain text with `backticks`, as HTML; a number and its unit stay on one line, and so do `2 m x 3 m`."""
+    """Plain text with `backticks`, as HTML; numbers and units stay on one line, as do `2 m x 3 m`, `± 3`."""
     together = re.sub(rf"(?<=\d) (?=(?:{UNITS})(?!\w))", "\u00a0", escape(text))
     together = re.sub(r"(?<=[a-zµ]) x (?=\d)", "\u00a0x\u00a0", together)
+    together = re.sub(r"± (?=\d)", "±\u00a0", together)
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", together))  # noqa: S704 - escaped above
 
 

@@ -111,6 +111,63 @@ def test_the_cursor_follows_the_drive_and_a_click_sets_the_time(page: Path, tmp_
     assert float(cursor[1]) == state(elements)["time"]
 
 
+def with_script(page: Path, script: str, target: Path, media: dict[str, str] | None = None) -> Path:
+    """A copy of the page that runs a script when it is there, and other media's rules."""
+    text = page.read_text()
+    for rule, instead in (media or {}).items():
+        assert rule in text
+        text = text.replace(rule, instead)
+    ending = f'<script>addEventListener("load", function () {{ {script} }});</script></body>'
+    target.write_text(text.replace("</body>", ending))
+    return target
+
+
+PRINTED = {"@media print": "@media all", "@media screen": "@media not all"}
+
+
+def test_paper_has_the_still_picture_and_nothing_to_click(page: Path, tmp_path: Path) -> None:
+    script = """const seen = ["canvas.path", ".still svg", ".controls", "details.part", "details[open]"];
+      document.querySelector("details.part").open = true;
+      const shown = (one) => document.querySelector(one).checkVisibility();
+      document.body.dataset.shown = seen.map(shown).join(" ");
+      const folded = [...document.querySelectorAll("details:not([open])")];
+      document.body.dataset.folded = folded.some((one) => one.checkVisibility());"""
+    printed = with_script(page, script, tmp_path / "printed.html", PRINTED)
+    elements, console = opened(printed, "", tmp_path / "profile")
+    assert console == []
+    # A folded part that was opened is printed, those that were not leave no heading behind.
+    assert 'data-shown="false true false true true"' in elements
+    assert 'data-folded="false"' in elements
+
+
+def test_paper_is_white_whatever_the_theme(page: Path) -> None:
+    dark = re.findall(r"@media ([^{]*prefers-color-scheme: dark[^{]*)\{", page.read_text())
+    assert dark
+    assert all(one.startswith("screen and ") for one in dark)
+
+
+@pytest.mark.usefixtures("blank_figures")
+def test_a_page_in_a_frame_that_is_not_shown_waits_for_its_room(tmp_path: Path) -> None:
+    hidden = write_report(crab(), tmp_path / "report")
+    hidden.write_text(hidden.read_text().replace("</head>", "<style>main { display: none; }</style></head>"))
+    elements, console = opened(hidden, "", tmp_path / "profile")
+    assert console == []
+    assert "canvas" in elements
+
+
+def test_a_narrow_screen_has_the_answer_before_the_inputs(page: Path, tmp_path: Path) -> None:
+    script = """const top = (one) => document.querySelector(one).getBoundingClientRect().top;
+      const places = ["canvas.path", ".answer", "canvas.inputs"].map(top);
+      document.body.dataset.order = places[0] < places[1] && places[1] < places[2];
+      const all = document.documentElement;
+      document.body.dataset.wide = all.scrollWidth - all.clientWidth;"""
+    narrow = with_script(page, script, tmp_path / "narrow.html", {"(max-width: 56rem)": "(min-width: 1px)"})
+    elements, console = opened(narrow, "", tmp_path / "profile")
+    assert console == []
+    assert 'data-order="true"' in elements
+    assert 'data-wide="0"' in elements
+
+
 def test_an_error_in_the_page_would_be_seen(page: Path, tmp_path: Path):
     broken = tmp_path / "broken.html"
     broken.write_text(page.read_text().replace("const context = canvas", "const context = missing"))

@@ -120,11 +120,11 @@ document.querySelectorAll(".player").forEach(function (player) {
     });
     word(context, "x [m]", end, floor + 22, "right", "top");
     word(context, "y [m]", ROOM.left + 6, ROOM.top, "left", "top");
-    // The bar is as long as a round number of metres.
+    // The bar is as long as a round number of metres, and below the axis, where no wall or path is.
     const bar = ticks(0, at.width / at.scale, 9).step;
-    const from = end - 14 - bar * at.scale;
-    line(context, ink.ink, 2, [[from, floor - 12], [end - 14, floor - 12]]);
-    word(context, bar + " m", from + bar * at.scale / 2, floor - 16, "center", "bottom", ink.ink);
+    const to = ROOM.left + bar * at.scale;
+    line(context, ink.ink, 2, [[ROOM.left, floor + 28], [to, floor + 28]]);
+    word(context, bar + " m", to + 7, floor + 28, "left", "middle", ink.ink);
   }
 
   function drawPath(at, now) {
@@ -276,6 +276,8 @@ document.querySelectorAll(".player").forEach(function (player) {
   }
 
   function draw() {
+    // A frame that is not shown has no room for anything.
+    if (canvas.wide <= ROOM.left + ROOM.right) return;
     const at = view();
     const now = pose();
     context.clearRect(0, 0, canvas.wide, canvas.high);
