@@ -96,7 +96,7 @@ def finding(some: Sequence[Contender], leader: Contender | None = None) -> tuple
     best; where they do not estimate the same parameters, or nothing is predicted, no one is named.
     """
     known = [one for one in some if one.worst[1]]
-    if len({frozenset(one.shares) for one in known}) != 1 or len(some) < 2:
+    if not _comparable(known) or len(some) < 2:
         return SAY("undecided", len(some)), SAY("different") if len(known) > 1 else ""
     order = sorted(known, key=lambda one: one.worst[0])
     first = order[0] if leader is None or leader not in known else leader
@@ -110,6 +110,11 @@ def finding(some: Sequence[Contender], leader: Contender | None = None) -> tuple
     next_best, last = _worst(rest[0]), _worst(rest[-1])
     said = SAY("ahead", _worst(first), next_best, last if last[1:] != next_best[1:] else None)
     return SAY("single", first.name), said
+
+
+def _comparable(known: Sequence[Contender]) -> bool:
+    # Whether one of them can be the most precise: all are about the same parameters.
+    return len({frozenset(one.shares) for one in known}) == 1
 
 
 def _worst(one: Contender) -> tuple[str, str, str]:
@@ -143,7 +148,7 @@ def _error_column(
         size = of(item).error(parameter)
         return None if size is None else size * factor
 
-    return Column(f"± {words(parameter.name)}", unit_text(unit), _written, error)
+    return Column(words(parameter.name), unit_text(unit), _written, error)
 
 
 def _written(size: float) -> str:
@@ -152,14 +157,17 @@ def _written(size: float) -> str:
 
 def dots(some: Sequence[Contender], first: Contender | None = None) -> Picture | None:
     """A dot for each standard error, the most precise design on top; None where nothing is predicted."""
-    parameters = parameters_of(some)[:MOST_SCALES]
+    every = parameters_of(some)
+    parameters = every[:MOST_SCALES]
     shown = sorted((one for one in some if one.worst[1]), key=lambda one: (one is not first, one.worst))
     if not parameters or len(shown) < 2:
         return None
-    shown = shown[:MOST_DOTS]
+    shown, named = shown[:MOST_DOTS], _comparable(shown)
     scales = [_scale(one, shown) for one in parameters]
-    figure = ranking([one.name for one in shown], [one is shown[0] for one in shown], scales)
-    return Picture("precision", SAY("alt"), SAY("caption", len(shown), len(some)), figure)
+    figure = ranking([one.name for one in shown], [named and one is shown[0] for one in shown], scales)
+    prior = any(one.record.study.prior is not None for one in shown)
+    numbers = (len(shown), len(some), len(parameters), len(every))
+    return Picture("precision", SAY("alt"), SAY("caption", named, prior, *numbers), figure)
 
 
 def _scale(parameter: StoredParameter, shown: Sequence[Contender]) -> Scale:
@@ -167,7 +175,7 @@ def _scale(parameter: StoredParameter, shown: Sequence[Contender]) -> Scale:
     sizes = [one.error(parameter) for one in shown]
     values = tuple(None if size is None or math.isinf(size) else factor * size for size in sizes)
     texts = tuple("" if size is None else _written(size * factor) for size in sizes)
-    return Scale(words(parameter.name), unit, values, texts)
+    return Scale("standard error", unit, values, texts, words(parameter.name))
 
 
 def vocabulary_of(some: Sequence[Contender]) -> Vocabulary:

@@ -20,6 +20,8 @@ from oed.records.stored.result import Progress, Result
 from oed.report import write_comparison, write_report
 from oed.report.answer import best_baseline
 from oed.report.contenders import Contender, dots, finding, relative_deviations
+from oed.report.figures import ranking
+from oed.report.figures.spec import Line
 from oed.report.figures.spread import RADIUS_95, ellipse
 from oed.report.page import sections_of
 from oed.report.parts.judging import repetitions_of
@@ -225,6 +227,19 @@ class TestFinding:
         title, said = finding(some)
         assert title == "2 designs side by side"
         assert "not estimate the same parameters" in said
+        picture = dots(some)
+        assert picture is not None
+        # Nor does the figure say so: no dot is filled.
+        looks = [part.look for one in picture.figure.panels for part in one.parts if isinstance(part, Line)]
+        assert ranking.DESIGN not in looks
+        assert "most precise" not in picture.caption
+
+    def test_the_figure_says_what_its_dots_are(self, flagship: Record):
+        picture = dots([Contender("first", flagship), Contender("second", scaled_errors(flagship, 2.0))])
+        assert picture is not None
+        assert [one.title for one in picture.figure.panels] == ["c21", "c22"]
+        assert {one.x.label for one in picture.figure.panels} == {"standard error [mm]"}
+        assert "the most precise design (filled) on top" in picture.caption
 
     def test_what_is_not_identifiable_is_never_ahead(self, flagship: Record):
         data = flagship.data

@@ -18,6 +18,8 @@ ROOM = 0.3
 """Of an axis, kept free for the labels beside its dots."""
 ROW, FRAME = 0.34, 0.95
 """Height of a row, and of what surrounds them [inch]."""
+TITLE = 0.2
+"""Height of the panels' titles [inch]."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,7 @@ class Scale:
 
     Attributes:
         title, unit: of the axis.
+        panel: above it: what the number is of; "" for nothing.
         values: of the drives, as shown; None where there is none.
         texts: beside the dots, or in their place.
     """
@@ -34,6 +37,7 @@ class Scale:
     unit: str
     values: tuple[float | None, ...]
     texts: tuple[str, ...]
+    panel: str = ""
 
 
 def ranking(names: Sequence[str], designs: Sequence[bool], scales: Sequence[Scale]) -> spec.Plot:
@@ -48,7 +52,8 @@ def ranking(names: Sequence[str], designs: Sequence[bool], scales: Sequence[Scal
     rows = [(float(count - 1 - at), name) for at, name in enumerate(names)]
     y = spec.Axis(ends=(-0.6, count - 0.4), ticks=rows, grid=False)
     panels = [_panel(one, designs, [place for place, _ in rows], y) for one in scales]
-    return spec.Plot(panels, len(panels), height=FRAME + ROW * count, share="y", labels="outer")
+    height = FRAME + ROW * count + (TITLE if any(one.panel for one in scales) else 0.0)
+    return spec.Plot(panels, len(panels), height=height, share="y", labels="outer")
 
 
 def _panel(scale: Scale, designs: Sequence[bool], rows: Sequence[float], y: spec.Axis) -> spec.Panel:
@@ -64,7 +69,7 @@ def _panel(scale: Scale, designs: Sequence[bool], rows: Sequence[float], y: spec
         parts.append(spec.Line([value], [place], DESIGN if design else OTHER))
         parts.append(spec.Note(text, (value, place), (8, 0), look))
     x = spec.Axis(scale.title, scale.unit, (low, high), logarithmic, most=4)
-    return spec.Panel(parts, x, y)
+    return spec.Panel(parts, x, y, scale.panel)
 
 
 def _ends(known: Sequence[float], logarithmic: bool) -> tuple[float, float]:

@@ -82,7 +82,7 @@ def _error_scale(record: Record, parameter: StoredParameter, sizes: Sequence[flo
     unit, factor = record.shown_unit(parameter.name, parameter.unit)
     values = tuple(None if size is None else factor * size for size in sizes)
     texts = tuple("not identifiable" if size is None else error_text(size, factor) for size in sizes)
-    return Scale(words(parameter.name), unit, values, texts)
+    return Scale("standard error", unit, values, texts, words(parameter.name))
 
 
 def _efficiencies(record: Record, shown: Sequence[Result]) -> list[Scale]:
