@@ -16,7 +16,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
-from oed.kernel.limit import Limit, Rows, rest_issues
+from oed.kernel.limit import BOTH_ENDS, Limit, Rows, rest_issues
 
 Quantity = str | float
 
@@ -29,6 +29,7 @@ class OneInput(Limit, ABC):
     """
 
     looks_at: ClassVar[Literal["inputs"]] = "inputs"
+    loosened: ClassVar[str] = BOTH_ENDS
     input: str
 
     @property

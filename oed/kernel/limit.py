@@ -99,6 +99,10 @@ class LinearBound:
         return replace(self, low=self.low - spare, high=self.high + spare)
 
 
+BOTH_ENDS = "{name} {amount} wider at both ends"
+"""What there is where a range is wider: of a heater that gives 0 to 500 W, "5 W more" would be half of it."""
+
+
 class Limit(Component, ABC):
     """One named limit on a drive.
 

@@ -43,6 +43,23 @@ def test_the_limits_that_matter_are_said_with_a_small_step_the_most_important_fi
     assert column(table, "a little looser")[3] is None
 
 
+def test_margins_are_in_the_unit_of_the_step():
+    data = with_gains(sample_records.full(), workspace=1.54).data
+    for margin in data["results"][0]["margins"]:
+        if margin["limit"] == "workspace":
+            margin |= {"margin": 0.0102, "active": False}
+    table = section(record_from(data), "What limits it").tables[0]
+    assert column(table, "a little looser")[0] == "10 mm more room on every side"
+    assert column(table, "margin")[0] == "10.2 mm"
+
+
+def test_a_range_that_is_not_the_same_both_ways_is_wider_at_both_ends():
+    """More speed alone would be half of what the gain is of."""
+    data = with_gains(sample_records.full(), wheel_speed=0.0468).data
+    data["study"]["limits"]["wheel_speed"] = [0.0, 10.0]
+    assert said(record_from(data)).startswith("Wheel speed 0.1 rad/s wider at both ends would make")
+
+
 def test_limits_that_hardly_matter_are_in_the_table_only():
     record = with_gains(sample_records.full(), wheel_speed=0.002, workspace=1.54)
     assert said(record).endswith("would make the best drive 1.5 % better. Other limits matter less.")

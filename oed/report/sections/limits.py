@@ -13,16 +13,18 @@ from oed.foundation.text import (
     in_degrees,
     quantity,
     significant,
+    size_text,
     unit_text,
     words,
 )
+from oed.kernel.limit import BOTH_ENDS
 from oed.records.record import Record
 from oed.records.stored.result import Margin, Result
 from oed.records.stored.simulation import StoredRobustness
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import called, time_scale, with_drive
 from oed.report.parts.section import Cell, Column, Section, Table, percent
-from oed.robots.limits import LIMITS, Limit
+from oed.robots.limits import LIMITS, InputLimit, Limit
 
 SAY = Prose("limits")
 CONDITIONS = ("duration", "settings", "start", "rest_to_rest")
@@ -87,6 +89,11 @@ class Room:
         return getattr(LIMITS.get(self.margin.limit), "in_degrees", False)
 
     @property
+    def _usual(self) -> bool:
+        # Lengths are in mm where they are small.
+        return self.margin.unit == "m" and self.own is None
+
+    @property
     def step(self) -> float:
         """By how much a looser limit is wider, in the unit shown: a round number, a little of its size."""
         most = LITTLE * self.margin.size * self.unit[1]
@@ -97,9 +104,7 @@ class Room:
     def loosened(self) -> str:
         """The limit that much wider."""
         shown, factor = self.unit
-        # Lengths are in mm where they are small.
-        usual = shown == "m" and self.own is None
-        amount = given_text(self.step / factor, "m") if usual else f"{self.step:g} {unit_text(shown)}"
+        amount = given_text(self.step / factor, "m") if self._usual else f"{self.step:g} {unit_text(shown)}"
         said = self.looser or getattr(LIMITS.get(self.margin.limit), "loosened", Limit.loosened)
         return str(said).format(amount=amount, name=words(self.margin.limit))
 
@@ -127,8 +132,11 @@ class Room:
     def amount(self) -> str:
         """The distance with its unit and sign; 0 where it is nothing beside the tolerance of scoring."""
         shown, factor = self.unit
-        nothing = abs(self.margin.margin) < LEAST * self.margin.size
-        return "0" if nothing else quantity(factor * self.margin.margin, shown)
+        if abs(self.margin.margin) < LEAST * self.margin.size:
+            return "0"
+        if self._usual:
+            return size_text(self.margin.margin, "m")
+        return quantity(factor * self.margin.margin, shown)
 
     @property
     def size(self) -> str | None:
@@ -140,13 +148,14 @@ class Room:
 
 def _room(record: Record, margin: Margin) -> Room:
     # Of experiments: limits have names of their own, and times are shown as those of courses.
+    limit = next((one for one in record.study.every_limit if one.name == margin.limit), None)
     if record.study.domain == "robots":
-        return Room(margin)
+        both = isinstance(limit, InputLimit) and limit.bounds is not None and sum(limit.bounds) != 0
+        return Room(margin, looser=BOTH_ENDS if both else "")
     own = record.study.limit_units.get(margin.limit)
     if own is None and margin.unit == "s":
         own = time_scale(record.study.space.duration)
-    looser = (one.loosened for one in record.study.every_limit if one.name == margin.limit)
-    return Room(margin, own, next(looser, ""))
+    return Room(margin, own, "" if limit is None else limit.loosened)
 
 
 def _by_limit(rooms: Sequence[Room], title: str, known: bool) -> Table:
