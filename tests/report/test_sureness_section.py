@@ -139,6 +139,17 @@ def test_without_a_bound_the_best_is_the_measure_and_the_page_says_what_to_add()
 
 
 @pytest.mark.slow
+def test_a_design_below_its_best_start_says_why():
+    """A second stage gives up some of what the starts reached."""
+    result = sample_records.single().data["results"][0]
+    starts = [{**one, "objective": one["objective"] and 1.01 * one["objective"]} for one in result["starts"]]
+    results = [{**result, "starts": starts, "stages": {"second_stage": result["objective"]}}]
+    _, picture, _ = strip_of("single", results=results)
+    assert "The designed drive gave up 0.99 % of what its best start reached" in picture.caption
+    _, picture, _ = strip_of("single")
+    assert "gave up" not in picture.caption
+
+
 def test_starts_by_another_criterion_are_left_out_and_named():
     _, picture, ax = strip_of("sensors")
     assert len(dots(ax, STARTS)) == 2

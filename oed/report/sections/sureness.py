@@ -19,6 +19,8 @@ from oed.report.sections.searches import SIX, WITHIN
 
 SAY = Prose("sureness")
 TITLE = "How sure it is the best"
+PRACTICALLY = 1e-4
+"""Share by which a design is less than its best start that needs a word."""
 
 
 def sureness(record: Record) -> Section | None:
@@ -152,6 +154,14 @@ class _Scale:
         return f"{shown:{'.4g' if shown > 99 else '.3g'}} %" if self.shares else significant(4)(value)
 
 
+def _given_up(search: _Search, aim: Aim) -> float:
+    # By what share the chosen design is less than its best start, for a second stage's sake; 0 if not.
+    if "second_stage" not in search.result.stages or not search.ends:
+        return 0.0
+    less = -aim.change(search.worth, max(search.ends)) / 100
+    return less if less > PRACTICALLY else 0.0
+
+
 def _strip(record: Record) -> Picture | None:
     winner, found = record.best, record.certificate
     searches = [] if winner is None else _searches(record, winner)
@@ -175,6 +185,7 @@ def _strip(record: Record) -> Picture | None:
         sum(one.failed for one in searches),
         [name for name, one in zip(names, searches, strict=True) if one.elsewhere],
         sum(one.looser for one in searches),
+        _given_up(searches[0], aim),
     )
     title = SAY("finding", called(record, winner), at, close, len(ends), _first_spline(winner))
     figure = spread.strip(lanes, scale.axis, scale.of(best) if scale.proved else None, title)
