@@ -113,7 +113,7 @@ def test_readings_are_marked_where_they_are_taken_with_their_noise():
 @pytest.mark.slow
 def test_sensitivities_are_scaled_by_the_parameters():
     """A panel for each reading and trial, a line for each parameter."""
-    panels = picture(sample_systems.ponds(), "What readings tell", "sensitivities").figure.panels
+    panels = picture(sample_systems.ponds(), "Sensitivity of the readings", "sensitivities").figure.panels
     titles = ["prey seen, trial 1", "prey seen, trial 2", "catch, trial 1", "catch, trial 2"]
     assert [one.title for one in panels] == titles
     drawn = lines(panels[1])

@@ -115,11 +115,21 @@ def test_several_are_compared_in_the_units_of_the_study():
 
 
 @pytest.mark.slow
+def test_the_first_screen_has_the_chosen_settings_and_their_weights():
+    """What is to be made stands beside what it gives."""
+    _, settings = section(sample_systems.parabola(), "Summary").tables
+    assert [one.title for one in settings.columns] == ["setting", "x", "weight"]
+    assert column(settings, "x") == sorted(column(settings, "x"))
+    assert sum(column(settings, "weight")) == pytest.approx(1.0)
+
+
+@pytest.mark.slow
 def test_sections_come_in_the_order_of_the_page():
     """What was asked and found first."""
     titles = [one.title for one in sections_of(sample_systems.ponds())]
     assert titles[0] == "Summary"
-    assert titles.index("What happens") < titles.index("What readings tell") < titles.index("What limits it")
+    order = [titles.index(one) for one in ("What happens", "Sensitivity of the readings", "What limits it")]
+    assert order == sorted(order)
 
 
 @pytest.mark.slow
@@ -129,8 +139,8 @@ def test_records_are_runs_where_they_are_compared(tmp_path: Path):
     write_comparison([("first", record), ("second", record)], tmp_path)
     page = (tmp_path / "report.md").read_text()
     assert "Two ponds: which of 2 runs is best?" in page
-    assert "| run | experiment | ± birth \\[1/h\\] |" in page
-    assert "| first | 2 trials of 12.0 h |" in page
+    assert "| run | experiment | birth \\[1/h\\] |" in page
+    assert "| first | 2 trials of 12 h |" in page
     assert not OF_ROBOTS.findall(page)
     # There is neither a regressor nor a length.
     assert "s\\_min" not in page

@@ -137,7 +137,7 @@ def duration_text(record: Record) -> str:
 
 def chosen_text(record: Record) -> str:
     """How much the best experiment takes of what it may choose among: `3 of 201 settings`, `2 of 18 runs of
-    2 h`; "" where all of it.
+    2 h`, `4 of 10 readings in 1 s`; "" where all of it.
     """
     best = record.best
     if best is None or best.selection is None or record.study.domain == "robots":
@@ -146,8 +146,13 @@ def chosen_text(record: Record) -> str:
     if record.states_are_none:
         settings = {place % samples for place in places}
         return f"{len(settings)} of {count(samples, 'setting')}" if len(settings) < samples else ""
-    read = {best.selection.readings[place].run for place in places}
-    return f"{len(read)} of {duration_text(record)}" if len(read) < runs_of(record) else ""
+    every = best.selection.readings
+    read = {every[place].run for place in places}
+    if len(read) < runs_of(record):
+        return f"{len(read)} of {duration_text(record)}"
+    if len(places) < len(every):
+        return f"{len(places)} of {count(len(every), 'reading')} in {duration_text(record)}"
+    return ""
 
 
 def taken(found: StoredSelection) -> list[int]:
@@ -165,7 +170,8 @@ def _lasting(record: Record) -> str:
         planned if best is None or best.drive is None else best.drive.trajectory.duration / best.drive.runs
     )
     unit, factor = time_scale(chosen)
-    return quantity(factor * chosen, unit)
+    given = math.isclose(chosen, planned, rel_tol=1e-6)
+    return f"{factor * chosen:.4g} {unit}" if given else quantity(factor * chosen, unit)
 
 
 def problem_of(record: Record) -> Problem | None:

@@ -1,4 +1,4 @@
-"""What happens in the best experiment over time: inputs, readings and states, and what readings tell."""
+"""What happens in the best experiment over time: inputs, readings and states, and sensitivities."""
 
 from __future__ import annotations
 
@@ -221,7 +221,7 @@ def sensitivity(record: Record) -> Section | None:
     )
     caption = SAY("sensitivity", record.states_are_none and len(chosen) <= FEW)
     picture = Picture("sensitivities", "How readings change with the parameters", caption, figure)
-    return Section("What readings tell", figures=(picture,))
+    return Section("Sensitivity of the readings", figures=(picture,))
 
 
 def _sensitivities(
@@ -299,7 +299,7 @@ def settings_picture(record: Record) -> Picture | None:
 
 
 def _together(table: Array, weights: Sequence[float] | None) -> tuple[Array, list[str]]:
-    # Settings that cannot be told apart are one dot, with how many there are, or their weight, beside it.
+    # Settings that cannot be distinguished are one dot, with how many there are, or their weight, beside it.
     size = np.abs(table).max(axis=0)
     _, first, own = np.unique(
         np.round(table / np.where(size > 0, size, 1.0), 3), axis=0, return_index=True, return_inverse=True

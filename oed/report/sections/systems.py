@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.foundation.text import unit_text, words
+from oed.foundation.text import significant, unit_text, words
 from oed.records.path_file import drive_csv
 from oed.records.record import Record
 from oed.records.stored.study_record import StoredInput, StoredState
@@ -23,6 +23,7 @@ from oed.report.parts.reading import (
     prior_text,
     problem_of,
     readings_text,
+    taken,
 )
 from oed.report.parts.section import Column, Download, Section, Table
 from oed.report.sections.courses import changing_inputs, inputs_picture, response, settings_picture
@@ -72,13 +73,24 @@ def _downloads(record: Record) -> tuple[Download, ...]:
 def _settings(record: Record) -> Table | None:
     # Of points, each by its inputs; the smallest first.
     best = record.best
-    if not record.states_are_none or best is None or best.drive is None or best.selection is not None:
+    if not record.states_are_none or best is None or best.drive is None:
         return None
-    table = best.drive.trajectory.inputs
+    table, weights = best.drive.trajectory.inputs, None
+    if best.selection is not None:
+        chosen = taken(best.selection)
+        readings = [best.selection.readings[place] for place in chosen]
+        if len({one.sensor for one in readings}) > 1:
+            # Of several sensors each has its own weights, which the table of readings has.
+            return None
+        table = table[[place % len(table) for place in chosen]]
+        weights = np.array([one.weight for one in readings])
     if len(table) > FEW:
         return None
-    table = table[np.lexsort(table.T[::-1])]
-    columns = [_column(record, one, table[:, place]) for place, one in enumerate(record.inputs)]
+    order = np.lexsort(table.T[::-1])
+    columns = [_column(record, one, table[order, place]) for place, one in enumerate(record.inputs)]
+    if weights is not None:
+        ordered = weights[order]
+        columns.append(Column("weight", "", significant(4), lambda row: float(ordered[row])))
     return _numbered("setting", range(len(table)), columns, SAY("settings"))
 
 
