@@ -126,10 +126,14 @@ def error_text(error: float | None, factor: float = 1.0) -> str:
     return significant(2)(error * factor) if error * factor >= 1e6 else to_error(error, error, factor)
 
 
-def nominal_text(value: float) -> str:
-    """A nominal value in its unit: as somebody gave it, or four digits of one that was computed."""
+def nominal_text(value: float, error: float | None = None) -> str:
+    """A nominal value in its unit: as somebody gave it, or one that was computed to its error's second digit,
+    four digits of it where no error is known.
+    """
     text = f"{value:.6g}"
-    return text if math.isclose(float(text), value, rel_tol=1e-9) else f"{value:.4g}"
+    if math.isclose(float(text), value, rel_tol=1e-9):
+        return text
+    return f"{value:.4g}" if decimals_of(error) is None else to_error(value, error)
 
 
 def deviation_text(size: float, unit: str, own: Unit | None = None) -> str:

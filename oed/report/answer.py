@@ -166,7 +166,8 @@ def rows_of(
 
 def _row(parameter: StoredParameter, winner: Result, baseline: Result | None, own: Unit | None) -> Estimated:
     unit, factor = own or own_unit(parameter.unit)
-    value = f"{nominal_text(parameter.nominal * factor)} {unit_text(unit)}".strip()
+    known = winner.standard_deviations.get(parameter.name)
+    value = f"{nominal_text(parameter.nominal * factor, known and known * factor)} {unit_text(unit)}".strip()
     other = "" if baseline is None else _error(parameter, baseline, own)
     return Estimated(words(parameter.name), value, _error(parameter, winner, own), other)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from operator import attrgetter
 from pathlib import Path
 
-from oed.foundation.text import error_text, fixed, own_unit, shown_unit, size_text, to_error, words
+from oed.foundation.text import deviation_text, error_text, fixed, own_unit, shown_unit, to_error, words
 from oed.records.stored.loop import KnownParameter, LoopRound, StoredLoop
 from oed.report.figures import chart as charts
 from oed.report.figures.chart import Chart
@@ -36,7 +36,7 @@ def write_loop(found: StoredLoop, folder: str | Path, figures: Sequence[str] = (
 
 def _summary(found: StoredLoop) -> Section:
     last = found.driven[-1].known if found.driven else []
-    wanted = [(words(one.name), size_text(one.wanted, one.unit or "", 2)) for one in last if one.wanted]
+    wanted = [(words(one.name), deviation_text(one.wanted, one.unit or "")) for one in last if one.wanted]
     title = SAY("title", len(found.driven), found.reached, found.finished, bool(wanted))
     paragraphs = [SAY("reason", found.reason), SAY("wanted", wanted) if wanted else ""]
     drawn = _chart(found)

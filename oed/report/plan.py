@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from oed.foundation.text import error_text, fixed, own_unit, shown_unit, size_text, words
+from oed.foundation.text import deviation_text, error_text, fixed, own_unit, shown_unit, words
 from oed.records.stored.plan import PlannedAim, PlannedAxis, PlannedPoint, StoredPlan
 from oed.report.figures import chart as charts
 from oed.report.figures.chart import Chart
@@ -49,7 +49,7 @@ def _summary(found: StoredPlan) -> Section:
         across = [ACROSS[axis.name] for axis in found.axes]
         caption = SAY("caption", [one.name for one in found.aims], across)
         figure = Picture("precision", SAY("alt"), caption, charts.panels(drawn))
-    wanted = [(words(one.name), size_text(one.wanted, one.unit, 2)) for one in found.aims]
+    wanted = [(words(one.name), deviation_text(one.wanted, one.unit)) for one in found.aims]
     title, _, more = found.answer.partition(". ")
     section = Section.of(title.rstrip("."), more, SAY("wanted", wanted), figure, SAY("adding"))
     return replace(section, brief=(len(section.paragraphs) - 1, 0))

@@ -95,3 +95,10 @@ def test_given_quantities_have_no_idle_digits(size: float, unit: str, text: str)
 )
 def test_nominal_values_are_as_given_or_short(value: float, text: str) -> None:
     assert nominal_text(value) == text
+
+
+def test_a_computed_nominal_value_goes_to_its_errors_second_digit():
+    """An estimate that a next drive is designed for."""
+    assert nominal_text(33.200912345, 0.0046) == "33.2009"
+    assert nominal_text(33.200912345) == "33.2"
+    assert nominal_text(33.0, 0.0046) == "33"
