@@ -97,7 +97,7 @@ class Validation(ByValue, Presented, Renamed):
     def _outcome(self) -> str:
         if self.passed:
             return (
-                f"In {self.replicates} simulated experiments the estimates scatter as predicted: "
+                f"In {self.replicates:,} simulated experiments the estimates scatter as predicted: "
                 f"all {len(self.checks)} tests passed."
             )
         failed = ", ".join(check.name for check in self.checks if not check.passed)
@@ -105,7 +105,7 @@ class Validation(ByValue, Presented, Renamed):
         worst = int(np.argmax(np.abs(np.log(ratios))))
         offset = (self.mean[worst] - self.true[worst]) / math.sqrt(self.predicted[worst, worst])
         return (
-            f"In {self.replicates} simulated experiments the prediction did not hold ({failed}): "
+            f"In {self.replicates:,} simulated experiments the prediction did not hold ({failed}): "
             f"{self.parameters[worst]} scatters {ratios[worst]:.3g} times as much as predicted "
             f"and is off by {offset:+.2g} predicted standard errors on average."
         )

@@ -88,10 +88,10 @@ class DriftRates:
         if self.seconds == math.inf:
             seen = "show it" if self.shown else "leave it open"
             origin = f"as whole logs {seen} beside all else that errs"
-            origin = origin if np.any(self.spread) else "as the study states it"
+            origin = origin if np.any(self.spread) else "as the study specifies it"
         elif not self.shown and self.seconds is not None:
-            seen = "do not show" if self.shown is False else "neither show nor rule out"
-            origin = f"which windows {seen}, as far as whole logs leave it open beside the noise of poses"
+            seen = "do not show" if self.shown is False else "are too short to show or rule out"
+            origin = f"which the logs {seen}, taken as large as the noise of poses leaves open"
         return f"drift, {origin}: {drift_in_words(self.values)}"
 
 
