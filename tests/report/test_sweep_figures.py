@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
@@ -120,6 +121,18 @@ class TestNames:
         (ax,) = drawn(charts.panels([chart])).axes
         assert [one.get_text() for one in ax.texts] == ["wanted"]
         assert ax.get_ylim()[0] == 0 < 4.0 < ax.get_ylim()[1]
+
+    @pytest.mark.parametrize("line", [(4.24, 2.0, 0.9), (0.9, 2.0, 4.24)])
+    def test_what_is_wanted_is_written_where_no_line_is(self, line: tuple[float, ...]):
+        places = (10.0, 20.0, 40.0)
+        chart = Chart("time [s]", places, (("track", line),), "error [mm]", level=4.0)
+        figure = drawn(charts.panels([chart] * 3))
+        figure.canvas.draw()
+        ax, *_ = figure.axes
+        box = ax.texts[0].get_window_extent()
+        along = np.linspace(10.0, 40.0, 500)
+        points = ax.transData.transform(np.column_stack([along, np.interp(along, places, line)]))
+        assert not any(box.contains(*point) for point in points)
 
     def test_panels_of_other_units_have_labels_of_their_own(self):
         made = [

@@ -221,8 +221,16 @@ def _panel(chart: Chart, height: float) -> spec.Panel:
     ]
     if chart.level is not None:
         parts.append(spec.Call("axhline", (chart.level,), stroke(INK, 1.1, 2, (4, 2))))
-        parts.append(spec.Note("wanted", (0.0, chart.level), (3, -3), WANTED))
+        parts.append(_wanted(chart.level, values))
     return spec.Panel([*parts, *_names(chart, y, height)], x, y, chart.title)
+
+
+def _wanted(level: float, values: Array) -> spec.Note:
+    # At the end where the lines are farther from the level.
+    near = np.nanmin(np.abs(values[:, [0, -1]] - level), axis=0) if np.isfinite(values).any() else (1.0, 0.0)
+    right = bool(near[1] > near[0])
+    at, side = (1.0, "right") if right else (0.0, "left")
+    return spec.Note("wanted", (at, level), (-3 if right else 3, -3), {**WANTED, "ha": side})
 
 
 def _span(values: Array, least: float | None = None) -> Ends:
