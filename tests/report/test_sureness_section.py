@@ -154,10 +154,23 @@ def test_starts_by_another_criterion_are_left_out_and_named():
     _, picture, ax = strip_of("sensors")
     assert len(dots(ax, STARTS)) == 2
     assert [one.get_text() for one in ax.get_yticklabels()] == ["Designed drive", "Design 2"]
-    assert (
-        "Left out: starts of Design 2, which sought something else: another criterion, or no drift."
-        in picture.caption
-    )
+    assert "Left out: starts of Design 2, which sought something else: another criterion" in picture.caption
+
+
+def test_starts_with_all_readings_do_not_compare_with_a_choice_of_some():
+    """Of a drive that is designed first, and read at its best moments only."""
+    data = sample_records.single().data
+    (result, *_) = data["results"]
+    sizes = {"size": 1.0, "weight": 1.0, "relaxed": 1.0, "derivative": 1.0}
+    reading = {"sensor": "poses", "run": 0, "time": 1.0, **sizes}
+    budget = {"readings": [0], "total": 1.0, "most": 1.0}
+    numbers = {"value": 1.0, "relaxed": 1.0, "bound": 1.0, "efficiency": 1.0}
+    result["selection"] = {"whole": True, "budgets": [budget], "readings": [reading], **numbers}
+    for before, drawn_at_all in ((7.0, False), (1.0, True)):
+        result["stages"] = {"starts": before * result["objective"]}
+        made = sureness(record_from(data))
+        assert made is not None or not drawn_at_all
+        assert bool(made is not None and made.figures) is drawn_at_all
 
 
 def test_rounds_of_a_robust_search_with_limits_not_tight_enough_are_left_out():

@@ -69,7 +69,7 @@ class _Search:
         ends: what its starts ended with, those that compare with the study's designs.
         failed: starts without a feasible design.
         looser: starts under limits that were not tight enough yet.
-        elsewhere: whether they sought something else: another criterion, or no drift.
+        elsewhere: whether they sought something else: another criterion, no drift, or all readings.
     """
 
     result: Result
@@ -96,7 +96,7 @@ def _searches(record: Record, winner: Result) -> list[_Search]:
 def _search(record: Record, result: Result) -> _Search:
     aim, found = study_aim(record), [one.objective for one in result.starts]
     reached = _of_starts(result)
-    if aim_of(record, result).label != aim.label:
+    if aim_of(record, result).label != aim.label or _of_all_readings(aim, result):
         return _Search(result, (), 0, 0, bool(found))
     known = [one for one in found if one is not None]
     # The starts of a robust search are of all its rounds, each with tighter limits than the last.
@@ -104,6 +104,13 @@ def _search(record: Record, result: Result) -> _Search:
     if record.study.robust is not None:
         tight = [one for one in known if aim.change(one, reached) <= WITHIN]
     return _Search(result, tuple(tight), len(found) - len(known), len(known) - len(tight), False)
+
+
+def _of_all_readings(aim: Aim, result: Result) -> bool:
+    # Whether the starts sought a design with all readings, of which some were chosen afterwards.
+    reached = [value for value in result.stages.values() if value is not None]
+    far = bool(reached) and abs(aim.change(reached[-1], result.worth or 0.0)) > WITHIN
+    return result.selection is not None and far
 
 
 def _of_starts(result: Result) -> float:
