@@ -21,7 +21,7 @@ from oed.records.stored.result import Result
 from oed.records.stored.study_record import StoredParameter
 from oed.report.parts.judging import identifies, judged, repeatable, repetitions_of, study_aim
 from oed.report.parts.prose import Prose
-from oed.report.parts.reading import chosen_text, duration_text, in_place, kind_of
+from oed.report.parts.reading import chosen_text, duration_text, in_place, kind_of, taken
 from oed.robots.limits import Workspace
 
 SAY = Prose("answer")
@@ -76,6 +76,7 @@ def answer_of(record: Record) -> Answer | None:
     beside = baseline if baseline is not None and baseline.name != winner.name else None
     rows = rows_of(record.parameters, winner, beside, record.study.shown_units)
     said = (
+        _chosen(record, winner),
         _compared(record, winner, baseline),
         _proved(record, winner),
         _holds(record, winner),
@@ -87,6 +88,15 @@ def answer_of(record: Record) -> Answer | None:
         "" if beside is None else _pattern(beside),
         tuple(filter(None, said if rows else (SAY("noiseless"), *said))),
     )
+
+
+def _chosen(record: Record, winner: Result) -> str:
+    # Of a robot that is read at some moments only: at how many. Experiments say so in their titles.
+    found = winner.selection
+    if found is None or record.study.domain != "robots":
+        return ""
+    some, every = len(taken(found)), len(found.readings)
+    return SAY("chosen", some, every, found.of_runs) if some < every else ""
 
 
 def _tried(record: Record) -> Iterator[str]:

@@ -315,3 +315,15 @@ def test_a_criterion_of_no_standard_error_is_named():
     data["study"]["criterion"]["kind"] = "modified_E"
     said = answer_of(record_from(data)).sentences
     assert any(one.startswith("No drive can be better by the criterion modified E") for one in said)
+
+
+def test_how_many_readings_are_taken_is_said_of_a_robot():
+    data = sample_records.single().data
+    sizes = {"sensor": "poses", "run": 0, "size": 1.0, "relaxed": 1.0, "derivative": 1.0}
+    readings = [{**sizes, "time": float(place), "weight": float(place < 2)} for place in range(5)]
+    budget = {"readings": [0, 1, 2, 3, 4], "total": 2.0, "most": 1.0}
+    numbers = {"value": 1.0, "relaxed": 1.0, "bound": 1.0, "efficiency": 1.0}
+    data["results"][0]["selection"] = {"whole": True, "budgets": [budget], "readings": readings, **numbers}
+    answer = answer_of(record_from(data))
+    assert answer is not None
+    assert answer.sentences[0] == "Taken are 2 of 5 possible readings."

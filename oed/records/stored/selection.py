@@ -62,3 +62,8 @@ class StoredSelection(Stored):
     relaxed: Number
     bound: Number
     efficiency: Positive | None
+
+    @property
+    def of_runs(self) -> bool:
+        """Whether runs are chosen among as a whole: there is one reading of each."""
+        return len(self.readings) == len({one.run for one in self.readings}) > 1

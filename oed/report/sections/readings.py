@@ -33,17 +33,12 @@ def readings(record: Record) -> Section | None:
     share = 100 * (found.efficiency or 0.0)
     noun, groups = "reading", [_stems(record, found, *group) for group in _groups(found)]
     across = _axis(record)
-    if _of_runs(found):
+    if found.of_runs:
         noun, groups, across = "run", [_stems_of_runs(found)], spec.Axis("run", most=10, whole=True)
     alt = f"Weights of {noun}s, and their directional derivatives"
     picture = Picture("weights", alt, SAY("caption", noun), figures.stems(groups, across))
     said = SAY("chosen", found, noun, len(found.readings), len(taken)), SAY("efficiency", found, share)
     return Section.of(f"Which {noun}s are taken", *said, _table(record, found, taken), picture)
-
-
-def _of_runs(found: StoredSelection) -> bool:
-    # Whether runs are chosen among as a whole: there is one reading of each.
-    return len(found.readings) == len({one.run for one in found.readings}) > 1
 
 
 def _stems_of_runs(found: StoredSelection) -> figures.Stems:
@@ -128,7 +123,7 @@ def _table(record: Record, found: StoredSelection, taken: list[StoredReading]) -
         return None
     unit, factor = time_scale(record.study.space.duration)
     trials, settings = len({one.run for one in found.readings}) > 1, record.states_are_none
-    whole = _of_runs(found)
+    whole = found.of_runs
     times = Column("time", unit, significant(4), lambda one: factor * one.time)
     columns = [
         Column("run", cell=lambda one: str(one.run + 1)) if trials else None,
