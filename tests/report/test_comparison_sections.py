@@ -20,7 +20,7 @@ from oed.records.stored.result import Progress, Result
 from oed.report import write_comparison, write_report
 from oed.report.answer import best_baseline
 from oed.report.contenders import Contender, dots, finding, relative_deviations
-from oed.report.figures import ranking
+from oed.report.figures import ranking, spread
 from oed.report.figures.spec import Line
 from oed.report.figures.spread import RADIUS_95, ellipse
 from oed.report.page import sections_of
@@ -132,6 +132,16 @@ class TestValidation:
             one["verdict"] for one in flagship.data["validation"]["results"] if one["name"] == "ipopt"
         )
         assert any(verdict in paragraph for paragraph in section.paragraphs)
+
+    @pytest.mark.parametrize(("factor", "small"), [(0.3, True), (4.3, False)])
+    def test_long_numbers_along_a_square_are_few_and_small(
+        self, flagship: Record, factor: float, small: bool
+    ):
+        pair = [spread.Estimated(name, "error", "1/s", factor, True) for name in ("c21", "c22")]
+        (panel,) = spread.clouds([flagship.validation.results[0]], ["Designed"], pair).panels
+        assert panel.equal == "box"
+        assert panel.x.most == 4
+        assert panel.small == small
 
     def test_the_ellipse_holds_95_percent(self):
         covariance = np.array([[2.0, 0.5], [0.5, 1.0]])

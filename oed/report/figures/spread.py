@@ -29,6 +29,10 @@ ELLIPSES = (stroke(FIRST, 1.6, 3), stroke(SECOND, 1.6, 3, (4, 1.6)))
 TRUTH = mark("+", 11, INK, 1.8, 5)
 RADIUS_95 = 2.447747
 """Mahalanobis radius that holds 95 % of a normal distribution in the plane: sqrt(-2 ln 0.05)."""
+SQUARE_TICKS = 4
+"""Numbers along an axis of a square panel, which is too narrow for more with many digits."""
+LONG = 0.02
+"""Half the width of a square panel below which numbers along it have three decimals, and are set smaller."""
 APART = 3.0
 """Ratio of the widths of two estimates beyond which they are drawn on scales of their own."""
 
@@ -167,10 +171,10 @@ def _cloud(one: _Cloud, title: str, pair: Sequence[Estimated], reach: Array, equ
     parts = [spec.Line.through(one.points, ESTIMATES), *ellipses, spec.Line.through(one.true[None], TRUTH)]
     ends = np.column_stack([one.true - reach, one.true + reach])
     x, y = (
-        spec.Axis(axis.title, axis.unit, (float(low), float(high)))
+        spec.Axis(axis.title, axis.unit, (float(low), float(high)), most=SQUARE_TICKS if equal else 0)
         for axis, (low, high) in zip(pair, ends, strict=True)
     )
-    return spec.Panel(parts, x, y, title, "box" if equal else "")
+    return spec.Panel(parts, x, y, title, "box" if equal else "", small=equal and reach[0] < LONG)
 
 
 def _reach(drawn: Sequence[_Cloud], alike: bool) -> tuple[float, float]:
