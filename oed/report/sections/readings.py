@@ -129,9 +129,14 @@ def _table(record: Record, found: StoredSelection, taken: list[StoredReading]) -
         Column("run", cell=lambda one: str(one.run + 1)) if trials else None,
         *([] if whole else [Column("what", cell=lambda one: words(_called(record, one.sensor)))]),
         *(_settings(record, found) if settings else [] if whole else [times]),
-        Column("weight", "", significant(4), lambda one: one.weight),
+        Column("weight", "", _four, lambda one: one.weight),
     ]
     return Table.of(taken, columns, f"{'Runs' if whole else 'Readings'} that are taken")
+
+
+def _four(value: float) -> str:
+    # A weight's digits, without idle zeros.
+    return f"{value:.4g}"
 
 
 def _settings(record: Record, found: StoredSelection) -> Iterator[Column]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.foundation.text import significant, unit_text, words
+from oed.foundation.text import unit_text, words
 from oed.records.path_file import drive_csv
 from oed.records.record import Record
 from oed.records.stored.study_record import StoredInput, StoredState
@@ -90,7 +90,7 @@ def _settings(record: Record) -> Table | None:
     columns = [_column(record, one, table[order, place]) for place, one in enumerate(record.inputs)]
     if weights is not None:
         ordered = weights[order]
-        columns.append(Column("weight", "", significant(4), lambda row: float(ordered[row])))
+        columns.append(Column("weight", "", _five, lambda row: float(ordered[row])))
     return _numbered("setting", range(len(table)), columns, SAY("settings"))
 
 
