@@ -443,3 +443,18 @@ class TestSensors:
         (issue,) = issues_of(text)
         assert issue.line == line_of(text, "measurement")
         assert issue.key in ("measurement", "measurement.0")
+
+    def test_robust_losses_under_drift(self):
+        # Simulated experiments were left out without a word.
+        study = {
+            **{key: yaml.safe_load(SENSORS)[key] for key in ("format", "name", "robot", "trajectory")},
+            "measurement": {"kind": "poses", "noise": {"position": 0.01, "heading": 0.02}, "drift": "usual"},
+            "limits": {"wheel_speed": 10},
+            "validation": {"replicates": 100, "loss": "huber"},
+        }
+        text = yaml.safe_dump(study)
+        (issue,) = issues_of(text)
+        assert issue.key == "validation.loss"
+        assert "does not go with drift" in issue.message
+        study["validation"]["loss"] = "linear"
+        parse_study(yaml.safe_dump(study))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from oed.estimation.methods.displacements import METHODS, Heading, Regression, missing_noise
-from oed.estimation.methods.estimator import Estimator, EstimatorName
+from oed.estimation.methods.estimator import LOSS_UNDER_DRIFT, Estimator, EstimatorName
 from oed.estimation.setup.options import Loss
 from oed.foundation.arguments import typed
 from oed.foundation.errors import Issue, ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.problem import Problem
 from oed.robots.sensors.displacements import Displacements
 
@@ -58,6 +59,8 @@ def estimator_issues(
     if heading != "known":
         text = f"{heading} headings are for displacements; sensors read what they read"
         return [Issue(("validation", "heading"), text)]
+    if loss != "linear" and process_noise_of(measurement.joint_sensors) is not None:
+        return [Issue(("validation", "loss"), LOSS_UNDER_DRIFT)]
     return []
 
 

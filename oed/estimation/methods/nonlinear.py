@@ -9,7 +9,14 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from oed.estimation.methods.estimator import ARRIVED, ASTRAY, Estimate, Estimator, EstimatorName
+from oed.estimation.methods.estimator import (
+    ARRIVED,
+    ASTRAY,
+    LOSS_UNDER_DRIFT,
+    Estimate,
+    Estimator,
+    EstimatorName,
+)
 from oed.estimation.methods.gauss_newton import loss_moments
 from oed.estimation.methods.joint import JointSearch
 from oed.estimation.methods.side_by_side import SideBySide
@@ -55,8 +62,7 @@ class Nonlinear(Estimator):
             text = f"joint least squares need sensors; {problem.measurement.kind} is a regression"
             raise ProblemError.about(("validation", "estimators"), text)
         if loss != "linear" and process_noise_of(sensors) is not None:
-            text = "expected linear: a robust loss of readings does not go with drift, which they share"
-            raise ProblemError.about(("validation", "loss"), text)
+            raise ProblemError.about(("validation", "loss"), LOSS_UNDER_DRIFT)
         require_shape(problem, trajectory)
         self.problem, self.loss = problem, loss
         (estimation,) = problem.any_estimations
