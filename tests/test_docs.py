@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 import yaml
 from own_parts import OWN_PARTS
+from pages import DOCS, PAGES, blocks
 from places import PROBLEMS, ROOT
 
 import oed
@@ -29,21 +30,10 @@ from oed.uncertainty.uncertainty import spread_of
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.studies import load_study, parse_study
 
-DOCS = ROOT / "docs"
-PAGES = {
-    str(file.relative_to(DOCS).with_suffix("")): file.read_text(encoding="utf-8")
-    for file in DOCS.rglob("*.md")
-    if not {"_build", "generated"} & set(file.relative_to(DOCS).parts)
-}
-"""Text of every page that is written by hand."""
 GALLERY = ("choi_paper_table", "room_robot")
 """Studies of the gallery of the build that is tested."""
 ELSEWHERE = "heated_tank"
 """A study that is not of a robot, and has no drive to show."""
-
-
-def blocks(page: str, language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```", PAGES[page], flags=re.DOTALL | re.MULTILINE)
 
 
 WHOLE = yaml.safe_load(blocks("reference/study", "yaml")[0])
@@ -155,6 +145,23 @@ def test_the_tutorial_ends_with_parameters_near_the_truth(built: Path):
     for name, (value, error) in found.items():
         assert abs(value - truth[name]) < 4 * error
         assert error < 0.01 * truth[name]
+
+
+@pytest.mark.slow
+def test_the_tutorial_through_slip_ends_with_intervals_beside_what_was_true(built: Path):
+    pytest.importorskip("mujoco")
+    text = re.sub(r"<[^>]+>", "", page(built, "tutorial_slip"))
+    found = re.findall(
+        r"^(first|both|slip) +(\w+) +([\d.]+) to +([\d.]+) mm, true ([\d.]+)(?: to ([\d.]+))? mm: contains",
+        text,
+        flags=re.MULTILINE,
+    )
+    assert len(found) == 9
+    for _, name, low, high, least, most in found:
+        size = float(least)
+        assert (size, name) in {(49.6, "wheel_radius_right"), (48.7, "wheel_radius_left")} or name == "track"
+        assert float(low) < float(high)
+        assert 0.95 * size < float(low) < float(high) < 1.05 * float(most or least)
 
 
 @pytest.mark.slow
