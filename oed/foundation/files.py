@@ -183,7 +183,7 @@ def write_bytes(path: Path, content: bytes) -> None:
     require_replaceable(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = _temporary(path.parent)
+        handle, temporary = new_file(path.parent)
     except OSError as error:
         raise unwritten(f"{path.parent}: cannot write there", error) from None
     try:
@@ -198,9 +198,9 @@ def write_bytes(path: Path, content: bytes) -> None:
         raise
 
 
-def _temporary(folder: Path) -> tuple[int, Path]:
-    # A new file, open: to be read by whom any other new file is, where those of `tempfile` are private. What
-    # that is, is the process's, and asking for it would change it for other threads' files.
+def new_file(folder: Path) -> tuple[int, Path]:
+    """A new file under a temporary name, open, and where it is: read by whom new files are read by."""
+    # Those of `tempfile` are private, and asking what others are would change it for other threads' files.
     flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
     while True:
         # A short name, for the file's own may be as long as names can be.

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from studies import saved_study
 
+from oed.foundation import files
 from oed.foundation.errors import LogError, UserMistake
 from oed.records.record import EstimateRecord, load_estimate
 from oed.report import write_estimate
@@ -101,14 +101,14 @@ class TestEstimate:
         for place in (out, spare):
             place.mkdir()
         (out / "estimate.json").write_text("old")
-        real = tempfile.mkstemp
+        real = files.new_file
 
-        def full(*arguments: Any, **options: Any) -> Any:
-            if not Path(options["dir"]).is_relative_to(spare):
+        def full(folder: Path) -> tuple[int, Path]:
+            if not folder.is_relative_to(spare):
                 raise OSError(28, "No space left on device")
-            return real(*arguments, **options)
+            return real(folder)
 
-        monkeypatch.setattr(tempfile, "mkstemp", full)
+        monkeypatch.setattr(files, "new_file", full)
         monkeypatch.setattr(tempfile, "tempdir", str(spare))
         with pytest.raises(
             NotSaved, match=r"No space left on device; what was in .*out is as it was"

@@ -139,14 +139,14 @@ class TestAgain:
 @pytest.fixture
 def full(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Path]]:
     """The places that still have room, once there is one in this list."""
-    real, room = files.tempfile.mkstemp, list[Path]()
+    real, room = files.new_file, list[Path]()
 
-    def mkstemp(*arguments: Any, **options: Any) -> Any:
-        if room and not any(Path(options["dir"]).is_relative_to(place) for place in room):
+    def new_file(folder: Path) -> tuple[int, Path]:
+        if room and not any(folder.is_relative_to(place) for place in room):
             raise OSError(28, "No space left on device")
-        return real(*arguments, **options)
+        return real(folder)
 
-    monkeypatch.setattr(files.tempfile, "mkstemp", mkstemp)
+    monkeypatch.setattr(files, "new_file", new_file)
     return room
 
 
