@@ -23,6 +23,7 @@ from oed.report.parts.judging import identifies, judged, repeatable, repetitions
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import chosen_text, duration_text, in_place, kind_of, taken
 from oed.robots.limits import Workspace
+from oed.simulation.agreement import agreement_text
 
 SAY = Prose("answer")
 EQUAL = 0.05
@@ -263,10 +264,12 @@ def _proved(record: Record, winner: Result) -> str:
 
 
 def _holds(record: Record, winner: Result) -> str:
-    simulated = [] if record.validation is None else record.validation.results
+    simulations = record.validation
+    simulated = [] if simulations is None else simulations.results
     own = [one for one in simulated if one.name == winner.name]
-    replicates = record.validation.replicates if record.validation is not None and own else 0
+    replicates = simulations.replicates if simulations is not None and own else 0
+    largest = 1.0 if simulations is None else max(map(simulations.largest_ratio, own), default=1.0)
     failed = [check.question for one in own for check in one.checks if not check.passed]
     tried = [] if record.robustness is None else record.robustness.results
     violating = next((one.interval[1] for one in tried if one.name == winner.name), None)
-    return SAY("holds", replicates, failed, violating)
+    return SAY("holds", replicates, failed, agreement_text(largest), violating)

@@ -27,6 +27,7 @@ from oed.foundation.work.parallel import Workers, run_tasks
 from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
+from oed.simulation.agreement import agreement_sentence, largest_ratio
 from oed.simulation.checks import Check, Moments, Tally, check_tally
 from oed.simulation.linearisation import Linearisation, differences, directions_of
 
@@ -86,8 +87,15 @@ class Validation(ByValue, Presented, Renamed):
         return all(check.passed for check in self.checks)
 
     @property
+    def largest_ratio(self) -> float:
+        """How many times as large, or as small, as predicted the standard error of any combination of
+        parameters may be, with 95 % confidence; infinite where so few replicates say nothing of it.
+        """
+        return largest_ratio(self.predicted, self.sampled, self.replicates)
+
+    @property
     def verdict(self) -> str:
-        """The outcome in words; and whether the noise is too large for linearised least squares."""
+        """The outcome in words, with how much it says; and whether noise is too large for linearised fits."""
         known = self.linearisation
         if known is None or self.estimator != "nonlinear" or known.small_enough is not False:
             return self._outcome
@@ -98,7 +106,7 @@ class Validation(ByValue, Presented, Renamed):
         if self.passed:
             return (
                 f"In {self.replicates:,} simulated experiments the estimates scatter as predicted: "
-                f"all {len(self.checks)} tests passed."
+                f"all {len(self.checks)} tests passed. {agreement_sentence(self.largest_ratio)}"
             )
         failed = ", ".join(check.name for check in self.checks if not check.passed)
         ratios = np.sqrt(np.diag(self.sampled) / np.diag(self.predicted))

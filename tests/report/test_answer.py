@@ -236,6 +236,30 @@ def test_failed_simulations_are_said():
     assert check.question in said
 
 
+@pytest.mark.parametrize(
+    ("replicates", "said"), [(10_000, "to within 2.2 %"), (100, "to within 14 %"), (2, "as far as")]
+)
+def test_passed_simulations_say_how_far_they_tell(replicates: int, said: str):
+    # Saved before this was said: it follows from the covariances, and from how many experiments there were.
+    record = changed()
+    found = record.validation.model_copy(update={"replicates": replicates})
+    (own,) = [one for one in found.results if one.name == record.best.name]
+    assert "confidence" not in own.verdict
+    record = record.with_validation(found)
+    assert f"times: errors as predicted, {said}" in answer_of(record).sentences[-1]
+    assert said in found.verdict(own)
+
+
+def test_of_several_estimators_the_one_that_says_least_counts():
+    record = sample_records.absolute()
+    own = [one for one in record.validation.results if one.name == record.best.name]
+    assert len(own) > 1
+    sampled = [[4.0 * value for value in row] for row in own[0].sampled_covariance]
+    worse = own[0].model_copy(update={"sampled_covariance": sampled})
+    found = record.validation.model_copy(update={"results": [*own[1:], worse]})
+    assert "to within a factor of 2." in answer_of(record.with_validation(found)).sentences[-1]
+
+
 def test_nothing_that_can_be_driven_is_no_answer_but_reasons():
     record = sample_records.without_drive()
     assert answer_of(record) is None

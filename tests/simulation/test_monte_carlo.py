@@ -21,6 +21,7 @@ from oed.optimize import Silent
 from oed.robots.models import SkidSteer
 from oed.robots.sensors import Displacements
 from oed.simulation import Validation, validate
+from oed.simulation.agreement import agreement_text
 from oed.simulation.monte_carlo import BATCH, SHOWN
 
 NOISE = {"position": "1 cm", "heading": "2 deg"}
@@ -77,6 +78,8 @@ class TestKnownHeading:
         assert result.passed
         assert len(result.checks) == 6
         assert "as predicted" in result.verdict
+        assert agreement_text(result.largest_ratio) in result.verdict
+        assert 1 < result.largest_ratio < 1.06
         with pytest.raises(AttributeError, match="it is now 'predicted'"):
             _ = result.promised
 
@@ -168,6 +171,7 @@ class TestNegativeControls:
         failed = [check.name for check in result.checks if not check.passed]
         assert ", ".join(failed) in result.verdict
         assert "times as much as predicted" in result.verdict
+        assert "confidence" not in result.verdict
 
 
 class TestPredictedHeading:

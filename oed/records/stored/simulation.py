@@ -28,6 +28,7 @@ from oed.records.stored.parts import (
     require_known,
     require_table,
 )
+from oed.simulation.agreement import agreement_sentence, largest_ratio
 from oed.simulation.monte_carlo import ALPHA, compared
 
 
@@ -113,6 +114,18 @@ class StoredValidation(Stored):
     alpha: Share = ALPHA
     seed: Seed = 0
     results: list[Simulated]
+
+    def largest_ratio(self, one: Simulated) -> float:
+        """How many times as large, or as small, as predicted the standard error of any combination of
+        parameters may be by one of the results, with 95 % confidence; infinite where that is not known.
+        """
+        return largest_ratio(one.predicted_covariance, one.sampled_covariance, self.replicates)
+
+    def verdict(self, one: Simulated) -> str:
+        """What is said of one of the results; of one that passed, with how much that says."""
+        said = agreement_sentence(self.largest_ratio(one))
+        # Earlier versions saved verdicts without it.
+        return f"{one.verdict} {said}" if one.passed and said not in one.verdict else one.verdict
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame with a row per result and parameter: true value, mean estimate, predicted and

@@ -98,8 +98,10 @@ def _ahead(record: Record, winner: Result) -> Result | None:
 
 
 def _simulated(record: Record, winner: Result) -> str:
-    every = () if record.validation is None else record.validation.results
-    own = [one for one in every if one.name == winner.name]
-    if len(own) == 1:
-        return own[0].verdict
-    return " ".join(f"By {words(one.estimator)}: {one.verdict}" for one in own)
+    found = record.validation
+    if found is None:
+        return ""
+    said = {one.estimator: found.verdict(one) for one in found.results if one.name == winner.name}
+    if len(said) == 1:
+        return next(iter(said.values()))
+    return " ".join(f"By {words(estimator)}: {verdict}" for estimator, verdict in said.items())

@@ -41,7 +41,7 @@ def validation(record: Record) -> Section | None:
     names, prior = nuisance_names(record), record.study.prior
     made = Section.of(
         "Validation by simulation",
-        *(f"{_titled(record, one, several)}: {one.verdict}" for one in chosen),
+        *(f"{_titled(record, one, several)}: {outcome.verdict(one)}" for one in chosen),
         SAY("intro", outcome, regression_of(record), estimators, names, prior),
         *_clouds(record, every, chosen, several),
         *(_checks(one, outcome.alpha, _titled(record, one, several)) for one in chosen),
