@@ -153,11 +153,13 @@ class Level:
 
 @dataclass(frozen=True)
 class Violation:
-    """How often robots violate the limits that the nominal robot satisfies.
+    """How often robots violate the limits that the nominal robot satisfies, by more than scoring tolerates.
 
     Attributes:
         probability: of a violation: share of the draws that exceed a limit on the path at any time.
-        interval: of that probability, 95 %, exact [Clopper and Pearson, 1934].
+        interval: of that probability, 95 %, exact [Clopper and Pearson, 1934]: with 97.5 % confidence it is
+            no more than the upper end. Of a robust search it is for all drives together that were verified by
+            the same draws [Bonferroni].
         draws, seed: of the simulation.
         by_limit: share of the draws that exceed each limit.
         farthest: how far the worst draws exceed a limit, as a share of the limit's size; 0 for none, infinite

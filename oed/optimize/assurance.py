@@ -18,8 +18,12 @@ NARROWER = (
     "The limits are tightened for what is uncertain; a short drive that stays well inside would narrow it."
 )
 """What to do where no back-off suffices."""
+MORE_DRAWS = "More of them (`draws`) can verify more drives."
+"""What to do where draws are so few that another drive could not be shown to be safe by them."""
 FINAL = 0
-"""Stream of the verification samples, which are reported: limits were not tightened by them."""
+"""Stream of the verification samples, which are reported: limits were not tightened by them.
+
+Of up to `ROUNDS` + 1 drives the one is chosen that they accept, so intervals are for all these together."""
 UNTRIED = "It was not tried with other robots."
 """Said of a design whose verification was interrupted."""
 
@@ -42,6 +46,9 @@ class _Assured:
     def __init__(self, problem: Problem, robust: Robust, context: Context) -> None:
         self.problem, self.robust, self.context = problem, robust, context
         self.solutions: list[Solution] = []
+        # One of these is chosen by the same verification samples; one more is that of the whole search.
+        self.drives = robust.verifications(ROUNDS + 1)
+        self.verified = 0
 
     def run(self, options: Solver) -> Solution:
         tightened, quick, context = self.robust, options, self.context
@@ -54,13 +61,17 @@ class _Assured:
                 return self._summed(solution)
             found = solution.violation
             if self._enough(solution):
-                solution = self._tried(solution, FINAL)
+                solution = self._verified(solution)
                 if solution.status is Status.INTERRUPTED:
                     return self._summed(solution)
                 if self._enough(solution):
                     return self._searched_well(options, solution, tightened)
             # Of the verification samples nothing is learned but that they were not enough.
             last = solution.violation
+            if self.verified == self.drives:
+                detail = f"{solution.detail} {MORE_DRAWS}".strip()
+                solution = replace(solution, detail=detail)
+                break
             tightened, quick = tightened.tighter(found.worst), options.again()
             context = self._knowing(solution)
         return self._without_design(replace(solution, status=Status.FAILED), last)
@@ -70,8 +81,9 @@ class _Assured:
         if len(self.solutions) == 1:
             return self._summed(solution)
         again = self._searched(options.again(quick=False), tightened, self._knowing(solution))
-        if self._enough(again) and _objective(again) > _objective(solution):
-            again = self._tried(again, FINAL)
+        better = self._enough(again) and _objective(again) > _objective(solution)
+        if better and self.verified < self.drives:
+            again = self._verified(again)
             solution = again if self._enough(again) else solution
         if again.status is Status.INTERRUPTED:
             solution = replace(solution, status=Status.INTERRUPTED)
@@ -87,13 +99,22 @@ class _Assured:
         # With draws of its own each time, lest the drive suit the draws that it is judged by.
         return self._tried(scored, FINAL + len(self.solutions))
 
+    def _verified(self, solution: Solution) -> Solution:
+        self.verified += 1
+        return self._tried(solution, FINAL)
+
     def _tried(self, solution: Solution, stream: int) -> Solution:
         assert solution.trajectory is not None
         progress, draws = self.context.progress, self.robust.draws
         progress.begin(f"simulate {draws} robots", 1)
         try:
             found = violation_probability(
-                self.problem, solution.trajectory, draws=draws, seed=self.context.seed, stream=stream
+                self.problem,
+                solution.trajectory,
+                draws=draws,
+                seed=self.context.seed,
+                stream=stream,
+                drives=self.drives,
             )
         except KeyboardInterrupt:
             detail = solution.detail if solution.violation else f"{solution.detail} {UNTRIED}".strip()

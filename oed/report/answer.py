@@ -24,6 +24,7 @@ from oed.report.parts.prose import Prose
 from oed.report.parts.reading import chosen_text, duration_text, in_place, kind_of, taken
 from oed.robots.limits import Workspace
 from oed.simulation.agreement import agreement_text
+from oed.uncertainty.robust import TAIL
 
 SAY = Prose("answer")
 EQUAL = 0.05
@@ -272,4 +273,4 @@ def _holds(record: Record, winner: Result) -> str:
     failed = [check.question for one in own for check in one.checks if not check.passed]
     tried = [] if record.robustness is None else record.robustness.results
     violating = next((one.interval[1] for one in tried if one.name == winner.name), None)
-    return SAY("holds", replicates, failed, agreement_text(largest), violating)
+    return SAY("holds", replicates, failed, agreement_text(largest), violating, f"{100 * (1 - TAIL):g}")

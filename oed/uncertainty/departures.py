@@ -20,10 +20,9 @@ from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.limit import PathLimit
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Violation
+from oed.uncertainty.robust import TAIL
 from oed.uncertainty.uncertainty import given_spread
 
-LEVEL = 0.95
-"""Confidence of the interval of a probability."""
 BATCH = 500
 """Robots simulated in one call."""
 WORST = 4
@@ -47,7 +46,13 @@ class _Robots:
 
 @typed
 def violation_probability(
-    problem: Problem, trajectory: Trajectory, *, draws: int = 10_000, seed: int = 0, stream: int = 0
+    problem: Problem,
+    trajectory: Trajectory,
+    *,
+    draws: int = 10_000,
+    seed: int = 0,
+    stream: int = 0,
+    drives: int = 1,
 ) -> Violation:
     """Simulate robots drawn from a problem's uncertainty on one drive.
 
@@ -57,6 +62,7 @@ def violation_probability(
         draws: robots.
         seed: of the draws.
         stream: of draws that are independent of those of other streams of the same seed.
+        drives: of which one is chosen by what these draws say: the interval is for all of them together.
 
     Raises:
         ValueError: the problem says nothing of what is uncertain.
@@ -64,7 +70,7 @@ def violation_probability(
     limits = path_limits(problem)
     values = given_spread(problem.uncertain_system).draws(draws, seed, stream)
     if not limits:
-        return Violation(0.0, _interval(0, draws), draws, seed, {}, 0.0, values[:0])
+        return Violation(0.0, interval_of(0, draws, drives), draws, seed, {}, 0.0, values[:0])
     excess, certain = _excess(problem, trajectory, values)
     beyond = excess > TOLERANCE
     any_violated = beyond.any(axis=1)
@@ -72,7 +78,7 @@ def violation_probability(
     order = np.argsort(-farthest, kind="stable")[: min(WORST, int(any_violated.sum()))]
     return Violation(
         probability=float(any_violated.mean()),
-        interval=_interval(int(any_violated.sum()), draws),
+        interval=interval_of(int(any_violated.sum()), draws, drives),
         draws=draws,
         seed=seed,
         by_limit={limit.name: float(share) for limit, share in zip(limits, beyond.mean(axis=0), strict=True)},
@@ -204,11 +210,19 @@ def _poses(problem: Problem, samples: int, runs: int) -> ca.Function:
     return ca.Function("poses", symbols, [drive.states])
 
 
-def _interval(count: int, draws: int) -> tuple[float, float]:
+def interval_of(count: int, draws: int, drives: int = 1) -> tuple[float, float]:
+    """Interval of a probability [Clopper and Pearson, 1934], 95 % for all of several drives together
+    [Bonferroni].
+
+    Args:
+        count: how often it happened.
+        draws: of how many.
+        drives: of which one is chosen by what is found here.
+    """
     # Loaded by those who ask.
     import scipy
 
-    tail = (1 - LEVEL) / 2
+    tail = TAIL / drives
     low = float(scipy.stats.beta.ppf(tail, count, draws - count + 1)) if count else 0.0
     high = float(scipy.stats.beta.ppf(1 - tail, count + 1, draws - count)) if count < draws else 1.0
     return low, high

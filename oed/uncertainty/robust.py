@@ -6,7 +6,7 @@ tightened by how far its distance moves with the parameters, through the sensiti
 
 from __future__ import annotations
 
-from math import ceil, log
+from math import ceil, exp, log
 from typing import Annotated, Any, Literal
 
 import casadi as ca
@@ -27,6 +27,8 @@ TIGHTER = 1.15
 """Factor on the back-off where draws have shown too many violations."""
 ADDED = 2
 """Worst draws added at a time."""
+TAIL = 0.025
+"""Probability with which a violation probability may be above its interval, and below it."""
 NOTHING_UNCERTAIN = (
     "needs to know what is uncertain: add `uncertainty: {track: 5 %}`, or a prior of its parameters"
 )
@@ -71,10 +73,20 @@ class Robust(Renamed, Tightening):
 
     @model_validator(mode="after")
     def _draws_that_can_show_it(self) -> Robust:
-        needed = ceil(log(0.025) / log(self.confidence))
+        needed = ceil(log(TAIL) / log(self.confidence))
         if self.draws < needed:
             raise ValueError(f"a confidence of {self.confidence:g} takes {needed} draws or more to show")
         return self
+
+    def verifications(self, most: int) -> int:
+        """On how many drives draws can be tried, and one of them be shown to satisfy the limits.
+
+        Args:
+            most: that are asked for.
+        """
+        # As often as the interval of no violation at all still lies below what is allowed.
+        room = log(TAIL) - self.draws * log(self.confidence)
+        return most if room >= log(most) else max(1, int(exp(room)))
 
     @property
     def reach(self) -> float:

@@ -16,13 +16,13 @@ from oed.kernel.criteria import D, E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
-from oed.kernel.solution import Solution, Status
+from oed.kernel.solution import Solution, Status, Violation
 from oed.optimize import Genetic, Ipopt, assurance, solve
-from oed.optimize.assurance import FINAL, NARROWER, UNTRIED
+from oed.optimize.assurance import FINAL, MORE_DRAWS, NARROWER, UNTRIED, assured
 from oed.optimize.solver import Context, Solver
 from oed.robots.limits import Rectangle
 from oed.robots.sensors import Poses
-from oed.uncertainty.departures import violated, violation_probability
+from oed.uncertainty.departures import interval_of, violated, violation_probability
 from oed.uncertainty.robust import ADDED, TIGHTER, Robust
 
 RADII = {"wheel_radius_right": "5 %", "wheel_radius_left": "5 %", "track": "5 %"}
@@ -171,6 +171,61 @@ class TestRaised:
         solution = solve(robust_problem(robust=None), Larger(), workers=1)
         assert len(Larger.asked) == 1
         assert (solution.violation, solution.robust) == (None, None)
+
+
+class TestLevel:
+    """How often a drive is accepted that too many robots violate."""
+
+    RUNS = 150
+
+    @pytest.fixture
+    def accepted(self, monkeypatch: pytest.MonkeyPatch) -> Any:
+        problem = robust_problem(robust=tightened())
+        drive = Larger().drive(problem, 1.0)
+        scored = evaluate(problem, drive)
+        found = Solution("mine", "larger", drive, scored, Status.CONVERGED)
+        rng = np.random.default_rng(0)
+
+        def tried(*_: Any, draws: int, stream: int, seed: int, **options: Any) -> Violation:
+            # As many as are allowed, and one in a thousand more; the draws before give no warning.
+            count = rng.binomial(draws, 1.001 * (1 - CONFIDENCE)) if stream == FINAL else 0
+            interval = interval_of(int(count), draws, **options)
+            return Violation(count / draws, interval, draws, seed, {}, 0.0, np.zeros((0, 3)))
+
+        monkeypatch.setattr(assurance, "violation_probability", tried)
+        monkeypatch.setattr(assurance, "evaluate", lambda *_: scored)
+        monkeypatch.setattr(Larger, "search", lambda self, problem, context: found)
+
+        def times(draws: int) -> int:
+            asked = replace(problem, robust=tightened(draws=draws))
+            ends = [assured(Larger(), asked, Context(seed=0)) for _ in range(self.RUNS)]
+            return sum(one.trajectory is not None for one in ends)
+
+        return times
+
+    @pytest.mark.parametrize("draws", [122, 300, 3000])
+    def test_is_that_of_the_interval_however_many_drives_are_verified(self, accepted, draws: int):
+        # The fewest that can show it of one drive, of some drives, and more.
+        level = 0.025
+        assert accepted(draws) / self.RUNS <= level + 3 * (level * (1 - level) / self.RUNS) ** 0.5
+
+    def test_few_draws_that_reject_a_drive_end_the_search(self, accepted):
+        problem = robust_problem(robust=tightened(draws=122))
+        end = assured(Larger(), problem, Context(seed=0))
+        assert end.trajectory is None
+        assert MORE_DRAWS in end.message
+
+    def test_many_draws_show_it_of_all_drives_few_of_one(self):
+        assert [tightened(draws=draws).verifications(13) for draws in (122, 160, 300, 10**7)] == [
+            1,
+            3,
+            13,
+            13,
+        ]
+
+    def test_the_interval_of_several_drives_is_wider(self):
+        alone, together = interval_of(3, 1000), interval_of(3, 1000, 13)
+        assert together[0] < alone[0] < 0.003 < alone[1] < together[1]
 
 
 @pytest.mark.slow

@@ -213,5 +213,7 @@ def test_what_a_tightened_limit_is_exceeded_by_is_said_to_include_its_back_off()
 def test_a_probability_is_written_in_one_way(share: float, said: str):
     assert chance_text(share) == said
     record = made(results=[result("ipopt", reserve=2.576, interval=[0.0, share])], bundles=[])
-    assert f"At most {said} of robots like this one would violate the limits." in answer_of(record).sentences
+    sentence = f"At most {said} of robots like this one would violate the limits (97.5 % confidence)."
+    assert sentence in answer_of(record).sentences
+    assert "at any time, by more than 0.1 % of the limit's size." in " ".join(robustness(record).paragraphs)
     assert f"0.31 %; with 95 % confidence 0.00 % to {said}" in " ".join(robustness(record).paragraphs)

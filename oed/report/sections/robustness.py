@@ -10,6 +10,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.text import chance_text, fixed, listing, significant, whole, words
+from oed.kernel.margin import TOLERANCE
 from oed.kernel.solution import NOMINAL
 from oed.records.record import Record
 from oed.records.stored.result import Result
@@ -43,7 +44,7 @@ def _sentences(record: Record, found: StoredRobustness) -> Iterator[str]:
     ends = [name for name in (EndPosition.name, EndHeading.name) if name in given]
     searched = [(called_by(record, one.name), one) for one in found.results if one.back_off is not None]
     yield SAY("verdict", found.kind, searched)
-    yield SAY("uncertain", found, [_range(record, one) for one in found.uncertain])
+    yield SAY("uncertain", found, [_range(record, one) for one in found.uncertain], TOLERANCE)
     yield SAY("ends", ends)
     if record.study.domain != "robots":
         yield SAY("untightened", [one.name for one in record.study.every_limit if one.looks_at == "run"])
