@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,12 +11,19 @@ from oed.foundation.arrays import Array
 from oed.foundation.equality import ByValue
 from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Card, Presented, given, number
+from oed.foundation.text import significant
 from oed.kernel.criteria import Criterion, E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation
 
 INFLATION = 1e-9
 """Share of the information by which every bound is raised, far above what rounding can have taken from it."""
+OF_ALL = (
+    "the study's model at its nominal parameter values, with its duration, samples and held inputs",
+    "information is linearised about these values",
+    f"computed in floating point, raised by {significant(1)(INFLATION)} of the information against rounding",
+)
+"""What every bound is about, whatever else it assumes."""
 LOOSE = 0.05
 """Gap above which a bound is called loose."""
 LATTICE = "lattice"
@@ -53,7 +61,8 @@ class Certificate(ByValue, Presented, Renamed):
     Attributes:
         upper_bound: no design that satisfies the limits exactly has a larger objective; infinite if nothing
             is proved.
-        method, assumptions, multiplier: of that bound.
+        method, multiplier: of that bound.
+        assumptions: of every bound, then those of that one.
         bounds: every bound found, the smallest first.
         drive: a drive that the search for the bound came upon, where it did.
         complete: whether the search for it ended by itself, not by the most nodes allowed.
@@ -76,6 +85,11 @@ class Certificate(ByValue, Presented, Renamed):
     criterion: Criterion = SMALLEST
     judged: int = 1
     wall_seconds: float = field(default=0.0, compare=False)
+
+    def __post_init__(self) -> None:
+        """Say what every bound is about, where something is proved."""
+        if np.isfinite(self.upper_bound):
+            object.__setattr__(self, "assumptions", with_common(self.assumptions))
 
     def bound_on(self, evaluation: Evaluation) -> float:
         """The bound that a drive is to be held against; see `bound_on`."""
@@ -106,6 +120,11 @@ class Certificate(ByValue, Presented, Renamed):
         )
         rows = tuple((number(one.value), one.method) for one in self.bounds)
         return Card("Certificate: no design has a larger objective", facts, ("bound", "method"), rows)
+
+
+def with_common(assumptions: Iterable[str]) -> tuple[str, ...]:
+    """Assumptions of a bound after those of every bound, which earlier versions did not say."""
+    return (*OF_ALL, *(one for one in assumptions if one not in OF_ALL))
 
 
 def gap(bound: float, objective: float, criterion: Criterion = SMALLEST, judged: int = 1) -> float:

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from places import PROBLEMS
 
 from oed.bounds import NOTHING, OF_E, ROOMLESS, Certificate, bound
-from oed.bounds.certificate import INFLATION
+from oed.bounds.certificate import INFLATION, OF_ALL
 from oed.bounds.closed_form import TURNED, largest_squares, most_turning, regression_bounds
 from oed.kernel.criteria import A, E, ModifiedE
 from oed.kernel.evaluation import evaluate
@@ -205,6 +205,10 @@ def test_caps_are_in_order_and_name_what_they_rest_on() -> None:
     assert values == sorted(values)
     assert certificate.upper_bound == values[0]
     assert all(one.assumptions and one.method for one in certificate.bounds)
+    assert certificate.assumptions == (*OF_ALL, *certificate.bounds[0].assumptions)
+    assert certificate.widened.assumptions[: len(OF_ALL)] == OF_ALL
+    said = " ".join(OF_ALL)
+    assert all(word in said for word in ("nominal", "duration", "held inputs", "linearised", "rounding"))
     for one in certificate.bounds:
         assert one.multiplier is not None
         assert np.trace(one.multiplier) == pytest.approx(1.0)

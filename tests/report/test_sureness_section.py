@@ -9,8 +9,10 @@ import pytest
 import sample_records
 from recorded import record_from
 
+from oed.bounds.certificate import OF_ALL
 from oed.report.figures import spread
 from oed.report.figures.draw import drawn
+from oed.report.sections.first import first
 from oed.report.sections.sureness import sureness
 
 OTHER = {"upper_bound": 93.3, "method": "another way", "assumptions": ["the room is left out"]}
@@ -47,9 +49,26 @@ def test_without_a_certificate_there_is_no_section():
 
 def test_bound_gap_and_assumptions_are_said():
     text = " ".join(section_of().paragraphs)
-    for words in ("86.7018", "a way", "one thing; another", "within 0.0021 %", "3.9 % less", "Z of"):
+    for words in (
+        "86.7018",
+        "a way",
+        f"It assumes: {'; '.join(OF_ALL)}; one thing; another.",
+        "within 0.0021 %",
+        "3.9 % less",
+        "Z of",
+    ):
         assert words in text
     assert section_of().notices == ()
+
+
+def test_what_every_bound_is_about_is_said_once_of_old_records_and_new():
+    for saved in (FOUND["assumptions"], [*OF_ALL, *FOUND["assumptions"]]):
+        record = record_of({**FOUND, "assumptions": saved})
+        assert record.certificate.assumptions == saved
+        assert record.certificate.every_assumption == (*OF_ALL, "one thing", "another")
+        page = sample_records.full().model_copy(update={"certificate": record.certificate})
+        (fold,) = first(page).folds
+        assert " ".join(fold.paragraphs).count("; ".join(OF_ALL)) == 1
 
 
 def test_of_other_criteria_shares_are_in_efficiency():

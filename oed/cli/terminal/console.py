@@ -290,7 +290,7 @@ def print_certificate(certificate: StoredCertificate) -> None:
     """An upper bound with its method and assumptions, and the others that were found."""
     console = _console()
     lines = [f"no drive has an objective above {number(certificate.upper_bound)}: {certificate.method}"]
-    lines += [f"  assumes {assumption}" for assumption in certificate.assumptions]
+    lines += [f"  assumes {assumption}" for assumption in certificate.every_assumption]
     if not certificate.complete:
         lines.append(f"  ended after {certificate.nodes} nodes; more of them (--nodes) may lower it")
     widened = certificate.widened

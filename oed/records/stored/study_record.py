@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, PrivateAttr
 
+from oed.bounds.certificate import with_common
 from oed.foundation import plots
 from oed.foundation.presenting import (
     PARAMETER_COLUMNS,
@@ -122,6 +123,11 @@ class StoredCertificate(UpperBound):
     spline_objective: Number | None = None
     bounds: list[UpperBound] = Field(default_factory=list, alias="caps")
     wall_seconds: Seconds = 0.0
+
+    @property
+    def every_assumption(self) -> tuple[str, ...]:
+        """What the bound rests on, of records by earlier versions, too."""
+        return with_common(self.assumptions)
 
 
 class Provenance(Stored):
