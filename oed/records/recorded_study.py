@@ -82,7 +82,10 @@ def prior_of(wanted: PriorRecord, folder: Path) -> Prior:
     if len(found) != 1:
         text = f"the record's {result.name} predicts no covariance of all parameters together"
         raise ProblemError([Issue(("prior", "record"), text)])
-    return Prior(parameters=found[0].parameters, covariance=found[0].covariance)
+    # That prediction has the record's own prior in it, and with it the logs that made that.
+    before = saved.study.prior
+    logs = before.logs if isinstance(before, Prior) else {}
+    return Prior(parameters=found[0].parameters, covariance=found[0].covariance, logs=logs)
 
 
 def drives_of(file: Path, study: AnyStudyFile) -> list[TaskDrive]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import filecmp
+import hashlib
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -16,6 +17,8 @@ from oed.logs.form import is_bag
 UNFINISHED = (".part", ".partial", ".tmp", ".crdownload", "~")
 """Endings of files that something else is still writing."""
 
+FINGERPRINT = 32
+"""Letters of the fingerprint of a log."""
 Sign = tuple[int, int]
 """Size [bytes] of a log, and when it was last changed [ns]."""
 
@@ -112,6 +115,23 @@ def twin_of(log: Path, others: Iterable[Path], form: LogForm) -> Path | None:
         form: how they are read.
     """
     return next((other for other in others if _alike(log, other, form)), None)
+
+
+def fingerprint_of(log: Path, form: LogForm) -> str:
+    """A number that logs share which are alike to the byte, with all that is read beside them.
+
+    Args:
+        log: a file, or a bag's folder.
+        form: how it is read.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    whole = hashlib.sha256()
+    for one in _files(log, form):
+        with one.open("rb") as file:
+            whole.update(hashlib.file_digest(file, "sha256").digest())
+    return whole.hexdigest()[:FINGERPRINT]
 
 
 def _alike(log: Path, other: Path, form: LogForm) -> bool:

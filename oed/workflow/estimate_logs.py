@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from oed.estimation import calibrate
 from oed.foundation.arguments import typed
 from oed.foundation.errors import FileIssue, LogError, ProblemError, UserMistake
 from oed.foundation.extras import package_version
+from oed.foundation.shown import shown
 from oed.foundation.text import listing
 from oed.foundation.work.folders import require_usable
 from oed.logs import Log, LogForm, NotInLog, last_held_out, read_logs
@@ -19,7 +21,7 @@ from oed.records.calibration_outcome import estimate_of
 from oed.records.outcomes import provenance
 from oed.records.record import EstimateRecord
 from oed.study.study import Study
-from oed.workflow.arrivals import twin_of
+from oed.workflow.arrivals import fingerprint_of, twin_of
 from oed.workflow.saving import save_estimate
 
 NO_NUMBER = r"expected a finite number, got '[-+]?(nan|inf)"
@@ -67,7 +69,7 @@ def estimate(
         progress: informed how far the work is.
 
     Raises:
-        LogError: logs that cannot be read, do not fit the robot, or are given twice.
+        LogError: logs that cannot be read, do not fit the robot, are given twice, or made the study's prior.
         StudyError: options that do not suit the robot or the logs, models that cannot be compared.
         UserMistake: a share to hold out that is none.
         WrongKind: no study.
@@ -79,6 +81,7 @@ def estimate(
     if not 0 <= hold_out < 1:
         raise UserMistake(f"hold_out: expected a share of each log, at least 0 and below 1, got {hold_out:g}")
     _require_different([*logs, *apart], study.log)
+    _require_new(logs, study)
     chosen = study.seed if seed is None else seed
     stage = _Stages(progress or Silent())
     stage("reading logs")
@@ -126,6 +129,23 @@ def _require_different(files: Sequence[str | Path], form: LogForm) -> None:
             text = f"is the same as {known[twin]} to the byte; a log counts once"
             issues.append(FileIssue(str(file), 0, 0, "", text))
         known[path] = str(file)
+    if issues:
+        raise LogError(issues)
+
+
+def _require_new(files: Sequence[str | Path], study: Study) -> None:
+    # What a prior was estimated from is in it already; priors of earlier versions do not say from what.
+    prior = study.problem.prior
+    if prior is None or not prior.logs:
+        return
+    issues = []
+    for file in files:
+        # What cannot be read is refused where it is read.
+        with suppress(OSError, ValueError):
+            name = prior.logs.get(fingerprint_of(Path(file), study.log))
+            if name is not None:
+                text = f"is {shown(name)} to the byte, which made the study's prior; a log counts once"
+                issues.append(FileIssue(str(file), 0, 0, "", text))
     if issues:
         raise LogError(issues)
 

@@ -25,6 +25,7 @@ from oed.study.study import Study, read_study
 from oed.study.yaml_source import plain_source
 from oed.uncertainty.uncertainty import Uncertainty
 from oed.workflow.aims import aims_of, stretch
+from oed.workflow.arrivals import fingerprint_of
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.next_precision import predicted
 from oed.workflow.runner import run
@@ -118,7 +119,7 @@ def next_drive(
 
     Args:
         saved: record of the design that was driven, or its study. Where that has a prior, it counts: logs
-            that made it must not be given again.
+            that made it are refused.
         logs: of all drives since.
         targets: standard errors wanted, by parameter, with a unit ("0.2 mm") or relative ("0.1 %").
         least_gain: share of the worst standard error that another drive has to take away.
@@ -134,7 +135,7 @@ def next_drive(
         RecordError: the robot is code that is not trusted, or the study has files read from elsewhere.
         UserMistake: targets for what is not estimated, or a study whose parameters are not the robot's.
         StudyError: a duration that no drive of the study can have.
-        LogError: logs that cannot be read, or do not fit the robot.
+        LogError: logs that cannot be read, do not fit the robot, or made the study's prior.
         NotSaved: `out` could not be written to in the end; the error has what was found.
     """
     study = saved if isinstance(saved, Study) else recorded_study(saved, trust=trust)
@@ -147,7 +148,7 @@ def next_drive(
         wanted = {name: aim.size(found.values[name]) for name, aim in aims.items()}
         enough = bool(wanted) and all(found.errors[name] <= size for name, size in wanted.items())
         # Before anything is written: no such drive may be possible.
-        following = None if enough else _following(study, found, duration)
+        following = None if enough else _following(study, found, duration, logs)
         folder.keep(lambda: estimate_files(found))
         if following is None:
             precision = _precision(found, wanted, {})
@@ -206,12 +207,16 @@ def require_own_parameters(study: Study) -> None:
         raise UserMistake(text)
 
 
-def _following(study: Study, found: EstimateRecord, duration: float | None) -> Study:
+def _following(
+    study: Study, found: EstimateRecord, duration: float | None, logs: Sequence[str | Path]
+) -> Study:
     # The same study of the robot as it is known now; simulations are for its own report.
     data, values = study.echo(), found.values
     robot = robot_of(study.problem.model).with_values(values)
     data["robot"] = OneOf(MODELS).as_data(robot)
-    data["prior"] = {"parameters": list(values), "covariance": found.covariance}
+    before = {} if study.problem.prior is None else study.problem.prior.logs
+    known = before | {fingerprint_of(Path(log), study.log): str(log) for log in logs}
+    data["prior"] = {"parameters": list(values), "covariance": found.covariance, "logs": known}
     data["name"] = f"{study.name}: next drive"
     _narrow(data, study, values)
     if duration is not None:

@@ -16,6 +16,7 @@ from oed.report import write_estimate
 from oed.report.estimate.logs import findings
 from oed.report.estimate.parameters import estimate_lines
 from oed.study.study import Study
+from oed.workflow.arrivals import fingerprint_of
 from oed.workflow.driven import score_logs
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.saving import NotSaved
@@ -192,6 +193,27 @@ class TestTwice:
         copy.write_bytes(file.read_bytes())
         with pytest.raises(LogError, match=r"copy\.csv: is the same as .*run\.csv to the byte"):
             estimate(study, [file, copy])
+
+    def test_a_log_that_made_the_prior_is_in_it_already(self, tmp_path: Path):
+        file, other = write_drive(tmp_path / "run.csv", 0), write_drive(tmp_path / "other.csv", 1)
+        study = saved_study(tmp_path, STUDY)
+        made = estimate(study, [file])
+        prior = {"parameters": list(made.values), "covariance": made.covariance}
+        logs = {fingerprint_of(file, study.log): "drives/first.csv"}
+        copy = tmp_path / "copy.csv"
+        copy.write_bytes(file.read_bytes())
+        # Priors of earlier versions do not say from which logs they are.
+        unnamed, named = study.changed(prior=prior), study.changed(prior={**prior, "logs": logs})
+        assert "logs" not in unnamed.echo()["prior"]
+        assert named.echo()["prior"]["logs"] == logs
+        estimate(unnamed, [file])
+        estimate(named, [other], apart=[file])
+        for given in (file, copy):
+            said = rf"{given.name}: is drives/first\.csv to the byte, which made the study's prior"
+            with pytest.raises(LogError, match=said):
+                estimate(named, [other, given])
+        with pytest.raises(LogError, match=r"cannot be read|no such file"):
+            estimate(named, [tmp_path / "none.csv"])
 
 
 def test_a_fault_of_the_log_is_all_that_is_told(tmp_path: Path):

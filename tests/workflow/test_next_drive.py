@@ -10,9 +10,10 @@ import pytest
 from driven_robot import ROOM_STUDY, write_log
 from recorded import record_from
 
+from oed.cli import main
 from oed.cli.terminal.console import print_next
 from oed.foundation.errors import Failure, StudyError, UserMistake
-from oed.records.record import Record, load_estimate, save_record
+from oed.records.record import Record, load_estimate, load_record, save_record
 from oed.study.study import Study
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.next_drive import next_drive
@@ -90,6 +91,32 @@ class TestInterrupted:
         assert found.folder == old
         # No design from before passes for the next drive; what is not oed's stays.
         assert all_files(old).keys() == {"next.json", "estimate.json", "best.csv"}
+
+
+@pytest.mark.slow
+class TestPriorsLogs:
+    """A log that made the prior must not count again."""
+
+    def test_it_is_refused_by_its_content(self, study, designed, tmp_path, capsys):
+        rng = np.random.default_rng(5)
+        first = drive(study, designed, None, tmp_path / "first.csv", rng)
+        second = drive(study, designed, None, tmp_path / "second.csv", rng)
+        out = tmp_path / "next"
+        found = next_drive(designed, [first], out=out, workers=1)
+        assert list(found.record.study.prior.logs.values()) == [str(first)]
+        copy = tmp_path / "copy.csv"
+        copy.write_bytes(first.read_bytes())
+        assert main(["next", str(out), str(copy), "--quiet"]) == 2
+        assert f"{copy}: is {first} to the byte, which made the study's prior" in capsys.readouterr().err
+        assert main(["estimate", str(out / "next.yaml"), str(first), "--quiet"]) == 2
+        again = next_drive(load_record(out), [second], workers=1)
+        assert list(again.study.problem.prior.logs.values()) == [str(first), str(second)]
+
+    def test_a_prior_from_a_record_hands_them_on(self, study, designed, tmp_path):
+        first = drive(study, designed, None, tmp_path / "first.csv", np.random.default_rng(5))
+        found = next_drive(designed, [first], out=tmp_path / "next", workers=1)
+        (tmp_path / "study.yaml").write_text(f"{STUDY}prior: {{record: next}}\n")
+        assert load_study(tmp_path / "study.yaml").problem.prior.logs == found.study.problem.prior.logs
 
 
 @pytest.mark.slow

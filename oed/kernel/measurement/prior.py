@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
@@ -20,11 +21,19 @@ class Prior(Component):
     Attributes:
         standard_deviations: by parameter, with its unit ("1 mm") or as a share of the nominal value ("2 %").
         parameters, covariance: or names, and their covariance matrix in SI units.
+        logs: names of the logs that it was estimated from, by a fingerprint of their content: given again,
+            they would count twice.
     """
 
     standard_deviations: dict[str, Size] = Field(default_factory=dict)
     parameters: tuple[str, ...] = ()
     covariance: tuple[tuple[float, ...], ...] = ()
+    logs: dict[str, str] = Field(default_factory=dict)
+
+    @model_serializer(mode="wrap")
+    def _as_before_without_logs(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data = plain(self)
+        return data if self.logs else {key: value for key, value in data.items() if key != "logs"}
 
     @model_validator(mode="after")
     def _one_way_to_give_it(self) -> Prior:
