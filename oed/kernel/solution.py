@@ -82,6 +82,8 @@ NOMINAL = "nominal"
 """Name of a robust study's search without any back-off."""
 BEST_YET = "This is the best design found until then."
 NOTHING_YET = "No design had been found by then."
+TAIL = 0.025
+"""Probability with which a violation probability is above its interval at most, and below it at most."""
 
 
 @dataclass(frozen=True)

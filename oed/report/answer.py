@@ -16,6 +16,7 @@ from oed.foundation.text import (
     unit_text,
     words,
 )
+from oed.kernel.solution import TAIL
 from oed.records.record import Record
 from oed.records.stored.result import Result
 from oed.records.stored.study_record import StoredParameter
@@ -23,8 +24,6 @@ from oed.report.parts.judging import identifies, judged, repeatable, repetitions
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import chosen_text, duration_text, in_place, kind_of, taken
 from oed.robots.limits import Workspace
-from oed.simulation.agreement import agreement_text
-from oed.uncertainty.robust import TAIL
 
 SAY = Prose("answer")
 EQUAL = 0.05
@@ -269,8 +268,8 @@ def _holds(record: Record, winner: Result) -> str:
     simulated = [] if simulations is None else simulations.results
     own = [one for one in simulated if one.name == winner.name]
     replicates = simulations.replicates if simulations is not None and own else 0
-    largest = 1.0 if simulations is None else max(map(simulations.largest_ratio, own), default=1.0)
+    agreement = "" if simulations is None else simulations.agreement(own)
     failed = [check.question for one in own for check in one.checks if not check.passed]
     tried = [] if record.robustness is None else record.robustness.results
     violating = next((one.interval[1] for one in tried if one.name == winner.name), None)
-    return SAY("holds", replicates, failed, agreement_text(largest), violating, f"{100 * (1 - TAIL):g}")
+    return SAY("holds", replicates, failed, agreement, violating, f"{100 * (1 - TAIL):g}")

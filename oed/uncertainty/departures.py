@@ -19,8 +19,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.limit import PathLimit
 from oed.kernel.problem import Problem
-from oed.kernel.solution import Violation
-from oed.uncertainty.robust import TAIL
+from oed.kernel.solution import TAIL, Violation
 from oed.uncertainty.uncertainty import given_spread
 
 BATCH = 500

@@ -20,6 +20,7 @@ from oed.foundation.quantities import Ratio
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import ROUNDED, PathLimit, Rows
+from oed.kernel.solution import TAIL
 from oed.kernel.tightening import Scenarios, Tightening, UncertainSystem
 from oed.uncertainty.uncertainty import Spread, given_spread, impossible, spread_of
 
@@ -27,8 +28,6 @@ TIGHTER = 1.15
 """Factor on the back-off where draws have shown too many violations."""
 ADDED = 2
 """Worst draws added at a time."""
-TAIL = 0.025
-"""Probability with which a violation probability may be above its interval, and below it."""
 NOTHING_UNCERTAIN = (
     "needs to know what is uncertain: add `uncertainty: {track: 5 %}`, or a prior of its parameters"
 )

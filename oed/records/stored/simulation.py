@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -28,7 +29,7 @@ from oed.records.stored.parts import (
     require_known,
     require_table,
 )
-from oed.simulation.agreement import agreement_sentence, largest_ratio
+from oed.simulation.agreement import agreement_sentence, agreement_text, largest_ratio
 from oed.simulation.monte_carlo import ALPHA, compared
 
 
@@ -120,6 +121,10 @@ class StoredValidation(Stored):
         parameters may be by one of the results, with 95 % confidence; infinite where that is not known.
         """
         return largest_ratio(one.predicted_covariance, one.sampled_covariance, self.replicates)
+
+    def agreement(self, results: Sequence[Simulated]) -> str:
+        """How well errors agree with the predicted, in words, by that of some results which says least."""
+        return agreement_text(max(map(self.largest_ratio, results), default=math.inf))
 
     def verdict(self, one: Simulated) -> str:
         """What is said of one of the results; of one that passed, with how much that says."""
