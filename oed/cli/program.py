@@ -12,7 +12,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from oed.cli.design_commands import PLAN, RUN, SOLVE, SWEEP
 from oed.cli.examples_command import EXAMPLES
@@ -69,9 +69,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    options = _parser().parse_args(arguments)
+    from oed.foundation.errors import FileError, OedError, UserMistake
+
+    given = sys.argv[1:] if arguments is None else arguments
+    try:
+        parser = _parser(_JsonParser if _asks_for_json(given) else argparse.ArgumentParser)
+        options = parser.parse_args(given)
+    except UserMistake as misused:
+        _report(str(misused), [], as_json=True)
+        return MISTAKE
     if options.command is None:
-        _parser().print_help()
+        parser.print_help()
         return MISTAKE
     # What a command loads stays: to look through it for garbage again and again takes a tenth of a check.
     gc.set_threshold(OBJECTS, *gc.get_threshold()[1:])
@@ -79,7 +87,6 @@ def _run(arguments: Sequence[str] | None) -> int:
     atexit.register(gc.freeze)
     # Nor does this program use plugins of its libraries, which are looked for among all that is installed.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    from oed.foundation.errors import FileError, OedError, UserMistake
     from oed.foundation.vocabulary import Vocabulary, speaking
     from oed.foundation.work.signals import ending_alike, interrupts_named
 
@@ -92,14 +99,14 @@ def _run(arguments: Sequence[str] | None) -> int:
         error = _located(raised, options)
         issues = error.issues if isinstance(error, FileError) else ()
         mistake = isinstance(error, UserMistake)
-        _report_error(options, _with_notes(str(error), raised), [vars(issue) for issue in issues])
+        _report(_with_notes(str(error), raised), [vars(issue) for issue in issues], as_json=options.json)
         return MISTAKE if mistake else FAILED
     except KeyboardInterrupt as error:
-        _report_error(options, _with_notes("interrupted", error), [])
+        _report(_with_notes("interrupted", error), [], as_json=options.json)
         return FAILED
     except OSError as error:
         # A disk that is full, a file that may not be read: no fault of the program's.
-        _report_error(options, _with_notes(_of_system(error), error), [])
+        _report(_with_notes(_of_system(error), error), [], as_json=options.json)
         return FAILED
     except (Exception, SystemExit) as error:
         return _defect(options, error)
@@ -154,18 +161,35 @@ def _defect(options: argparse.Namespace, error: BaseException) -> int:
     else:
         text = f"a defect of oed, not of your files ({said})"
     text = f"{text}; with {DEBUG}=1 in the environment the same command shows where"
-    _report_error(options, _with_notes(text, error), [])
+    _report(_with_notes(text, error), [], as_json=options.json)
     return FAILED
 
 
-def _report_error(options: argparse.Namespace, message: str, issues: list[dict[str, Any]]) -> None:
+def _report(message: str, issues: list[dict[str, Any]], *, as_json: bool) -> None:
     say(message)
-    if options.json:
+    if as_json:
         print_json({"error": message, "issues": issues})
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+class _JsonParser(argparse.ArgumentParser):
+    """One whose mistakes are told as all others are, for the JSON object that is to say them."""
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse what was given, with how the command is called."""
+        from oed.foundation.errors import UserMistake
+
+        usage = " ".join(self.format_usage().split())
+        raise UserMistake(f"{self.prog}: {message}; {usage}")
+
+
+def _asks_for_json(given: Sequence[str]) -> bool:
+    # Before anything is parsed: `--json` and what argparse takes for it, but no name of a file after `--`.
+    options = list(given)[: list(given).index("--")] if "--" in given else given
+    return any(len(one) > 2 and "--json".startswith(one) for one in options)
+
+
+def _parser(kind: type[argparse.ArgumentParser]) -> argparse.ArgumentParser:
+    parser = kind(
         prog="oed",
         description="Design the drive that makes a robot's kinematic parameters best estimable.",
     )

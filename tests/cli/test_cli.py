@@ -717,3 +717,32 @@ def test_what_is_no_part_of_a_log_to_hold_out(capsys, folder: Path, given: str):
         main(["estimate", "study.yaml", "log.csv", f"--hold-out={given}"])
     assert caught.value.code == 2
     assert "--hold-out: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["check"], "oed check: the following arguments are required: STUDY; usage: oed check [-h]"),
+        (["estimate", "study.yaml"], "oed estimate: the following arguments are required: LOG"),
+        (["solve", "--workers", "0", "study.yaml"], "argument --workers: expected"),
+        (["solve", "--wrong", "study.yaml"], "oed: unrecognized arguments: --wrong"),
+        (["solev", "study.yaml"], "invalid choice: 'solev'"),
+        ([], "oed: unrecognized arguments: --json"),
+    ],
+)
+@pytest.mark.parametrize("option", ["--json", "--jso"])
+def test_mistakes_on_the_command_line_itself_as_json(
+    capsys, folder: Path, arguments: list[str], words: str, option: str
+):
+    code, out, err = call(capsys, *arguments, option)
+    data = json.loads(out)
+    assert (code, data["issues"]) == (2, [])
+    assert words.replace("--json", option) in data["error"], data
+    assert data["error"] in err
+
+
+@pytest.mark.parametrize("arguments", [["check"], ["check", "--", "--json"], ["check", "--wrong", "--", "a"]])
+def test_mistakes_on_the_command_line_without_json(capsys, folder: Path, arguments: list[str]):
+    code, out, err = call(capsys, *arguments)
+    assert (code, out) == (2, "")
+    assert "usage" in err or "no such file" in err
