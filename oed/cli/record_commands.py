@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from oed.cli.terminal.arguments import add_quiet, add_trust, add_workers, positive, whole, workers_of
+from oed.cli.terminal.arguments import add_quiet, add_trust, add_workers, count, whole, workers_of
 from oed.cli.terminal.command import DONE, FAILED, Command, CommandResult, answered, saved
 from oed.cli.terminal.messages import tell
 
@@ -97,7 +97,7 @@ REPORT = Command(
 
 def _validate_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", metavar="DIR")
-    parser.add_argument("--replicates", type=positive, help="simulated experiments (default: the study's)")
+    parser.add_argument("--replicates", type=count, help="simulated experiments (default: the study's)")
     parser.add_argument(
         "--heading",
         choices=("known", "predicted", "measured"),

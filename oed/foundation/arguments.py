@@ -51,7 +51,10 @@ _NAMES: dict[Any, str] = {
 """What values of other annotations than classes of this package are called."""
 
 
-_COUNTED = "expected a whole number of at least {}"
+DIGITS = 100
+"""Of a whole number, at most: none of more is read from a study, a record or the command line."""
+LEAST = {"seed": 0, "workers": 1, "nodes": 1, "drives": 1, "draws": 1}
+"""Least values of counts, by their name, which is the same of all public functions and of `oed`."""
 
 
 class WrongKind(UserMistake, TypeError):
@@ -84,9 +87,22 @@ def require_count(what: str, value: object, least: int | None = 0) -> None:
         WrongKind: it is none.
     """
     number = None if isinstance(value, bool) or not hasattr(value, "__index__") else value.__index__()
-    if number is None or (least is not None and number < least):
-        expected = "expected a whole number" if least is None else _COUNTED.format(least)
-        raise WrongKind(f"{what}: {expected}, got {written(value)}")
+    reason = count_issue(number, least) or ("" if number is not None else "expected a whole number")
+    if reason:
+        raise WrongKind(f"{what}: {reason}, got {written(value)}")
+
+
+def count_issue(number: int | None, least: int | None) -> str:
+    """What was expected instead of a number; "" where it may be one of at least so much.
+
+    Args:
+        number: that came; None for what is no whole number.
+        least: that it may be, None for any; what is no whole number may be that of none.
+    """
+    if number is not None and abs(number) >= 10**DIGITS:
+        return f"expected a whole number of at most {DIGITS} digits"
+    too_small = least is not None and (number is None or number < least)
+    return f"expected a whole number of at least {least}" if too_small else ""
 
 
 def called_in_words(function: Callable[Given, Result]) -> Callable[Given, Result]:
@@ -101,11 +117,15 @@ def typed(function: Callable[Given, Result]) -> Callable[Given, Result]:
         hints = _hints(function)
         reasons = ((name, _issue(value, hints[name])) for name, value in given.items() if name in hints)
         wrong = next((f"{name}: {reason}" for name, reason in reasons if reason), "")
-        seed = given.get("seed")
-        negative = not wrong and isinstance(seed, int) and seed < 0
-        return f"seed: {_COUNTED.format(0)}, got {seed}" if negative else wrong
+        return wrong or _miscounted(given)
 
     return _watched(function, issue)
+
+
+def _miscounted(given: Mapping[str, object]) -> str:
+    counts = {name: value for name, value in given.items() if name in LEAST and isinstance(value, int)}
+    found = ((name, count_issue(value, LEAST[name]), value) for name, value in counts.items())
+    return next((f"{name}: {reason}, got {written(value)}" for name, reason, value in found if reason), "")
 
 
 def _watched(

@@ -21,7 +21,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from oed.foundation.arguments import WrongKind
+from oed.foundation.arguments import WrongKind, count_issue
 from oed.foundation.moved import require_new_methods
 from oed.foundation.shown import written
 from oed.foundation.text import did_you_mean
@@ -57,6 +57,17 @@ class Before:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """The function, then the field's own validation."""
         return core_schema.no_info_before_validator_function(self.function, handler(source))
+
+
+def _short(value: Any) -> Any:
+    reason = count_issue(value, None) if isinstance(value, int) else ""
+    if reason:
+        raise ValueError(f"{reason}, got {written(value)}")
+    return value
+
+
+Seed = Annotated[int, Field(ge=0), Before(_short)]
+"""Of random draws."""
 
 
 class Component(Tidy, metaclass=_Worded):

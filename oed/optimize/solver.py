@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from oed.foundation.component import Component, OneOf
+from oed.foundation.component import Component, OneOf, Seed
 from oed.foundation.work.parallel import Workers, default_workers
 from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion
@@ -55,7 +55,7 @@ class Solver(Component, ABC):
 
     kind: str
     name: Annotated[str, Field(pattern=r"^\w[\w -]*$")] | None = None
-    seed: Annotated[int, Field(ge=0)] | None = None
+    seed: Seed | None = None
     criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] | None = None
     without_drift: bool = False
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field
 
-from oed.foundation.component import Component, OneOf
+from oed.foundation.component import Component, OneOf, Seed
 from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.own.part import OwnPart
 from oed.foundation.text import Unit
@@ -50,7 +50,7 @@ class StudyFile(Component, ABC):
     bound: bool = False
     weights: Selection | None = None
     validation: ValidationOptions | None = None
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Seed = 0
 
     def __repr__(self) -> str:
         """Its name, its system and the keys that were given."""

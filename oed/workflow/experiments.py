@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pydantic import ValidationError
 
 from oed.foundation.errors import ProblemError, UserMistake
+from oed.foundation.wording import sentence
 from oed.kernel.solution import Solution, scored
 from oed.optimize import Ipopt, Progress, Silent, Workers, default_workers
 from oed.records.outcomes import trial_of, validation_of
@@ -42,7 +43,7 @@ def validation_options(
         heading: which headings the estimators use.
 
     Raises:
-        UserMistake: fewer than 100 replicates.
+        UserMistake: fewer replicates than a study may ask for, 100.
     """
     given = {"replicates": replicates, "estimators": estimators, "heading": heading}
     asked = (saved.study.validation or ValidationOptions()).model_dump()
@@ -50,8 +51,8 @@ def validation_options(
     try:
         return ValidationOptions.model_validate(changed)
     except ValidationError as error:
-        detail = error.errors()[0]
-        raise UserMistake(f"{detail['loc'][0]}: {detail['msg'].lower()}, got {detail['input']!r}") from None
+        detail = error.errors(include_url=False)[0]
+        raise UserMistake(f"{detail['loc'][0]}: {sentence(detail)}") from None
 
 
 def validated(

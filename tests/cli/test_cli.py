@@ -746,3 +746,40 @@ def test_mistakes_on_the_command_line_without_json(capsys, folder: Path, argumen
     code, out, err = call(capsys, *arguments)
     assert (code, out) == (2, "")
     assert "usage" in err or "no such file" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["solve", "study.yaml", "--workers", "0"], "expected a whole number of at least 1, got '0'"),
+        (["bound", "study.yaml", "--nodes", "-1"], "expected a whole number of at least 1, got '-1'"),
+        (["solve", "study.yaml", "--seed", "-1"], "expected a whole number of at least 0, got '-1'"),
+        (["solve", "study.yaml", "--seed", "1.5"], "expected a whole number of at least 0, got '1.5'"),
+        (["solve", "study.yaml", "--seed", "9" * 101], "expected a whole number of at most 100 digits, got"),
+        (["solve", "study.yaml", "--seed", "9" * 5000], "expected a whole number of at most 100 digits, got"),
+    ],
+)
+def test_counts_are_refused_in_the_words_of_python(capsys, folder: Path, arguments: list[str], words: str):
+    code, _, err = call(capsys, *arguments)
+    assert code == 2
+    assert words in err, err
+
+
+def test_a_seed_of_many_digits_is_taken_by_all(capsys, folder: Path):
+    seed = "123456789012345678901234567890123456789012345678"
+    drives = []
+    write_study(folder, small(solvers=GENETIC, seed=seed), "seeded.yaml")
+    for given in (["quick.yaml", "--seed", seed], ["seeded.yaml"]):
+        _, data, _ = call_json(capsys, "solve", *given, "--quiet", "--workers", "1")
+        drives.append(data)
+    first, second = (one["results"][0]["objective"] for one in drives)
+    assert first == second
+
+
+@pytest.mark.parametrize("count", ["0", "99"])
+def test_few_replicates_are_refused_in_words(capsys, folder: Path, count: str):
+    saved = REPORTS / "choi_skid_steer"
+    (folder / "made").mkdir()
+    (folder / "made" / "record.json").write_bytes((saved / "record.json").read_bytes())
+    code, _, err = call(capsys, "validate", "made", "--replicates", count, "--quiet", "--trust")
+    assert (code, err) == (2, f"replicates: expected at least 100, got {count}\n")

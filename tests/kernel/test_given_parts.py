@@ -123,6 +123,26 @@ def test_all_wrong_parts_are_named_at_once():
             lambda problem, drive: oed.solve(problem, seed=-1),
             "seed: expected a whole .* at least 0, got -1",
         ),
+        (
+            lambda problem, drive: oed.solve(problem, seed=10**100),
+            "seed: expected a whole number of at most 100 digits, got 1000",
+        ),
+        (
+            lambda problem, drive: oed.validate(problem, drive, seed=10**5000),
+            "seed: expected a whole number of at most 100 digits, got a number of thousands",
+        ),
+        (
+            lambda problem, drive: oed.solve(problem, workers=0),
+            "workers: expected a whole number of at least 1, got 0",
+        ),
+        (
+            lambda problem, drive: oed.validate(problem, drive, workers=-2),
+            "workers: expected a whole number of at least 1, got -2",
+        ),
+        (
+            lambda problem, drive: oed.bound(problem, nodes=-1),
+            "nodes: expected a whole number of at least 1, got -1",
+        ),
         (lambda problem, drive: oed.bound("study.yaml"), "problem: expected a Problem, got 'study.yaml'"),
         (
             lambda problem, drive: oed.run(problem),
@@ -185,6 +205,10 @@ def test_a_solver_may_be_named(three_segments, monkeypatch):
         (
             lambda: oed.E(scaling="foo"),
             r"^E\.scaling: expected 'relative' or 'none', got 'foo'; or expected keys",
+        ),
+        (
+            lambda: oed.Ipopt(seed=10**100),
+            r"^Ipopt\.seed: expected a whole number of at most 100 digits, got 1",
         ),
         (lambda: oed.Ranges(), r"^Ranges\.beacons: missing\nRanges\.noise: missing$"),
         (lambda: oed.Ipopt(startz=3), r"Ipopt\.startz: unknown key; did you mean starts\? known here: "),

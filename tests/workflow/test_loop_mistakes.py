@@ -88,7 +88,7 @@ class TestMistakes:
         ("flags", "said"),
         [
             (["--target", "track"], "expected PARAMETER SIZE"),
-            (["--most", "0"], "expected a whole number from 1 on"),
+            (["--most", "0"], "expected a whole number of at least 1"),
             (["--least-gain", "1.5"], "expected a share from 0 to 1"),
             (["--settle", "-1 s"], "expected more than 0 seconds"),
             (["--duration", "3 m"], "--duration"),

@@ -57,6 +57,11 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def count(text: str) -> int:
+    """A number, whose bounds those know who are given it."""
+    return _at_least(None, text)
+
+
 def whole(text: str) -> int:
     """A number from 0."""
     return _at_least(0, text)
@@ -67,11 +72,17 @@ def positive(text: str) -> int:
     return _at_least(1, text)
 
 
-def _at_least(least: int, text: str) -> int:
-    # What is no number gets the same answer.
-    if not re.fullmatch(r"\s*[-+]?[0-9]{1,18}\s*", text) or int(text) < least:
-        raise argparse.ArgumentTypeError(f"expected a whole number from {least} on, got {text}")
-    return int(text)
+def _at_least(least: int | None, text: str) -> int:
+    from oed.foundation.arguments import DIGITS, count_issue
+    from oed.foundation.shown import written
+
+    # Python reads no numbers of thousands of digits.
+    digits = re.fullmatch(r"\s*[-+]?0*([0-9]+)\s*", text)
+    number = None if digits is None else int(text) if len(digits[1]) <= DIGITS else 10**DIGITS
+    reason = count_issue(number, least) or ("expected a whole number" if number is None else "")
+    if number is None or reason:
+        raise argparse.ArgumentTypeError(f"{reason}, got {written(text)}")
+    return number
 
 
 def seconds(text: str) -> float:

@@ -10,6 +10,7 @@ from typing import Any, Final, NoReturn, Self, TypeVar
 from pydantic import PrivateAttr, ValidationError
 from pydantic_core import ErrorDetails
 
+from oed.foundation.arguments import DIGITS
 from oed.foundation.errors import FileIssue, ProblemError, RecordError
 from oed.foundation.files import text_of
 from oed.foundation.own.part import UNMADE
@@ -23,8 +24,6 @@ FORMAT: Final = 1
 """Of all files."""
 STUDIES = (".yaml", ".yml")
 """What files of studies end in."""
-DIGITS = 100
-"""Of a whole number."""
 SHOWN = 12
 """Issues of a file that are listed; what is damaged throughout is not listed line by line."""
 
