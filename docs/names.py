@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from gallery import keep
+from sphinx.pycode import ModuleAnalyzer
 
 import oed
 
@@ -50,7 +51,17 @@ def _entry(name: str) -> str:
     thing = getattr(oed, name)
     if inspect.isclass(thing):
         return f".. autoclass:: oed.{name}\n{OF_CLASSES}"
-    return f".. {'autofunction' if callable(thing) else 'autodata'}:: oed.{name}\n"
+    return f".. autofunction:: oed.{name}\n" if inspect.isroutine(thing) else _alias(name, thing)
+
+
+def _alias(name: str, thing: object) -> str:
+    # What it says of itself stands in the module that it is from, as the stub has it.
+    stub = Path(str(oed.__file__)).with_suffix(".pyi").read_text()
+    home = re.search(rf"^from (\S+) import {name} as", stub, flags=re.MULTILINE)
+    assert home is not None
+    said = ModuleAnalyzer.for_module(f"oed{home[1]}").find_attr_docs()["", name]
+    value = re.sub(r"\b(?:[a-z_]+\.)+(?=[A-Z])", "", str(thing))
+    return "\n".join([f".. py:data:: oed.{name}", f"   :value: {value}", "", f"   {said[0]}", ""])
 
 
 def _index(titles: list[str]) -> str:

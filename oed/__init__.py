@@ -17,10 +17,11 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
 
     Studies, runs and records
         load_study, parse_study, Study, run, Record, load_record, save_record, next_drive, NextDrive, loop,
-        Loop, estimate, EstimateRecord, load_estimate, score_path, read_trajectory, write_trajectory
+        Loop, Command, estimate, EstimateRecord, load_estimate, score_path, DrivenPaths, Precision,
+        read_trajectory, write_trajectory
     Problems, drives and their score
-        Problem, evaluate, Evaluation, Margin, ambiguities, Trajectory, Solution, Status, Violation,
-        Baseline, Move, Drive, Space, SignalSpace, Spline, System, Input, Parameter
+        Problem, evaluate, Evaluation, Margin, ambiguities, Ambiguity, Trajectory, Solution, Status,
+        Violation, Baseline, Move, Drive, Space, SignalSpace, Spline, System, Input, Parameter
     Robots
         DifferentialDrive, SkidSteer, SkidSteerIcr, SkidSteerSlip, Tricycle, Ackermann, Mecanum, OmniThree,
         OffsetDrive, TractorTrailer, Unicycle, BicycleDynamic, Model, DesignSpace, StartPose
@@ -42,7 +43,8 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
     Criteria
         E, D, A, G, I, TaskDrive, ModifiedE, Criterion, Epigraph, Subject
     Searches
-        solve, Ipopt, Genetic, DifferentialEvolution, CmaEs, Cluster, Progress, Solver, Context
+        solve, Ipopt, Genetic, DifferentialEvolution, CmaEs, Cluster, Workers, Progress, Solver,
+        Context
     Which readings to take
         parts_of, Parts, budgets_of, Budget, best_weights, whole_weights, Weights, weight_bound
     Uncertain robots
@@ -50,14 +52,15 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
     Bounds
         bound, Certificate, sensitivity_function
     Logs and estimation
-        read_logs, Log, CsvForm, BagForm, TupleForm, LogForm, make_estimator, Nonlinear, Regression,
-        Estimator, Estimate, CalibrationOptions, Calibration
+        read_logs, Log, CsvForm, BagForm, TupleForm, LogForm, make_estimator, EstimatorName, Heading, Loss,
+        Nonlinear, Regression, Estimator, Estimate, CalibrationOptions, Calibration
     Simulated experiments
         validate, Validation, Linearisation
     Reports and exports
-        write_report, write_estimate, animate, export, diff_drive_parameters
+        write_report, write_estimate, animate, MadeFilm, export, diff_drive_parameters
     Errors
-        OedError, UserMistake, Failure, ProblemError, StudyError, LogError, Issue
+        OedError, UserMistake, Failure, ProblemError, PartError, WrongKind, FileError, StudyError, LogError,
+        RecordError, PathFileError, OwnCodeError, NotFinite, NotSaved, Issue, FileIssue
 
 Mistakes of the user are `oed.UserMistake`, what cannot be done is `oed.Failure`; both are `oed.OedError`.
 """

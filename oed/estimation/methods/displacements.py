@@ -37,6 +37,7 @@ from oed.robots.sensors.displacements import Displacements
 from oed.robots.sensors.logged import Noise
 
 Heading = Literal["known", "predicted", "measured"]
+"""Which headings the position regression of displacements uses."""
 
 WIDTH = 2
 """How many rows on of a displacement's coordinate are correlated with it at most."""

@@ -16,6 +16,7 @@ from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Brief
 
 EstimatorName = Literal["ols", "sandwich", "gls", "errors_in_variables", "nonlinear"]
+"""What estimates parameters of a drive's readings."""
 ARRIVED = "The steps have become as small as rounding."
 ASTRAY = "No step makes the misfit smaller, or too many were needed: begin nearer, or measure more."
 LOSS_UNDER_DRIFT = "expected linear: a robust loss of readings does not go with drift, which they share"

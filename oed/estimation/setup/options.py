@@ -18,6 +18,7 @@ from oed.robots.models import MODELS, Model
 
 Method = Literal["joint", "likelihood", "gls", "two_stage"]
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
+"""What large residuals count for in least squares: their squares, or less."""
 CovarianceName = Literal["information", "drift", "sandwich", "bootstrap"]
 
 
