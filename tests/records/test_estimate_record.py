@@ -61,7 +61,16 @@ class TestLoading:
         (tmp_path / "estimate.json").write_bytes(b"\xff\xfe\xff")
         assert self.issue(tmp_path).startswith("cannot be read: ")
 
-    @pytest.mark.parametrize("text", ["[]", "{}", '{"format": 2, "parameters": []}', '{"format": 1}', "3"])
-    def test_not_an_estimate(self, tmp_path: Path, text: str):
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("[]", "expected an estimate of format 1, got a list"),
+            ("3", "expected an estimate of format 1, got 3"),
+            ("{}", "expected an estimate of format 1, got keys and values without `format`"),
+            ('{"format": 2, "parameters": []}', "an estimate of format 2, which a newer oed has written"),
+            ('{"format": 1}', "an estimate of format 1 without the key `parameters`: the file is damaged"),
+        ],
+    )
+    def test_not_an_estimate(self, tmp_path: Path, text: str, message: str):
         (tmp_path / "estimate.json").write_text(text)
-        assert self.issue(tmp_path).startswith("expected an estimate of format 1")
+        assert self.issue(tmp_path).startswith(message)

@@ -345,10 +345,23 @@ class TestFiles:
         [
             ("", 1, "not JSON"),
             ('{\n"format": 1,\noops}', 3, "not JSON"),
-            ("[]", 0, "expected a record of format 1"),
-            ("{}", 0, "expected a record of format 1"),
-            ('{"format": 2, "results": []}', 0, "expected a record of format 1"),
-            ('{"format": 1}', 0, "expected a record of format 1"),
+            ("[]", 0, "expected a record of format 1, got a list; make it again with `oed run`$"),
+            ('"no"', 0, "expected a record of format 1, got 'no'; make it again with `oed run`$"),
+            ("{}", 0, "of format 1, got keys and values without `format`; make it again with `oed run`$"),
+            ('{"format": 0, "results": []}', 0, "expected a record of format 1, got format 0; make it"),
+            ('{"format": "x", "results": []}', 0, "expected a record of format 1, got format 'x'; make it"),
+            (
+                '{"format": 2, "results": []}',
+                0,
+                r"a record of format 2, which a newer oed has written; this one \(\d.*\) reads format 1: "
+                "update oed$",
+            ),
+            (
+                '{"format": 1}',
+                0,
+                "a record of format 1 without the key `results`: the file is damaged, or was changed by "
+                "hand; restore it, or make it again with `oed run`$",
+            ),
         ],
     )
     def test_no_such_record(self, tmp_path: Path, text: str, line: int, message: str):

@@ -12,8 +12,10 @@ from pydantic_core import ErrorDetails
 
 from oed.foundation.arguments import DIGITS
 from oed.foundation.errors import FileIssue, ProblemError, RecordError
+from oed.foundation.extras import package_version
 from oed.foundation.files import text_of
 from oed.foundation.own.part import UNMADE
+from oed.foundation.shown import written
 from oed.foundation.wording import sentence
 from oed.records.stored.parts import Stored
 from oed.study.study import AnyStudyFile, kind_of
@@ -79,14 +81,25 @@ def read_file(path: Path, what: str, command: str, needed: str, hint: str = "") 
     """
     name = what.split()[-1]
     study = f"expected {what}, got a study: `{command} {path}` makes one; give the folder that it writes"
-    expected = f"expected {what} of format {FORMAT}; make it again with `{command}`"
-    data = read_object(path, f"no {name} there; make one with `{command}`{hint}", expected, study)
-    if data.get("format") != FORMAT or needed not in data:
-        raise RecordError.about(path, expected)
+    expected, again = f"expected {what} of format {FORMAT}", f"make it again with `{command}`"
+    data = read_object(path, f"no {name} there; make one with `{command}`{hint}", expected, study, again)
+    came = data.get("format")
+    if came is None:
+        raise RecordError.about(path, f"{expected}, got keys and values without `format`; {again}")
+    if isinstance(came, int) and came > FORMAT:
+        newer = f"{what} of format {written(came)}, which a newer oed has written"
+        own = package_version("oed")
+        raise RecordError.about(path, f"{newer}; this one ({own}) reads format {FORMAT}: update oed")
+    if came != FORMAT:
+        raise RecordError.about(path, f"{expected}, got format {written(came)}; {again}")
+    if needed not in data:
+        less = f"{what} of format {FORMAT} without the key `{needed}`"
+        why = "the file is damaged, or was changed by hand"
+        raise RecordError.about(path, f"{less}: {why}; restore it, or {again}")
     return data
 
 
-def read_object(path: Path, absent: str, expected: str, study: str = "") -> dict[str, Any]:
+def read_object(path: Path, absent: str, expected: str, study: str = "", then: str = "") -> dict[str, Any]:
     """The JSON object in a file.
 
     Args:
@@ -94,6 +107,7 @@ def read_object(path: Path, absent: str, expected: str, study: str = "") -> dict
         absent: what to say where there is none.
         expected: what to say of JSON that is something else.
         study: what to say of a study; by default that it is not JSON.
+        then: what to do about JSON that is something else.
 
     Raises:
         RecordError: no such file, not text, not JSON, numbers that JSON has not, something else.
@@ -112,7 +126,8 @@ def read_object(path: Path, absent: str, expected: str, study: str = "") -> dict
     except ValueError as error:
         raise RecordError.about(path, f"cannot be read: {str(error).partition(';')[0]}") from None
     if not isinstance(data, dict):
-        raise RecordError.about(path, expected)
+        came = "a list" if isinstance(data, list) else written(data)
+        raise RecordError.about(path, "; ".join(filter(None, [f"{expected}, got {came}", then])))
     return data
 
 
