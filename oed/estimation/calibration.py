@@ -15,6 +15,7 @@ from oed.estimation.assessment.covariance import Covariance
 from oed.estimation.assessment.dead_reckoning import HeldOut, cross_validated, held_out
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
 from oed.estimation.assessment.doubts import Doubt, plausibility_doubts, stray_doubts
+from oed.estimation.assessment.exactness import exact_doubts
 from oed.estimation.assessment.further_sensors import odd_points, unread
 from oed.estimation.assessment.input_noise import Dilution, dilution_doubts, dilution_of
 from oed.estimation.assessment.model_selection import Comparison, ModelSelection
@@ -248,7 +249,8 @@ class _Work:
 
     def _doubts(self, found: PreparedLogs, judged: _Judged, dilution: Dilution | None) -> tuple[Doubt, ...]:
         fit, chosen = judged.fit, judged.covariances[0]
-        doubts = (*stray_doubts(found.logs, self.options.loss), *plausibility_doubts(fit, chosen.matrix))
+        doubts = exact_doubts(fit, noise_specified(self.problem.measurement, found.logs))
+        doubts += (*stray_doubts(found.logs, self.options.loss), *plausibility_doubts(fit, chosen.matrix))
         if dilution is not None:
             doubts += dilution_doubts(fit, dilution, chosen.matrix)
         doubts += odd_points(fit)

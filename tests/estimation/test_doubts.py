@@ -10,9 +10,11 @@ from simulated import ROBOT, TRUTH, course, fit_of, log_of, logged_problem, opti
 
 from oed.estimation import Calibration, calibrate
 from oed.estimation.assessment.doubts import Doubt, plausibility_doubts
+from oed.estimation.assessment.exactness import exact_doubts
 from oed.estimation.methods.fit import Fit
 from oed.estimation.setup.unknowns import Knowledge
 from oed.robots.models import Model, SkidSteerIcr, Tricycle
+from oed.robots.sensors.logged import Noise
 
 NOISE = (0.002, 0.005)
 ICR = SkidSteerIcr(wheel_radius=0.05, y_icr_left=0.2, y_icr_right=-0.25, x_icr=0.05)
@@ -103,3 +105,36 @@ def test_whole_logs_of_wheels_half_as_large_are_fitted_all_the_same(seconds: flo
     assert found.values == pytest.approx([0.0515 / 2, 0.0492 / 2, 0.213], rel=0.01)
     assert names(found.doubts) == [("wheel_radius_right", "size"), ("wheel_radius_left", "size")]
     assert all("check ticks_per_turn, gear and units" in one.message for one in found.doubts)
+
+
+@pytest.mark.parametrize("segment", ["log", 1.0])
+@pytest.mark.parametrize(
+    ("share", "said"), [(0.0, True), (1e-4, True), (0.002, True), (0.05, False), (1.0, False)]
+)
+def test_a_log_without_noise_is_taken_for_none(share: float, said: bool, segment: str | float):
+    log = log_of(course(seconds=20.0), noise=(share * NOISE[0], share * NOISE[1]))
+    found = calibrate(logged_problem(), [log], options(segment=segment))
+    exact = [one for one in found.doubts if one.name == "exact"]
+    assert bool(exact) == said, found.doubts
+    if said:
+        assert found.doubts[0].message.startswith("position and heading follow the model exactly, to ")
+        assert "of the noise that is specified: is this the design, or a simulation" in exact[0].message
+
+
+def test_few_readings_that_happen_to_fit_are_not_doubted():
+    drive = course(seconds=2.0)
+    share = 0.005
+    fit = fit_of([log_of(drive, noise=(share * NOISE[0], share * NOISE[1]))], unknowns_of(ROBOT))
+    specified = {"position": Noise(NOISE[0]), "heading": Noise(NOISE[1])}
+    assert fit.redundancy[fit.layout.valid].sum() > 5
+    assert exact_doubts(fit, specified) == ()
+    # Those that fit to rounding are, whether or not any noise is specified.
+    exact = fit_of([log_of(drive)], unknowns_of(ROBOT))
+    assert names(exact_doubts(exact, specified)) == [("", "exact")]
+    (one,) = exact_doubts(exact, {})
+    assert "of the noise that any sensor has" in one.message
+
+
+def test_what_stands_still_at_a_noise_of_zero_is_no_share_of_it():
+    fit = fit_of([log_of(course(seconds=4.0), noise=NOISE)], unknowns_of(ROBOT))
+    assert exact_doubts(fit, {"position": Noise(0.0), "heading": Noise(0.0)}) == ()

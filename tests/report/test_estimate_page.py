@@ -518,6 +518,12 @@ def test_doubts_of_single_estimates_are_said_first():
     assert notices[0] == warnings(record)[0]
 
 
+def test_a_doubt_that_asks_ends_as_a_question():
+    doubt = {"parameter": "", "name": "exact", "message": "position follows the model: is this the design?"}
+    record = read({**estimate(), "doubts": [doubt]})
+    assert warnings(record)[0] == "Position follows the model: is this the design?"
+
+
 def test_bias_by_noise_of_the_inputs_stands_beside_the_number():
     first, *others = estimate()["parameters"]
     record = read({**estimate(), "parameters": [{**first, "bias": 0.0012, "input_noise": 0.3}, *others]})

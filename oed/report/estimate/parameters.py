@@ -256,7 +256,7 @@ def _doubt(group: Sequence[tuple[str, Finding]]) -> str:
 def sentence(text: str) -> str:
     """A message as a sentence of a page."""
     shown = in_signs(text)
-    return f"{shown[:1].upper()}{shown[1:].rstrip('.')}."
+    return f"{shown[:1].upper()}{shown[1:].rstrip('.')}{'' if shown.endswith('?') else '.'}"
 
 
 def nuisances(record: EstimateRecord) -> Section | None:
