@@ -62,6 +62,18 @@ def test_no_value_of_a_dense_grid_is_larger(name: str) -> None:
         assert found.value <= found.upper <= found.value * (1.5 if "jump" in name else 1 + 1e-9)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_the_largest_value_is_as_sure_whatever_its_unit(scale: float) -> None:
+    row, ranges = SHAPES["plane"]
+    low, high = np.array(ranges, dtype=float).T
+    inputs = ca.SX.sym("x", 2)
+    landscape, starts = Landscape(inputs, row(inputs)), (low + high)[None] / 2
+    one, other = (largest(landscape, factor * np.eye(2), low, high, starts) for factor in (1.0, scale))
+    assert other.upper == pytest.approx(scale**2 * one.upper, rel=1e-9)
+    assert other.value <= other.upper <= other.value * (1 + 1e-9)
+
+
 def test_peaks_are_local_maxima() -> None:
     row, ranges = SHAPES["plane"]
     low, high = np.array(ranges, dtype=float).T
