@@ -45,6 +45,10 @@ DRIFT = (0.004, 0.004, 0.02)
 GAUSS_MARKOV = GaussMarkov({"position": 0.004, "heading": 0.01}, {"position": 0.02, "heading": 0.03}, 3.0)
 
 
+def test_sizes_of_noise_are_white_ones_then_the_process_and_its_time():
+    np.testing.assert_array_equal(GAUSS_MARKOV.sizes, [0.004, 0.01, 0.02, 0.03, 3.0])
+
+
 def satellites(seed: int, seconds: float = 40.0, quantities: tuple[str, ...] = POSITIONS) -> Log:
     drive = course(seconds=seconds, seed=seed)
     log = log_of(drive, noise=NOISE, seed=seed, name=f"d{seed}", quantities=quantities, every=4)

@@ -34,13 +34,14 @@ from oed.estimation.methods.drift_rates import DriftRates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.log_errors import DRIFT, LASTING, PASSING, SIZES, ErrorSizes
 from oed.estimation.methods.nonlinear import Nonlinear
-from oed.estimation.methods.whole_logs import WholeLogs
+from oed.estimation.methods.whole_logs import WholeLogs, whole_issue
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
 from oed.logs.log import Log
 from oed.records.calibration_outcome import estimate_of
 from oed.report.estimate import write_estimate
 from oed.report.estimate.fit import error_bars
+from oed.robots.models import SkidSteerSlip
 from oed.robots.sensors import Poses
 from oed.robots.sensors.drift import AT_REST, Drift
 from oed.robots.sensors.poses import AbsoluteNoise
@@ -213,6 +214,14 @@ def test_a_path_far_off_dead_reckoning_is_found():
     assert np.all(np.abs(np.log(sizes / (10 * np.array(USUALLY))))[[0, 1, 3]] < 0.5)
 
 
+def test_errors_of_robots_with_further_states_are_not_separated():
+    lagging = SkidSteerSlip(wheel_radius=0.05, track=0.2, yaw_lag=0.3)
+    fit = fit_of([log_of(course())])
+    assert whole_issue(fit) is None
+    found = whole_issue(replace(fit, unknowns=unknowns_of(lagging))) or ""
+    assert found.startswith("likelihood is of robots without states beside their pose")
+
+
 @pytest.mark.slow
 def test_sizes_are_those_of_what_errs():
     fit = fit_of([driven(seed, 40.0, 1.0, (0.006, 3.0)) for seed in range(2)], seconds=4.0)
@@ -235,6 +244,8 @@ def test_drift_shows_where_there_is_some():
     )
     assert drifting_.drifts is True
     assert still.drifts is not True
+    variances = [drifting_.sizes[name] ** 2 for name in DRIFT]
+    np.testing.assert_allclose(DriftRates.of_whole_logs(drifting_).values, variances)
     assert DriftRates.of_whole_logs(still).words.startswith(
         "drift, as whole logs leave it open beside all else"
     )
