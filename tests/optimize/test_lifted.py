@@ -1,0 +1,47 @@
+"""Searches over further inputs: what they see is what comes of the experiments that they stand for."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import oed
+from oed.kernel.solution import scored
+from oed.optimize.lifted import lifted, lowered
+from oed.optimize.terms.layout import PieceLayout
+from oed.optimize.terms.pieces import Pieces
+
+
+def decaying(measurement: oed.Rates | oed.Outputs) -> oed.Problem:
+    """A state that decays while it is fed, for as long as is best."""
+    system = oed.Equations(
+        states={"a": ""},
+        derivatives={"a": "u - k * a"},
+        parameters={"k": "0.5 1/s"},
+        inputs={"u": "1/s"},
+        outputs={"a": "a"},
+    )
+    space = {"duration": 6, "shortest": 2.0, "samples": 12, "start": (0.2,)}
+    return oed.Problem(
+        model=system,
+        design=oed.SignalSpace(signals=(oed.PiecewiseConstant(pieces=4),), **space),
+        measurement=measurement,
+        limits=[oed.InputRange(input="u", range=("0 1/s", "2 1/s"))],
+        criterion="D",
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sensor", [oed.Outputs, oed.Rates])
+def test_readings_say_as_much_as_in_the_time_that_is_chosen(sensor):
+    problem = decaying(sensor(noise={"a": 0.1}))
+    search = lifted(problem)
+    terms = Pieces(search, PieceLayout(search.design, 4, 2))
+    z = np.random.default_rng(1).uniform(0.4, 0.9, terms.size)
+    table = np.array(ca.Function("table", [terms.unknowns], [terms.coefficients])(z))
+    own = lowered(problem, scored(search, search.design.trajectory(table, np.array([0.2])), "chosen"))
+    assert 2.0 < own.trajectory.duration < 6.0
+    (estimation,) = problem.any_estimations
+    expected = own.evaluation.full_square_roots["joint"].matrix * estimation.scales**2
+    np.testing.assert_allclose(np.array(terms.values(z)[0]).ravel(), expected.ravel(), rtol=1e-9)
