@@ -30,6 +30,7 @@ from simulated import (
 )
 
 from oed.estimation import calibrate
+from oed.estimation.methods.gauss_newton import robust_loss
 from oed.robots.models import (
     Ackermann,
     Mecanum,
@@ -208,6 +209,15 @@ class TestSolution:
             assert fit.inverse == pytest.approx(own, rel=1e-3, abs=1e-4 * np.abs(own).max())
             hat = wanted.jac @ whole @ wanted.jac.T
             assert fit.redundancy.ravel() == pytest.approx(1 - np.diag(hat), abs=1e-4)
+
+    @pytest.mark.parametrize("loss", ["huber", "cauchy", "soft_l1"])
+    def test_bend_is_how_much_flatter_the_loss_is_than_its_weights_say(self, loss: str):
+        fit = fit_of([self.LOG], unknowns_of(ROBOT, PLACE), loss=loss)
+        white, step = fit.white[fit.layout.valid], 1e-6
+        weights = robust_loss(loss, white**2)[1]
+        ahead, back = (one * robust_loss(loss, one**2)[1] for one in (white + step, white - step))
+        assert fit.bend == pytest.approx(((ahead - back) / (2 * step)).sum() / weights.sum(), rel=1e-4)
+        assert fit.bend < 0.98
 
     def test_freedom_is_readings_less_unknowns(self):
         fit = fit_of(several(3, noise=(0.004, 0.01)), seconds=4.0)

@@ -20,7 +20,7 @@ from oed.estimation import Calibration, CalibrationOptions, calibrate
 from oed.estimation.assessment.covariance import Covariance
 from oed.estimation.prediction.layout import without_turns
 from oed.estimation.prediction.logged_readings import LoggedReadings
-from oed.estimation.prediction.motion_layout import motion_parts, motion_segments
+from oed.estimation.prediction.motion_layout import motion_parts, motion_segments, with_usual_motions
 from oed.estimation.preprocessing.motion_checks import motion_fault, without_strays
 from oed.estimation.preprocessing.moves import Moves
 from oed.estimation.setup.unknowns import PLACE, Unknowns
@@ -28,6 +28,7 @@ from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.criteria import D, E
 from oed.kernel.measurement.prior import Prior
 from oed.logs import CsvForm, Log, TupleForm, read_logs
+from oed.logs.motions import Motions
 from oed.records.calibration_outcome import estimate_of
 from oed.robots.models import SkidSteerSlip
 from oed.robots.sensors import RelativePoses
@@ -136,6 +137,18 @@ class TestEstimates:
         left = without_turns(predicted - layout.readings, readings.wrapping)
         assert np.abs(layout.readings[:, -1, 2]).max() <= np.pi
         np.testing.assert_allclose(left[:, -1], 0, atol=1e-7)
+
+    @pytest.mark.parametrize(("longest", "left_out"), [(4.0, 0), (4.5, 1)])
+    def test_a_search_begins_without_those_much_longer_than_the_usual_one(
+        self, longest: float, left_out: int
+    ):
+        ends = np.arange(1.0, 21.0)
+        times = np.column_stack([ends - np.r_[np.ones(19), longest], ends])
+        log = Log("drive", "drive", ends, np.zeros((20, 2)), ends, np.zeros((20, 3)))
+        log = replace(log, motions=Motions(times, np.zeros((20, 3))))
+        found = with_usual_motions([log])
+        # Where all are usual there is nothing to begin with instead.
+        assert [len(one.motions) for one in found] == ([20 - left_out] if left_out else [])
 
     @pytest.mark.slow
     def test_a_long_motion_leads_no_search_astray(self, tmp_path: Path):
