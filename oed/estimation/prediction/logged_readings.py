@@ -69,14 +69,14 @@ class LoggedReadings:
         own start (S, n + 1, quantities, states).
         """
         parameters, place, clocks = self.unknowns.parts(values)
-        offsets, own = self._offsets(clocks), place[: self._constants]
+        offsets = self._offsets(clocks)
         if self.layout.relative:
-            found, slopes = self._motions.derivatives(Moved(self._begun(starts), offsets, parameters, own))
+            found, slopes = self._motions.derivatives(Moved(self._begun(starts), offsets, parameters, place))
         else:
             inputs = self.layout.inputs(offsets)
-            driven = Driven(starts, inputs, self.layout.steps, parameters, own)
+            driven = Driven(starts, inputs, self.layout.steps, parameters, place)
             found, slopes = self._segments.derivatives(driven)
-            found = self._beside_inputs(found, starts, inputs, parameters, own)
+            found = self._beside_inputs(found, starts, inputs, parameters, place)
         columns, size = [self.unknowns.slopes(slopes)], len(parameters)
         if len(clocks):
             read = partial(self._at, starts, parameters, place)
