@@ -32,7 +32,7 @@ from oed.estimation import calibrate
 from oed.estimation.assessment.diagnostics import diagnostics
 from oed.estimation.methods.drift_rates import DriftRates
 from oed.estimation.methods.fit import Fit
-from oed.estimation.methods.log_errors import DRIFT, LASTING, PASSING, SIZES, ErrorSizes
+from oed.estimation.methods.log_errors import DRIFT, LASTING, PASSING, SIZES, ErrorSizes, drift_shows
 from oed.estimation.methods.nonlinear import Nonlinear
 from oed.estimation.methods.whole_logs import WholeLogs, whole_issue
 from oed.foundation.errors import ProblemError
@@ -162,6 +162,32 @@ def test_slopes_of_the_likelihood_are_its_differences():
         off = 1e-4 * np.eye(len(SIZES))[place]
         both = [linear.surprise(errors, logs_of + way * off)[0] for way in (1, -1)]
         assert slope[place] == pytest.approx((both[0] - both[1]) / 2e-4, rel=1e-5, abs=1e-4)
+
+
+def test_the_likelihood_of_exact_readings_falls_with_the_sizes_of_their_noise():
+    # White noise alone, of which readings show nothing: what is left are the readings less the unknowns.
+    fit = fit_of([log_of(course(seconds=6.0, period=0.3))])
+    search, none = WholeLogs(fit, together=1), dict.fromkeys((*PASSING[:3], *LASTING[:2], *DRIFT), 1e-9)
+    linear = search._about(fit.values, search._first_paths)
+    small, large = (known(**none, position=0.001 * size, heading=0.002 * size) for size in (1.0, 3.0))
+    rise = linear.surprise(large, large.guess)[0] - linear.surprise(small, small.guess)[0]
+    freedom = fit.layout.valid.sum() - len(fit.values) - 3
+    assert rise == pytest.approx(2 * np.log(3.0) * freedom, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("odds", "shows"), [(0.5, True), (2.0, None), (900.0, None), (1100.0, False)], ids=str
+)
+def test_odds_of_a_thousand_to_one_leave_no_doubt(odds: float, shows: bool | None):
+    assert drift_shows(2 * np.log(odds)) is shows
+
+
+@pytest.mark.slow
+def test_when_a_log_begins_makes_no_difference():
+    log = driven(0, 20.0)
+    later = replace(log, input_times=log.input_times + 1e3, pose_times=log.pose_times + 1e3)
+    first, second = (WholeLogs(fit_of([one], seconds=4.0)).found() for one in (log, later))
+    np.testing.assert_allclose(second.logs, first.logs, rtol=1e-4, atol=1e-4)
 
 
 def test_readings_taken_together_say_nearly_as_much():
