@@ -182,6 +182,15 @@ def test_odds_of_a_thousand_to_one_leave_no_doubt(odds: float, shows: bool | Non
     assert drift_shows(2 * np.log(odds)) is shows
 
 
+def test_headings_go_on_from_segment_to_segment_where_a_robot_turns_by_more_than_half_a_turn_a_reading():
+    times = 0.05 * np.arange(400)
+    inputs = np.column_stack([9 + np.sin(times), np.cos(1.3 * times) - 7])
+    log = log_of(course(inputs=inputs, period=0.05), noise=NOISE, rows=np.arange(0, 401, 20))
+    assert np.diff(log.poses[:, 2]).min() > np.pi
+    (path,) = WholeLogs(fit_of([log], seconds=4.0), together=1)._first_paths
+    np.testing.assert_allclose(np.diff(path[:, 2]), np.diff(log.poses[:, 2]), atol=0.1)
+
+
 @pytest.mark.slow
 def test_when_a_log_begins_makes_no_difference():
     log = driven(0, 20.0)
@@ -195,6 +204,21 @@ def test_readings_taken_together_say_nearly_as_much():
     fit = fit_of([log_of(course(seconds=20.0), noise=NOISE)])
     each, pairs = (np.diag(WholeLogs(fit, together=count).planned(ERRORS)) for count in (1, 2))
     np.testing.assert_allclose(pairs, each, rtol=0.1)
+
+
+def test_means_see_of_a_steps_drift_what_a_random_walk_has_of_it():
+    fit = fit_of([log_of(course(seconds=20.0), noise=NOISE)])
+    search = WholeLogs(fit, together=5)
+    (stretch,) = search._steps.about(fit.values, search._first_paths)
+    # Without the last one, which may be of fewer.
+    share, besides = stretch.within[:-1].reshape(-1, 2).T
+    walks = np.random.default_rng(0).normal(size=(200_000, 5)).cumsum(axis=1) / np.sqrt(5)
+    ends = walks[:, -1]
+    # Five readings from the step's begin on, of which the walk is none at the first.
+    means = np.column_stack([np.zeros(len(walks)), walks[:, :4]]).mean(axis=1)
+    wanted = (means @ ends) / (ends @ ends)
+    np.testing.assert_allclose(share, wanted, atol=0.01)
+    np.testing.assert_allclose(besides, np.std(means - wanted * ends), rtol=0.02)
 
 
 def test_many_readings_taken_together_say_no_more_than_each():
