@@ -22,6 +22,7 @@ from oed.estimation.prediction.layout import without_turns
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.prediction.motion_layout import motion_parts, motion_segments, with_usual_motions
 from oed.estimation.preprocessing.motion_checks import motion_fault, without_strays
+from oed.estimation.preprocessing.motion_comparison import MotionComparison
 from oed.estimation.preprocessing.moves import Moves
 from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.foundation.errors import LogError, ProblemError
@@ -214,6 +215,15 @@ class TestEstimates:
         # 4 across the gap from 19.9 to 23 s, and those after 49.9 s.
         assert text.startswith("18 of 75 relative poses are outside")
         np.testing.assert_allclose(found.fit.values, TRUE, rtol=1e-5)
+
+
+@pytest.mark.parametrize("offset", [0.4, -0.8])
+@pytest.mark.parametrize("track", [0.05, TRUTH["track"]])
+def test_an_offset_of_the_clocks_is_found_to_a_hundredth_whatever_the_sizes(
+    tmp_path: Path, offset: float, track: float
+):
+    (log,) = logs_of(tmp_path, matched(offset=offset, truth={**TRUTH, "track": track}))
+    assert MotionComparison.of(NOMINAL, [log], 0.0).offset() == pytest.approx(offset, abs=0.006)
 
 
 class TestBadMatches:
