@@ -52,6 +52,22 @@ def test_nothing_within_reach_of_any_place_is_larger(kind: int) -> None:
             assert np.all(best <= bounds + 1e-5)
 
 
+@pytest.mark.slow
+def test_nothing_within_reach_is_larger_where_cells_are_twisted_and_their_neighbours_are_not() -> None:
+    # So convex along x that no node bends downwards, and along y linear: only the twists of cells count.
+    grid, reach = ValueGrid((0.0, 0.0), (12.0, 12.0), (12, 12)), 1.98
+    slopes = np.array([-1, 1, 0, 1, 1, -1, -1, -1, -1, 1, -1, 0, 0])
+    x, y = np.meshgrid(*grid.axes, indexing="ij")
+    values = 4 * (x - 6) ** 2 - 2 * x + 4 * y + slopes[:, None] * (y - 8)
+    found = grid.within(np.float32(values)[None], reach)[0]
+    across, along = np.meshgrid(np.linspace(3, 9, 49), np.linspace(3, 9, 49))
+    places = np.column_stack([across.ravel(), along.ravel()])
+    bounds = bilinear(grid, found, places)
+    for angle in np.linspace(0, 2 * np.pi, 73):
+        there = places + reach * np.array([np.cos(angle), np.sin(angle)])
+        assert np.all(bilinear(grid, values, there) <= bounds + 1e-4)
+
+
 def test_a_convex_function_is_exact_along_the_axes() -> None:
     grid = ValueGrid((-1.0, -1.0), (1.0, 1.0), (64, 64))
     squares = grid.squares(np.zeros((1, 2)))
