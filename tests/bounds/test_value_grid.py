@@ -52,7 +52,6 @@ def test_nothing_within_reach_of_any_place_is_larger(kind: int) -> None:
             assert np.all(best <= bounds + 1e-5)
 
 
-@pytest.mark.slow
 def test_nothing_within_reach_is_larger_where_cells_are_twisted_and_their_neighbours_are_not() -> None:
     # So convex along x that no node bends downwards, and along y linear: only the twists of cells count.
     grid, reach = ValueGrid((0.0, 0.0), (12.0, 12.0), (12, 12)), 1.98

@@ -217,6 +217,7 @@ class TestEstimates:
         np.testing.assert_allclose(found.fit.values, TRUE, rtol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [0.4, -0.8])
 @pytest.mark.parametrize("track", [0.05, TRUTH["track"]])
 def test_an_offset_of_the_clocks_is_found_to_a_hundredth_whatever_the_sizes(

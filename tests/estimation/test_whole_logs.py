@@ -164,6 +164,7 @@ def test_slopes_of_the_likelihood_are_its_differences():
         assert slope[place] == pytest.approx((both[0] - both[1]) / 2e-4, rel=1e-5, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_likelihood_of_exact_readings_falls_with_the_sizes_of_their_noise():
     # White noise alone, of which readings show nothing: what is left are the readings less the unknowns.
     fit = fit_of([log_of(course(seconds=6.0, period=0.3))])
@@ -212,7 +213,7 @@ def test_means_see_of_a_steps_drift_what_a_random_walk_has_of_it():
     (stretch,) = search._steps.about(fit.values, search._first_paths)
     # Without the last one, which may be of fewer.
     share, besides = stretch.within[:-1].reshape(-1, 2).T
-    walks = np.random.default_rng(0).normal(size=(200_000, 5)).cumsum(axis=1) / np.sqrt(5)
+    walks = np.random.default_rng(0).normal(size=(50_000, 5)).cumsum(axis=1) / np.sqrt(5)
     ends = walks[:, -1]
     # Five readings from the step's begin on, of which the walk is none at the first.
     means = np.column_stack([np.zeros(len(walks)), walks[:, :4]]).mean(axis=1)
