@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from oed.bounds.certificate import Certificate, raised
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
@@ -13,6 +15,8 @@ from oed.kernel.equivalence import directional_derivatives
 from oed.kernel.problem import Problem
 from oed.optimize.selection import Selected, select
 
+UNDETERMINED = "all readings together leave parameters undetermined: no choice of them is bounded"
+"""Where nothing is proved."""
 METHOD = "directional derivatives at the best weights [Kiefer and Wolfowitz, 1960], {count} weights"
 
 
@@ -32,8 +36,9 @@ class Certified(Brief):
 
 
 @typed
-def certified_selection(problem: Problem, trajectory: Trajectory) -> Certified:
-    """The best readings of a trajectory within the problem's selection, and what no others exceed.
+def certified_selection(problem: Problem, trajectory: Trajectory) -> Certified | None:
+    """The best readings of a trajectory within the problem's selection, and what no others exceed; None where
+    all of them together leave undetermined what the criterion asks for.
 
     Args:
         problem: with a selection.
@@ -44,6 +49,8 @@ def certified_selection(problem: Problem, trajectory: Trajectory) -> Certified:
         ProblemError: readings that do not add up.
     """
     found = select(problem, trajectory)
+    if found is None:
+        return None
     slopes = directional_derivatives(found.parts, found.relaxed.values, found.relaxed.gradient)
     return Certified(found, found.bound, slopes)
 
@@ -51,6 +58,8 @@ def certified_selection(problem: Problem, trajectory: Trajectory) -> Certified:
 def selection_certificate(problem: Problem, trajectory: Trajectory) -> Certificate:
     """What no choice of the readings of a trajectory exceeds."""
     found = certified_selection(problem, trajectory)
+    if found is None:
+        return Certificate(np.inf, UNDETERMINED, (), criterion=problem.criterion)
     count = len(found.derivatives)
     return Certificate(
         raised(found.bound, problem.criterion),

@@ -14,6 +14,7 @@ from oed.foundation.presenting import Brief
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.sensor import Sensor, row_times, sensor_labels
+from oed.kernel.measurement.square_root import SquareRoot
 
 
 @dataclass(frozen=True)
@@ -115,6 +116,10 @@ class Parts(Brief):
         """On the judged parameters, the others eliminated, (judged, judged)."""
         back = self.projection(weights)
         return np.asarray(back @ self.whole(weights) @ back.T)
+
+    def root(self, weights: Array) -> SquareRoot:
+        """`information` by its square root, which knows rounding from what is identifiable."""
+        return SquareRoot.of_matrix(self.whole(weights)).leading(self.judged)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.kernel.criteria import Criterion
 from oed.kernel.equivalence import weight_bound
-from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import Budget, Parts
 from oed.optimize.weights import Weights, best_weights, exchanged_weights
 
@@ -106,7 +105,7 @@ class _Search:
             heapq.heappush(waiting, (-bound, self.solved, node, weights))
 
     def _keep(self, weights: Array) -> None:
-        value = float(self.criterion.value([self.parts.information(weights)]))
+        value = float(self.criterion.judge([self.parts.root(weights)]))
         if value > self.best.value:
             self.best = exchanged_weights(self.criterion, self.parts, weights, self.budgets)
 
@@ -130,7 +129,7 @@ class _Search:
         self.solved += 1
         if not taken:
             whole = replace(self.parts, known=known)
-            return node.low, float(self.criterion.value([whole.information(np.zeros(len(node.low)))]))
+            return node.low, float(self.criterion.judge([whole.root(np.zeros(len(node.low)))]))
         rest = free[taken]
         number = {place: at for at, place in enumerate(taken)}
         budgets = [replace(one, places=tuple(number[place] for place in one.places)) for one in budgets]
@@ -154,7 +153,7 @@ class _Search:
         every = np.zeros(len(parts.readings))
         for one in budgets:
             every[list(one.places)] = one.even * one.upper
-        return bool(self.criterion.identifiable([SquareRoot.of_matrix(parts.information(every))]))
+        return bool(self.criterion.identifiable([parts.root(every)]))
 
 
 def _branches(node: _Node, weights: Array) -> Iterator[_Node]:

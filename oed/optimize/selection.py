@@ -15,7 +15,6 @@ from oed.kernel.criteria import Criterion
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.equivalence import weight_bound
 from oed.kernel.evaluation import evaluate
-from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import Budget, Parts
 from oed.kernel.problem import Problem
 from oed.kernel.selection import Selection
@@ -59,8 +58,9 @@ class Selected(Brief):
 
 
 @typed
-def select(problem: Problem, trajectory: Trajectory) -> Selected:
-    """The best readings of a trajectory within the problem's `selection`.
+def select(problem: Problem, trajectory: Trajectory) -> Selected | None:
+    """The best readings of a trajectory within the problem's `selection`; None where all of them together
+    leave undetermined what the criterion asks for: then no choice is better than another.
 
     Args:
         problem: with a selection.
@@ -80,12 +80,14 @@ def select(problem: Problem, trajectory: Trajectory) -> Selected:
     return known[key]
 
 
-_KNOWN: WeakKeyDictionary[Problem, dict[bytes, Selected]] = WeakKeyDictionary()
+_KNOWN: WeakKeyDictionary[Problem, dict[bytes, Selected | None]] = WeakKeyDictionary()
 
 
-def _selected(problem: Problem, selection: Selection, trajectory: Trajectory) -> Selected:
+def _selected(problem: Problem, selection: Selection, trajectory: Trajectory) -> Selected | None:
     parts = selection.parts(parts_of(problem, trajectory))
     budgets, criterion = selection.budgets(parts), problem.objective
+    if not criterion.identifiable([parts.root(np.ones(len(parts.readings)))]):
+        return None
     relaxed = best_weights(criterion, parts, budgets)
     if not selection.whole:
         return Selected(criterion, parts, budgets, relaxed, None)
@@ -115,13 +117,11 @@ def with_readings(problem: Problem, solution: Solution) -> Solution:
     """
     if solution.trajectory is None or problem.selection is None:
         return solution
-    parts = problem.selection.parts(parts_of(problem, solution.trajectory))
-    every = SquareRoot.of_matrix(parts.information(np.ones(len(parts.readings))))
-    if problem.objective.identifiable([every]):
-        found = select(problem, solution.trajectory)
+    found = select(problem, solution.trajectory)
+    if found is not None:
         weights = found.parts.of_every_reading(found.chosen.values)
     else:
-        # No choice of readings is better than another that say nothing together.
+        parts = problem.selection.parts(parts_of(problem, solution.trajectory))
         even = np.zeros(len(parts.readings))
         for one in problem.selection.budgets(parts):
             even[list(one.places)] = one.even * one.upper

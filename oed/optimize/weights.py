@@ -32,7 +32,8 @@ class Weights(ByValue, Brief):
     Attributes:
         values: of each, (n,).
         value: of the criterion.
-        gradient: a supergradient of the criterion there, of many the one that bounds all weights best.
+        gradient: a supergradient of the criterion there, of many the one that bounds all weights best; 0 of
+            weights that leave undetermined what the criterion asks for.
     """
 
     values: Array
@@ -178,10 +179,13 @@ def _exchanged(chosen: Array, given_up: int, taken: int) -> Array:
 
 
 def _weights(criterion: Criterion, parts: Parts, weights: Array, dual: Array | None = None) -> Weights:
-    gradient = criterion.supergradient(parts.information(weights), dual)
+    # What is not identifiable has no plane that bounds it.
+    gradient: Array | None = np.zeros((parts.judged,) * 2)
+    if criterion.identifiable([parts.root(weights)]):
+        gradient = criterion.supergradient(parts.information(weights), dual)
     assert gradient is not None
     return Weights(weights, _value(criterion, parts, weights), gradient)
 
 
 def _value(criterion: Criterion, parts: Parts, weights: Array) -> float:
-    return float(criterion.value([parts.information(weights)]))
+    return float(criterion.judge([parts.root(weights)]))

@@ -15,11 +15,13 @@ COLUMNS = ("run", "sensor", "t", "weight")
 
 
 def selection_of(problem: Problem, solution: Solution) -> StoredSelection | None:
-    """The chosen readings of a solution; None where none were chosen."""
+    """The chosen readings of a solution; None where none were chosen, or no choice is better than another."""
     trajectory = solution.trajectory
     if problem.selection is None or trajectory is None or trajectory.weights is None:
         return None
     found, criterion = certified_selection(problem, trajectory), problem.objective
+    if found is None:
+        return None
     chosen, parts = found.selected, found.selected.parts
     each = zip(
         parts.readings,

@@ -13,6 +13,7 @@ from oed.foundation.errors import ProblemError
 from oed.kernel.selection import Selection
 from oed.kernel.taken_apart import parts_of
 from oed.optimize.selection import rated, select
+from oed.workflow.readings import selection_of
 
 STOPS = oed.load_study(PROBLEMS / "laser_tracker_stops.yaml")
 
@@ -122,3 +123,45 @@ def test_what_is_not_read_is_not_simulated_either():
         rtol=1e-9,
     )
     assert validation.passed
+
+
+UNDETERMINED = """
+format: 1
+name: Two ways out
+system:
+  kind: equations
+  states: {x: 2}
+  parameters: {out: 0.3 1/s, lost: 0.2 1/s, fed: 0.1 1/s}
+  derivatives: {x: fed - out * x - lost * x}
+  outputs: {y: x}
+experiment: {duration: 8 s, samples: 30}
+measurement: {kind: outputs, noise: {y: 0.01}}
+criterion: {kind: A, subset: [out]}
+weights: {readings: 20}
+"""
+"""Only the sum of both ways out can be known: what is left of one is rounding."""
+
+
+def test_no_choice_is_best_of_readings_that_leave_parameters_undetermined():
+    problem = oed.parse_study(UNDETERMINED, "two_ways.yaml").problem
+    assert select(problem, problem.design.only) is None
+    chosen = rated(problem, problem.design.only, "mine")
+    assert chosen.trajectory.weights == pytest.approx(np.full(31, 20 / 31))
+    assert chosen.evaluation.objective == -np.inf
+    assert oed.bound(problem).upper_bound == np.inf
+    assert selection_of(problem, chosen) is None
+
+
+@pytest.mark.parametrize("readings", [1, 2])
+def test_fewer_readings_than_parameters_leave_them_undetermined(readings: int):
+    text = UNDETERMINED.replace("subset: [out]", "subset: [out, fed]").replace(
+        "readings: 20", f"readings: {readings}"
+    )
+    problem = oed.parse_study(
+        f"{text}estimate: [out, lost, fed]\nprior: {{standard_deviations: {{lost: 0.1 1/s}}}}\n", "few.yaml"
+    ).problem
+    found = select(problem, problem.design.only)
+    taken = found.chosen.values
+    assert taken.sum() == readings
+    known = oed.evaluate(problem, replace(problem.design.only, weights=taken)).objective
+    assert found.chosen.value == pytest.approx(known, rel=1e-9)
