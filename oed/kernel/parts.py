@@ -109,7 +109,11 @@ class Parts(Brief):
     def projection(self, weights: Array) -> Array:
         """T = [I, -F12 F22^-1], (judged, q): T F T' is what is left on the judged, the others eliminated."""
         whole, count = self.whole(weights), self.judged
-        across = np.linalg.lstsq(whole[count:, count:], whole[count:, :count], rcond=None)[0].T
+        # In units in which each is of size 1: what is rounding is not told from what is in small units.
+        sizes = np.sqrt(np.diag(whole)[count:])
+        sizes[sizes == 0] = 1.0
+        others = whole[count:, count:] / np.outer(sizes, sizes)
+        across = np.linalg.lstsq(others, whole[count:, :count] / sizes[:, None], rcond=None)[0].T / sizes
         return np.hstack([np.eye(count), -across])
 
     def information(self, weights: Array) -> Array:

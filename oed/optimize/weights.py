@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arguments import typed
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import Array, Places
 from oed.foundation.equality import ByValue
 from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
@@ -60,10 +60,7 @@ def best_weights(criterion: Criterion, parts: Parts, budgets: Sequence[Budget]) 
     if criterion.supergradient(parts.information(even)) is None:
         text = f"{criterion.kind} is not concave: nothing says how good weights can be"
         raise UserMistake(f"{text}; use E, D or A")
-    # In units in which the information is of order 1.
-    size = float(np.trace(parts.information(even))) / parts.judged
-    scaled = replace(parts, matrices=parts.matrices / size, known=parts.known / size)
-    found, multipliers = _solved(criterion, scaled, budgets, even, most)
+    found, multipliers = _solved(criterion, _scaled(parts, even), budgets, even, most)
     chosen = np.clip(found, 0.0, most)
     for one in budgets:
         chosen[list(one.places)] *= one.total / one.spent(chosen)
@@ -79,7 +76,7 @@ def _solved(
     # The weights, and the multipliers of the criterion's equalities.
     weights = ca.SX.sym("w", len(even))
     # The information has unknowns of its own: only they are curved, and they are few.
-    entries = np.triu_indices(len(parts.known))
+    entries = _present(parts)
     summed = ca.SX.sym("F", len(entries[0]))
     whole = ca.SX(*parts.known.shape)
     for place, (row, column) in enumerate(zip(*entries, strict=True)):
@@ -105,6 +102,25 @@ def _solved(
         )
     multipliers = np.array(found["lam_g"]).ravel()[len(budgets) + len(entries[0]) :]
     return np.array(found["x"]).ravel()[: len(even)], multipliers
+
+
+def _scaled(parts: Parts, weights: Array) -> Parts:
+    # In units in which the information is of order 1; what is eliminated may have units of its own.
+    size = float(np.trace(parts.information(weights))) / parts.judged
+    units = np.full(len(parts.known), size**-0.5)
+    own = np.diag(parts.whole(weights))[parts.judged :]
+    units[parts.judged :] = np.where(own > 0, own, size) ** -0.5
+    squares = np.outer(units, units)
+    return replace(parts, matrices=parts.matrices * squares, known=parts.known * squares)
+
+
+def _present(parts: Parts) -> tuple[Places, Places]:
+    # Rows and columns of the entries of F's upper half that some reading, or what is known, may have.
+    size = len(parts.known)
+    some = (parts.known != 0) | (parts.matrices != 0).any(axis=0)
+    judged = np.arange(size) < parts.judged
+    rows, columns = np.nonzero(np.triu(some | np.eye(size, dtype=bool) | np.outer(judged, judged)))
+    return rows, columns
 
 
 @typed

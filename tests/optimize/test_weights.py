@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -17,6 +18,7 @@ from oed.kernel.criteria import A, Criterion, D, E, ModifiedE
 from oed.kernel.equivalence import directional_derivatives, weight_bound
 from oed.kernel.parts import Parts, budgets_of
 from oed.kernel.taken_apart import parts_of
+from oed.optimize.selection import select
 from oed.optimize.weights import Weights, best_weights, whole_weights
 
 CRITERIA: tuple[Criterion, ...] = (E(scaling="none"), D(scaling="none"), A(scaling="none"))
@@ -260,3 +262,33 @@ def test_totals_that_no_weights_have(total: float):
 def test_criteria_that_are_not_concave():
     with pytest.raises(UserMistake, match="modified_E is not concave"):
         best_weights(ModifiedE(), quadratic(), budgets_of(quadratic(), 1.0))
+
+
+TRIALS = """
+format: 1
+name: Where every trial begins nobody knows
+system:
+  kind: equations
+  states: {x: {unknown: 2 kmol/m^3}, y: {unknown: 0.003 mmol/m^3}}
+  inputs: {u: mol/m^3/s}
+  parameters: {k: 0.7 1/s, b: 0.5, r: 1e-9 1/s}
+  derivatives: {x: b * u - k * x, y: r * x - k * y}
+  outputs: {x: x, y: y}
+experiment:
+  duration: 3 s
+  samples: 6
+  candidates: {grid: {u: {least: 0 mol/m^3/s, largest: 3 kmol/m^3/s, count: 7}}}
+measurement: {kind: outputs, noise: {x: 10 mol/m^3, y: 0.05 umol/m^3}}
+criterion: D
+weights: {total: 3, of: trials}
+"""
+
+
+def test_units_of_what_is_eliminated_are_of_no_matter():
+    problem = oed.parse_study(TRIALS, "trials.yaml").problem
+    found = select(problem, problem.design.only)
+    assert found.parts.matrices.shape == (7, 17, 17)
+    assert found.chosen.value == pytest.approx(found.bound, rel=1e-7)
+    weights = found.parts.of_every_reading(found.chosen.values)
+    scored = oed.evaluate(problem, replace(problem.design.only, weights=weights)).objective
+    assert found.chosen.value == pytest.approx(scored, rel=1e-7)
