@@ -108,6 +108,28 @@ class TestEliminate:
         assert np.linalg.eigvalsh(gap)[0] >= -1e-9 * np.trace(matrix)
 
 
+def test_what_is_0_by_structure_costs_nothing():
+    """Two kept, and blocks of two further unknowns that meet in these alone."""
+
+    def steps(blocks: int) -> int:
+        pattern = ca.DM(np.kron(np.eye(blocks), np.ones((2, 2))))
+        border = ca.DM.ones(2 * blocks, 2)
+        whole = ca.vertcat(ca.horzcat(ca.DM.ones(2, 2), border.T), ca.horzcat(border, ca.sparsify(pattern)))
+        matrix = ca.SX.sym("F", whole.sparsity())
+        left = eliminate(matrix, 2)
+        rng = np.random.default_rng(0)
+        rows = [
+            np.hstack([rng.normal(size=(5, 2)), np.kron(np.eye(blocks)[k], rng.normal(size=(5, 2)))])
+            for k in range(blocks)
+        ]
+        numbers = np.vstack(rows).T @ np.vstack(rows)
+        found = ca.Function("left", [matrix], [left])(ca.project(ca.DM(numbers), whole.sparsity()))
+        np.testing.assert_allclose(np.array(found), schur(numbers, 2), rtol=1e-10)
+        return ca.Function("left", [matrix], [left]).n_instructions()
+
+    assert steps(40) < 45 * steps(1)
+
+
 class TestHarmonic:
     """The inverse of a sandwich."""
 

@@ -23,7 +23,12 @@ NOTHING = 1e-60
 def eliminate(matrix: Expression, kept: int) -> Expression:
     """The Schur complement on the first `kept` rows: what is left when the others are unknown as well."""
     size = matrix.shape[0]
-    return matrix if size == kept else _elimination(size, kept)(matrix)
+    if size == kept:
+        return matrix
+    if isinstance(matrix, ca.SX) and not matrix.is_dense():
+        # What is 0 by structure, as between start states of different trials, costs nothing.
+        return _eliminated(matrix, kept)
+    return _elimination(size, kept)(matrix)
 
 
 def posterior(covariance: Expression, information: Expression) -> Expression:
@@ -69,8 +74,12 @@ def quotient(matrix: Expression, right: Expression) -> Expression:
 @lru_cache(maxsize=64)
 def _elimination(size: int, kept: int) -> ca.Function:
     matrix = ca.SX.sym("F", size, size)
+    return ca.Function("eliminate", [matrix], [_eliminated(matrix, kept)])
+
+
+def _eliminated(matrix: ca.SX, kept: int) -> ca.SX:
     taken = quotient(matrix[kept:, kept:], matrix[kept:, :kept])
-    return ca.Function("eliminate", [matrix], [ca.densify(matrix[:kept, :kept] - taken)])
+    return ca.densify(matrix[:kept, :kept] - taken)
 
 
 @lru_cache(maxsize=16)
