@@ -13,11 +13,11 @@ from oed.equations.dimensions import Dimension, parse_unit, quantity
 from oed.equations.given import Begin, Quantity
 from oed.equations.limits import InputRange, InputRate, OneInput, both_ways, require_rising
 from oed.foundation.component import Component, OneOf
-from oed.foundation.errors import Issue
+from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.quantities import Duration
 from oed.kernel.dynamics.held import HeldSpace
 from oed.kernel.dynamics.signals import SIGNALS, PiecewiseConstant, Signal
-from oed.kernel.dynamics.space import SignalSpace, Space
+from oed.kernel.dynamics.space import SignalSpace, Space, Spline
 from oed.kernel.dynamics.system import System
 
 Seconds = Annotated[Duration, Field(gt=0)]
@@ -146,19 +146,34 @@ class Experiment(Component):
         """
         start, trials = [one.low for one in begins.values()], self.trials or 1
         samples = self.points or self.samples or USUAL_SAMPLES
+        chosen = [name for name, one in begins.items() if one.low < one.high]
         if self.candidates is not None:
+            if chosen:
+                text = "is not chosen among candidates: give the value that it begins at"
+                raise ProblemError([Issue(("system", "states", name, "design"), text) for name in chosen])
             settings = self.candidates.table(input_dimensions(system))
             if not system.states:
                 return HeldSpace.of(settings, np.zeros((1, 0)), duration=float(len(settings)))
             held, trials = np.repeat(settings, samples, axis=0), len(settings)
             return HeldSpace.of(held, np.tile(start, (trials, 1)), duration=self.longest or 1.0)
+        ranges = tuple((one.low, one.high) for one in begins.values())
+        if not system.input_names and chosen:
+            alone = Spline(degree=0, coefficients=samples)
+            return SignalSpace(
+                duration=self.longest or 1.0,
+                samples=samples,
+                spline=alone,
+                rest_to_rest=False,
+                runs=trials,
+                start_bounds=ranges,
+            )
         if not system.input_names:
             held = np.zeros((trials * samples, 0))
             return HeldSpace.of(held, np.tile(start, (trials, 1)), duration=self.longest or 1.0)
         usual = PiecewiseConstant(pieces=samples if self.points else min(samples, USUAL_PIECES))
         given: dict[str, Any] = {"start": tuple(start)}
-        if any(one.low < one.high for one in begins.values()):
-            given = {"start_bounds": tuple((one.low, one.high) for one in begins.values())}
+        if chosen:
+            given = {"start_bounds": ranges}
         return SignalSpace(
             duration=self.longest or float(samples),
             samples=samples,

@@ -170,6 +170,45 @@ class TestStarts:
         assert errors == sorted(errors)
 
 
+class TestStartsAlone:
+    """Of a system without inputs nothing else is chosen."""
+
+    TEXT = textwrap.dedent("""\
+        format: 1
+        name: A saturated decay
+        system:
+          kind: equations
+          states: {x: {design: [1, 3]}}
+          parameters: {v: 1 1/s, K: 1.5}
+          derivatives: {x: -v * x / (K + x)}
+          outputs: {y: x}
+        experiment: {duration: 2 s, samples: 10, trials: 2}
+        measurement: {kind: outputs, noise: {y: 0.01}}
+        criterion: D
+        """)
+
+    def test_are_those_that_say_most(self):
+        problem = oed.parse_study(self.TEXT).problem
+        found = oed.solve(problem, QUICK, seed=0)
+        assert found.evaluation.feasible
+        grid = np.linspace(1, 3, 21)
+        held = np.zeros((20, 0))
+        each = [
+            oed.evaluate(problem, problem.design.trajectory(held, [[one], [other]])).objective
+            for one in grid
+            for other in grid
+        ]
+        assert found.evaluation.objective > max(each) - 1e-6
+
+    def test_are_not_chosen_among_candidates(self):
+        text = self.TEXT.replace(
+            "experiment: {duration", "experiment: {candidates: {rows: {u: [1]}}, duration"
+        )
+        text = text.replace(", trials: 2", "").replace("parameters:", 'inputs: {u: ""}\n  parameters:')
+        with pytest.raises(StudyError, match=r"5: system\.states\.x\.design: is not chosen among candidates"):
+            oed.parse_study(text)
+
+
 class TestCandidates:
     def test_a_file_s_rows_are_the_trials(self, tmp_path: Path):
         rows = "\n".join(f"{x:.2f} m" for x in np.linspace(-1, 1, 41))

@@ -330,7 +330,8 @@ class Terms(ABC):
         nothing = np.zeros(self.size)
         slope = self.jacobian(nothing)[1]
         rows, columns = (np.array(part, dtype=int) for part in slope.sparsity().get_triplet())
-        linear = np.repeat(self.linear, [len(one.lower) for one in self.rows])
+        counts = np.array([len(one.lower) for one in self.rows], dtype=int)
+        linear = np.repeat(np.array(self.linear, dtype=bool), counts)
         single = np.flatnonzero(linear & (np.bincount(rows, minlength=len(linear)) == 1))
         # The place of each row's last entry, which is its only one where it is single.
         place = np.zeros(len(linear), dtype=int)

@@ -128,13 +128,13 @@ _OVERHEAD = 70.0
 def divisible(problem: Problem) -> PieceLayout | None:
     """How the problem's drives are cut into pieces; None where they have to be written out as a whole.
 
-    That is so for robust limits and other systems, constants of sensors to estimate, noise that readings
-    share over time, segments of unequal length, and samples without a divisor that makes a piece both short
-    and long enough. Else they are cut as it takes least work.
+    That is so for systems without inputs, for robust limits and other systems, constants of sensors to
+    estimate, noise that readings share over time, segments of unequal length, and samples without a divisor
+    that makes a piece both short and long enough. Else they are cut as it takes least work.
     """
     space = problem.design
     cuts = problem.measurement.cuts(space.samples)
-    if problem.robust is not None or cuts is None or problem.constants:
+    if problem.robust is not None or cuts is None or problem.constants or not problem.system.inputs:
         return None
     whole = space.samples if cuts.segment == 1 else cuts.segment
     fitting = [

@@ -36,16 +36,19 @@ class Frame:
         self.size, self.relaxing, self._own = terms.size, relaxing, terms.own_bounds
         self.slots, self._instants = terms.slots(slots), terms.instants
         self._sizes = np.array([rows.size for rows in terms.rows])
-        self._owner = np.repeat(np.arange(len(terms.rows)), [len(rows.lower) for rows in terms.rows])
-        self._lower = np.concatenate([rows.lower for rows in terms.rows])
-        self._upper = np.concatenate([rows.upper for rows in terms.rows])
+        counts = np.array([len(rows.lower) for rows in terms.rows], dtype=int)
+        self._owner = np.repeat(np.arange(len(terms.rows)), counts)
+        self._lower = np.concatenate([np.zeros(0), *(rows.lower for rows in terms.rows)])
+        self._upper = np.concatenate([np.zeros(0), *(rows.upper for rows in terms.rows)])
         self._simple, self._unknown, self._slope, self._constant = terms.bounded_unknowns
         least, most = self._ranges(self._lower, self._upper)
         kept = (least <= most)[self._unknown] & (not relaxing)
         self._simple, self._unknown = self._simple[kept], self._unknown[kept]
         self._slope, self._constant = self._slope[kept], self._constant[kept]
         self._rest = np.delete(np.arange(len(self._owner)), self._simple)
-        weights = np.where(np.array(terms.linear) & (not relaxing), LINEAR_WEIGHT, 1.0) / self._sizes
+        weights = (
+            np.where(np.array(terms.linear, dtype=bool) & (not relaxing), LINEAR_WEIGHT, 1.0) / self._sizes
+        )
         self._weights = weights[self._owner[self._rest]]
 
     @property
