@@ -1,4 +1,4 @@
-"""`python -m tests.campaign`: as many random problems, damaged files and signals as wanted."""
+"""`python -m tests.campaign`: as many random problems, experiments, damaged files and signals as wanted."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from .cases import Outcome
 from .damage.material import make_material
-from .runner import SORTS, Task, run_case, run_cases
+from .runner import JUDGED, SORTS, Task, run_case, run_cases
 
 EVERY = 10.0
 """Seconds between two lines of progress."""
@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _options(arguments)
     with tempfile.TemporaryDirectory(prefix="oed-campaign-") as place:
         tasks = _tasks(options, Path(place))
-        if any(task.sort != "problem" for task in tasks):
+        if any(task.sort not in JUDGED for task in tasks):
             make_material(Path(place), options.seed)
         # A single case is run here, where a debugger finds it.
         found = map(run_case, tasks) if options.only else run_cases(tasks, options.workers)
@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.campaign", description=__doc__)
-    for name, number in (("problems", 10_000), ("files", 1000), ("signals", 100)):
+    for name, number in (("problems", 10_000), ("files", 1000), ("signals", 100), ("experiments", 2000)):
         parser.add_argument(f"--{name}", type=int, default=number, help=f"how many (default: {number})")
     parser.add_argument(
         "--workers", type=int, default=2, help="processes (default: 2); results do not depend on it"
@@ -50,7 +50,9 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _tasks(options: argparse.Namespace, material: Path) -> list[Task]:
-    counts = dict(zip(SORTS, (options.problems, options.files, options.signals), strict=True))
+    counts = dict(
+        zip(SORTS, (options.problems, options.files, options.signals, options.experiments), strict=True)
+    )
     wanted = [(sort, index) for sort in SORTS for index in range(counts[sort])]
     if options.only:
         sort, number = options.only.split(":")

@@ -24,7 +24,7 @@ class Outcome:
     """What became of one case.
 
     Attributes:
-        sort: "problem", "file" or "signal".
+        sort: "problem", "file", "signal" or "experiment".
         index: of the case among its sort.
         verdicts: on everything that was asked of it.
         seconds: it took.

@@ -18,12 +18,15 @@ import numpy as np
 
 from .cases import MEMORY, SECONDS, Outcome, Verdict, place_of
 from .damage.running import TooLong, time_limit
+from .experiments import experiment_case
 from .faults import fault_case
 from .files import file_case
 from .problems import problem_case
 
-SORTS = ("problem", "file", "signal")
-CHUNKS = {"problem": 20, "file": 5, "signal": 1}
+SORTS = ("problem", "file", "signal", "experiment")
+JUDGED = {"problem": problem_case, "experiment": experiment_case}
+"""Sorts of cases that are drawn from random numbers alone."""
+CHUNKS = {"problem": 20, "file": 5, "signal": 1, "experiment": 20}
 """Cases that a process takes at a time."""
 REUSED = 25
 """Chunks after which a process makes room for a fresh one."""
@@ -38,7 +41,7 @@ class Task:
     """One case.
 
     Attributes:
-        sort: "problem", "file" or "signal".
+        sort: one of `SORTS`.
         index: among its sort.
         seed: of the campaign.
         material: folder of sound files.
@@ -68,10 +71,10 @@ def run_case(task: Task) -> Outcome:
     began, verdicts = time.perf_counter(), list[Verdict]()
     _forget_peak()
     try:
-        with time_limit(SECONDS if task.sort == "problem" else FAULT), warnings.catch_warnings():
+        with time_limit(SECONDS if task.sort in JUDGED else FAULT), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             verdicts.extend(_verdicts(task))
-        if task.sort == "problem":
+        if task.sort in JUDGED:
             verdicts.append(Verdict("no traceback"))
     except TooLong:
         verdicts.append(Verdict("no hang", f"not ended after {time.perf_counter() - began:.0f} s"))
@@ -83,8 +86,8 @@ def run_case(task: Task) -> Outcome:
 
 
 def _verdicts(task: Task) -> Iterator[Verdict]:
-    if task.sort == "problem":
-        return problem_case(task.rng)
+    if task.sort in JUDGED:
+        return JUDGED[task.sort](task.rng)
     if task.sort == "file":
         return file_case(task.rng, task.material, quick=task.quick)
     return fault_case(task.rng, task.material, quick=task.quick)

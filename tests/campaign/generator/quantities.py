@@ -32,6 +32,12 @@ class Quantity(float):
         made.unit = unit
         return made
 
+    def text(self, rng: np.random.Generator) -> Any:
+        """In a unit drawn at random, or bare."""
+        names = list(UNITS[self.unit])
+        name = names[rng.integers(len(names))] if rng.random() < 0.7 else ""
+        return float(self) if not name else f"{float(self) / UNITS[self.unit][name]!r} {name}"
+
     def __getnewargs__(self) -> tuple[float, str]:  # type: ignore[override]
         """For copies."""
         return float(self), self.unit
@@ -40,9 +46,7 @@ class Quantity(float):
 def written(value: Any, rng: np.random.Generator) -> Any:
     """The same as plain data for YAML: quantities in units drawn at random, or bare."""
     if isinstance(value, Quantity):
-        names = list(UNITS[value.unit])
-        name = names[rng.integers(len(names))] if rng.random() < 0.7 else ""
-        return float(value) if not name else f"{float(value) / UNITS[value.unit][name]!r} {name}"
+        return value.text(rng)
     if isinstance(value, dict):
         return {key: written(entry, rng) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -60,7 +60,7 @@ def score(study: Mapping[str, Any], runs: Sequence[Run]) -> Score:
     robot, rule = estimated_robot(study), study["trajectory"].get("integration", "arc")
     found = _estimates(study, runs)
     told = [one.judged_information() for one in found]
-    sort = _sort(told)
+    sort = sort_of(told)
     if sort == "well" and not _steady(study, runs, told):
         sort = "unclear"
     if sort == "singular" and any(one.standing for one in found):
@@ -77,10 +77,10 @@ def score(study: Mapping[str, Any], runs: Sequence[Run]) -> Score:
     return Score(objective, smallest, largest, deviations, path_length(robot, runs, rule), sort)
 
 
-def _estimates(study: Mapping[str, Any], runs: Sequence[Run]) -> list[_Estimate]:
+def _estimates(study: Mapping[str, Any], runs: Sequence[Run]) -> list[Estimate]:
     rule = study["trajectory"].get("integration", "arc")
     blocks = blocks_of(study["measurement"], estimated_robot(study), runs, rule)
-    return [one for one in (_Estimate(study, block) for block in blocks) if one.judged]
+    return [one for one in (Estimate(study, block) for block in blocks) if one.judged]
 
 
 def _steady(study: Mapping[str, Any], runs: Sequence[Run], told: Sequence[Told]) -> bool:
@@ -94,14 +94,19 @@ def _steady(study: Mapping[str, Any], runs: Sequence[Run], told: Sequence[Told])
         )
         for run in runs
     ]
-    others = (one.judged_information() for one in _estimates(study, shaken))
+    return steady(told, [one.judged_information() for one in _estimates(study, shaken)])
+
+
+def steady(told: Sequence[Told], others: Sequence[Told]) -> bool:
+    """Whether information is about what it is of inputs that are shaken by `SHAKEN`."""
     return all(
         np.allclose(one.eigenvalues, other.eigenvalues, rtol=MOVED, atol=0)
         for one, other in zip(told, others, strict=True)
     )
 
 
-def _sort(told: Sequence[Told]) -> str:
+def sort_of(told: Sequence[Told]) -> str:
+    """How far information is to be trusted: "well", "singular" or "unclear"."""
     weakest = min(one.weakest for one in told)
     clear = all(one.clear for one in told)
     steep = max(float(one.eigenvalues[0] / max(one.eigenvalues[-1], 1e-300)) for one in told)
@@ -123,7 +128,7 @@ def run_length(robot: Robot, run: Run, rule: str) -> float:
     return float(np.hypot(mean[0], mean[1]).sum() * run.period)
 
 
-class _Estimate:
+class Estimate:
     """One block of readings, with what is estimated and judged of it."""
 
     def __init__(self, study: Mapping[str, Any], block: Block) -> None:

@@ -1,0 +1,51 @@
+"""Random limits on expressions of what a system does, about what it does in a first trial."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..oracle.experiments import Experiment
+from .amounts import TIME, Amount, Dimension, product
+from .quantities import one_of
+from .systems import Draft
+
+Rng = np.random.Generator
+
+
+def draw_limits(rng: Rng, draft: Draft, reference: Experiment) -> list[dict[str, Any]]:
+    """Of all kinds, mostly few."""
+    found = []
+    for place in range(int(one_of(rng, (0, 0, 1, 1, 2)))):
+        kind = one_of(rng, ("always", "end", "budget")) if draft.states else "budget"
+        text, own = _expression(rng, draft, budget=kind == "budget")
+        limit: dict[str, Any] = {"kind": kind, "name": f"limit{place + 1}", "of": text}
+        values = reference.limited(limit, 4)
+        low, high = float(values.min()), float(values.max())
+        if not np.isfinite([low, high]).all():
+            continue
+        spread = (high - low) or abs(high) or 1.0
+        if kind == "budget":
+            own = product(own, TIME) if draft.states else own
+            found.append({**limit, "most": Amount(high + abs(high or 1.0) * rng.uniform(-0.3, 0.5), own)})
+        else:
+            inside = -0.2 if high > low else 0.05
+            least, most = low - spread * rng.uniform(inside, 0.5), high + spread * rng.uniform(inside, 0.5)
+            found.append({**limit, "range": [Amount(least, own), Amount(most, own)]})
+    return found
+
+
+def _expression(rng: Rng, draft: Draft, *, budget: bool) -> tuple[str, Dimension]:
+    names = [*draft.states, *(draft.inputs if budget else ())]
+    name = one_of(rng, names)
+    own, sort = draft.dims[name], rng.random()
+    alike = [one for one, of in draft.parameters.items() if of.dimension == own]
+    if sort < 0.2:
+        return f"{name}^2", product(own, own)
+    if sort < 0.4 and alike:
+        return f"{name} - {one_of(rng, alike)}", own
+    if sort < 0.6:
+        other = one_of(rng, names)
+        return f"{name} * {other}", product(own, draft.dims[other])
+    return name, own
