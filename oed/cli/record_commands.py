@@ -79,6 +79,7 @@ def _compared(options: argparse.Namespace) -> Path:
     from oed.report import write_comparison
 
     folders = options.folders
+    _require_different(folders)
     records = [load_record(folder) for folder in folders]
     names = [Path(folder).resolve().name for folder in folders]
     labels = names if len(set(names)) == len(names) else folders
@@ -88,6 +89,18 @@ def _compared(options: argparse.Namespace) -> Path:
         options.figures,
         dict(zip(labels, folders, strict=True)),
     )
+
+
+def _require_different(folders: list[str]) -> None:
+    from oed.foundation.errors import UserMistake
+    from oed.records.record import FILE, saved_file
+
+    known = dict[Path, str]()
+    for folder in folders:
+        path = saved_file(folder, FILE).resolve()
+        if path in known:
+            raise UserMistake(f"{known[path]} and {folder} are the same run: give each once")
+        known[path] = folder
 
 
 REPORT = Command(

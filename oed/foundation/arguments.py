@@ -68,7 +68,17 @@ def kind_issue(value: object, kind: type) -> str:
 
 def _refused(value: object, expected: str, name: str) -> str:
     came = written(value) if isinstance(value, str | int | float | None) else _a(type(value).__name__)
+    if isinstance(value, type):
+        # A class where one of its objects is wanted.
+        meant = any(one.__name__ == name for one in value.__mro__)
+        came = f"the class {value.__name__}{f'; write {_call_of(value)}' if meant else ''}"
     return f"expected {expected}, got {came}{HINTS.get((name, type(value).__name__), '')}"
+
+
+def _call_of(kind: type) -> str:
+    fields = getattr(kind, "model_fields", None)
+    whole = fields is not None and not any(one.is_required() for one in fields.values())
+    return f"{kind.__name__}({'' if whole else '...'})"
 
 
 def _a(name: str) -> str:

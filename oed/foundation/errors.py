@@ -85,7 +85,7 @@ class FileIssue:
     def __str__(self) -> str:
         """`file:line: key: message`."""
         place = f"{self.file}:{self.line}" if self.line else self.file
-        return shown(f"{place}: {self.key}: {self.message}" if self.key else f"{place}: {self.message}")
+        return shown(": ".join(filter(None, (place, self.key, self.message))))
 
 
 class FileError(Renamed, UserMistake):

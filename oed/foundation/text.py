@@ -217,6 +217,10 @@ def words(identifier: str) -> str:
     return identifier.replace("_", " ")
 
 
+NAME = r"^\w[\w -]*$"
+"""Pattern of names of results."""
+
+
 def listing(items: Sequence[str]) -> str:
     """`a, b and c`."""
     return " and ".join(filter(None, [", ".join(items[:-1]), *items[-1:]]))

@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 from oed.foundation.errors import Issue, PartError
 from oed.foundation.quantities import counts_as_zero
 from oed.foundation.shown import written
-from oed.foundation.text import did_you_mean
+from oed.foundation.text import NAME, did_you_mean
 
 KIND = "kind"
 """The key by which parts are told apart."""
@@ -31,6 +31,14 @@ _SENTENCES = {
     "extra_forbidden": "unknown key",
     "union_tag_not_found": "the key kind is missing, which says what this is",
 }
+_PATTERNS = {
+    NAME: "a name of letters, digits, spaces, _ and -, which begins with a letter, a digit or _",
+    r"^[A-Za-z]\w*$": "a name of letters, digits and _, which begins with a letter",
+    r"^DE/(best|rand)/\d/(bin|exp)$": "'DE/best/1/bin' or the like, best or rand, a digit, and bin or exp",
+}
+"""What a text of a pattern is, in words."""
+UNKNOWN = 5
+"""Unknown keys beside each other that are named; of more it is the form that is another."""
 _EXPECTED = {
     "invalid_key": "a name as a key",
     "too_short": "at least {min_length} of them",
@@ -60,6 +68,8 @@ def in_words(detail: ErrorDetails) -> str:
         return _SENTENCES[kind]
     if kind == "value_error":
         return str(context["error"])
+    if kind == "string_pattern_mismatch" and context["pattern"] in _PATTERNS:
+        return f"expected {_PATTERNS[context['pattern']]}, {got}"
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]
         why = counts_as_zero(detail["input"]) if context[key] == 0 and kind == "greater_than" else ""
@@ -86,13 +96,29 @@ def part_error(error: ValidationError, part: type[BaseModel], given: Mapping[str
         given: its arguments.
     """
     reasons: dict[tuple[str, ...], list[str]] = {}
-    for detail in error.errors(include_url=False):
+    for detail, more in few_unknown(error.errors(include_url=False)):
         texts = reasons.setdefault((part.__name__, *_places(detail, given)), [])
-        texts.append(sentence(detail, part))
+        texts.append(sentence(detail, part, more))
     # An issue deeper down says more than "none of the forms fits" about the whole.
     above = {key[:depth] for key in reasons for depth in range(1, len(key))}
     found = {key: "; or ".join(telling(texts)) for key, texts in reasons.items() if key not in above}
     return PartError([Issue(key, text) for key, text in found.items()])
+
+
+def few_unknown(details: Sequence[ErrorDetails]) -> list[tuple[ErrorDetails, int]]:
+    """What is wrong, with only a few of the unknown keys that stand beside each other; and with the last of
+    these how many more there are, 0 with all others.
+
+    Args:
+        details: pydantic's, of all that is wrong.
+    """
+    beside: dict[tuple[str | int, ...], list[int]] = {}
+    for place, detail in enumerate(details):
+        if detail["type"] == "extra_forbidden":
+            beside.setdefault(detail["loc"][:-1], []).append(place)
+    more = {places[UNKNOWN - 1]: len(places) - UNKNOWN for places in beside.values() if len(places) > UNKNOWN}
+    dropped = {place for places in beside.values() for place in places[UNKNOWN:]}
+    return [(one, more.get(place, 0)) for place, one in enumerate(details) if place not in dropped]
 
 
 def _places(detail: ErrorDetails, given: Any) -> Iterator[str]:
@@ -130,8 +156,16 @@ def telling(texts: Sequence[str]) -> Sequence[str]:
     return [text for text in texts if text.endswith("?")] or texts
 
 
-def sentence(detail: ErrorDetails, root: type[BaseModel] = BaseModel) -> str:
-    """What is wrong with one value; `root` knows the keys that there are."""
+def sentence(detail: ErrorDetails, root: type[BaseModel] = BaseModel, more: int = 0) -> str:
+    """What is wrong with one value.
+
+    Args:
+        detail: pydantic's.
+        root: knows the keys that there are.
+        more: unknown keys beside this one that are not named.
+    """
+    if more:
+        return f"unknown key, as {'are' if more > 1 else 'is'} {more} more beside it"
     if detail["type"] == "extra_forbidden":
         return _unknown_key(str(detail["loc"][-1]), _known_keys(root, detail["loc"][:-1]))
     text = in_words(detail)

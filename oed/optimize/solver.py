@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from oed.foundation.component import Component, OneOf, Seed
+from oed.foundation.text import NAME
 from oed.foundation.work.parallel import Workers, default_workers
 from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion
@@ -54,7 +55,7 @@ class Solver(Component, ABC):
     refines: ClassVar[bool] = False
 
     kind: str
-    name: Annotated[str, Field(pattern=r"^\w[\w -]*$")] | None = None
+    name: Annotated[str, Field(pattern=NAME)] | None = None
     seed: Seed | None = None
     criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] | None = None
     without_drift: bool = False

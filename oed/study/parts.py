@@ -10,6 +10,7 @@ from pydantic import Discriminator, Field, Tag
 from oed.estimation.methods import EstimatorName, Heading
 from oed.estimation.setup.options import Loss
 from oed.foundation.component import Component, OneOf
+from oed.foundation.text import NAME
 from oed.kernel.measurement.prior import Prior
 from oed.robots.baselines import Baseline, BaselineName, PythonBaseline
 from oed.simulation.monte_carlo import ALPHA
@@ -19,7 +20,7 @@ class PathFile(Component):
     """A path of the user's own to compare with: a trajectory CSV, found from the study's folder."""
 
     file: str
-    name: Annotated[str, Field(pattern=r"^\w[\w -]*$")] | None = None
+    name: Annotated[str, Field(pattern=NAME)] | None = None
 
     @property
     def label(self) -> str:

@@ -7,7 +7,7 @@ from pydantic_core import ErrorDetails
 
 from oed.foundation.component import Component
 from oed.foundation.errors import FileIssue
-from oed.foundation.wording import KIND, sentence, telling, untagged
+from oed.foundation.wording import KIND, few_unknown, sentence, telling, untagged
 from oed.study.offered import as_studies_have
 from oed.study.yaml_source import Source
 
@@ -26,17 +26,18 @@ def explain(error: ValidationError, root: type[Component], source: Source) -> li
         source: where the keys stand.
     """
     reasons: dict[tuple[int, int, str], list[str]] = {}
-    details = error.errors(include_url=False)
-    for detail in details[:MOST_EXPLAINED]:
+    details = few_unknown(error.errors(include_url=False))
+    for detail, more in details[:MOST_EXPLAINED]:
         place = _place(detail, source)
         texts = reasons.setdefault((place.line, place.column, place.key), [])
-        text = sentence(detail, root) + (_offered(detail) if getattr(root, "domain", "") == "robots" else "")
+        of_robots = getattr(root, "domain", "") == "robots"
+        text = sentence(detail, root, more) + (_offered(detail) if of_robots else "")
         if text not in texts:
             texts.append(text)
     # An issue deeper down says more than "none of the forms fits" about the whole.
     left = [
         _place(detail, source, f"and {len(details) - MOST_EXPLAINED} more mistakes")
-        for detail in details[MOST_EXPLAINED : MOST_EXPLAINED + 1]
+        for detail, _ in details[MOST_EXPLAINED : MOST_EXPLAINED + 1]
     ]
     above = {
         ".".join(parts[:depth])

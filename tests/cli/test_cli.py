@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from importlib.metadata import version
@@ -286,10 +287,20 @@ class TestRun:
     def test_several_are_compared(self, ran, capsys, folder: Path):
         *_, other = ran
         first = str(other / "reports" / "my study")
-        code, data, _ = call_json(capsys, "report", first, first, "--out", "both")
+        shutil.copytree(first, folder / "copy")
+        code, data, _ = call_json(capsys, "report", first, "copy", "--out", "both")
         assert code == 0
         assert Path(data["report"]).parent == Path("both")
         assert (folder / "both" / "report.html").exists()
+
+    def test_the_same_run_twice_is_no_comparison(self, ran, capsys, folder: Path):
+        *_, other = ran
+        first = other / "reports" / "my study"
+        (folder / "link").symlink_to(first)
+        for again in (str(first), "link", str(first / "record.json")):
+            code, _, err = call(capsys, "report", str(first), again, "--out", "both")
+            assert (code, err) == (2, f"{first} and {again} are the same run: give each once\n")
+        assert not (folder / "both").exists()
 
     @pytest.mark.usefixtures("blank_figures")
     def test_in_words_into_another_folder(self, capsys, folder: Path):

@@ -120,6 +120,18 @@ def test_all_wrong_parts_are_named_at_once():
             "solver: expected a Solver or text, got a",
         ),
         (
+            lambda problem, drive: oed.solve(problem, oed.Ipopt),
+            r"^solver: expected a Solver or text, got the class Ipopt; write Ipopt\(\)$",
+        ),
+        (
+            lambda problem, drive: oed.solve(oed.Problem),
+            r"^problem: expected a Problem, got the class Problem; write Problem\(\.\.\.\)$",
+        ),
+        (
+            lambda problem, drive: oed.solve(problem, oed.Poses),
+            "^solver: expected a Solver or text, got the class Poses$",
+        ),
+        (
             lambda problem, drive: oed.solve(problem, seed=-1),
             "seed: expected a whole .* at least 0, got -1",
         ),
@@ -210,6 +222,20 @@ def test_a_solver_may_be_named(three_segments, monkeypatch):
             lambda: oed.Ipopt(seed=10**100),
             r"^Ipopt\.seed: expected a whole number of at most 100 digits, got 1",
         ),
+        (
+            lambda: oed.Ipopt(name="a/b"),
+            "^Ipopt.name: expected a name of letters, digits, spaces, _ and -, which begins with a letter, a "
+            "digit or _, got 'a/b'$",
+        ),
+        (
+            lambda: oed.DifferentialEvolution(variant="DE/wurst/1/bin"),
+            "variant: expected 'DE/best/1/bin' or the like, best or rand, a digit, and bin or exp, got",
+        ),
+        (
+            lambda: oed.Ipopt(**{f"key{number:02}": 1 for number in range(40)}),
+            r"^Ipopt\.key00: unknown key; known here: .*\n(Ipopt\.key0[123]: .*\n){3}"
+            r"Ipopt\.key04: unknown key, as are 35 more beside it$",
+        ),
         (lambda: oed.Ranges(), r"^Ranges\.beacons: missing\nRanges\.noise: missing$"),
         (lambda: oed.Ipopt(startz=3), r"Ipopt\.startz: unknown key; did you mean starts\? known here: "),
     ],
@@ -261,6 +287,11 @@ def test_every_public_function_refuses_in_words_what_it_cannot_take(name: str):
 def test_calls_that_cannot_be_are_refused_in_words(call, reason):
     with pytest.raises(WrongKind, match=reason):
         call()
+
+
+def test_no_logs_are_said_without_a_place():
+    with pytest.raises(oed.LogError, match=r"^no logs were given$"):
+        oed.estimate(study(), [])
 
 
 @pytest.mark.parametrize(("name", "reason"), [("a\0b", "null byte"), ("a" * 5000, "File name too long")])

@@ -569,11 +569,11 @@ class TestSchema:
 
 @pytest.mark.slow
 def test_mistakes_without_number_are_counted():
-    issues = issues_of(SMALL + "".join(f"k{number}: 1\n" for number in range(3000)))
+    issues = issues_of(SMALL + "solvers:\n" + "- {kind: ipopt, perturbations: -1}\n" * 3000)
     assert len(issues) == 201
-    assert issues[-1].key == "k200"
+    assert issues[-1].key == "solvers.200.perturbations"
     assert issues[-1].message == "and 2800 more mistakes"
-    assert issues[-1].line == SMALL.count("\n") + 201
+    assert issues[-1].line == SMALL.count("\n") + 202
 
 
 class TestOwnPaths:
@@ -707,3 +707,21 @@ def test_a_range_has_two_ends():
 def test_an_empty_file_is_no_study():
     (issue,) = issues_of("# to be written\n")
     assert issue.message == "expected a study (keys and values), got nothing; `oed init` makes a first one"
+
+
+def test_many_unknown_keys_are_counted():
+    more = "".join(f"key{number:02}: 1\n" for number in range(20))
+    with pytest.raises(StudyError) as caught:
+        parse_study(SMALL + more + "seed: none\n")
+    issues = {issue.key: issue.message for issue in caught.value.issues}
+    assert list(issues) == [*(f"key0{number}" for number in range(5)), "seed"]
+    assert issues["key03"].startswith("unknown key; known here: ")
+    assert issues["key04"] == "unknown key, as are 15 more beside it"
+
+
+@pytest.mark.parametrize("name", ["a/b", "-x", ""])
+def test_names_of_results_are_asked_for_in_words(name: str):
+    with pytest.raises(
+        StudyError, match=r"solvers\.0\.name: expected a name of letters, digits, spaces, _ and"
+    ):
+        parse_study(small(solvers=f"{{kind: ipopt, name: '{name}'}}"))

@@ -73,11 +73,25 @@ def test_every_mistake_is_told_before_anything_is_run(tmp_path: Path):
     )
     # Wrong whatever the other values: said once, of no combination.
     assert issues["criterion.knd"].message.startswith("unknown key; did you mean kind?")
-    assert [issues[key].line for key in ("trajectory.samples", "limits.wheel_speed", "criterion.knd")] == [
-        4,
-        7,
-        10,
-    ]
+    assert [issues[key].line for key in ("trajectory.samples", "limits.wheel_speed")] == [4, 7]
+    # The file has no such key, so no line of it is to blame.
+    assert (issues["criterion.knd"].file, issues["criterion.knd"].line) == ("--over", 0)
+
+
+@pytest.mark.parametrize(
+    ("over", "said"),
+    [
+        ("zzz=1", "--over: zzz: unknown key; known here: "),
+        ("robot.zzz=1,2", "--over: robot.zzz: unknown key; known here: "),
+        ("trajectory.samples=0", "--over: trajectory.samples: expected"),
+        ("limits.wheel_speed=[1 m, 2 m]", "--over: limits.wheel_speed: expected an angular speed"),
+        ("robot.kind=ackermann", "study.yaml:3: robot.wheelbase: missing"),
+    ],
+)
+def test_what_only_the_option_says_is_no_fault_of_the_file(tmp_path: Path, over: str, said: str):
+    with pytest.raises(StudyError) as caught:
+        points_of(tmp_path, over)
+    assert any(said in line for line in str(caught.value).splitlines()), str(caught.value)
 
 
 def test_parameters_that_no_drive_tells_apart_are_told_before(tmp_path: Path):

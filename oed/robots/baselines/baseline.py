@@ -13,6 +13,7 @@ from oed.foundation.component import Component
 from oed.foundation.own.code import place_of
 from oed.foundation.own.part import OwnCodeError, OwnDescription, OwnPart
 from oed.foundation.shown import written
+from oed.foundation.text import NAME
 from oed.robots.baselines.patterns import Move
 
 
@@ -24,7 +25,7 @@ class Baseline(Component, ABC):
     """
 
     kind: str
-    name: Annotated[str, Field(pattern=r"^\w[\w -]*$")] | None = None
+    name: Annotated[str, Field(pattern=NAME)] | None = None
 
     @abstractmethod
     def moves(self, size: float, lap: int) -> Sequence[Move]:

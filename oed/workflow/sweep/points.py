@@ -66,7 +66,8 @@ def grid(file: str, axes: Sequence[Axis]) -> list[Point]:
         except (FileError, ProblemError) as error:
             issues += [(label, issue) for issue in _issues(error, source)]
     if issues:
-        raise StudyError(_together(issues, len(combinations), source))
+        given = [axis.key for axis in axes if not axis.studies]
+        raise StudyError(_together(issues, len(combinations), source, given))
     return points
 
 
@@ -165,8 +166,11 @@ def _issues(error: FileError | ProblemError, source: YamlSource) -> Iterable[Fil
     return [source.issue(issue.key, issue.message) for issue in error.issues]
 
 
-def _together(issues: Sequence[tuple[str, FileIssue]], count: int, source: YamlSource) -> list[FileIssue]:
+def _together(
+    issues: Sequence[tuple[str, FileIssue]], count: int, source: YamlSource, given: Sequence[str]
+) -> list[FileIssue]:
     # Lines are those of the file, not of the combination's own text; what is wrong with all is said once.
+    # Of keys `given` by the option the file is not to blame, where it has none, or another value.
     labels: dict[tuple[str, str, str], list[str]] = {}
     for label, issue in issues:
         labels.setdefault((issue.file, issue.key, issue.message), []).append(label)
@@ -175,7 +179,10 @@ def _together(issues: Sequence[tuple[str, FileIssue]], count: int, source: YamlS
         line, column = 0, 0
         if file == source.file:
             path = [int(part) if part.isdecimal() else part for part in key.split(".")]
-            _, line, column = source.place(path)
+            known, line, column = source.place(path)
+            swept = any(f"{key}.".startswith(f"{one}.") for one in given)
+            if swept and (len(known) < len(path) or len(of) == count):
+                file, line, column = "--over", 0, 0
         more = f" and {len(of) - 1} more" if len(of) > 1 else ""
         prefix = "" if len(of) == count else f"with {of[0]}{more}: "
         found.append(FileIssue(file, line, column, key, f"{prefix}{message}"))
