@@ -207,6 +207,14 @@ class TestRates:
         assert np.abs(errors).max() < 0.8
 
     @pytest.mark.slow
+    def test_hang_on_no_more_than_the_residuals(self):
+        # Of eight logs with a clock each, hardly known before, what a search left of its scores once pulled
+        # rates to thousands of times the usual ones.
+        found = calibrate(logged_problem(), [driven(31007 + number, 10.0) for number in range(8)]).drift
+        assert found.shown
+        assert np.abs(np.log(found.values / USUAL)).max() < np.log(3)
+
+    @pytest.mark.slow
     def test_of_too_short_a_log_are_about_the_usual_ones(self):
         found = drift_rates(fit_of([driven(0, 2.0)]))
         assert np.abs(np.log(found.values / USUAL)).max() < 2.5

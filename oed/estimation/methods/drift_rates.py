@@ -174,8 +174,10 @@ def _likelihood(fit: Fit, windows: Windows) -> Likelihood:
     parts[TIMING] = 0.0
     scale = fit.unknowns.scale
     slopes = motions.slopes.reshape(-1, len(scale)) * scale
-    # At the solution what was known before pulls as hard as all scores together.
-    known = fit.knowledge * np.outer(scale, scale), -fit.scores.sum(axis=0) * scale
+    # Not by the scores, which balance it only as far as the search has arrived: beside next to no knowledge
+    # what is left of them would pull anywhere.
+    pull = fit.knowledge @ (fit.unknowns.nominal - fit.values)
+    known = fit.knowledge * np.outer(scale, scale), pull * scale
     sizes = [fit.noises[name].at_rest ** 2 for name in PARTS[:TIMING]]
     means = np.log([*sizes, sizes[0], *USUAL])
     deviations = np.array([POSE_SPREAD] * OF_POSES + [USUAL_SPREAD] * len(USUAL))
