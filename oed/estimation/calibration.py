@@ -20,7 +20,7 @@ from oed.estimation.assessment.further_sensors import odd_points, unread
 from oed.estimation.assessment.input_noise import Dilution, dilution_doubts, dilution_of
 from oed.estimation.assessment.model_selection import Comparison, ModelSelection
 from oed.estimation.assessment.prior_weight import weighted_with_prior
-from oed.estimation.assessment.trusted_covariance import covariances_of
+from oed.estimation.assessment.trusted_covariance import covariances_of, few_blocks
 from oed.estimation.methods.drift_rates import DriftRates, drift_rates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting
@@ -254,6 +254,8 @@ class _Work:
         if dilution is not None:
             doubts += dilution_doubts(fit, dilution, chosen.matrix)
         doubts += odd_points(fit)
+        if self.options.covariance != "auto":
+            doubts += few_blocks(judged.covariances, judged.drift, len(fit.unknowns.parameters))
         if len(judged.covariances) == 1 and not fit.correlated and judged.errors is None:
             doubts += (Doubt("", "short_logs", TOO_SHORT),)
         return doubts

@@ -54,6 +54,7 @@ def estimate_of(found: Calibration, **origin: Any) -> EstimateRecord:
         correlation=_correlation(found.covariance),
         covariance_kind=found.covariances[0].name,
         half_width=found.covariances[0].half_width,
+        half_width_together=found.covariances[0].half_width_together,
         coefficients=_coefficients(found),
         nuisances=_nuisances(found),
         segments=_segments(found),
@@ -120,10 +121,14 @@ def _coefficients(found: Calibration) -> list[Unknown]:
         return []
     rows = zip(found.robot.coefficient_names, COEFFICIENT_UNITS, strict=False)
     units = {name: unit for row, unit in rows for name in row}
-    each = zip(names, values, errors, strict=True)
-    entries = [_unknown(name, units[name], value, error) for name, value, error in each]
-    track = found.effective_track
-    return entries if track is None else [*entries, _unknown("effective_track", "m", *track)]
+    each = [(name, units[name], *pair) for name, *pair in zip(names, values, errors, strict=True)]
+    if found.effective_track is not None:
+        each.append(("effective_track", "m", *found.effective_track))
+    # Of several parameters, whose variance together may be less sure than that of any.
+    width = found.covariances[0].half_width_together
+    intervals = [[value - width * error, value + width * error] for *_, value, error in each]
+    pairs = zip(each, intervals, strict=True)
+    return [_unknown(*one).model_copy(update={"interval": ends}) for one, ends in pairs]
 
 
 def _unknown(name: str, unit: str, value: float, error: float) -> Unknown:

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 from pulls import SETS, fewest_held, require_pulls
 from sensed import PLACES, gyro, sighted, with_sensors
 from simulated import (
@@ -28,12 +29,12 @@ from simulated import (
 )
 from windowed import drifting
 
-from oed.estimation import calibrate
+from oed.estimation import Calibration, calibrate
 from oed.estimation.assessment.covariance import Covariance, blocks_of, information
 from oed.estimation.assessment.drift import carried_along, drift, drifting_scores
 from oed.estimation.assessment.trusted_covariance import most_trusted
 from oed.estimation.methods.drift_rates import USUAL, DriftRates, drift_rates
-from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.fit import Fit, degrees_of
 from oed.estimation.prediction.layout import cut
 from oed.estimation.setup.noise import group_of
 from oed.logs.log import Log
@@ -272,6 +273,65 @@ def said(fit: Fit) -> Covariance:
     rates = drift_rates(fit)
     ways = {one.name: one for one in (information(fit), drift(fit, rates))}
     return ways[most_trusted(ways, blocks_of(fit, None), rates, False, len(TRUE))]
+
+
+class TestLeastDegrees:
+    """Single variances may be surer than those of combinations, in which one part is all there is."""
+
+    @staticmethod
+    def fit() -> tuple[Fit, Covariance]:
+        fit = fit_of([driven(seed, 10.0) for seed in (1, 2)], seconds=np.inf)
+        return fit, drift(fit, DriftRates(0.01 * USUAL, np.diag([0.5, 0.1, 1.0, 2.0])))
+
+    def test_are_those_of_the_least_sure_eigenvector(self):
+        fit, found = self.fit()
+        parts = drifting_scores(fit) * (0.01 * USUAL)[:, None, None]
+        sizes = found.deviations[:3]
+        _, vectors = np.linalg.eigh(found.matrix[:3, :3] / np.outer(sizes, sizes))
+        expected = []
+        for way in (*np.eye(3), *vectors.T):
+            along = fit.response[:, :3] @ (way / sizes)
+            shares = np.array([along @ part @ along for part in parts])
+            shares /= way @ (found.matrix[:3, :3] / np.outer(sizes, sizes)) @ way
+            expected.append(degrees_of(float(shares @ np.diag([0.5, 0.1, 1.0, 2.0]) @ shares)))
+        assert found.degrees == pytest.approx(min(expected[:3]))
+        assert found.degrees_together == pytest.approx(min(expected))
+        assert found.degrees_together < 0.9 * found.degrees
+        assert found.half_width_together > found.half_width
+
+    def test_without_others_are_as_of_single_ones(self):
+        one = Covariance(np.eye(2), 7.0, "bootstrap")
+        assert one.degrees_together == 7.0
+        assert one.half_width_together == one.half_width
+
+
+def least_ratio(one: Covariance, other: Covariance) -> float:
+    """The least standard error of a combination of parameters, in units of the other's."""
+    mine, its = (each.matrix[: len(TRUE), : len(TRUE)] for each in (one, other))
+    return float(np.sqrt(scipy.linalg.eigh(mine, its, eigvals_only=True)[0]))
+
+
+class TestFewBlocks:
+    """Ten blocks of two logs disagree in hardly more directions than there are unknowns."""
+
+    @staticmethod
+    def found(**keys: str) -> Calibration:
+        logs = [driven(seed, 10.0) for seed in (29007, 29008)]
+        return calibrate(logged_problem(), logs, options(method="gls", **keys))
+
+    def test_a_bootstrap_that_is_trusted_is_nowhere_surer_than_drift(self):
+        found = self.found()
+        ways = {one.name: one for one in found.covariances}
+        assert found.covariances[0].name == "bootstrap"
+        assert least_ratio(ways["bootstrap"], ways["drift"]) == pytest.approx(1.0, abs=1e-6)
+        assert not any(one.name == "few_blocks" for one in found.doubts)
+
+    def test_one_that_is_asked_for_is_what_it_is_and_doubted(self):
+        found = self.found(covariance="bootstrap")
+        ways = {one.name: one for one in found.covariances}
+        assert least_ratio(ways["bootstrap"], ways["drift"]) < 0.3
+        (doubt,) = (one for one in found.doubts if one.name == "few_blocks")
+        assert "standard errors 16 % of those under drift" in doubt.message
 
 
 Misses = tuple[np.ndarray, np.ndarray]

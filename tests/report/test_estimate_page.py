@@ -149,6 +149,17 @@ def test_failed_tests_matter_where_error_bars_rest_on_them():
     assert "Position residuals are not white: F⁻¹ promises too much." in warnings(read(data))
 
 
+def test_coefficients_have_intervals_of_their_own():
+    data = estimate()
+    assert "95 % interval" not in [
+        one.title for one in table(section(data, "Nuisance parameters"), "Coeff").columns
+    ]
+    data["coefficients"][0]["interval"] = [0.2071, 0.2091]
+    data["half_width_together"] = 2.27
+    found = table(section(data, "Nuisance parameters"), "Coefficients that these give; intervals reach 2.27")
+    assert found.rows[0][-1] == "0.20710 to 0.20910"
+
+
 def test_means_are_of_the_logs_that_have_the_number():
     data = estimate()
     data["held_out"] = None

@@ -40,7 +40,7 @@ def likeliest(plain: Fit, options: CalibrationOptions, measurement: Measurement)
 
 def covariance_of(found: Likeliest) -> Covariance:
     """F^-1 under all that errs."""
-    return Covariance(found.covariance, found.degrees, "information")
+    return Covariance(found.covariance, found.degrees, "information", found.least_degrees)
 
 
 def _specified(plain: Fit, measurement: Measurement) -> ErrorSizes:

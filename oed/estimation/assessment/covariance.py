@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -19,6 +20,8 @@ FEWEST_BLOCKS = 4
 """Blocks that do not overlap, without which neither sandwich nor bootstrap means anything."""
 LEVEL = 0.95
 """Of intervals."""
+ROUNDING = 1e-14
+"""Share of the largest variance below which a covariance's variances are rounding."""
 
 
 @dataclass(frozen=True)
@@ -27,13 +30,15 @@ class Covariance:
 
     Attributes:
         matrix: (q, q), SI.
-        degrees: degrees of freedom of the intervals' t distribution.
+        degrees: degrees of freedom of the t distribution of single unknowns' intervals.
         name: of the way it was found.
+        least_degrees: of that combination of parameters whose variance is least sure; None: as `degrees`.
     """
 
     matrix: Array
     degrees: float
     name: CovarianceName
+    least_degrees: float | None = None
 
     @property
     def deviations(self) -> Array:
@@ -42,8 +47,57 @@ class Covariance:
 
     @property
     def half_width(self) -> float:
-        """Of a 95 % interval, in standard errors."""
-        return float(scipy.stats.t.ppf((1 + LEVEL) / 2, max(self.degrees, 1.0)))
+        """Of a 95 % interval of a single unknown, in standard errors."""
+        return _half_width(self.degrees)
+
+    @property
+    def degrees_together(self) -> float:
+        """Degrees of freedom of whatever depends on several parameters."""
+        return self.degrees if self.least_degrees is None else min(self.least_degrees, self.degrees)
+
+    @property
+    def half_width_together(self) -> float:
+        """Of a 95 % interval of what depends on several parameters, in its standard errors."""
+        return _half_width(self.degrees_together)
+
+    def no_surer_than(self, other: Covariance, parameters: int) -> Covariance:
+        """This, with at least the other's variance along every combination of the first `parameters`."""
+        own = slice(parameters)
+        mine, floor = self.matrix[own, own], _SquareRoots.of(other.matrix[own, own])
+        ratios, ways = floor.ratios(mine)
+        # Adding to a block what it lacks leaves the whole a covariance.
+        lacks = floor.root @ ways @ np.diag(np.maximum(1.0 - ratios, 0.0)) @ ways.T @ floor.root.T
+        matrix = self.matrix.copy()
+        matrix[own, own] += (lacks + lacks.T) / 2
+        return replace(self, matrix=matrix, least_degrees=min(self.degrees_together, other.degrees_together))
+
+    def surest(self, other: Covariance, parameters: int) -> float:
+        """The least standard error of a combination of the first `parameters`, in units of the other's."""
+        own = slice(parameters)
+        ratios, _ = _SquareRoots.of(other.matrix[own, own]).ratios(self.matrix[own, own])
+        return float(np.sqrt(max(ratios.min(initial=1.0), 0.0)))
+
+
+class _SquareRoots(NamedTuple):
+    # L of a covariance LL', and its inverse.
+    root: Array
+    inverse: Array
+
+    @classmethod
+    def of(cls, matrix: Array) -> _SquareRoots:
+        sizes = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+        values, vectors = np.linalg.eigh(matrix / np.outer(sizes, sizes))
+        roots = np.sqrt(np.maximum(values, ROUNDING * max(values.max(initial=0.0), 1.0)))
+        return cls(sizes[:, None] * vectors * roots, (vectors / roots).T / sizes)
+
+    def ratios(self, matrix: Array) -> tuple[Array, Array]:
+        # Variances of another covariance in units of this one's, and of what, as columns.
+        values, ways = np.linalg.eigh(self.inverse @ matrix @ self.inverse.T)
+        return values, ways
+
+
+def _half_width(degrees: float) -> float:
+    return float(scipy.stats.t.ppf((1 + LEVEL) / 2, max(degrees, 1.0)))
 
 
 @dataclass(frozen=True)

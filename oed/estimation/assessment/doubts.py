@@ -38,7 +38,8 @@ class Doubt:
 
     Attributes:
         parameter: its name; "" where it is about all of them.
-        name: "sign", "size", "prior", "input_noise", "odd_point", "short_logs", "stray_motions" or "exact".
+        name: "sign", "size", "prior", "input_noise", "odd_point", "short_logs", "few_blocks",
+            "stray_motions" or "exact".
         message: a sentence with the size, and what to do.
     """
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from oed.estimation.assessment.covariance import Covariance, white_scores
 from oed.estimation.methods.drift_rates import DriftRates
-from oed.estimation.methods.fit import Fit, ScoreParts, degrees_of
+from oed.estimation.methods.fit import Fit, ScoreParts, combinations, degrees_of
 from oed.estimation.prediction.logged_readings import POSE, LoggedReadings
-from oed.foundation.arrays import Array
+from oed.foundation.arrays import Array, Bools
 
 
 def drift(fit: Fit, rates: DriftRates) -> Covariance:
@@ -33,19 +33,30 @@ def _by_parts(fit: Fit, white: Array, parts: ScoreParts) -> Covariance:
     # Intervals are as wide as the parts leave the variance unsure.
     matrix = fit.response @ (white + parts.matrices.sum(axis=0)) @ fit.response
     own = slice(len(fit.unknowns.parameters))
-    each = np.einsum("ua,kab,ub->ku", fit.response[own], parts.matrices, fit.response[own])
-    # How much the logarithm of a variance changes with those of the parts.
-    shares = each / np.maximum(np.diag(matrix)[own], np.finfo(float).tiny)
-    unsure = np.einsum("ku,kl,lu->u", shares, parts.spread, shares).max()
-    return Covariance(matrix, degrees_of(unsure), "drift")
+
+    def degrees(ways: Array) -> float:
+        # Of the least sure of variances along combinations, as columns.
+        along = fit.response[:, own] @ ways
+        each = np.einsum("au,kab,bu->ku", along, parts.matrices, along)
+        whole = np.einsum("au,ab,bu->u", ways, matrix[own, own], ways)
+        # How much the logarithm of a variance changes with those of the parts.
+        shares = each / np.maximum(whole, np.finfo(float).tiny)
+        return degrees_of(np.einsum("ku,kl,lu->u", shares, parts.spread, shares).max(initial=0.0))
+
+    single = degrees(np.eye(own.stop))
+    return Covariance(matrix, single, "drift", min(single, degrees(combinations(matrix[own, own]))))
 
 
-def drifting_scores(fit: Fit) -> Array:
-    """Covariance (4, q, q) of the scores by each kind of drift at a rate of 1."""
+def drifting_scores(fit: Fit, segments: Bools | None = None) -> Array:
+    """Covariance (4, q, q) of the scores by each kind of drift at a rate of 1; of some of the segments, (S,),
+    or all.
+    """
     assert fit.by_start is not None
     states = LoggedReadings.of(fit.layout, fit.unknowns, fit.offsets).path(fit.values, fit.starts)
+    own = np.ones(len(states), bool) if segments is None else segments
+    by_errors = None if fit.by_errors is None else fit.by_errors[own]
     # A robust loss makes the scores follow the readings less.
-    return fit.bend**2 * carried_along(states[..., :POSE], fit.by_start, fit.by_errors)
+    return fit.bend**2 * carried_along(states[own][..., :POSE], fit.by_start[own], by_errors)
 
 
 def carried_along(path: Array, by_start: Array, by_errors: Array | None = None) -> Array:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from oed.estimation.assessment.covariance import Covariance
-from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.fit import Fit, combinations
 from oed.estimation.setup.unknowns import inverse_of_identifiable, inverse_of_sum
 from oed.foundation.arrays import Array
 
@@ -66,6 +66,14 @@ def _of_logs(one: Covariance, logs: Array, before: Array, own: int) -> Covarianc
     # Only the logs' part is as unsure as their number makes it [Satterthwaite: An approximate distribution of
     # estimates of variance components, 1946].
     matrix = logs + before
-    parts, whole = np.diag(logs)[:own], np.diag(matrix)[:own]
-    share = float((parts / np.maximum(whole, np.finfo(float).tiny)).max(initial=0.0))
-    return replace(one, matrix=matrix, degrees=one.degrees / max(share, 1e-3) ** 2)
+    mine, whole = logs[:own, :own], matrix[:own, :own]
+    single = _degrees(one.degrees, mine, whole, np.eye(own))
+    least = min(single, _degrees(one.degrees_together, mine, whole, combinations(whole)))
+    return replace(one, matrix=matrix, degrees=single, least_degrees=least)
+
+
+def _degrees(degrees: float, logs: Array, whole: Array, ways: Array) -> float:
+    # Of combinations, as columns, of which the logs leave that share of the variance.
+    parts, every = (np.einsum("au,ab,bu->u", ways, one, ways) for one in (logs, whole))
+    share = float((parts / np.maximum(every, np.finfo(float).tiny)).max(initial=0.0))
+    return degrees / max(share, 1e-3) ** 2

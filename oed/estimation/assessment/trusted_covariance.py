@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,12 +15,16 @@ from oed.estimation.assessment.covariance import (
     judgeable,
     sandwich,
 )
+from oed.estimation.assessment.doubts import Doubt
 from oed.estimation.assessment.drift import drift, drift_of_motions
 from oed.estimation.methods.drift_rates import DriftRates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.setup.options import CalibrationOptions, CovarianceName
 from oed.foundation.errors import ProblemError
 
+TOO_SURE = 0.5
+"""Standard errors of some combination, in units of those that noise and drift give, below which disagreement
+of blocks is doubted: twice as sure as can be."""
 MATTERS = 1.25
 """Times F^-1's standard errors from which on drift that logs leave open counts: below, intervals of 95 % hold
 the truth 88 % of the time even if it is all there."""
@@ -56,10 +60,46 @@ def covariances_of(
     if wanted == "auto" and fit.correlated:
         wanted = "information"
     elif wanted == "auto":
-        wanted = most_trusted(ways, blocks, rates, drifts, len(fit.unknowns.parameters))
+        parameters = len(fit.unknowns.parameters)
+        wanted = most_trusted(ways, blocks, rates, drifts, parameters)
+        if wanted == "bootstrap":
+            # So few blocks disagree in fewer directions than there are unknowns.
+            ways[wanted] = ways[wanted].no_surer_than(_floor(ways, rates), parameters)
     if wanted not in ways:
         raise ProblemError.about(("calibration", "covariance"), _missing(wanted, blocks))
-    return tuple(sorted(found, key=lambda one: one.name != wanted))
+    return tuple(sorted(ways.values(), key=lambda one: one.name != wanted))
+
+
+def few_blocks(ways: Sequence[Covariance], rates: DriftRates | None, parameters: int) -> tuple[Doubt, ...]:
+    """A word on disagreement of blocks that leaves a combination of parameters far too sure.
+
+    Scores of a few blocks sum to nothing, and lie in fewer directions than there are unknowns.
+
+    Args:
+        ways: covariances, the one in use first.
+        rates: how fast the robot drifts, where that is known.
+        parameters: number of them, the first of the unknowns.
+    """
+    chosen, known = ways[0], {one.name: one for one in ways}
+    if chosen.name not in ("bootstrap", "sandwich"):
+        return ()
+    floor = _floor(known, rates)
+    share = chosen.surest(floor, parameters)
+    if share > TOO_SURE:
+        return ()
+    than = "under drift" if floor.name == "drift" else "by the noise alone"
+    text = (
+        f"of some combination of the parameters the {chosen.name} of so few blocks says standard errors "
+        f"{100 * share:.0f} % of those {than}: do not trust it for more than one parameter at a time; use "
+        "covariance: auto, which allows for that, or log more"
+    )
+    return (Doubt("", "few_blocks", text),)
+
+
+def _floor(ways: Mapping[CovarianceName, Covariance], rates: DriftRates | None) -> Covariance:
+    # What nothing is surer than: noise and drift, where the logs themselves say how much of it there is.
+    only_usual = rates is not None and rates.seconds is None
+    return ways["information" if "drift" not in ways or only_usual else "drift"]
 
 
 def most_trusted(

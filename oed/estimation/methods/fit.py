@@ -32,6 +32,14 @@ def degrees_of(unsure: float) -> float:
     return float(4 + 2 / max(np.expm1(min(unsure, 50.0)), 2 / SUREST))
 
 
+def combinations(covariance: Array) -> Array:
+    """Combinations of unknowns whose errors have nothing to do with each other, as columns (n, n): along the
+    eigenvectors of the correlations of a covariance (n, n).
+    """
+    sizes = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+    return np.asarray(np.linalg.eigh(covariance / np.outer(sizes, sizes))[1] / sizes[:, None])
+
+
 class ScoreParts(NamedTuple):
     """Covariance of scores by independent parts of the noise, whose sizes are not known for sure.
 

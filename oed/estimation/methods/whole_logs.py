@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy
 
-from oed.estimation.methods.fit import Fit, degrees_of
+from oed.estimation.methods.fit import Fit, combinations, degrees_of
 from oed.estimation.methods.log_errors import DRIFT, FARTHEST, NONE, SIZES, WHITE, ErrorSizes, drift_shows
 from oed.estimation.methods.log_filter import POSE, LogFilter
 from oed.estimation.methods.smoothing import smoothed
@@ -53,7 +53,8 @@ class Likeliest(NamedTuple):
         covariance: F^-1 of the unknowns under errors of these sizes, (q, q), SI.
         logs: logarithms of the sizes, by their names.
         spread: covariance of these, (13, 13).
-        degrees: of freedom, for how unsure the sizes leave the standard errors.
+        degrees: of freedom, for how unsure the sizes leave the standard errors of parameters.
+        least_degrees: the same of combinations of them.
         drifts: whether drift shows; False where none is likelier beyond doubt, None where logs leave it open.
     """
 
@@ -62,6 +63,7 @@ class Likeliest(NamedTuple):
     logs: Array
     spread: Array
     degrees: float
+    least_degrees: float
     drifts: bool | None
 
     @property
@@ -117,9 +119,10 @@ class WholeLogs:
                 break
         last = self._about(values, paths)
         spread = last.spread(errors, logs)
-        degrees = last.degrees(logs, spread)
+        degrees, least = last.degrees(logs, spread)
         fit = replace(self._as_fit(last, logs, values, paths), converged=arrived)
-        return Likeliest(fit, last.step(logs)[1], logs, spread, degrees, last.drifts(errors, logs))
+        drifts = last.drifts(errors, logs)
+        return Likeliest(fit, last.step(logs)[1], logs, spread, degrees, least, drifts)
 
     def planned(self, sizes: Mapping[str, float]) -> Array:
         """F^-1 (q, q) where the fit is of a planned drive, under errors of these sizes."""
@@ -348,17 +351,19 @@ class _Linear:
         odds = self.surprise(errors, logs)[0] - self.surprise(none, self.likeliest(none, begin))[0]
         return drift_shows(odds)
 
-    def degrees(self, logs: Array, spread: Array) -> float:
-        # Of intervals, by how unsure the sizes leave the variances.
-        parameters = len(self.fit.unknowns.parameters)
-        slopes = np.zeros((len(logs), parameters))
+    def degrees(self, logs: Array, spread: Array) -> tuple[float, float]:
+        # Of intervals, by how unsure the sizes leave the variances: of parameters, of combinations of them.
+        own = slice(len(self.fit.unknowns.parameters))
+        ways = np.hstack([np.eye(own.stop), combinations(self.step(logs)[1][own, own])])
+        slopes = np.zeros((len(logs), ways.shape[1]))
         for place in np.flatnonzero(np.diag(spread)):
             off = np.zeros(len(logs))
             off[place] = STEP
-            each = (np.log(np.diag(self.step(logs + way * off)[1])[:parameters]) for way in (1, -1))
-            slopes[place] = np.subtract(*each) / (2 * STEP)
-        unsure = float(np.einsum("ku,kl,lu->u", slopes, spread, slopes).max(initial=0.0))
-        return degrees_of(unsure)
+            each = (self.step(logs + way * off)[1][own, own] for way in (1, -1))
+            sizes = [np.log(np.einsum("au,ab,bu->u", ways, one, ways)) for one in each]
+            slopes[place] = np.subtract(*sizes) / (2 * STEP)
+        unsure = np.einsum("ku,kl,lu->u", slopes, spread, slopes)
+        return degrees_of(unsure[own].max(initial=0.0)), degrees_of(unsure.max(initial=0.0))
 
     def _square(self, logs: Array) -> tuple[Array, float]:
         # Of all unknowns, starts and 1; what is known from before included.

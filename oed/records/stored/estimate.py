@@ -97,6 +97,7 @@ class Unknown(Stored):
     unit: str | None = None
     value: Maybe = None
     standard_error: Positive | None = None
+    interval: Interval | None = None
     file: str | None = None
 
 
@@ -273,6 +274,7 @@ class EstimateRecord(Presented, SavedFile):
     correlation: Entries[Column]
     covariance_kind: str | None = None
     half_width: Maybe = None
+    half_width_together: Maybe = None
     coefficients: Entries[Unknown]
     nuisances: Entries[Unknown]
     segments: Segments | None = None

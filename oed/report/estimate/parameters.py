@@ -160,8 +160,9 @@ def _nominal(one: Estimated) -> str:
     return MISSING if one.nominal is None else nominal_text(one.nominal * own_unit(one.unit)[1])
 
 
-def _interval(one: Estimated) -> str:
-    return span_text(*one.ends, one.standard_error, own_unit(one.unit)[1])
+def _interval(one: Estimated | Unknown) -> str:
+    low, high = one.interval or (None, None)
+    return span_text(low, high, one.standard_error, own_unit(one.unit)[1])
 
 
 def _bias(record: EstimateRecord, *, with_unit: bool = False) -> list[Column]:
@@ -268,7 +269,7 @@ def nuisances(record: EstimateRecord) -> Section | None:
         _table("constant", own, "Constants of sensors"),
         _clocks(record),
         _noise(record),
-        _table("coefficient", record.coefficients, "Coefficients that these give"),
+        _coefficients(record),
     )
     found = [table for table in tables if table.rows]
     warned = SAY("clocks", offset_clocks(record))
@@ -278,6 +279,14 @@ def nuisances(record: EstimateRecord) -> Section | None:
 def _table(title: str, some: Iterable[Unknown], caption: str) -> Table:
     name = Column(title, cell=lambda one: PLACES.get(one.name, words(one.name.replace(".", ": ", 1))))
     return Table.of(some, (name, *estimated()), caption)
+
+
+def _coefficients(record: EstimateRecord) -> Table:
+    table = _table("coefficient", record.coefficients, "Coefficients that these give")
+    if not any(one.interval for one in record.coefficients):
+        return table
+    column = Column("95 % interval", cell=_interval)
+    return Table.of(record.coefficients, (*table.columns, column), SAY("coefficients", record))
 
 
 def _clocks(record: EstimateRecord) -> Table:
