@@ -20,7 +20,7 @@ from oed.estimation.assessment.further_sensors import odd_points, unread
 from oed.estimation.assessment.input_noise import Dilution, dilution_doubts, dilution_of
 from oed.estimation.assessment.model_selection import Comparison, ModelSelection
 from oed.estimation.assessment.prior_weight import weighted_with_prior
-from oed.estimation.assessment.trusted_covariance import covariances_of, few_blocks
+from oed.estimation.assessment.trusted_covariance import covariances_of, expected_between_logs, few_blocks
 from oed.estimation.methods.drift_rates import DriftRates, drift_rates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.fitting import Fitting
@@ -229,7 +229,7 @@ class _Work:
             drift=rates,
             log_errors=judged.errors,
             logs=logs,
-            diagnostics=diagnostics(fit, noise_specified(self.problem.measurement, logs)),
+            diagnostics=self._diagnostics(judged, logs),
             weak_directions=weak_directions(fit, chosen.matrix),
             doubts=self._doubts(found, judged, dilution),
             dilution=dilution,
@@ -246,6 +246,10 @@ class _Work:
             text = "dead reckoning needs positions to compare a test log with: name x and y in log.poses"
             raise LogError.about(other.logs[0].file, text)
         return found, other
+
+    def _diagnostics(self, judged: _Judged, logs: Sequence[Log]) -> tuple[Diagnostic, ...]:
+        expected = expected_between_logs(judged.fit, self.options, judged.covariances, judged.drift)
+        return diagnostics(judged.fit, noise_specified(self.problem.measurement, logs), expected)
 
     def _doubts(self, found: PreparedLogs, judged: _Judged, dilution: Dilution | None) -> tuple[Doubt, ...]:
         fit, chosen = judged.fit, judged.covariances[0]

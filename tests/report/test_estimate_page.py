@@ -149,6 +149,16 @@ def test_failed_tests_matter_where_error_bars_rest_on_them():
     assert "Position residuals are not white: F⁻¹ promises too much." in warnings(read(data))
 
 
+def test_logs_that_differ_matter_unless_error_bars_allow_for_that():
+    data, text = estimate(), "the logs differ"
+    one = next(one for one in data["diagnostics"] if one["name"] == "logs_agree")
+    one.update(passed=False, message=text)
+    data["covariance_kind"] = "drift"
+    for allowed, said in ((False, True), (True, False), (None, False)):
+        one["allowed_for"] = allowed
+        assert ("The logs differ." in warnings(read(data))) is said
+
+
 def test_coefficients_have_intervals_of_their_own():
     data = estimate()
     assert "95 % interval" not in [

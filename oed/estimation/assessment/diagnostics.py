@@ -8,7 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from oed.estimation.methods.fit import Fit
+from oed.estimation.assessment.covariance import ENOUGH_LOGS
+from oed.estimation.assessment.drift import drifting_scores
+from oed.estimation.methods.drift_rates import DriftRates
+from oed.estimation.methods.fit import SUREST, Fit
 from oed.estimation.setup.noise import groups, in_turn, places_of
 from oed.foundation.arrays import Array, Bools
 from oed.foundation.text import words
@@ -40,6 +43,7 @@ class Diagnostic:
         p_value: None where there is no distribution to compare with.
         passed: whether nothing speaks against the fit.
         message: in words.
+        allowed_for: whether the standard errors in use allow for what it finds, None where they may.
     """
 
     name: str
@@ -48,14 +52,37 @@ class Diagnostic:
     p_value: float | None
     passed: bool
     message: str
+    allowed_for: bool | None = None
 
 
-def diagnostics(fit: Fit, specified: Mapping[str, Noise]) -> tuple[Diagnostic, ...]:
+@dataclass(frozen=True)
+class Expected:
+    """By how much logs may differ.
+
+    Attributes:
+        drift: how fast the robot drifts, None where that is not known.
+        degrees: degrees of freedom of what that makes the errors.
+        any: whether standard errors allow for whatever whole logs differ by.
+    """
+
+    drift: DriftRates | None = None
+    degrees: float = SUREST
+    any: bool = False
+
+
+BY_NOISE = Expected()
+"""Logs differ by noise alone."""
+
+
+def diagnostics(
+    fit: Fit, specified: Mapping[str, Noise], expected: Expected = BY_NOISE
+) -> tuple[Diagnostic, ...]:
     """All tests of a fit.
 
     Args:
         fit: of all logs.
         specified: noise that the study specifies, by the readings' kind; {} where it specifies none.
+        expected: by how much logs may differ.
     """
     found = []
     for group in groups(fit.layout.quantities):
@@ -65,7 +92,7 @@ def diagnostics(fit: Fit, specified: Mapping[str, Noise]) -> tuple[Diagnostic, .
         if group in specified and alone and not fit.innovations:
             found.append(_specified(fit, group, specified[group]))
     if len(fit.layout.logs) > 1:
-        found.append(_agreement(fit))
+        found.append(_agreement(fit, expected))
     return tuple(found)
 
 
@@ -160,21 +187,44 @@ def _specified(fit: Fit, group: str, specified: Noise) -> Diagnostic:
     return Diagnostic("stated_noise", group, ratio, p_value, passed, text)
 
 
-def _agreement(fit: Fit) -> Diagnostic:
-    # Do the logs' own scores differ more than noise would make them?
-    owner, statistic, degrees = fit.layout.owner, 0.0, 0
-    for log in np.unique(owner):
-        own = owner == log
-        score, matrix = fit.scores[own].sum(axis=0), fit.swing * fit.information[own].sum(axis=0)
+def _agreement(fit: Fit, expected: Expected) -> Diagnostic:
+    # Do the logs' own scores differ more than noise, and drift where it is known, would make them? Those of a
+    # log are H d and what errs in it, with d common to all.
+    drifts = expected.drift is not None and fit.by_start is not None
+    scale, each = fit.unknowns.scale, []
+    for log in np.unique(fit.layout.owner):
+        own = fit.layout.owner == log
+        matrix = fit.swing * fit.information[own].sum(axis=0)
+        if expected.drift is not None and drifts:
+            parts = drifting_scores(fit, own)
+            matrix = matrix + np.tensordot(expected.drift.values, parts, axes=1)
         root = SquareRoot.of_matrix(matrix)
-        statistic += float(((score @ root.factor) ** 2).sum())
-        degrees += int(root.identifiable.sum())
-    degrees = max(degrees - fit.unknowns.size, 1)
-    p_value, ratio = float(scipy.stats.chi2.sf(statistic, degrees)), float(np.sqrt(statistic / degrees))
+        white = root.factor[:, root.identifiable].T
+        curvature, score = fit.curvature[own].sum(axis=0) * scale, fit.scores[own].sum(axis=0)
+        each.append(white @ np.column_stack([curvature, score]))
+    rows = np.vstack(each)
+    slopes, scores = rows[:, :-1], rows[:, -1]
+    common, _, rank, _ = np.linalg.lstsq(slopes, scores, rcond=None)
+    statistic, degrees = float(((scores - slopes @ common) ** 2).sum()), max(len(rows) - int(rank), 1)
+    ratio = float(np.sqrt(statistic / degrees))
+    unsure = expected.degrees if drifts else SUREST
+    p_value = float(scipy.stats.f.sf(statistic / degrees, degrees, unsure))
     passed = p_value > ALPHA
-    text = f"the logs differ from each other {ratio:.1f} times as much as the noise would make them"
-    text += "" if passed else ": F^-1 is too small; trust the bootstrap, and look at the logs left out"
-    return Diagnostic("logs_agree", "logs", ratio, p_value, passed, text)
+    what = "noise and drift would" if drifts else "the noise would"
+    text = f"the logs differ from each other {ratio:.1f} times as much as {what} make them"
+    text += "" if passed else _after_disagreement(len(fit.layout.logs), expected)
+    return Diagnostic("logs_agree", "logs", ratio, p_value, passed, text, expected.any)
+
+
+def _after_disagreement(logs: int, expected: Expected) -> str:
+    if expected.any:
+        return ", for which the error bars allow; look at the logs left out"
+    if logs >= ENOUGH_LOGS:
+        return ": F^-1 is too small; trust the bootstrap, and look at the logs left out"
+    return (
+        ": what differs lasts as long as a log (load, tyres, floor), and intervals are too narrow by that; "
+        f"look at the logs left out, and log {ENOUGH_LOGS} runs or more, whose bootstrap allows for it"
+    )
 
 
 def weak_directions(fit: Fit, covariance: Array) -> tuple[str, ...]:

@@ -15,10 +15,11 @@ from oed.estimation.assessment.covariance import (
     judgeable,
     sandwich,
 )
+from oed.estimation.assessment.diagnostics import Expected
 from oed.estimation.assessment.doubts import Doubt
 from oed.estimation.assessment.drift import drift, drift_of_motions
 from oed.estimation.methods.drift_rates import DriftRates
-from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.fit import SUREST, Fit
 from oed.estimation.setup.options import CalibrationOptions, CovarianceName
 from oed.foundation.errors import ProblemError
 
@@ -94,6 +95,24 @@ def few_blocks(ways: Sequence[Covariance], rates: DriftRates | None, parameters:
         "covariance: auto, which allows for that, or log more"
     )
     return (Doubt("", "few_blocks", text),)
+
+
+def expected_between_logs(
+    fit: Fit, options: CalibrationOptions, ways: Sequence[Covariance], rates: DriftRates | None
+) -> Expected:
+    """By how much logs may differ, as far as the covariance in use knows.
+
+    Args:
+        fit: of the logs.
+        options: the length of blocks.
+        ways: covariances, the one in use first.
+        rates: how fast the robot drifts, where that is known.
+    """
+    # Rates found in the same logs are as large as these are far apart: known, as far as this goes.
+    found = rates is not None and rates.shown is True
+    degrees = next((one.degrees_together for one in ways if one.name == "drift" and not found), SUREST)
+    whole = blocks_of(fit, None if options.block == "auto" else float(options.block)).whole_logs
+    return Expected(rates, degrees, whole and ways[0].name in ("bootstrap", "sandwich"))
 
 
 def _floor(ways: Mapping[CovarianceName, Covariance], rates: DriftRates | None) -> Covariance:

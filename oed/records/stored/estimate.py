@@ -187,6 +187,7 @@ class Diagnostic(Stored):
     message: str
     statistic: Maybe = None
     p_value: Maybe = None
+    allowed_for: bool | None = None
 
 
 class Doubt(Stored):

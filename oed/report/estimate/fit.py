@@ -167,11 +167,10 @@ def fit(record: EstimateRecord) -> Section | None:
     if not tests and not drawn:
         return None
     failed = sum(not one.passed for one in tests)
-    verdict, table = (
-        SAY("verdict", failed, len(tests), record.covariance_kind, bool(record.log_errors)),
-        _tests(record),
-    )
-    return Section.of("Does the fit hold", verdict, table if tests else None, *map(_picture, drawn))
+    differ = any(not one.passed and one.allowed_for is False for one in tests)
+    verdict = SAY("verdict", failed, len(tests), record.covariance_kind, bool(record.log_errors), differ)
+    table = _tests(record) if tests else None
+    return Section.of("Does the fit hold", verdict, table, *map(_picture, drawn))
 
 
 def _tests(record: EstimateRecord) -> Table:

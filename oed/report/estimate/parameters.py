@@ -243,10 +243,12 @@ def _worse(record: EstimateRecord) -> str:
 
 
 def _failed(record: EstimateRecord) -> list[str]:
-    # The other ways to a covariance allow for what is left of correlations and of differences between logs.
+    # The other ways to a covariance allow for what is left of correlations; of differences between logs none
+    # does but by how much whole logs disagree.
     trusting = record.covariance_kind == "information" and not record.log_errors
     grave = {"outliers", "whiteness", "logs_agree"} if trusting else {"outliers"}
-    return [sentence(one.message) for one in record.diagnostics if not one.passed and one.name in grave]
+    failed = (one for one in record.diagnostics if not one.passed)
+    return [sentence(one.message) for one in failed if one.name in grave or one.allowed_for is False]
 
 
 def _doubt(group: Sequence[tuple[str, Finding]]) -> str:
