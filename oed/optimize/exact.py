@@ -13,7 +13,7 @@ from oed.foundation.arrays import Array
 from oed.kernel.criteria import Criterion
 from oed.kernel.equivalence import weight_bound
 from oed.kernel.parts import Budget, Parts
-from oed.optimize.weights import Weights, best_weights, exchanged_weights
+from oed.optimize.weights import Weights, best_weights, exceeds, exchanged_weights
 
 NODES = 200
 """Relaxations that are solved by default: some seconds."""
@@ -91,7 +91,7 @@ class _Search:
         return Exact(self.best, max(open_bound, self.best.value), self.solved)
 
     def _worth(self, bound: float) -> bool:
-        return bound > self.best.value + CLOSE * abs(self.best.value)
+        return exceeds(bound, self.best.value, CLOSE)
 
     def _push(self, waiting: list[tuple[float, int, _Node, Array]], node: _Node) -> None:
         # A node that may hold more than is known, with its relaxed weights.

@@ -161,10 +161,15 @@ def exchanged_weights(
         for given_up, others in _exchanges(chosen, budgets):
             trials = [_exchanged(chosen, given_up, one) for one in others]
             values = [_value(criterion, parts, trial) for trial in trials]
-            if values and max(values) > value + abs(value) * SLIGHT:
+            if values and exceeds(max(values), value, SLIGHT):
                 chosen, value, better = trials[int(np.argmax(values))], max(values), True
                 break
     return _weights(criterion, parts, chosen)
+
+
+def exceeds(value: float, known: float, share: float) -> bool:
+    """Whether a value is more than a known one by a share of it; any is more than minus infinity."""
+    return value > (known + abs(known) * share if np.isfinite(known) else known)
 
 
 def _nearest(weights: Array, budget: Budget) -> Array:

@@ -292,3 +292,14 @@ def test_units_of_what_is_eliminated_are_of_no_matter():
     weights = found.parts.of_every_reading(found.chosen.values)
     scored = oed.evaluate(problem, replace(problem.design.only, weights=weights)).objective
     assert found.chosen.value == pytest.approx(scored, rel=1e-7)
+
+
+def test_whole_readings_that_say_nothing_are_exchanged_for_others():
+    """Two points do not tell a parabola's three parameters."""
+    parts, budgets = quadratic(), budgets_of(quadratic(), 3.0, most=2.0)
+    for criterion in CRITERIA[1:]:
+        near = np.zeros(len(POINTS))
+        near[0], near[100] = 2.0, 1.0
+        found = whole_weights(criterion, parts, near, budgets)
+        assert np.flatnonzero(found.values).tolist() == [0, 100, 200]
+        assert np.isfinite(found.value)
