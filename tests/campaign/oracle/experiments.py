@@ -335,7 +335,8 @@ def score(experiment: Experiment, shaken: Experiment) -> Score:
     sort = sort_of([told])
     if sort == "well" and not steady([told], [other.judged_information()]):
         sort = "unclear"
-    if sort == "singular" and found.standing:
+    if found.standing:
+        # What a settled fast state leaves of its rate is rounding, whoever is asked about.
         sort = "unclear"
     objective, deviations = np.nan, {}
     if sort == "well":
