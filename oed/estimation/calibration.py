@@ -259,7 +259,7 @@ class _Work:
             doubts += dilution_doubts(fit, dilution, chosen.matrix)
         doubts += odd_points(fit)
         if self.options.covariance != "auto":
-            doubts += few_blocks(judged.covariances, judged.drift, len(fit.unknowns.parameters))
+            doubts += few_blocks(fit, self.options, judged.covariances, judged.drift)
         if len(judged.covariances) == 1 and not fit.correlated and judged.errors is None:
             doubts += (Doubt("", "short_logs", TOO_SHORT),)
         return doubts

@@ -32,7 +32,7 @@ from windowed import drifting
 from oed.estimation import Calibration, calibrate
 from oed.estimation.assessment.covariance import Covariance, blocks_of, information
 from oed.estimation.assessment.drift import carried_along, drift, drifting_scores
-from oed.estimation.assessment.trusted_covariance import most_trusted
+from oed.estimation.assessment.trusted_covariance import covariances_of, most_trusted
 from oed.estimation.methods.drift_rates import USUAL, DriftRates, drift_rates
 from oed.estimation.methods.fit import Fit, degrees_of
 from oed.estimation.prediction.layout import cut
@@ -273,6 +273,22 @@ def said(fit: Fit) -> Covariance:
     rates = drift_rates(fit)
     ways = {one.name: one for one in (information(fit), drift(fit, rates))}
     return ways[most_trusted(ways, blocks_of(fit, None), rates, False, len(TRUE))]
+
+
+def test_whole_logs_say_how_large_errors_are_and_drift_in_what_proportions():
+    # Where drift is overrated, as by what passes within seconds, eight logs are not made as unsure.
+    fit = fit_of([driven(seed, 5.0) for seed in range(8)], seconds=np.inf)
+    found = []
+    for size in (1.0, 100.0):
+        rates = DriftRates(size * USUAL, np.zeros((4, 4)), True, 2.0)
+        ways = covariances_of(fit, options(), rates, drifts=True, seed=0)
+        assert ways[0].name == "bootstrap"
+        found.append(ways[0])
+        # Of the eigenvalues those below their mean, or 1, are raised to it.
+        under = next(one for one in ways if one.name == "drift")
+        plain = covariances_of(fit, options(covariance="bootstrap"), rates, drifts=True, seed=0)[0]
+        assert least_ratio(plain, under) < least_ratio(ways[0], under)
+    assert np.all(found[1].deviations < 1.5 * found[0].deviations)
 
 
 class TestLeastDegrees:

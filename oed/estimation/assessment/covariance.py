@@ -71,6 +71,14 @@ class Covariance:
         matrix[own, own] += (lacks + lacks.T) / 2
         return replace(self, matrix=matrix, least_degrees=min(self.degrees_together, other.degrees_together))
 
+    def no_larger_than(self, other: Covariance, parameters: int) -> Covariance:
+        """This, or as much of it as makes the other's variances along the first `parameters` 1 on average, in
+        units of it.
+        """
+        own = slice(parameters)
+        ratios, _ = _SquareRoots.of(self.matrix[own, own]).ratios(other.matrix[own, own])
+        return replace(self, matrix=self.matrix * min(1.0, max(float(ratios.mean()), 0.0)))
+
     def surest(self, other: Covariance, parameters: int) -> float:
         """The least standard error of a combination of the first `parameters`, in units of the other's."""
         own = slice(parameters)

@@ -46,8 +46,7 @@ def covariances_of(
     Raises:
         ProblemError: the way that is asked for does not apply.
     """
-    block = None if options.block == "auto" else float(options.block)
-    blocks = blocks_of(fit, block)
+    blocks = _blocks(fit, options)
     found = [information(fit)]
     if rates is not None:
         found.append(drift(fit, rates))
@@ -65,26 +64,30 @@ def covariances_of(
         wanted = most_trusted(ways, blocks, rates, drifts, parameters)
         if wanted == "bootstrap":
             # So few blocks disagree in fewer directions than there are unknowns.
-            ways[wanted] = ways[wanted].no_surer_than(_floor(ways, rates), parameters)
+            floor = _floor(ways, rates, ways[wanted], blocks, parameters)
+            ways[wanted] = ways[wanted].no_surer_than(floor, parameters)
     if wanted not in ways:
         raise ProblemError.about(("calibration", "covariance"), _missing(wanted, blocks))
     return tuple(sorted(ways.values(), key=lambda one: one.name != wanted))
 
 
-def few_blocks(ways: Sequence[Covariance], rates: DriftRates | None, parameters: int) -> tuple[Doubt, ...]:
+def few_blocks(
+    fit: Fit, options: CalibrationOptions, ways: Sequence[Covariance], rates: DriftRates | None
+) -> tuple[Doubt, ...]:
     """A word on disagreement of blocks that leaves a combination of parameters far too sure.
 
     Scores of a few blocks sum to nothing, and lie in fewer directions than there are unknowns.
 
     Args:
+        fit: of the logs.
+        options: the length of blocks.
         ways: covariances, the one in use first.
         rates: how fast the robot drifts, where that is known.
-        parameters: number of them, the first of the unknowns.
     """
-    chosen, known = ways[0], {one.name: one for one in ways}
+    chosen, known, parameters = ways[0], {one.name: one for one in ways}, len(fit.unknowns.parameters)
     if chosen.name not in ("bootstrap", "sandwich"):
         return ()
-    floor = _floor(known, rates)
+    floor = _floor(known, rates, chosen, _blocks(fit, options), parameters)
     share = chosen.surest(floor, parameters)
     if share > TOO_SURE:
         return ()
@@ -111,14 +114,26 @@ def expected_between_logs(
     # Rates found in the same logs are as large as these are far apart: known, as far as this goes.
     found = rates is not None and rates.shown is True
     degrees = next((one.degrees_together for one in ways if one.name == "drift" and not found), SUREST)
-    whole = blocks_of(fit, None if options.block == "auto" else float(options.block)).whole_logs
+    whole = _blocks(fit, options).whole_logs
     return Expected(rates, degrees, whole and ways[0].name in ("bootstrap", "sandwich"))
 
 
-def _floor(ways: Mapping[CovarianceName, Covariance], rates: DriftRates | None) -> Covariance:
+def _floor(
+    ways: Mapping[CovarianceName, Covariance],
+    rates: DriftRates | None,
+    of_blocks: Covariance,
+    blocks: Blocks,
+    parameters: int,
+) -> Covariance:
     # What nothing is surer than: noise and drift, where the logs themselves say how much of it there is.
+    # Whole logs show by themselves how large errors are, which drift may overrate: its proportions count.
     only_usual = rates is not None and rates.seconds is None
-    return ways["information" if "drift" not in ways or only_usual else "drift"]
+    floor = ways["information" if "drift" not in ways or only_usual else "drift"]
+    return floor.no_larger_than(of_blocks, parameters) if blocks.whole_logs else floor
+
+
+def _blocks(fit: Fit, options: CalibrationOptions) -> Blocks:
+    return blocks_of(fit, None if options.block == "auto" else float(options.block))
 
 
 def most_trusted(
