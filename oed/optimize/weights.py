@@ -168,7 +168,13 @@ def exchanged_weights(
 
 
 def exceeds(value: float, known: float, share: float) -> bool:
-    """Whether a value is more than a known one by a share of it; any is more than minus infinity."""
+    """Whether a value is more than a known one by a share of it; any is more than minus infinity.
+
+    Args:
+        value: of a criterion.
+        known: what it is compared with.
+        share: of the size of that.
+    """
     return value > (known + abs(known) * share if np.isfinite(known) else known)
 
 

@@ -246,7 +246,7 @@ class TestRates:
         found = drift_rates(fit_of(logs))
         assert found.shown is False
         assert np.all(np.abs(np.log(np.sqrt(found.values) / (factor * USUALLY))) < np.log(2))
-        assert "as far as whole logs leave it open" in found.words
+        assert "which the logs do not show, taken as large as the noise of poses leaves open" in found.words
         assert said(fit_of(logs)).name == "drift"
 
     @pytest.mark.slow

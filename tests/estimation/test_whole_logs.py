@@ -404,7 +404,7 @@ def test_maximises_the_likelihood_that_designs_are_simulated_with():
     errors = np.sqrt(np.diag(expected.covariance))
     assert np.all(np.abs(found.fit.values - expected.values) < 0.01 * errors)
     np.testing.assert_allclose(found.covariance, expected.covariance, rtol=0.02)
-    assert DriftRates.of_whole_logs(found).words.startswith("drift, as the study states it: ")
+    assert DriftRates.of_whole_logs(found).words.startswith("drift, as the study specifies it: ")
 
 
 @pytest.mark.slow
