@@ -176,7 +176,7 @@ class TestRaised:
 class TestLevel:
     """How often a drive is accepted that too many robots violate."""
 
-    RUNS = 150
+    RUNS = 60
 
     @pytest.fixture
     def accepted(self, monkeypatch: pytest.MonkeyPatch) -> Any:
