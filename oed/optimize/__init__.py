@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from oed.foundation.arguments import WrongKind, require_count, typed
+from oed.foundation.errors import ProblemError
 from oed.foundation.shown import written
 from oed.foundation.work.cluster import Cluster
 from oed.foundation.work.parallel import Workers, default_workers
@@ -73,12 +74,22 @@ def _searched(options: Solver, problem: Problem, context: Context) -> Solution:
         alone = scored(bare, problem.design.only, options.label)
         solution = replace(alone, kind=options.kind, seed=context.seed, status=Status.CONVERGED)
     elif (together := lifted(problem)) is not None:
+        _require_no_start(options)
         solution = lowered(bare, assured(options, together, context))
     elif bare.design.spline.refines:
         solution = refined(options, bare, context, assured)
     else:
         solution = assured(options, bare, context)
     return solution if problem.selection is None else with_readings(problem, solution)
+
+
+def _require_no_start(options: Solver) -> None:
+    # An earlier design has neither the weights nor the pace that are further inputs of this search.
+    if getattr(options, "start_from", None) is not None:
+        text = (
+            "a search that chooses readings or the duration along with inputs begins with no earlier design"
+        )
+        raise ProblemError.about(("solvers", "start_from"), f"{text}: leave it out")
 
 
 def _solver(given: Solver | str | None) -> Solver:

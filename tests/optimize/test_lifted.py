@@ -45,3 +45,12 @@ def test_readings_say_as_much_as_in_the_time_that_is_chosen(sensor):
     (estimation,) = problem.any_estimations
     expected = own.evaluation.full_square_roots["joint"].matrix * estimation.scales**2
     np.testing.assert_allclose(np.array(terms.values(z)[0]).ravel(), expected.ravel(), rtol=1e-9)
+
+
+def test_an_earlier_design_is_no_start():
+    """It has no pace, and no weights: that was an IndexError."""
+    problem = decaying(oed.Outputs(noise={"a": 0.1}))
+    few = {"starts": 1, "perturbations": 0, "second_stage": "none", "max_iterations": 3}
+    earlier = {"first": oed.solve(problem, oed.Ipopt(**few), seed=0, workers=1)}
+    with pytest.raises(oed.ProblemError, match=r"^solvers\.start_from: .* no earlier design: leave it out$"):
+        oed.solve(problem, oed.Ipopt(start_from="first", **few), seed=0, workers=1, earlier=earlier)
