@@ -168,7 +168,7 @@ def _defect(options: argparse.Namespace, error: BaseException) -> int:
 def _report(message: str, issues: list[dict[str, Any]], *, as_json: bool) -> None:
     say(message)
     if as_json:
-        print_json({"error": message, "issues": issues})
+        print_json({"error": message, "flaws": issues})
 
 
 class _JsonParser(argparse.ArgumentParser):

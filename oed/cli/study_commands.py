@@ -81,10 +81,10 @@ def _check(options: argparse.Namespace) -> int:
         except FileError as error:
             wrong = True
             say(str(error))
-            entries.append({"file": file, "ok": False, "issues": [vars(issue) for issue in error.issues]})
+            entries.append({"file": file, "ok": False, "flaws": [vars(issue) for issue in error.issues]})
         else:
             refining = refinements(study)
-            entry = {"file": file, "ok": True, "name": study.name, "issues": []}
+            entry = {"file": file, "ok": True, "name": study.name, "flaws": []}
             entries.append({**entry, "refinement": refining} if refining else entry)
             if not options.json:
                 only = (

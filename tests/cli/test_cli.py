@@ -147,12 +147,12 @@ class TestCheck:
         code, data, _ = call_json(capsys, "check", "study.yaml", "wrong.yaml")
         assert code == 2
         right, wrong = data["studies"]
-        assert (right["ok"], right["issues"], wrong["ok"]) == (True, [], False)
-        assert [(issue["line"], issue["key"]) for issue in wrong["issues"]] == [
+        assert (right["ok"], right["flaws"], wrong["ok"]) == (True, [], False)
+        assert [(issue["line"], issue["key"]) for issue in wrong["flaws"]] == [
             (3, "robot.track"),
             (4, "trajectory.samples"),
         ]
-        assert set(wrong["issues"][0]) == {"file", "line", "column", "key", "message"}
+        assert set(wrong["flaws"][0]) == {"file", "line", "column", "key", "message"}
 
 
 class TestSolve:
@@ -473,7 +473,7 @@ class TestMistakes:
         code, data, err = call_json(capsys, *command)
         assert code == 2
         assert err.startswith(message)
-        (issue,) = data["issues"] if "issues" in data else data["studies"][0]["issues"]
+        (issue,) = data["flaws"] if "flaws" in data else data["studies"][0]["flaws"]
         assert issue["file"] == "wrong.yaml"
         assert issue["line"] == int(message.split(":")[1])
         if "error" in data:
@@ -675,7 +675,7 @@ def test_what_nobody_has_foreseen(capsys, monkeypatch: pytest.MonkeyPatch, error
     assert "OED_DEBUG=1" in err
     code, data, _ = call_json(capsys, "schema")
     assert code == 1
-    assert data == {"error": err.strip(), "issues": []}
+    assert data == {"error": err.strip(), "flaws": []}
     monkeypatch.setenv("OED_DEBUG", "1")
     with pytest.raises(type(error)):
         main(["schema"])
@@ -701,7 +701,7 @@ def test_what_is_found_late_is_told_by_its_line(capsys, folder: Path, monkeypatc
         "study.yaml:7: limits.wheel_speed: is too late",
         "study.yaml:3: robot: as well",
     ]
-    assert [issue["line"] for issue in data["issues"]] == [7, 3]
+    assert [issue["line"] for issue in data["flaws"]] == [7, 3]
 
 
 @pytest.mark.parametrize(
@@ -747,7 +747,7 @@ def test_mistakes_on_the_command_line_itself_as_json(
 ):
     code, out, err = call(capsys, *arguments, option)
     data = json.loads(out)
-    assert (code, data["issues"]) == (2, [])
+    assert (code, data["flaws"]) == (2, [])
     assert words.replace("--json", option) in data["error"], data
     assert data["error"] in err
 

@@ -83,7 +83,7 @@ def test_a_study_of_ones_own_robot_is_copied_with_its_module(folder: Path):
 
 def test_copies_are_told_as_json(folder: Path, capsys: pytest.CaptureFixture[str]):
     code, found = data(capsys, "box_lucas", "published/box_lucas", "room_robot", "--out", "here")
-    assert (code, set(found)) == (2, {"error", "issues"})
+    assert (code, set(found)) == (2, {"error", "flaws"})
     code, found = data(capsys, "published/box_lucas", "room_robot", "room_robot.yaml", "--out", "here")
     assert code == 0
     studies = ["here/published/box_lucas.yaml", "here/room_robot.yaml"]
