@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_robots import PLANAR, ROBOTS, Example, cases, draw_inputs, motion_by_parameters
 
+import oed
 from oed.foundation.errors import PartError, ProblemError
 from oed.kernel.criteria import A, D, E, G, I, Leg, Subject
 from oed.kernel.criteria.prediction import TaskDrive
@@ -158,6 +159,26 @@ class TestPredictions:
         assert issue.key == ("criterion", "test_drive", 1, "inputs")
         names = "wheel_speed_right, wheel_speed_left"
         assert issue.message == f"expected 2 inputs ({names}), got {len(inputs)}"
+
+    def test_what_is_not_finite_is_an_issue(self):
+        """A state that grows without bounds: that was an error of linear algebra."""
+        system = oed.Equations(
+            states={"a": ""},
+            derivatives={"a": "k * a^2 + u"},
+            parameters={"k": "1 1/s"},
+            inputs={"u": "1/s"},
+            outputs={"a": "a"},
+        )
+        task = TaskDrive(inputs=((1.0,),) * 40, period=1.0, start=(1.0,))
+        with pytest.raises(ProblemError, match="predicted a are not finite: predict less far") as caught:
+            Problem(
+                model=system,
+                design=oed.SignalSpace(duration=1.0, samples=4, start=(0.1,)),
+                measurement=oed.Outputs(noise={"a": 0.1}),
+                limits=[oed.InputRange(input="u", range=("0 1/s", "0.1 1/s"))],
+                criterion=I(task=(task,), quantity="a", scaling="none"),
+            )
+        assert [issue.key for issue in caught.value.issues] == [("criterion", "quantity")]
 
     TASK = (TaskDrive(inputs=((5, 4), (-3, 6)), period=0.5),)
 

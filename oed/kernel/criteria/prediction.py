@@ -94,14 +94,18 @@ class Prediction(RootCriterion):
 
     def issues(self, subject: Subject) -> list[Issue]:
         """Legs with more or fewer inputs than the system, parameters that it has not, an unknown quantity, or
-        one that no estimated parameter changes.
+        one that no estimated parameter changes, or that is not finite.
         """
         return self.misfits(subject) or self._unmoved(subject)
 
     def _unmoved(self, subject: Subject) -> list[Issue]:
         names = [name for names in subject.parameters for name in names]
         own = [parameter.name for parameter in subject.system.parameters]
-        if np.any(self.predicted(subject)[..., [own.index(name) for name in names]]):
+        slopes = self.predicted(subject)[..., [own.index(name) for name in names]]
+        if not np.all(np.isfinite(slopes)):
+            text = f"derivatives of the predicted {self.quantity} are not finite: predict less far"
+            return [Issue(("criterion", "quantity"), text)]
+        if np.any(slopes):
             return []
         text = f"the {self.quantity} predicted depends on none of {', '.join(names)}: every design would do"
         return [Issue(("criterion", "quantity"), text)]
