@@ -172,7 +172,7 @@ def _report(message: str, issues: list[dict[str, Any]], *, as_json: bool) -> Non
 
 
 class _JsonParser(argparse.ArgumentParser):
-    """One whose mistakes are told as all others are, for the JSON object that is to say them."""
+    """One whose mistakes are said as all others are, for the JSON object that is to say them."""
 
     def error(self, message: str) -> NoReturn:
         """Refuse what was given, with how the command is called."""

@@ -109,7 +109,7 @@ class Parts(Brief):
     def projection(self, weights: Array) -> Array:
         """T = [I, -F12 F22^-1], (judged, q): T F T' is what is left on the judged, the others eliminated."""
         whole, count = self.whole(weights), self.judged
-        # In units in which each is of size 1: what is rounding is not told from what is in small units.
+        # In units in which each is of size 1: what is in small units is not taken for rounding.
         sizes = np.sqrt(np.diag(whole)[count:])
         sizes[sizes == 0] = 1.0
         others = whole[count:, count:] / np.outer(sizes, sizes)

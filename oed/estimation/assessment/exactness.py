@@ -19,7 +19,7 @@ ROUNDED = 1e-3
 TINY = 0.01
 """Share of the specified noise that no sensor is better than by chance, or by a cautious study."""
 MANY = 50
-"""Degrees of freedom from which that is told from a few readings that happen to fit."""
+"""Degrees of freedom from which that is no chance of a few readings that happen to fit."""
 FEW = 5
 """Degrees of freedom below which a fit goes through its readings, whatever they are."""
 EXACT = (
