@@ -29,3 +29,28 @@ def test_a_root_and_its_derivatives(slope: float, scales, damping):
     found, slopes = (np.array(one) for one in roots(scales, damping)([8.0, slope]))
     np.testing.assert_allclose(found.ravel(), [2.0, 2 * slope], atol=1e-12)
     np.testing.assert_allclose(slopes, [[1 / 12, 0.0], [slope / 12, 2.0]], atol=1e-9)
+
+
+def test_what_has_no_root_has_no_derivatives_either():
+    # Derivatives of the branch that says so were 0, as if nothing changed the root.
+    unknown, given = ca.SX.sym("x"), ca.SX.sym("a")
+    residual = ca.Function("residual", [unknown, given], [unknown**2 + given**2])
+    start = ca.Function("start", [given, ca.SX.sym("hint", 0)], [ca.SX(1.0)])
+    found = RootFinder(residual, start, iterations=5).root(given, ca.SX(0, 1))
+    both = ca.Function("both", [given], [found, ca.jacobian(found, given)])(2.0)
+    assert np.isnan(np.array(both, dtype=float)).all()
+
+
+def test_what_does_not_depend_on_something_depends_by_exactly_0():
+    # Rounding in its place, as a column of its own, would be an unknown that can be told from others.
+    rng = np.random.default_rng(0)
+    matrix = rng.normal(size=(6, 6)) * np.kron(np.tril(np.ones((3, 3))), np.ones((2, 2)))
+    unknowns, given = ca.SX.sym("unknowns", 6), ca.SX.sym("given", 6)
+    start = ca.Function("start", [given, ca.SX.sym("hint", 0)], [ca.SX.zeros(6)])
+    mixed = rng.permutation(6)
+    linear = ca.mtimes(ca.sparsify(ca.DM(matrix[mixed])), unknowns) - given[mixed.tolist()]
+    residual = ca.Function("residual", [unknowns, given], [linear])
+    found = RootFinder(residual, start, iterations=3).root(given, ca.SX(0, 1))
+    slopes = np.array(ca.Function("slopes", [given], [ca.jacobian(found, given)])(rng.normal(size=6)))
+    np.testing.assert_allclose(slopes, np.linalg.inv(matrix), atol=1e-9)
+    assert np.all(slopes[np.kron(np.triu(np.ones((3, 3)), 1), np.ones((2, 2))) > 0] == 0)

@@ -85,7 +85,8 @@ class RootFinder:
         solved = ca.fabs(self._residual(found, still)) <= SOLVED * sizes
         for _ in range(ORDERS):
             found = found - self._solve(self._residual(found, given), *factors, sizes)
-        return ca.if_else(ca.sum1(solved) == solved.shape[0], found, ca.SX.nan(*found.shape))
+        # A factor: derivatives of what is no number are none either, where those of a branch would be 0.
+        return found * ca.if_else(ca.sum1(solved) == solved.shape[0], 1, ca.SX.nan())
 
     def _searching(self, start: ca.Function) -> ca.Function:
         # The iterations, as a call that is not written out: so expressions stay small, and no more iterations
@@ -112,15 +113,11 @@ class RootFinder:
         residual = self._residual(unknowns, given)
         jacobian, direct = ca.jacobian(residual, unknowns), ca.jacobian(residual, given)
         sizes = ca.fabs(jacobian) @ ca.fabs(unknowns) + ca.fabs(direct) @ ca.fabs(given)
-        scaled = ca.diag(_inverse(sizes)) @ jacobian
-        reflections, upper, factors, rows, columns = ca.qr_sparse(scaled)
-        function = ca.Function("factors", [unknowns, given], [reflections, upper, factors, sizes])
-        symbols = [
-            ca.SX.sym(name, one.sparsity())
-            for name, one in (("V", reflections), ("R", upper), ("beta", factors), ("sizes", sizes))
-        ]
+        blocks = _Blocks(ca.diag(_inverse(sizes)) @ jacobian)
+        function = ca.Function("factors", [unknowns, given], [*blocks.factors, sizes])
+        symbols = [ca.SX.sym("any", one.sparsity()) for one in (*blocks.factors, sizes)]
         right = ca.SX.sym("right", unknowns.shape[0])
-        solution = ca.qr_solve(_inverse(symbols[3]) * right, *symbols[:3], rows, columns)
+        solution = blocks.solution(_inverse(symbols[-1]) * right, symbols[:-1])
         return function, ca.Function("solve", [right, *symbols], [solution])
 
     def _step(self, damping: Sequence[float]) -> ca.Function:
@@ -142,6 +139,36 @@ class RootFinder:
             better = now < least
             best, least = ca.if_else(better, there, best), ca.if_else(better, now, least)
         return ca.Function("newton", [unknowns, given], [ca.densify(best)])
+
+
+class _Blocks:
+    # A linear system, block by block where unknowns follow from each other in one direction only: what does
+    # not depend on something depends on it by exactly 0, where reflections of all rows would leave rounding.
+
+    def __init__(self, matrix: ca.SX) -> None:
+        count, rows, columns, *ends, _, _ = matrix.sparsity().btf()
+        if ends[0] != ends[1]:
+            # Of which no block by itself can be solved.
+            count, ends = 1, [[0, matrix.shape[0]]]
+        each = [slice(ends[0][place], ends[0][place + 1]) for place in range(count)]
+        self._parts = [(rows[own], columns[own], columns[own.stop :]) for own in each]
+        self._order = columns
+        self._reflected = [ca.qr_sparse(matrix[own, others]) for own, others, _ in self._parts]
+        self.factors = [
+            factor
+            for (own, _, later), found in zip(self._parts, self._reflected, strict=True)
+            for factor in (*found[:3], matrix[own, later])
+        ]
+
+    def solution(self, right: ca.SX, factors: Sequence[ca.SX]) -> ca.SX:
+        # From the last block on, which needs no other.
+        found = ca.SX(0, 1)
+        for place in reversed(range(len(self._parts))):
+            own, *_ = self._parts[place]
+            *reflected, across = factors[4 * place : 4 * place + 4]
+            left = right[own] - across @ found
+            found = ca.vertcat(ca.qr_solve(left, *reflected, *self._reflected[place][3:]), found)
+        return found[[self._order.index(place) for place in range(len(self._order))]]
 
 
 def newton_step(residual: ca.Function) -> ca.Function:
