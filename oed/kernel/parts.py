@@ -38,8 +38,8 @@ class Parts(Brief):
 
     Attributes:
         readings: n of them, or of groups of them.
-        matrices: M of each on judged parameters, further ones and nuisances, in the criterion's scaling,
-            (n, q, q).
+        matrices: M of each on the judged parameters in the criterion's scaling, and on combinations of these
+            with all other unknowns, (n, q, q).
         known: information from before, (q, q).
         judged: how many of the q are judged; the others are unknown as well.
         sizes: how much of a budget each is at a weight of 1: one reading, or so many seconds of one that is

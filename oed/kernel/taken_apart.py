@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy.linalg
 
 from oed.foundation.arguments import typed
+from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import jacobians
 from oed.kernel.measurement.process_noise import process_noise_of
+from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import Parts, laid_out, rows_of
 from oed.kernel.problem import Problem
 
@@ -42,9 +45,31 @@ def parts_of(problem: Problem, trajectory: Trajectory) -> Parts:
         0.0 if nuisance.deviation is None else nuisance.deviation**-2 for nuisance in block.nuisances
     ]
     known *= np.outer(scales, scales)
+    rows, known = _disentangled(rows, known, judged)
     given = sensors, problem.system, trajectory.samples // trajectory.runs, trajectory.runs
     places = rows_of(*given)
     single = laid_out(*given, trajectory.period)
     matrices = np.zeros((len(single.readings), *known.shape))
     np.add.at(matrices, places, np.einsum("ra,rb->rab", rows, rows))
     return replace(single, matrices=matrices, known=known, judged=judged)
+
+
+def _disentangled(rows: Array, known: Array, judged: int) -> tuple[Array, Array]:
+    # Rows (k, q) and prior information (q, q) with the unknowns that are not judged in combinations of all
+    # that all readings together tell apart, and from the judged ones: what is judged stays the same, and the
+    # matrices keep the digits that squares of nearly dependent columns lose.
+    prior = SquareRoot.of_matrix(known).rows
+    every = np.vstack([rows, prior])
+    root = SquareRoot.of_rows(every)
+    if judged == rows.shape[1] or not (root.complete and root.leading(judged).complete):
+        return rows, known
+    triangle = np.linalg.qr(np.hstack([every[:, judged:], every[:, :judged]]), mode="r")
+    others = rows.shape[1] - judged
+    own, across = triangle[:others, :others], triangle[:others, others:]
+
+    def moved(one: Array) -> Array:
+        rest = scipy.linalg.solve_triangular(own, one[:, judged:].T, trans="T").T
+        return np.hstack([one[:, :judged] - rest @ across, rest])
+
+    before = moved(prior)
+    return moved(rows), before.T @ before
