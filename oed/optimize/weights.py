@@ -21,6 +21,8 @@ from oed.optimize.transcription.program import IPOPT_OPTIONS
 from oed.optimize.transcription.solver_calls import interrupts_kept, one_thread
 
 OPTIONS: dict[str, Any] = {**IPOPT_OPTIONS, "ipopt.tol": 1e-11, "ipopt.max_iter": 500}
+FAINT = 1e-14
+"""Share of the largest eigenvalue of information below which a smaller one may be rounding."""
 SLIGHT = 1e-9
 """Gain of an exchange, relative to the criterion, that is rounding."""
 
@@ -105,8 +107,10 @@ def _solved(
 
 
 def _scaled(parts: Parts, weights: Array) -> Parts:
-    # In units in which the information is of order 1; what is eliminated may have units of its own.
-    size = float(np.trace(parts.information(weights))) / parts.judged
+    # In units in which what a criterion looks at, the least information, is of order 1: a solver's tolerance
+    # would hide it beside the largest. What is eliminated may have units of its own.
+    values = np.linalg.eigvalsh(parts.information(weights))
+    size = float(1 / np.mean(1 / np.maximum(values, FAINT * values[-1])))
     units = np.full(len(parts.known), size**-0.5)
     own = np.diag(parts.whole(weights))[parts.judged :]
     units[parts.judged :] = np.where(own > 0, own, size) ** -0.5

@@ -26,12 +26,12 @@ POINTS = np.linspace(-1, 1, 201)
 
 
 @cache
-def quadratic() -> Parts:
+def quadratic(
+    output: str = "constant + slope * x + curvature * x^2", judged: tuple[str, ...] | None = None
+) -> Parts:
     """A parabola that may be read at 201 points."""
     parameters = dict.fromkeys(("constant", "slope", "curvature"), "1")
-    system = Equations(
-        parameters=parameters, inputs={"x": ""}, outputs={"y": "constant + slope * x + curvature * x^2"}
-    )
+    system = Equations(parameters=parameters, inputs={"x": ""}, outputs={"y": output})
     count = len(POINTS)
     spline = oed.Spline(degree=0, coefficients=count)
     space = oed.SignalSpace(duration=count, samples=count, spline=spline, rest_to_rest=False)
@@ -40,7 +40,7 @@ def quadratic() -> Parts:
         design=space,
         measurement=Responses(noise={"y": 1.0}),
         limits=[InputRange(input="x", range=(-1, 1))],
-        criterion=D(),
+        criterion=D(subset=judged),
     )
     return parts_of(problem, space.trajectory(POINTS[:, None], np.zeros((1, 0))))
 
@@ -110,6 +110,26 @@ class TestPublished:
         assert found.value == pytest.approx(value, rel=1e-6)
         bound = weight_bound(criterion, parts, found.values, found.gradient, one)
         assert 0 <= bound - found.value < 1e-7
+
+    def test_the_curvature_alone_beside_what_is_nearly_the_same(self):
+        """A quarter at both ends, half in the middle [Kiefer and Wolfowitz, Annals of Mathematical Statistics
+        30, 1959], where information, squared, cannot tell the constant from the slope.
+        """
+        parts = quadratic("constant + slope * (1 + x * 1e-7) + curvature * x^2", ("curvature",))
+        found = best_weights(D(scaling="none"), parts, budgets_of(parts, 1.0))
+        assert parts.root(found.values).complete
+        assert POINTS[found.values > 1e-4] == pytest.approx([-1, 0, 1])
+        assert found.values[found.values > 1e-4] == pytest.approx([1 / 4, 1 / 2, 1 / 4], abs=1e-6)
+        assert found.value == pytest.approx(np.log(1 / 4), rel=1e-6)
+
+    def test_the_least_information_beside_far_more(self):
+        """What readings say of one parameter, a million times as much, is all that helps with another."""
+        known = np.array([[3.1, -7.6], [-7.6, 136.0]])
+        largest = np.diag([0.0, 7e5]) * (POINTS**2)[:, None, None]
+        parts = replace(quadratic(), matrices=largest, known=known, judged=2)
+        found = best_weights(E(scaling="none"), parts, budgets_of(parts, 20.0))
+        best = known + largest[np.argsort(np.abs(POINTS))[-20:]].sum(axis=0)
+        assert found.value == pytest.approx(np.linalg.eigvalsh(best)[0], rel=1e-8)
 
     def test_a_decay_that_is_measured_for_two_fifths_of_the_time(self):
         """X' = p x, in ten intervals [1D test of DynamicOED.jl]: from .3 to .7."""
