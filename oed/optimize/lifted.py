@@ -91,6 +91,11 @@ class Lifted(System):
         return replace(self, inner=self.inner.estimating(names))
 
     @property
+    def exact(self) -> System:
+        """That of the system: what is predicted has inputs of its own."""
+        return self.inner.exact
+
+    @property
     def estimable(self) -> Mapping[str, tuple[str, ...]]:
         """As the system says."""
         return self.inner.estimable

@@ -242,6 +242,24 @@ def test_a_system_without_inputs_is_at_rest():
     assert found.feasible
 
 
+def test_where_to_begin_may_be_all_that_is_chosen():
+    """An unknown by itself is both a row and a column: that ended in a mismatch of dimensions."""
+    system = Equations(
+        states={"x": ""}, derivatives={"x": "-k * x"}, parameters={"k": "1 1/s"}, outputs={"y": "x"}
+    )
+    spline = oed.Spline(degree=0, coefficients=4)
+    own = oed.Problem(
+        model=system,
+        design=oed.SignalSpace(duration=2.0, samples=4, spline=spline, start_bounds=((1.0, 3.0),)),
+        measurement=Outputs(noise={"y": 0.1}),
+        limits=[],
+        criterion=D(),
+    )
+    found = oed.solve(own, oed.Ipopt(starts=2, perturbations=0, second_stage="none"), seed=0, workers=1)
+    assert found.trajectory is not None
+    assert found.trajectory.starts.item() == pytest.approx(3.0, rel=1e-6)
+
+
 def test_a_solution_is_shown_in_the_units_of_its_parameters():
     """And has no path, as the system does not move through space."""
     system = oed.Equations(inputs={"t": "s"}, parameters={"k": "0.7 1/min"}, outputs={"left": "exp(-k * t)"})

@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 
 import oed
+from oed.kernel.criteria import Criterion, G
+from oed.kernel.criteria.prediction import Leg
 from oed.kernel.solution import scored
 from oed.optimize.lifted import lifted, lowered
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.pieces import Pieces
 
 
-def decaying(measurement: oed.Rates | oed.Outputs) -> oed.Problem:
+def decaying(measurement: oed.Rates | oed.Outputs, criterion: str | Criterion = "D") -> oed.Problem:
     """A state that decays while it is fed, for as long as is best."""
     system = oed.Equations(
         states={"a": ""},
@@ -28,7 +30,7 @@ def decaying(measurement: oed.Rates | oed.Outputs) -> oed.Problem:
         design=oed.SignalSpace(signals=(oed.PiecewiseConstant(pieces=4),), **space),
         measurement=measurement,
         limits=[oed.InputRange(input="u", range=("0 1/s", "2 1/s"))],
-        criterion="D",
+        criterion=criterion,
     )
 
 
@@ -45,6 +47,15 @@ def test_readings_say_as_much_as_in_the_time_that_is_chosen(sensor):
     (estimation,) = problem.any_estimations
     expected = own.evaluation.full_square_roots["joint"].matrix * estimation.scales**2
     np.testing.assert_allclose(np.array(terms.values(z)[0]).ravel(), expected.ravel(), rtol=1e-9)
+
+
+def test_what_is_predicted_has_no_further_inputs():
+    """Those of the search were missed in a test drive: that was a ProblemError of keys that nobody wrote."""
+    judged = G(test_drive=(Leg(inputs=(1.0,), duration=2.0),), quantity="a")
+    own = decaying(oed.Outputs(noise={"a": 0.1}), judged)
+    search = lifted(own)
+    assert search.model.input_names == ("u", "share_of_duration")
+    assert search.objective.rows == own.objective.rows
 
 
 def test_an_earlier_design_is_no_start():

@@ -77,7 +77,7 @@ class Prediction(RootCriterion):
     def about(self, subject: Subject) -> Criterion:
         """The criterion with the predictions' derivatives by the parameters of each block."""
         picked = self.predicted(subject)
-        names = [parameter.name for parameter in subject.system.parameters]
+        names = [parameter.name for parameter in subject.system.exact.parameters]
         rows = []
         for parameters, scales in zip(subject.parameters, subject.scales, strict=True):
             columns = [names.index(name) for name in parameters]
@@ -100,7 +100,7 @@ class Prediction(RootCriterion):
 
     def _unmoved(self, subject: Subject) -> list[Issue]:
         names = [name for names in subject.parameters for name in names]
-        own = [parameter.name for parameter in subject.system.parameters]
+        own = [parameter.name for parameter in subject.system.exact.parameters]
         slopes = self.predicted(subject)[..., [own.index(name) for name in names]]
         if not np.all(np.isfinite(slopes)):
             text = f"derivatives of the predicted {self.quantity} are not finite: predict less far"
@@ -112,7 +112,7 @@ class Prediction(RootCriterion):
 
     def misfits(self, subject: Subject) -> list[Issue]:
         """What keeps predictions from being made."""
-        names, known = subject.system.input_names, subject.system.predictions
+        names, known = subject.system.exact.input_names, subject.system.exact.predictions
         issues = [
             Issue(
                 ("criterion", "test_drive", index, "inputs"),
@@ -124,10 +124,10 @@ class Prediction(RootCriterion):
         if self.quantity not in known:
             text = f"expected one of {', '.join(known)}; got {self.quantity!r}"
             issues.append(Issue(("criterion", "quantity"), text))
-        own = {parameter.name for parameter in subject.system.parameters}
+        own = {parameter.name for parameter in subject.system.exact.parameters}
         strangers = [name for names in subject.parameters for name in names if name not in own]
         if strangers:
-            text = f"predictions follow from the {subject.system.noun}'s parameters"
+            text = f"predictions follow from the {subject.system.exact.noun}'s parameters"
             text += f"; {', '.join(strangers)} are none"
             issues.append(Issue(("criterion", "kind"), text))
         return issues
@@ -274,7 +274,7 @@ class I(Prediction):  # noqa: E742
 
 
 def _task_issues(subject: Subject, task: Sequence[str | TaskDrive]) -> Iterator[Issue]:
-    inputs, states = len(subject.system.inputs), len(subject.system.states)
+    inputs, states = len(subject.system.exact.inputs), len(subject.system.exact.states)
     for index, one in enumerate(task):
         key = ("criterion", "task", index)
         if isinstance(one, str):
@@ -286,7 +286,7 @@ def _task_issues(subject: Subject, task: Sequence[str | TaskDrive]) -> Iterator[
 
 
 def _states(subject: Subject, quantity: str) -> list[int]:
-    system = subject.system
+    system = subject.system.exact
     return [system.states.index(name) for name in system.predictions[quantity]]
 
 

@@ -200,7 +200,7 @@ class System(ABC):
 
     @property
     def exact(self) -> System:
-        """The system as it steps with no error of integration, however long the period."""
+        """The system that predicts: as it steps with no error of integration, however long the period."""
         return self
 
     @property

@@ -160,7 +160,7 @@ class Terms(ABC):
     @property
     def _inputs_unknowns(self) -> Expression:
         # In the inputs' units.
-        return self.unknowns[: self.coefficient_count] * ca.DM(self.embedding.spread(self.input_scale))
+        return self.unknowns[: self.coefficient_count, 0] * ca.DM(self.embedding.spread(self.input_scale))
 
     @property
     def coefficients(self) -> Expression:
