@@ -58,8 +58,8 @@ def experiment_case(rng: Rng) -> Iterator[Verdict]:
     try:
         problem = parse_study(study.text(rng), "campaign.yaml").problem
     except oed.UserMistake as error:
-        # A system that is not stable may be predicted beyond all numbers.
-        unbounded = "are not finite: predict less far" in str(error)
+        # A system that is not stable may be predicted beyond all numbers; then the oracle knows none either.
+        unbounded = "are not finite: predict less far" in str(error) and not _predictable(rng, study)
         yield Verdict(READ, "" if unbounded else quoted(str(error)))
         return
     yield Verdict(READ)
@@ -76,6 +76,16 @@ def experiment_case(rng: Rng) -> Iterator[Verdict]:
         yield from one.verdicts()
     if rng.random() < BOUNDED:
         yield from _bounded(problem, judged)
+
+
+def _predictable(rng: Rng, study: ExperimentStudy) -> bool:
+    followed = Experiment(study.spec, _drawn(rng, study))
+    try:
+        with np.errstate(all="ignore"):
+            true = score(followed, shaken(followed))
+    except NotSolved:
+        return False
+    return true.sort == "well" and math.isfinite(true.objective)
 
 
 def _drawn(rng: Rng, study: ExperimentStudy) -> Trial:

@@ -6,6 +6,7 @@ nominal system and one for every derivative, displaced by an imaginary step.
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Mapping, Sequence
 from types import CodeType
 from typing import Any
@@ -34,10 +35,31 @@ STAGES = np.array(
 )
 """Its matrix."""
 USUAL_STEPS = {"runge_kutta": 10, "radau": 4}
+
+
+def _of_reals(function: Any) -> Any:
+    # Complex numbers below 0 have a logarithm, those that they stand for have none.
+    def found(value: Any) -> Any:
+        return np.where(np.real(value) >= 0, function(value), np.nan)
+
+    return found
+
+
+def _power(base: Any, exponent: Any) -> Any:
+    exponent = np.asarray(exponent)
+    whole = (exponent.imag == 0) & (exponent.real == np.rint(exponent.real))
+    # Nor is there one below 0; and at 0 itself no derivative of small powers.
+    steep = (np.real(base) == 0) & (np.imag(base) != 0) & (exponent.real < 1)
+    none = ~whole & ((np.real(base) < 0) | steep)
+    return np.where(none, np.nan, np.power(base, exponent))
+
+
 FUNCTIONS: dict[str, Any] = {
-    **{name: getattr(np, name) for name in ("exp", "log", "sqrt", "sin", "cos", "tanh", "sinh", "cosh")},
+    **{name: getattr(np, name) for name in ("exp", "sin", "cos", "tanh", "sinh", "cosh")},
+    **{name: _of_reals(getattr(np, name)) for name in ("log", "sqrt")},
     "atan": np.arctan,
     "pi": np.pi,
+    "power": _power,
 }
 
 
@@ -61,7 +83,16 @@ class Names(dict[str, Any]):
 
 def compiled(text: str) -> CodeType:
     """An expression as code: powers are written ^."""
-    return compile(text.replace("^", "**"), "expression", "eval")
+    tree = _Powers().visit(ast.parse(text.replace("^", "**"), "expression", "eval"))
+    return compile(ast.fix_missing_locations(tree), "expression", "eval")
+
+
+class _Powers(ast.NodeTransformer):
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        self.generic_visit(node)
+        if not isinstance(node.op, ast.Pow):
+            return node
+        return ast.Call(ast.Name("power", ast.Load()), [node.left, node.right], [])
 
 
 class Equations:
