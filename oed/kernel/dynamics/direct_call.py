@@ -18,7 +18,7 @@ PAYS = 1.0
 """Time [s] that calls of a function have taken by which a compiler is let at it: what was called for so long
 is called on.
 """
-MOST = 20_000
+MOST = 30_000
 """Operations of a function that is compiled: for longer ones a compiler takes longer than they spare."""
 
 
