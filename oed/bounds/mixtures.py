@@ -79,16 +79,11 @@ def best_mixture(
     whole = known + np.tensordot(shares, matrices, axes=1)
     if not SquareRoot.of_matrix(whole).complete:
         return None
-    # In units in which all numbers are of order 1.
-    sizes = np.diag(whole) ** -0.5
-    across = np.outer(sizes, sizes)
-    weighing = np.diag((np.arange(len(whole)) < judged) * sizes**2)
-    weighing /= np.trace(weighing)
+    across, weighing = _scaled(whole, judged)
     terms = _TERMS[type(criterion)](judged, weighing)
-    extra = [-weighing] if terms.level else []
-    moving = np.concatenate(
-        [matrices * across * shares[:, None, None], np.reshape(extra, (-1, *whole.shape))]
-    )
+    moving = matrices * across * shares[:, None, None]
+    if terms.level:
+        moving = np.concatenate([moving, -weighing[None]])
     program = _Program(terms, moving, known * across, len(matrices), groups, totals, shares)
 
     def mixture(point: Array) -> Mixture:
@@ -112,6 +107,13 @@ def best_mixture(
 
     # The last ones may have lost more to rounding than they gain.
     return min(map(mixture, program.path(finest)), key=bound)
+
+
+def _scaled(whole: Array, judged: int) -> tuple[Array, Array]:
+    # Units in which all numbers are of order 1, and the sum of the judged parameters' variances in these.
+    sizes = np.diag(whole) ** -0.5
+    weighing = np.diag((np.arange(len(whole)) < judged) * sizes**2)
+    return np.outer(sizes, sizes), weighing / np.trace(weighing)
 
 
 def largest(multiplier: Array, matrices: Array, groups: Places) -> Array:

@@ -81,12 +81,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     if options.command is None:
         parser.print_help()
         return MISTAKE
-    # What a command loads stays: to look through it for garbage again and again takes a tenth of a check.
-    gc.set_threshold(OBJECTS, *gc.get_threshold()[1:])
-    # The last look, when all ends, would free what the system takes back anyway.
-    atexit.register(gc.freeze)
-    # Nor does this program use plugins of its libraries, which are looked for among all that is installed.
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    _spare_time()
     from oed.foundation.vocabulary import Vocabulary, speaking
     from oed.foundation.work.signals import ending_alike, interrupts_named
 
@@ -110,6 +105,15 @@ def _run(arguments: Sequence[str] | None) -> int:
         return FAILED
     except (Exception, SystemExit) as error:
         return _defect(options, error)
+
+
+def _spare_time() -> None:
+    # What a command loads stays: to look through it for garbage again and again takes a tenth of a check.
+    gc.set_threshold(OBJECTS, *gc.get_threshold()[1:])
+    # The last look, when all ends, would free what the system takes back anyway.
+    atexit.register(gc.freeze)
+    # Nor does this program use plugins of its libraries, which are looked for among all that is installed.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 
 def _require_names(options: argparse.Namespace) -> None:

@@ -5,8 +5,9 @@ Every number that anything reports about a trajectory (solvers, baselines, bound
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property, lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -316,13 +317,13 @@ class _Scorer:
             parameters={one.block.name: one.parameters for one in self.estimations},
             states=states,
             path=path,
-            nominal={
-                n: float(v)
-                for one in self.estimations
-                for n, v in zip(one.parameters, one.nominal, strict=True)
-            },
-            units={n: u for one in self.estimations for n, u in zip(one.parameters, one.units, strict=True)},
+            nominal={name: float(value) for name, value in self._by_parameter("nominal")},
+            units=dict(self._by_parameter("units")),
         )
+
+    def _by_parameter(self, what: str) -> Iterable[tuple[str, Any]]:
+        for one in self.estimations:
+            yield from zip(one.parameters, getattr(one, what), strict=True)
 
 
 _scorer = lru_cache(maxsize=64)(_Scorer)

@@ -53,15 +53,9 @@ class Excess:
         Raises:
             NotEnclosed: an operation that no bounds are known for.
         """
-        states, parameters, inputs = len(system.states), len(system.parameters), len(system.inputs)
+        self._inputs = inputs = len(system.inputs)
         self.sensitive, self.per_metre = sensitive, per_metre
-        self._given = [
-            ca.SX.sym("state", states),
-            ca.SX.sym("inputs", inputs),
-            ca.SX.sym("p", parameters),
-            ca.SX.sym("S", states * (parameters + states) if sensitive else 0),
-            ca.SX.sym("period"),
-        ]
+        self._given = _symbols(system, sensitive)
         state, held, own, slopes, period = self._given
         asked, fraction = ca.SX.sym("asked", inputs), ca.SX.sym("fraction")
         instant = instant_of(
@@ -72,11 +66,10 @@ class Excess:
             period=period,
             asked=asked,
             fraction=fraction,
-            sensitivities=ca.reshape(slopes, states, -1) if sensitive else None,
+            sensitivities=ca.reshape(slopes, len(system.states), -1) if sensitive else None,
             run=run,
         )
         rows = rows_of(instant)
-        self._inputs = inputs
         self.size, excess = rows.size, ca.cse(exceeded(rows))
         self.by_splines = bool(ca.depends_on(excess, asked))
         self._affine = _affine(excess, asked, own)
@@ -181,6 +174,18 @@ def exceeded(rows: Rows) -> Expression:
         if len(places):
             sides.append(sign * (values[places.tolist()] - ca.DM(bounds[places])))
     return ca.densify(ca.vertcat(*sides))
+
+
+def _symbols(system: System, sensitive: bool) -> list[ca.SX]:
+    # State, held inputs, parameters, sensitivities, period.
+    states, parameters = len(system.states), len(system.parameters)
+    return [
+        ca.SX.sym("state", states),
+        ca.SX.sym("inputs", len(system.inputs)),
+        ca.SX.sym("p", parameters),
+        ca.SX.sym("S", states * (parameters + states) if sensitive else 0),
+        ca.SX.sym("period"),
+    ]
 
 
 def _affine(excess: Expression, asked: Expression, own: Expression) -> ca.Function | None:
