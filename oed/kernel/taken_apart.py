@@ -63,7 +63,7 @@ def _disentangled(rows: Array, known: Array, judged: int) -> tuple[Array, Array]
     root = SquareRoot.of_rows(every)
     if judged == rows.shape[1] or not (root.complete and root.leading(judged).complete):
         return rows, known
-    triangle = np.linalg.qr(np.hstack([every[:, judged:], every[:, :judged]]), mode="r")
+    triangle = np.asarray(np.linalg.qr(np.hstack([every[:, judged:], every[:, :judged]]), mode="r"))
     others = rows.shape[1] - judged
     own, across = triangle[:others, :others], triangle[:others, others:]
 
