@@ -50,7 +50,10 @@ def test_what_does_not_depend_on_something_depends_by_exactly_0():
     mixed = rng.permutation(6)
     linear = ca.mtimes(ca.sparsify(ca.DM(matrix[mixed])), unknowns) - given[mixed.tolist()]
     residual = ca.Function("residual", [unknowns, given], [linear])
-    found = RootFinder(residual, start, iterations=3).root(given, ca.SX(0, 1))
+    finder = RootFinder(residual, start, iterations=3)
+    wanted = rng.normal(size=6)
+    np.testing.assert_allclose(finder.step(rng.normal(size=6), matrix @ wanted), wanted[:, None], atol=1e-9)
+    found = finder.root(given, ca.SX(0, 1))
     slopes = np.array(ca.Function("slopes", [given], [ca.jacobian(found, given)])(rng.normal(size=6)))
     np.testing.assert_allclose(slopes, np.linalg.inv(matrix), atol=1e-9)
     assert np.all(slopes[np.kron(np.triu(np.ones((3, 3)), 1), np.ones((2, 2))) > 0] == 0)

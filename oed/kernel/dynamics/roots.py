@@ -81,7 +81,7 @@ class RootFinder:
         still = held_still(given)
         # What a call that is not written out has as derivatives is held still as well: none.
         found = held_still(self._search(still, held_still(hint)))
-        *factors, sizes = self._factors(found, still)
+        *factors, sizes = self._factors.call([found, still])
         solved = ca.fabs(self._residual(found, still)) <= SOLVED * sizes
         for _ in range(ORDERS):
             found = found - self._solve(self._residual(found, given), *factors, sizes)
@@ -122,7 +122,7 @@ class RootFinder:
 
     def _step(self, damping: Sequence[float]) -> ca.Function:
         unknowns, given = self._unknowns, self._given
-        factors = self._factors(unknowns, given)
+        factors = self._factors.call([unknowns, given])
         step = self._solve(self._residual(unknowns, given), *factors)
         sizes = _inverse(ca.fabs(unknowns) + ca.fabs(step))
 
@@ -151,23 +151,22 @@ class _Blocks:
             # Of which no block by itself can be solved.
             count, ends = 1, [[0, matrix.shape[0]]]
         each = [slice(ends[0][place], ends[0][place + 1]) for place in range(count)]
-        self._parts = [(rows[own], columns[own], columns[own.stop :]) for own in each]
+        # Rows of a block have no columns of later ones.
+        self._parts = [(rows[own], columns[own], columns[: own.start]) for own in each]
         self._order = columns
         self._reflected = [ca.qr_sparse(matrix[own, others]) for own, others, _ in self._parts]
         self.factors = [
             factor
-            for (own, _, later), found in zip(self._parts, self._reflected, strict=True)
-            for factor in (*found[:3], matrix[own, later])
+            for (own, _, before), found in zip(self._parts, self._reflected, strict=True)
+            for factor in (*found[:3], matrix[own, before])
         ]
 
     def solution(self, right: ca.SX, factors: Sequence[ca.SX]) -> ca.SX:
-        # From the last block on, which needs no other.
         found = ca.SX(0, 1)
-        for place in reversed(range(len(self._parts))):
-            own, *_ = self._parts[place]
+        for place, (own, *_) in enumerate(self._parts):
             *reflected, across = factors[4 * place : 4 * place + 4]
             left = right[own] - across @ found
-            found = ca.vertcat(ca.qr_solve(left, *reflected, *self._reflected[place][3:]), found)
+            found = ca.vertcat(found, ca.qr_solve(left, *reflected, *self._reflected[place][3:]))
         return found[[self._order.index(place) for place in range(len(self._order))]]
 
 
