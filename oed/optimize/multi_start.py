@@ -192,7 +192,7 @@ class MultiStart:
     def _finish(self, ends: Sequence[Sketch], *, alike: bool) -> None:
         # On the search's grid: all of them, or, where that is the grid explored on, those that may be best.
         self.context.progress.begin("starts", len(ends))
-        for each in [[one] for one in ends] if alike else [ends]:
+        for each in [[one] for one in ends] if alike or not ends else [ends]:
             if self.best is None or each[0].value > self.best.objective:
                 self._try_starts([one.unknowns for one in each], BARRIERS[-1])
 

@@ -194,6 +194,17 @@ def test_cut_short_in_a_round_it_hands_back_the_best_that_had_ended(monkeypatch)
     assert found.evaluation.objective == pytest.approx(max(ended), rel=1e-6)
 
 
+def test_an_earlier_design_stands_where_exploring_finds_none(monkeypatch):
+    # On a coarse grid of its own, that is: there the ends are finished together, of none the first was asked.
+    monkeypatch.setattr(Exploration, "worth_finishing", property(lambda _: []))
+    space = SPACE.model_copy(update={"samples": 72})
+    problem = problem_of(design=space, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION))
+    first = solve(problem, Ipopt(starts=1, perturbations=0, second_stage="none"), seed=0, workers=1)
+    solver = Ipopt(starts="auto", iterations=3, second_stage="none", start_from="first")
+    found = solve(problem, solver, seed=0, workers=1, earlier={"first": first})
+    assert found.evaluation.objective >= first.evaluation.objective * (1 - 1e-6)
+
+
 def test_equal_optima_are_one_and_the_best_leads(design):
     found = exploration(design)
     for value in (1.0, 3.0, 2.0, 3.0 + 1e-7, 2.0 - 1e-6, -np.inf):

@@ -103,7 +103,10 @@ class Prediction(RootCriterion):
         own = [parameter.name for parameter in subject.system.exact.parameters]
         slopes = self.predicted(subject)[..., [own.index(name) for name in names]]
         if not np.all(np.isfinite(slopes)):
-            text = f"derivatives of the predicted {self.quantity} are not finite: predict less far"
+            text = (
+                f"derivatives of the predicted {self.quantity} are not finite: predict less far, or begin where "
+                "the rates have finite slopes"
+            )
             return [Issue(("criterion", "quantity"), text)]
         if np.any(slopes):
             return []

@@ -49,7 +49,7 @@ def _power(base: Any, exponent: Any) -> Any:
     exponent = np.asarray(exponent)
     whole = (exponent.imag == 0) & (exponent.real == np.rint(exponent.real))
     # Nor is there one below 0; and at 0 itself no derivative of small powers.
-    steep = (np.real(base) == 0) & (np.imag(base) != 0) & (exponent.real < 1)
+    steep = (np.real(base) == 0) & (exponent.real < 1)
     none = ~whole & ((np.real(base) < 0) | steep)
     return np.where(none, np.nan, np.power(base, exponent))
 
