@@ -40,6 +40,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--workers", type=int, default=2, help="processes (default: 2); results do not depend on it"
     )
     parser.add_argument("--seed", type=int, default=0, help="of everything that is random (default: 0)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first of each sort (default: 0)")
     parser.add_argument(
         "--only", metavar="SORT:NUMBER", help="one case alone, e.g. problem:17, in this process"
     )
@@ -53,7 +54,7 @@ def _tasks(options: argparse.Namespace, material: Path) -> list[Task]:
     counts = dict(
         zip(SORTS, (options.problems, options.files, options.signals, options.experiments), strict=True)
     )
-    wanted = [(sort, index) for sort in SORTS for index in range(counts[sort])]
+    wanted = [(sort, index) for sort in SORTS for index in range(options.first, counts[sort])]
     if options.only:
         sort, number = options.only.split(":")
         wanted = [(sort, int(number))]

@@ -104,8 +104,8 @@ class Prediction(RootCriterion):
         slopes = self.predicted(subject)[..., [own.index(name) for name in names]]
         if not np.all(np.isfinite(slopes)):
             text = (
-                f"derivatives of the predicted {self.quantity} are not finite: predict less far, or begin where "
-                "the rates have finite slopes"
+                f"derivatives of the predicted {self.quantity} are not finite: predict less far, or begin "
+                "where the rates have finite slopes"
             )
             return [Issue(("criterion", "quantity"), text)]
         if np.any(slopes):
