@@ -268,7 +268,7 @@ def started(folder: Path, *arguments: str, **options: Any) -> subprocess.Popen[s
         "from oed.cli import main; sys.exit(main(sys.argv[1:]))"
     )
     return subprocess.Popen(
-        [sys.executable, "-c", program, *arguments],
+        [sys.executable, "-B", "-c", program, *arguments],
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
