@@ -49,6 +49,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 LONGEST = (
+    "test_real_logs.py",
     "test_docs.py",
     "test_drift.py",
     "test_sensors.py",
