@@ -15,6 +15,7 @@ from oed.foundation.equality import ByValue
 from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
 from oed.kernel.criteria import Criterion
+from oed.kernel.equivalence import weight_bound
 from oed.kernel.measurement.matrices import eliminate
 from oed.kernel.parts import Budget, Parts
 from oed.optimize.transcription.program import IPOPT_OPTIONS
@@ -23,6 +24,8 @@ from oed.optimize.transcription.solver_calls import interrupts_kept, one_thread
 OPTIONS: dict[str, Any] = {**IPOPT_OPTIONS, "ipopt.tol": 1e-11, "ipopt.max_iter": 500}
 FAINT = 1e-14
 """Share of the largest eigenvalue of information below which a smaller one may be rounding."""
+CLOSE = 1e-8
+"""Share of the criterion by which its bound may exceed the weights found: further ones are not looked for."""
 SLIGHT = 1e-9
 """Gain of an exchange, relative to the criterion, that is rounding."""
 
@@ -62,7 +65,22 @@ def best_weights(criterion: Criterion, parts: Parts, budgets: Sequence[Budget]) 
     if criterion.supergradient(parts.information(even)) is None:
         text = f"{criterion.kind} is not concave: nothing says how good weights can be"
         raise UserMistake(f"{text}; use E, D or A")
-    found, multipliers = _solved(criterion, _scaled(parts, even), budgets, even, most)
+    best: Weights | None = None
+    for size in _sizes(parts.information(even)):
+        found = _found(criterion, parts, _scaled(parts, even, size), budgets, even, most)
+        best = found if best is None or found.value > best.value else best
+        bound = weight_bound(criterion, parts, best.values, best.gradient, budgets)
+        if not exceeds(bound, best.value, CLOSE):
+            break
+    assert best is not None
+    return best
+
+
+def _found(
+    criterion: Criterion, parts: Parts, scaled: Parts, budgets: Sequence[Budget], even: Array, most: Array
+) -> Weights:
+    # In other units.
+    found, multipliers = _solved(criterion, scaled, budgets, even, most)
     chosen = np.clip(found, 0.0, most)
     for one in budgets:
         chosen[list(one.places)] *= one.total / one.spent(chosen)
@@ -106,11 +124,16 @@ def _solved(
     return np.array(found["x"]).ravel()[: len(even)], multipliers
 
 
-def _scaled(parts: Parts, weights: Array) -> Parts:
-    # In units in which what a criterion looks at, the least information, is of order 1: a solver's tolerance
-    # would hide it beside the largest. What is eliminated may have units of its own.
-    values = np.linalg.eigvalsh(parts.information(weights))
-    size = float(1 / np.mean(1 / np.maximum(values, FAINT * values[-1])))
+def _sizes(information: Array) -> tuple[float, ...]:
+    # Of what a criterion looks at, the least information, which a solver's tolerance would hide beside the
+    # largest; and of information as it is, where a solver goes astray among large numbers.
+    values = np.linalg.eigvalsh(information)
+    sizes = max(float(values[0]), FAINT * float(values[-1])), float(np.mean(values))
+    return tuple(one for one in sizes if one > 0) or (1.0,)
+
+
+def _scaled(parts: Parts, weights: Array, size: float) -> Parts:
+    # In units in which information of this size is 1; what is eliminated may have units of its own.
     units = np.full(len(parts.known), size**-0.5)
     own = np.diag(parts.whole(weights))[parts.judged :]
     units[parts.judged :] = np.where(own > 0, own, size) ** -0.5

@@ -131,6 +131,27 @@ class TestPublished:
         best = known + largest[np.argsort(np.abs(POINTS))[-20:]].sum(axis=0)
         assert found.value == pytest.approx(np.linalg.eigvalsh(best)[0], rel=1e-8)
 
+    def test_information_of_any_size(self):
+        """Readings that differ little, beside a prior far below and far above: Ipopt goes astray in the units
+        of the one, and stops short in those of the other.
+        """
+        rng = np.random.default_rng(3)
+        rows = np.array([1.0, 0.3, 1e-5, 3e-3]) * (1 + 0.01 * rng.normal(size=(17, 4)))
+        parts = replace(
+            quadratic(),
+            readings=quadratic().readings[:17],
+            sizes=np.ones(17),
+            members=tuple((one,) for one in range(17)),
+            matrices=np.einsum("ka,kb->kab", rows, rows),
+            known=np.diag([0.0, 6.7, 7.7e-4, 24.8]),
+            judged=4,
+        )
+        for criterion in CRITERIA:
+            budgets = budgets_of(parts, 7.0, most=3.0)
+            found = best_weights(criterion, parts, budgets)
+            bound = weight_bound(criterion, parts, found.values, found.gradient, budgets)
+            assert found.value == pytest.approx(bound, rel=1e-7)
+
     def test_a_decay_that_is_measured_for_two_fifths_of_the_time(self):
         """X' = p x, in ten intervals [1D test of DynamicOED.jl]: from .3 to .7."""
         parts = followed({"x": "p * x"}, {"p": "-2 1/s"}, {"x": 1.0}, seconds=1.0, samples=1000).divided(10)
