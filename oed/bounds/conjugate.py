@@ -22,6 +22,7 @@ SLIGHT = 1e-6
 OUTSIDE = 1e9
 """Of sums that bound nothing, to rounding."""
 OPTIONS = {"gtol": 1e-12}
+"""Of the minimiser: slopes that it takes for none, near those of rounding."""
 
 
 def traced(problem: Problem) -> Problem | None:

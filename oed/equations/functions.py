@@ -13,6 +13,7 @@ import casadi as ca
 from oed.equations.dimensions import ANGLE, PLAIN, Dimension
 
 MOST_ARGUMENTS = 100
+"""Of one call: an expression of more is none that a person wrote."""
 NUMBER = "a plain number"
 TURN = "an angle or a plain number"
 Rule = Callable[[Dimension], Dimension]

@@ -29,6 +29,7 @@ OWN_UNITS: dict[str, Unit] = {
 }
 """SI unit -> unit in which parameters and their errors are shown, so that lengths compare."""
 MOST_DECIMALS = 9
+"""Of a number beside its error: further ones are rounding of what was computed."""
 MOST_MEANT = 3
 """Of more names that may have been meant none is proposed."""
 SHORT = 3

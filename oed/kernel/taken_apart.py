@@ -60,6 +60,11 @@ def _disentangled(rows: Array, known: Array, judged: int) -> tuple[Array, Array]
     # matrices keep the digits that squares of nearly dependent columns lose.
     prior = SquareRoot.of_matrix(known).rows
     every = np.vstack([rows, prior])
+    there = (every[:, judged:] != 0).astype(float)
+    if not np.all(there.T @ there):
+        # Unknowns of one trial, such as its start, have nothing to do with those of another: many matrices
+        # of which most is 0 are to stay so.
+        return rows, known
     root = SquareRoot.of_rows(every)
     if judged == rows.shape[1] or not (root.complete and root.leading(judged).complete):
         return rows, known

@@ -22,6 +22,7 @@ from oed.optimize.transcription.program import IPOPT_OPTIONS
 from oed.optimize.transcription.solver_calls import interrupts_kept, one_thread
 
 OPTIONS: dict[str, Any] = {**IPOPT_OPTIONS, "ipopt.tol": 1e-11, "ipopt.max_iter": 500}
+"""Weights are found in some twenty iterations, to a share of the criterion far below that which matters."""
 FAINT = 1e-14
 """Share of the largest eigenvalue of information below which a smaller one may be rounding."""
 CLOSE = 1e-8

@@ -18,6 +18,7 @@ CONFIDENCE = 0.95
 TWICE = 2.0
 """Ratio from which it is given as a factor, not as a share."""
 DIGITS = 2
+"""Of what is said of ratios: as many as some thousand replicates tell."""
 
 
 def largest_ratio(predicted: npt.ArrayLike, sampled: npt.ArrayLike, replicates: int) -> float:

@@ -15,6 +15,7 @@ import scipy
 from oed.foundation.arrays import Array, Places
 
 COVERAGE = 0.95
+"""Of the ellipsoids that are counted: the confidence that estimates are given with."""
 KEPT = 2**20
 """Values kept, 8 MB, for their exact distance from the uniform distribution; more are counted in bins."""
 

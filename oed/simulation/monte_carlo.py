@@ -40,6 +40,7 @@ SLOW_BATCH = 100
 SHOWN = 200
 """Estimates kept for a scatter plot."""
 STREAM = 5
+"""Of simulated experiments: their draws are independent of all others of a seed."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)

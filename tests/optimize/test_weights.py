@@ -79,6 +79,25 @@ class TestParts:
             oed.evaluate(problem, drive).objective, rel=1e-7
         )
 
+    def test_trials_have_nothing_to_do_with_each_others_starts(self):
+        """Matrices of many trials are mostly 0, and stay so: dense ones took minutes, and gigabytes."""
+        system = Equations(
+            states={"x": ""}, derivatives={"x": "-k * x"}, parameters={"k": "1 1/s"}, outputs={"y": "x"}
+        )
+        spline = oed.Spline(degree=0, coefficients=4)
+        space = oed.SignalSpace(duration=1, samples=4, runs=3, spline=spline, start=(1.0,))
+        problem = oed.Problem(
+            model=system,
+            design=space,
+            measurement=oed.Outputs(noise={"y": 0.1}, start="unknown"),
+            limits=[],
+            criterion=D(),
+        )
+        drive = space.trajectory(np.zeros((12, 0)), np.ones((3, 1)))
+        whole = parts_of(problem, drive).whole(np.ones(15))
+        assert np.all(whole[1:, 1:][~np.eye(3, dtype=bool)] == 0)
+        assert np.all(whole[0, 1:] != 0)
+
     def test_every_reading_has_its_time(self):
         parts = tracked("laser_tracker")
         assert [one.time for one in parts.readings] == pytest.approx(np.linspace(0, 20, len(parts.readings)))

@@ -102,14 +102,12 @@ def _console() -> Console:
     return Console(width=None if sys.stdout.isatty() else 120)
 
 
-def _table(
-    headings: Sequence[str], left: Sequence[str], *, no_wrap: bool = False, kept: Sequence[str] = ()
-) -> Table:
+def _table(headings: Sequence[str], left: Sequence[str], *, kept: Sequence[str] = ()) -> Table:
     # Text, for rich would take "[m]" for markup. Columns that are `kept` are never narrowed.
     table = Table(box=None, pad_edge=False)
     for heading in headings:
         side: Literal["left", "right"] = "left" if heading in left else "right"
-        table.add_column(Text(heading), justify=side, no_wrap=no_wrap or heading in kept, overflow="fold")
+        table.add_column(Text(heading), justify=side, no_wrap=heading in kept, overflow="fold")
     return table
 
 

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import factorial
-from typing import Literal
 
 import numpy as np
 
@@ -83,22 +82,21 @@ def repeated_knots(knots: Array, degree: int, times: int) -> Array:
     return np.concatenate([knots[: degree + 1], *shifted])
 
 
-def basis(knots: Array, degree: int, times: Array, side: Literal["left", "right"] = "right") -> Band:
+def basis(knots: Array, degree: int, times: Array) -> Band:
     """Matrix (len(times), n): the value of every basis function at `times` [s] [de Boor, ch. X, eq. 4], at
-    knots the limit from one `side`.
+    knots the limit from the right.
 
     Args:
         knots: [s], not decreasing.
         degree: of the spline.
         times: at which it is evaluated [s].
-        side: from which limits are taken at knots.
     """
     count = len(knots) - degree - 1
     inside = np.clip(times, knots[degree], knots[-degree - 1])
     if degree == 0:
         # A time at a knot, to rounding, is at the knot: the middle of a period may be.
         inside = inside + ROUNDING * knots[-1]
-    place = np.clip(np.searchsorted(knots, inside, side=side) - 1, degree, count - 1)
+    place = np.clip(np.searchsorted(knots, inside, side="right") - 1, degree, count - 1)
     values = np.zeros((degree + 1, len(inside)))
     values[0] = 1.0
     for order in range(1, degree + 1):

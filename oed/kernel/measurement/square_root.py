@@ -88,15 +88,10 @@ class SquareRoot:
         return cls(own, lengths, transposed.T, rounding_of(rows) if rounding is None else rounding)
 
     @classmethod
-    def of_matrix(cls, matrix: Array, sizes: Array | None = None) -> SquareRoot:
-        """Of a matrix F (..., p, p) that is there already squared, its digits lost.
-
-        Args:
-            matrix: F.
-            sizes: (..., p) square roots of its diagonal before any elimination; as it is by default.
-        """
+    def of_matrix(cls, matrix: Array) -> SquareRoot:
+        """Of a matrix F (..., p, p) that is there already squared, its digits lost."""
         diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
-        own = np.sqrt(np.maximum(diagonal, 0.0)) if sizes is None else sizes
+        own = np.sqrt(np.maximum(diagonal, 0.0))
         divisors = _divisors(own)
         values, vectors = np.linalg.eigh(matrix / (divisors[..., :, None] * divisors[..., None, :]))
         lengths = np.sqrt(np.maximum(values[..., ::-1], 0.0))

@@ -132,7 +132,7 @@ class Terms(ABC):
         unknowns: z (SX), for what is written around the terms.
     """
 
-    def __init__(self, problem: Problem, refine: int = 1) -> None:
+    def __init__(self, problem: Problem, refine: int) -> None:
         """Name the unknowns."""
         space = problem.design
         self.problem, self.refine = problem, refine

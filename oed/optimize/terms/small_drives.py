@@ -12,14 +12,13 @@ from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.problem import Problem
 
 
-def small_drive(problem: Problem, held: Expression, start: Expression, refine: int = 1) -> Drive:
+def small_drive(problem: Problem, held: Expression, start: Expression) -> Drive:
     """The drive of a few samples with `held` inputs (n, inputs) from a state.
 
     Args:
         problem: whose robot drives.
         held: inputs, (n, inputs).
         start: state, (states,).
-        refine: points of the path per sample.
     """
     return roll_out(
         problem.system,
@@ -27,7 +26,6 @@ def small_drive(problem: Problem, held: Expression, start: Expression, refine: i
         start=start,
         parameters=ca.SX(ca.DM(problem.system.nominal)),
         period=ca.SX(problem.design.period),
-        refine=refine,
     )
 
 

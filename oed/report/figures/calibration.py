@@ -31,6 +31,7 @@ MOST_NUMBERS = 12
 BINS, FEWEST = 8, 12
 """Classes of speed, and the fewest residuals whose size says something."""
 QUANTILES = 120
+"""Points of a figure of residuals over those of a normal distribution, at most: more are one line."""
 POSITION = {"x", "y"}
 
 

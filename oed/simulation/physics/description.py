@@ -15,6 +15,7 @@ Value = str | int | float | npt.ArrayLike
 FRICTION_RATIO = 1000.0
 """How much firmer contacts hold sideways than upwards: below friction's limit wheels hardly creep."""
 LEAST_FRICTION = 1e-5
+"""Coefficient that none goes below: the simulator takes no contacts without friction."""
 FAR = 1e6
 """Beyond all wheel angles [rad]."""
 SLIDING_ONLY, SLIDING_AND_TURNING = 3, 4

@@ -26,6 +26,7 @@ AT_REST = 1e-6
 LONGEST_SETTLING = 10.0
 """[s]."""
 TIPPED = cos(radians(45))
+"""Cosine of the tilt from which a robot is said to have fallen over: none drives on from there."""
 
 
 def engine_library() -> Any:
