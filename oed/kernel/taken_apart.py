@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy.linalg
 
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
@@ -13,7 +12,7 @@ from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import jacobians
 from oed.kernel.measurement.process_noise import process_noise_of
-from oed.kernel.measurement.square_root import SquareRoot
+from oed.kernel.measurement.square_root import SquareRoot, rounding_of
 from oed.kernel.parts import Parts, laid_out, rows_of
 from oed.kernel.problem import Problem
 
@@ -61,19 +60,22 @@ def _disentangled(rows: Array, known: Array, judged: int) -> tuple[Array, Array]
     prior = SquareRoot.of_matrix(known).rows
     every = np.vstack([rows, prior])
     there = (every[:, judged:] != 0).astype(float)
-    if not np.all(there.T @ there):
+    if judged == rows.shape[1] or not np.all(there.T @ there):
         # Unknowns of one trial, such as its start, have nothing to do with those of another: many matrices
         # of which most is 0 are to stay so.
         return rows, known
-    root = SquareRoot.of_rows(every)
-    if judged == rows.shape[1] or not (root.complete and root.leading(judged).complete):
+    if not SquareRoot.of_rows(every).leading(judged).complete:
         return rows, known
-    triangle = np.asarray(np.linalg.qr(np.hstack([every[:, judged:], every[:, :judged]]), mode="r"))
-    others = rows.shape[1] - judged
-    own, across = triangle[:others, :others], triangle[:others, others:]
+    # Of others that depend on each other, such as two that every reading sees alike, what tells them apart is
+    # left out: nothing that is judged depends on it.
+    sizes = np.linalg.norm(every[:, judged:], axis=0)
+    basis, lengths, combinations = np.linalg.svd(every[:, judged:] / sizes, full_matrices=False)
+    known_apart = lengths > rounding_of(every)
+    mixed = combinations[known_apart].T / lengths[known_apart] / sizes[:, None]
+    across = basis[:, known_apart].T @ every[:, :judged]
 
     def moved(one: Array) -> Array:
-        rest = scipy.linalg.solve_triangular(own, one[:, judged:].T, trans="T").T
+        rest = one[:, judged:] @ mixed
         return np.hstack([one[:, :judged] - rest @ across, rest])
 
     before = moved(prior)

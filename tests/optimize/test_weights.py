@@ -27,10 +27,12 @@ POINTS = np.linspace(-1, 1, 201)
 
 @cache
 def quadratic(
-    output: str = "constant + slope * x + curvature * x^2", judged: tuple[str, ...] | None = None
+    output: str = "constant + slope * x + curvature * x^2",
+    judged: tuple[str, ...] | None = None,
+    **others: str,
 ) -> Parts:
-    """A parabola that may be read at 201 points."""
-    parameters = dict.fromkeys(("constant", "slope", "curvature"), "1")
+    """A parabola that may be read at 201 points, with other parameters than its three if wanted."""
+    parameters = {**dict.fromkeys(("constant", "slope", "curvature"), "1"), **others}
     system = Equations(parameters=parameters, inputs={"x": ""}, outputs={"y": output})
     count = len(POINTS)
     spline = oed.Spline(degree=0, coefficients=count)
@@ -140,6 +142,19 @@ class TestPublished:
         assert POINTS[found.values > 1e-4] == pytest.approx([-1, 0, 1])
         assert found.values[found.values > 1e-4] == pytest.approx([1 / 4, 1 / 2, 1 / 4], abs=1e-6)
         assert found.value == pytest.approx(np.log(1 / 4), rel=1e-6)
+
+    def test_beside_others_that_every_reading_sees_alike(self):
+        """A quarter at both ends, half in the middle, as above; what makes two of the others differ is never
+        known, and of no matter. With it in the matrices the search stops far from the optimum.
+        """
+        parts = quadratic(
+            "curvature * x^2 + (constant + again) * (1 + x * 1e-6) + slope", ("curvature",), again="1"
+        )
+        criterion, one = D(scaling="none"), budgets_of(parts, 1.0)
+        found = best_weights(criterion, parts, one)
+        bound = weight_bound(criterion, parts, found.values, found.gradient, one)
+        assert found.value == pytest.approx(np.log(1 / 4), rel=1e-6)
+        assert 0 <= bound - found.value < 1e-7
 
     def test_the_least_information_beside_far_more(self):
         """What readings say of one parameter, a million times as much, is all that helps with another."""
