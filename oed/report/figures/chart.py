@@ -21,8 +21,10 @@ LONG = 22
 """Letters of a legend's entry beyond which there are fewer of them on a line."""
 LONG_LINES = {"handlelength": 3.2}
 PLATE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
+AT_VALUE: Look = {"xycoords": ("axes fraction", "data")}
+"""Of words at a value, wherever along the axis."""
 LIMIT: Look = {
-    "xycoords": ("axes fraction", "data"),
+    **AT_VALUE,
     "ha": "right",
     "fontsize": "small",
     "bbox": PLATE,
@@ -159,7 +161,7 @@ APART = 11.0
 NAMED: Look = {"va": "center", "fontsize": "small", "fontweight": "bold", "zorder": 5}
 """Of a line's name at its end."""
 WANTED: Look = {
-    "xycoords": ("axes fraction", "data"),
+    **AT_VALUE,
     "va": "top",
     "fontsize": "small",
     "color": INK,
@@ -259,7 +261,11 @@ def _names(chart: Chart, y: spec.Axis, height: float) -> list[spec.Part]:
         place = float((scale(np.array(value)) - low) / (high - low) * points)
         free = max(place, free + APART)
         look = {**NAMED, "color": line_look(index)["color"]}
-        found.append(spec.Note(chart.series[index][0], (chart.places[at], value), (9, free - place), look))
+        where, beside = (chart.places[at], value), 9
+        if at == len(chart.places) - 1:
+            # Beyond the frame, which would run through it.
+            where, beside, look = (1.0, value), 5, {**look, **AT_VALUE}
+        found.append(spec.Note(chart.series[index][0], where, (beside, free - place), look))
     return found
 
 
