@@ -35,6 +35,7 @@ def weight_bound(
     """What no weights of the readings within budgets exceed by a criterion.
 
     The others' elimination only lowers tr(G F): with T of these weights, tr(G F') <= tr(T'GT M').
+    Infinite where there is no such plane, as of weights that leave undetermined what the criterion asks for.
 
     Args:
         criterion: concave, of one block.
@@ -43,6 +44,8 @@ def weight_bound(
         gradient: a supergradient there, (judged, judged).
         budgets: of all readings.
     """
+    if not np.all(np.isfinite(gradient)) or not np.any(gradient):
+        return float(np.inf)
     values = directional_derivatives(parts, weights, gradient)
     most = float(np.trace(_on_all(parts, weights, gradient) @ parts.known))
     most += sum(one.largest(values) for one in budgets)

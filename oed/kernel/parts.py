@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -38,21 +39,68 @@ class Parts(Brief):
 
     Attributes:
         readings: n of them, or of groups of them.
-        matrices: M of each on the judged parameters in the criterion's scaling, and on combinations of these
-            with all other unknowns, (n, q, q).
-        known: information from before, (q, q).
+        rows: what they say, whitened: derivatives by the judged parameters in the criterion's scaling, and by
+            combinations of all other unknowns, (k, q).
+        places: of every row its reading, (k,).
+        known_rows: what is known before, likewise: a square root of its information, (m, q).
         judged: how many of the q are judged; the others are unknown as well.
         sizes: how much of a budget each is at a weight of 1: one reading, or so many seconds of one that is
             taken all the time, (n,).
         members: of each the places of its readings among all that there are.
+        rounding: what may be rounding of each column of the rows, as a share of it, (q,); () where they are
+            derivatives as they are.
     """
 
     readings: tuple[Reading, ...]
-    matrices: Array
-    known: Array
+    rows: Array
+    places: Places
+    known_rows: Array
     judged: int
     sizes: Array
     members: tuple[tuple[int, ...], ...]
+    rounding: Array | tuple[()] = ()
+
+    @cached_property
+    def matrices(self) -> Array:
+        """Information M = R'R of each reading on all q, (n, q, q)."""
+        found = np.zeros((len(self.readings), *self.known.shape))
+        np.add.at(found, self.places, np.einsum("ra,rb->rab", self.rows, self.rows))
+        return found
+
+    @cached_property
+    def known(self) -> Array:
+        """Information from before, (q, q)."""
+        return np.asarray(self.known_rows.T @ self.known_rows)
+
+    def scaled(self, scales: Array) -> Parts:
+        """The same on unknowns in other units, by factors (q,)."""
+        return replace(self, rows=self.rows * scales, known_rows=self.known_rows * scales)
+
+    def taken(self, weights: Array, free: Places) -> Parts:
+        """Those of some readings, when others, or they themselves, are taken surely: that is known then.
+
+        Args:
+            weights: that are taken, of all, (n,).
+            free: places of the readings that are left.
+        """
+        number = np.full(len(self.readings), -1)
+        number[free] = np.arange(len(free))
+        left = number[self.places] >= 0
+        return replace(
+            self,
+            readings=tuple(self.readings[place] for place in free),
+            rows=self.rows[left],
+            places=number[self.places[left]],
+            known_rows=self._weighted(weights),
+            sizes=self.sizes[free],
+            members=tuple(self.members[place] for place in free),
+        )
+
+    def _weighted(self, weights: Array) -> Array:
+        # The rows of what readings that count so much say together, and of what is known.
+        roots = np.sqrt(weights)[self.places]
+        some = roots > 0
+        return np.vstack([roots[some, None] * self.rows[some], self.known_rows])
 
     def divided(self, pieces: int) -> Parts:
         """So many equal pieces of what every sensor reads in a run, each with one weight.
@@ -84,13 +132,16 @@ class Parts(Brief):
         first = [self.readings[group[0]] for group in groups]
         times = [float(np.mean([self.readings[place].time for place in group])) for group in groups]
         one_run = all(len({self.readings[place].sensor for place in group}) > 1 for group in groups)
+        number = np.empty(len(self.readings), dtype=int)
+        for at, group in enumerate(groups):
+            number[list(group)] = at
         return replace(
             self,
             readings=tuple(
                 replace(one, time=time, sensor="" if one_run else one.sensor)
                 for one, time in zip(first, times, strict=True)
             ),
-            matrices=np.stack([self.matrices[list(group)].sum(axis=0) for group in groups]),
+            places=number[self.places],
             sizes=np.array([self.sizes[list(group)].sum() for group in groups]),
             members=tuple(tuple(at for place in group for at in self.members[place]) for group in groups),
         )
@@ -123,7 +174,12 @@ class Parts(Brief):
 
     def root(self, weights: Array) -> SquareRoot:
         """`information` by its square root, which knows rounding from what is identifiable."""
-        return SquareRoot.of_matrix(self.whole(weights)).leading(self.judged)
+        rows = self._weighted(weights)
+        if not len(self.rounding):
+            return SquareRoot.of_rows(rows).leading(self.judged)
+        least, sizes = np.min(self.rounding), np.linalg.norm(rows, axis=0)
+        sizes *= np.divide(self.rounding, least)
+        return SquareRoot.of_rows(rows, sizes, float(least)).leading(self.judged)
 
 
 @dataclass(frozen=True)
@@ -225,7 +281,8 @@ def laid_out(sensors: Sequence[Sensor], system: System, samples: int, runs: int,
     each = list(dict.fromkeys(row_times(sensors, system, samples, runs)))
     return Parts(
         tuple(Reading(label, run, column * period) for label, run, column in each),
-        np.zeros((len(each), 0, 0)),
+        np.zeros((0, 0)),
+        np.zeros(0, dtype=int),
         np.zeros((0, 0)),
         0,
         np.array([lasting[label] for label, _, _ in each]),

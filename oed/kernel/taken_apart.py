@@ -44,39 +44,49 @@ def parts_of(problem: Problem, trajectory: Trajectory) -> Parts:
         0.0 if nuisance.deviation is None else nuisance.deviation**-2 for nuisance in block.nuisances
     ]
     known *= np.outer(scales, scales)
-    rows, known = _disentangled(rows, known, judged)
     given = sensors, problem.system, trajectory.samples // trajectory.runs, trajectory.runs
-    places = rows_of(*given)
-    single = laid_out(*given, trajectory.period)
-    matrices = np.zeros((len(single.readings), *known.shape))
-    np.add.at(matrices, places, np.einsum("ra,rb->rab", rows, rows))
-    return replace(single, matrices=matrices, known=known, judged=judged)
+    every, rounding = _disentangled(np.vstack([rows, SquareRoot.of_matrix(known).rows]), judged)
+    return replace(
+        laid_out(*given, trajectory.period),
+        rows=every[: len(rows)],
+        places=rows_of(*given),
+        known_rows=every[len(rows) :],
+        judged=judged,
+        rounding=rounding,
+    )
 
 
-def _disentangled(rows: Array, known: Array, judged: int) -> tuple[Array, Array]:
-    # Rows (k, q) and prior information (q, q) with the unknowns that are not judged in combinations of all
-    # that all readings together tell apart, and from the judged ones: what is judged stays the same, and the
-    # matrices keep the digits that squares of nearly dependent columns lose.
-    prior = SquareRoot.of_matrix(known).rows
-    every = np.vstack([rows, prior])
-    there = (every[:, judged:] != 0).astype(float)
-    if judged == rows.shape[1] or not np.all(there.T @ there):
-        # Unknowns of one trial, such as its start, have nothing to do with those of another: many matrices
-        # of which most is 0 are to stay so.
-        return rows, known
-    if not SquareRoot.of_rows(every).leading(judged).complete:
-        return rows, known
-    # Of others that depend on each other, such as two that every reading sees alike, what tells them apart is
-    # left out: nothing that is judged depends on it.
-    sizes = np.linalg.norm(every[:, judged:], axis=0)
-    basis, lengths, combinations = np.linalg.svd(every[:, judged:] / sizes, full_matrices=False)
-    known_apart = lengths > rounding_of(every)
-    mixed = combinations[known_apart].T / lengths[known_apart] / sizes[:, None]
-    across = basis[:, known_apart].T @ every[:, :judged]
+def _disentangled(every: Array, judged: int) -> tuple[Array, Array]:
+    # All rows (k, q), with the unknowns that are not judged in combinations that all rows together tell
+    # apart, and from the judged ones: information on what is judged stays the same, and its squares keep the
+    # digits that they lose of nearly dependent columns. Unknowns of one trial, such as its start, come first,
+    # and have nothing to do with those of another: matrices of which most is 0 stay so. Of others that depend
+    # on each other, such as two that every reading sees alike, what tells them apart is left out. And what
+    # may be rounding of every column now, as a share of it, (q,): as in `project_out`.
+    rounding, others = rounding_of(every), every[:, judged:]
+    seen = np.count_nonzero(others, axis=0)
+    basis, lengths = np.zeros((len(every), 0)), list[float]()
+    for place in np.argsort(seen, kind="stable"):
+        if seen[place]:
+            rest = _beside(others[:, place] / np.linalg.norm(others[:, place]), basis)
+            length = float(np.linalg.norm(rest))
+            if length > rounding:
+                # Twice is enough [Giraud, Langou, Rozloznik, The loss of orthogonality in the Gram-Schmidt
+                # orthogonalization process, 2005].
+                rest = _beside(rest / length, basis)
+                basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
+                lengths.append(length)
+    wanted = every[:, :judged]
+    own = np.linalg.norm(wanted, axis=0)
+    taken = np.linalg.norm(basis.T @ wanted / np.array(lengths)[:, None], axis=0)
+    left = _beside(_beside(wanted, basis), basis)
+    share = np.linalg.norm(left, axis=0)
+    lost = share <= rounding * (own + taken)
+    left[:, lost], share[lost] = 0.0, 1.0
+    unsure = np.where(lost, rounding, rounding * (own + taken) / share)
+    return np.hstack([left, basis]), np.concatenate([unsure, np.full(len(lengths), rounding)])
 
-    def moved(one: Array) -> Array:
-        rest = one[:, judged:] @ mixed
-        return np.hstack([one[:, :judged] - rest @ across, rest])
 
-    before = moved(prior)
-    return moved(rows), before.T @ before
+def _beside(columns: Array, basis: Array) -> Array:
+    # What an orthonormal basis leaves of columns.
+    return np.asarray(columns - basis @ (basis.T @ columns))

@@ -124,23 +124,14 @@ class _Search:
             if own and total > WHOLE:
                 kept = tuple(places[place] for place in own)
                 budgets.append(replace(one, places=kept, sizes=tuple(sizes), total=total, tops=tuple(tops)))
-        known = self.parts.known + np.tensordot(node.low, self.parts.matrices, axes=1)
         taken = sorted(place for one in budgets for place in one.places)
         self.solved += 1
         if not taken:
-            whole = replace(self.parts, known=known)
-            return node.low, float(self.criterion.judge([whole.root(np.zeros(len(node.low)))]))
+            return node.low, float(self.criterion.judge([self.parts.root(node.low)]))
         rest = free[taken]
         number = {place: at for at, place in enumerate(taken)}
         budgets = [replace(one, places=tuple(number[place] for place in one.places)) for one in budgets]
-        some = replace(
-            self.parts,
-            readings=tuple(self.parts.readings[place] for place in rest),
-            matrices=self.parts.matrices[rest],
-            sizes=self.parts.sizes[rest],
-            members=tuple(self.parts.members[place] for place in rest),
-            known=known,
-        )
+        some = self.parts.taken(node.low, rest)
         if not self._identifies(some, budgets):
             return None
         found = best_weights(self.criterion, some, budgets)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -22,7 +23,7 @@ from oed.optimize.transcription.program import IPOPT_OPTIONS
 from oed.optimize.transcription.solver_calls import interrupts_kept, one_thread
 
 OPTIONS: dict[str, Any] = {**IPOPT_OPTIONS, "ipopt.tol": 1e-11, "ipopt.max_iter": 500}
-"""Weights are found in some twenty iterations, to a share of the criterion far below that which matters."""
+"""Weights are mostly found in some twenty iterations, to a share of the criterion far below what matters."""
 FAINT = 1e-14
 """Share of the largest eigenvalue of information below which a smaller one may be rounding."""
 CLOSE = 1e-8
@@ -84,11 +85,23 @@ def _found(
     found, multipliers = _solved(criterion, scaled, budgets, even, most)
     chosen = np.clip(found, 0.0, most)
     for one in budgets:
-        chosen[list(one.places)] *= one.total / one.spent(chosen)
+        chosen[list(one.places)] = _spending(one, chosen)
     columns, rows = np.triu_indices(parts.judged)
     dual = np.zeros((parts.judged,) * 2)
     dual[rows, columns] = multipliers[: len(rows)]
-    return _weights(criterion, parts, chosen, (dual + dual.T) / 2)
+    # Multipliers of a search that has not converged bound less than the weights' own plane does.
+    both = [_weights(criterion, parts, chosen, one) for one in ((dual + dual.T) / 2, None)]
+    return min(both, key=lambda one: weight_bound(criterion, parts, one.values, one.gradient, budgets))
+
+
+def _spending(budget: Budget, weights: Array) -> Array:
+    # Its weights, all lowered or raised by one share until they are all that may be spent.
+    own, spare = weights[list(budget.places)], budget.total - budget.spent(weights)
+    if spare <= 0:
+        return np.asarray(own * (budget.total / budget.spent(weights)))
+    room = budget.upper - own
+    left = float(np.array(budget.sizes) @ room)
+    return np.asarray(own + room * min(spare / left, 1.0)) if left > 0 else own
 
 
 def _solved(
@@ -138,8 +151,7 @@ def _scaled(parts: Parts, weights: Array, size: float) -> Parts:
     units = np.full(len(parts.known), size**-0.5)
     own = np.diag(parts.whole(weights))[parts.judged :]
     units[parts.judged :] = np.where(own > 0, own, size) ** -0.5
-    squares = np.outer(units, units)
-    return replace(parts, matrices=parts.matrices * squares, known=parts.known * squares)
+    return parts.scaled(units)
 
 
 def _present(parts: Parts) -> tuple[Places, Places]:
@@ -234,10 +246,11 @@ def _exchanged(chosen: Array, given_up: int, taken: int) -> Array:
 
 
 def _weights(criterion: Criterion, parts: Parts, weights: Array, dual: Array | None = None) -> Weights:
-    # What is not identifiable has no plane that bounds it.
+    # What is not identifiable, or by rounding only, has no plane that bounds it.
     gradient: Array | None = np.zeros((parts.judged,) * 2)
     if criterion.identifiable([parts.root(weights)]):
-        gradient = criterion.supergradient(parts.information(weights), dual)
+        with suppress(np.linalg.LinAlgError):
+            gradient = criterion.supergradient(parts.information(weights), dual)
     assert gradient is not None
     return Weights(weights, _value(criterion, parts, weights), gradient)
 

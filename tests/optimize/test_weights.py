@@ -96,7 +96,7 @@ class TestParts:
             criterion=D(),
         )
         drive = space.trajectory(np.zeros((12, 0)), np.ones((3, 1)))
-        whole = parts_of(problem, drive).whole(np.ones(15))
+        whole = parts_of(problem, drive).whole(np.arange(15.0))
         assert np.all(whole[1:, 1:][~np.eye(3, dtype=bool)] == 0)
         assert np.all(whole[0, 1:] != 0)
 
@@ -159,8 +159,9 @@ class TestPublished:
     def test_the_least_information_beside_far_more(self):
         """What readings say of one parameter, a million times as much, is all that helps with another."""
         known = np.array([[3.1, -7.6], [-7.6, 136.0]])
-        largest = np.diag([0.0, 7e5]) * (POINTS**2)[:, None, None]
-        parts = replace(quadratic(), matrices=largest, known=known, judged=2)
+        rows = np.column_stack([np.zeros(len(POINTS)), np.sqrt(7e5) * POINTS])
+        parts = replace(quadratic(), rows=rows, known_rows=np.linalg.cholesky(known).T, judged=2, rounding=())
+        largest = parts.matrices
         found = best_weights(E(scaling="none"), parts, budgets_of(parts, 20.0))
         best = known + largest[np.argsort(np.abs(POINTS))[-20:]].sum(axis=0)
         assert found.value == pytest.approx(np.linalg.eigvalsh(best)[0], rel=1e-8)
@@ -176,9 +177,11 @@ class TestPublished:
             readings=quadratic().readings[:17],
             sizes=np.ones(17),
             members=tuple((one,) for one in range(17)),
-            matrices=np.einsum("ka,kb->kab", rows, rows),
-            known=np.diag([0.0, 6.7, 7.7e-4, 24.8]),
+            rows=rows,
+            places=np.arange(17),
+            known_rows=np.diag(np.sqrt([0.0, 6.7, 7.7e-4, 24.8])),
             judged=4,
+            rounding=(),
         )
         for criterion in CRITERIA:
             budgets = budgets_of(parts, 7.0, most=3.0)
@@ -378,3 +381,85 @@ def test_whole_readings_that_say_nothing_are_exchanged_for_others():
         found = whole_weights(criterion, parts, near, budgets)
         assert np.flatnonzero(found.values).tolist() == [0, 100, 200]
         assert np.isfinite(found.value)
+
+
+APART = """
+format: 1
+name: Starts that are nearly the offset
+system:
+  kind: equations
+  states: {{x: {{unknown: 1}}, q: {{unknown: 0}}}}
+  inputs: {{u: 1/s}}
+  parameters: {{slow: {slow} 1/s, offset: 1, k: 1}}
+  derivatives: {{x: -slow * x, q: u}}
+  outputs: {{y: x + offset + k * q}}
+experiment:
+  duration: 8 s
+  samples: 8
+  trials: {trials}
+  inputs: {{u: [-5 1/s, 5 1/s]}}
+measurement: {{kind: outputs, noise: {{y: 0.1}}}}
+estimate: [offset, k]
+criterion: {{kind: {kind}, subset: [k], scaling: none}}
+weights: {{total: {total}}}
+"""
+
+
+@pytest.mark.parametrize("kind", "EDA")
+@pytest.mark.parametrize("trials", [1, 2])
+@pytest.mark.parametrize("slow", [1e-2, 1e-5, 1e-7])
+def test_nuisances_of_trials_that_nearly_depend_on_common_ones(slow: float, trials: int, kind: str):
+    """Starts of different trials share no reading, and each is nearly the offset: searches ended with up to
+    59 % less information, or with more than all readings have.
+    """
+    text = APART.format(slow=slow, trials=trials, kind=kind, total=4.0 * trials)
+    problem = oed.parse_study(text, "apart.yaml").problem
+    held = np.random.default_rng(0).normal(size=(8 * trials, 1))
+    space = problem.design
+    drive = space.trajectory(held[: space.all_coefficients], np.tile([1.0, 0.0], (trials, 1)))
+    found = select(problem, drive)
+    assert found.chosen.value == pytest.approx(found.bound, rel=1e-7)
+    weights = found.parts.of_every_reading(found.chosen.values)
+    scored = oed.evaluate(problem, replace(drive, weights=weights)).objective
+    assert found.chosen.value == pytest.approx(scored, rel=1e-7)
+
+
+def test_a_nuisance_that_nothing_sees_changes_nothing():
+    output = "curvature * x^2 + constant + slope * (1 + x * 1e-6)"
+    parts = quadratic(output, ("curvature",), unseen="1")
+    assert parts.rows.shape == quadratic(output, ("curvature",)).rows.shape
+    found = best_weights(D(scaling="none"), parts, budgets_of(parts, 1.0))
+    assert found.value == pytest.approx(np.log(1 / 4), rel=1e-6)
+
+
+def test_no_plane_bounds_weights_that_leave_something_undetermined():
+    """It was a bound of 0, and proved what was wrong."""
+    parts, one = quadratic(), budgets_of(quadratic(), 1.0)
+    lonely = np.zeros(len(POINTS))
+    lonely[0] = 1.0
+    for criterion in CRITERIA:
+        for gradient in (np.zeros((3, 3)), np.full((3, 3), np.nan)):
+            assert weight_bound(criterion, parts, lonely, gradient, one) == np.inf
+
+
+@pytest.mark.parametrize("criterion", CRITERIA, ids="EDA")
+def test_where_all_readings_are_taken_there_is_no_gap(criterion: Criterion):
+    """Multipliers of a search that had nothing to choose left one of 5 %, and weights above the largest."""
+    rows = np.random.default_rng(3).normal(size=(25, 4)) @ np.diag([1.0, 1e-2, 1e2, 1.0])
+    parts = replace(
+        quadratic(),
+        readings=quadratic().readings[:25],
+        sizes=np.ones(25),
+        members=tuple((one,) for one in range(25)),
+        rows=rows,
+        places=np.arange(25),
+        known_rows=np.zeros((0, 4)),
+        judged=4,
+        rounding=(),
+    )
+    budgets = budgets_of(parts, 25.0)
+    found = best_weights(criterion, parts, budgets)
+    assert found.values == pytest.approx(np.ones(25), abs=1e-12)
+    assert found.values.max() <= 1
+    bound = weight_bound(criterion, parts, found.values, found.gradient, budgets)
+    assert found.value == pytest.approx(bound, rel=1e-9)

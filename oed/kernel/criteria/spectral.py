@@ -44,7 +44,7 @@ class E(RootCriterion):
         """Z = v v' of the least certain combination v, or Z >= 0 of trace 1 from the multipliers of
         F - t I = L L': any such Z bounds, and is one where it lies on the eigenspace of lambda_min.
         """
-        if dual is None:
+        if dual is None or not np.any(dual) or not np.all(np.isfinite(dual)):
             least = np.linalg.eigh(matrix)[1][:, 0]
             return np.outer(least, least)
         values, vectors = np.linalg.eigh(dual)
