@@ -340,13 +340,15 @@ class Problem(Presented, Renamed):
     @property
     def subject(self) -> Subject:
         """What the criterion judges."""
-        found = self.any_estimations
+        found, usual = self.any_estimations, self.design.usual_start
         return Subject(
             system=self.system.estimating(
                 [name for one in found for name in one.judged if name not in self.constants]
             ),
             parameters=tuple(one.judged for one in found),
             scales=tuple(one.scales for one in found),
+            start=np.pad(usual, (0, len(self.model.states) - len(usual))),
+            period=self.design.period,
         )
 
     @property

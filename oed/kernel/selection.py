@@ -114,6 +114,9 @@ class Selection(Component):
             )
             text = "weights of trials do not go with drift" if self.of == "trials" else text
             return [Issue(("weights",), f"{text}: leave out `{noise.key}`, or `weights`")]
+        if not problem.criterion.concave:
+            text = f"need a concave criterion, which {problem.criterion.kind} is not: use E, D, A, G or I"
+            return [Issue(("weights",), text)]
         if problem.robust is not None:
             return [Issue(("weights",), "cannot be chosen for several systems at once: leave out `robust`")]
         try:

@@ -64,9 +64,9 @@ def best_weights(criterion: Criterion, parts: Parts, budgets: Sequence[Budget]) 
     for one in budgets:
         most[list(one.places)] = one.upper
         even[list(one.places)] = one.even * one.upper
-    if criterion.supergradient(parts.information(even)) is None:
+    if not criterion.concave:
         text = f"{criterion.kind} is not concave: nothing says how good weights can be"
-        raise UserMistake(f"{text}; use E, D or A")
+        raise UserMistake(f"{text}; use E, D, A, G or I")
     best: Weights | None = None
     for size in _sizes(parts.information(even)):
         found = _found(criterion, parts, _scaled(parts, even, size), budgets, even, most)

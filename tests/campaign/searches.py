@@ -22,6 +22,8 @@ KEPT = "a search keeps its best"
 SAME = 1e-6
 """Share of an objective that a search may give up of what it started from."""
 GIVEN = "given"
+LONGEST = 15.0
+"""Of a search [s]: some systems that are drawn take a second for an iteration."""
 FROM_NOWHERE = (
     {"starts": 1, "perturbations": 0, "max_iterations": 40, "second_stage": "none"},
     {"starts": 2, "perturbations": 1, "max_iterations": 25},
@@ -46,7 +48,9 @@ def searched(
     if known and lifted(problem) is None:
         options = {**one_of(rng, (FROM_NOWHERE[0], FROM_NOWHERE[2])), "start_from": GIVEN}
     earlier = {one.name: one for one in known[:1]} if "start_from" in options else {}
-    found = oed.solve(problem, oed.Ipopt(**options), seed=seed, workers=1, earlier=earlier)
+    found = oed.solve(
+        problem, oed.Ipopt(**options, time_limit=LONGEST), seed=seed, workers=1, earlier=earlier
+    )
     return found.trajectory, [_worth(found, start) for start in earlier.values()]
 
 

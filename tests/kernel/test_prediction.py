@@ -15,8 +15,7 @@ from sample_robots import PLANAR, ROBOTS, Example, cases, draw_inputs, motion_by
 
 import oed
 from oed.foundation.errors import PartError, ProblemError
-from oed.kernel.criteria import A, D, E, G, I, Leg, Subject
-from oed.kernel.criteria.prediction import TaskDrive
+from oed.kernel.criteria import A, D, E, G, I, Leg, Subject, TaskDrive
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.optimize.transcription.design import DesignExpressions

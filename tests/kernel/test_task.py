@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import oracle
 import pytest
 from builders import problem_of, random_drive
+from places import PROBLEMS
 from test_prediction import GEOMETRY, POSES, twist_of
 
-from oed.foundation.errors import PartError, ProblemError
+import oed
+from oed.foundation.errors import PartError, ProblemError, StudyError
 from oed.kernel.criteria import I, Leg, TaskDrive
 from oed.kernel.evaluation import evaluate
 from oed.optimize import Ipopt, solve
@@ -94,3 +98,59 @@ def test_tasks_of_another_robot_are_issues():
         ("criterion", "task", 0),
         ("criterion", "task", 1, "inputs"),
     ]
+
+
+TANK = """
+format: 1
+name: tank
+system:
+  kind: equations
+  states: {{temperature: {start}}}
+  inputs: {{heat: W}}
+  parameters: {{loss: 2 W/K, capacity: 20 kJ/K, room: 293 K}}
+  derivatives: {{temperature: (heat - loss * (temperature - room)) / capacity}}
+  outputs: {{reading: temperature}}
+experiment: {{duration: 4 h, samples: 12, inputs: {{heat: [0 W, 500 W]}}}}
+measurement: {{kind: outputs, noise: {{reading: 0.5 K}}}}
+estimate: [loss, capacity]
+criterion: {{kind: {kind}, scaling: none, quantity: temperature, {aim}}}
+"""
+HEAT = 300.0
+
+
+def heated(hours: float, start: float) -> np.ndarray:
+    """Derivatives of the temperature by loss and capacity, by the closed form."""
+    seconds = 3600.0 * hours
+
+    def temperature(p: np.ndarray) -> np.ndarray:
+        limit = 293.0 + HEAT / p[0]
+        return np.array([limit + (start - limit) * np.exp(-p[0] / p[1] * seconds)])
+
+    return oracle.central_difference(temperature, np.array([2.0, 20e3]))[0]
+
+
+@pytest.mark.parametrize(("start", "begun"), [("330 K", 330.0), ("{design: [290 K, 300 K]}", 295.0)])
+@pytest.mark.parametrize("hours", [2.0, 200.0])
+@pytest.mark.parametrize("kind", ["G", "I"])
+def test_predictions_begin_where_experiments_do_in_steps_as_fine(kind, hours, start, begun):
+    """All states began at 0, and however long a leg was, it was one step of the integration."""
+    aim = f"test_drive: [{{inputs: [{HEAT:g}], duration: {hours:g} h}}]"
+    task = f"task: [{{inputs: [[{HEAT:g}], [{HEAT:g}]], period: {hours / 2:g} h}}]"
+    problem = oed.parse_study(TANK.format(kind=kind, aim=aim, start=start), "tank.yaml").problem
+    found = np.array(problem.objective.rows[0]).ravel()
+    np.testing.assert_allclose(found, heated(hours, begun), rtol=1e-5, atol=1e-12)
+    if kind == "I":
+        problem = oed.parse_study(TANK.format(kind=kind, aim=task, start=start), "tank.yaml").problem
+        rows = np.array(problem.objective.rows[0][0])
+        each = np.array([heated(hours / 2, begun), heated(hours, begun)])
+        np.testing.assert_allclose(rows.T @ rows, each.T @ each / 2, rtol=1e-5, atol=1e-9)
+
+
+def test_predictions_of_too_many_samples_and_of_no_states_are_issues():
+    aim = "test_drive: [{inputs: [300], duration: 50000 h}]"
+    with pytest.raises(StudyError, match="more than 100000 samples of 1200 s: predict less far"):
+        oed.parse_study(TANK.format(kind="G", aim=aim, start="293 K"), "tank.yaml")
+    text = (PROBLEMS / "published" / "box_lucas.yaml").read_text()
+    aim = "criterion: {kind: G, test_drive: [{inputs: [60], duration: 1 s}]}"
+    with pytest.raises(StudyError, match="predicts states, of which this system has none; use E, D or A"):
+        oed.parse_study(re.sub("criterion: .*", aim, text), "box_lucas.yaml")

@@ -8,8 +8,7 @@ import oracle
 import pytest
 from builders import SPEED, problem_of
 
-from oed.kernel.criteria import A, D, E, G, ModifiedE
-from oed.kernel.criteria.prediction import Leg
+from oed.kernel.criteria import A, D, E, G, Leg, ModifiedE
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.solution import Status
 from oed.optimize import Ipopt, solve

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import oed
-from oed.kernel.criteria import Criterion, G
-from oed.kernel.criteria.prediction import Leg
+from oed.kernel.criteria import Criterion, G, Leg
 from oed.kernel.solution import scored
 from oed.optimize.lifted import lifted, lowered
 from oed.optimize.terms.layout import PieceLayout

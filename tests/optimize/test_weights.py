@@ -14,7 +14,7 @@ from oed.equations.limits import InputRange
 from oed.equations.outputs import Rates, Responses
 from oed.equations.system import Equations
 from oed.foundation.errors import ProblemError, UserMistake
-from oed.kernel.criteria import A, Criterion, D, E, ModifiedE
+from oed.kernel.criteria import A, Criterion, D, E, G, I, ModifiedE
 from oed.kernel.equivalence import directional_derivatives, weight_bound
 from oed.kernel.parts import Parts, budgets_of
 from oed.kernel.taken_apart import parts_of
@@ -45,6 +45,17 @@ def quadratic(
         criterion=D(subset=judged),
     )
     return parts_of(problem, space.trajectory(POINTS[:, None], np.zeros((1, 0))))
+
+
+def powers(points: np.ndarray) -> np.ndarray:
+    """1, x, x^2 at points, (n, 3)."""
+    return np.vander(points, 3, increasing=True)
+
+
+def predicting(kind: type[G | I], points: np.ndarray) -> Criterion:
+    """G or I of what a parabola predicts at points."""
+    legs = [{"inputs": [0.0], "duration": 1.0}] * len(points)
+    return kind(scaling="none", test_drive=legs).with_rows([powers(points)[:, None].tolist()])
 
 
 def driven(study: str) -> tuple[oed.Problem, oed.Trajectory]:
@@ -188,6 +199,39 @@ class TestPublished:
             found = best_weights(criterion, parts, budgets)
             bound = weight_bound(criterion, parts, found.values, found.gradient, budgets)
             assert found.value == pytest.approx(bound, rel=1e-7)
+
+    def test_predictions_at_all_points_are_best_where_the_volume_is(self):
+        """The equivalence theorem: the largest variance of what is predicted is the number of parameters
+        [Kiefer and Wolfowitz, The equivalence of two extremum problems, 1960].
+        """
+        criterion = predicting(G, POINTS[::10])
+        parts, one = quadratic(), budgets_of(quadratic(), 1.0)
+        found = best_weights(criterion, parts, one)
+        assert found.values[[0, 100, 200]] == pytest.approx(np.full(3, 1 / 3), abs=1e-6)
+        assert found.value == pytest.approx(-3.0, rel=1e-8)
+        bound = weight_bound(criterion, parts, found.values, found.gradient, one)
+        assert 0 <= bound - found.value < 1e-6
+
+    def test_the_mean_variance_of_predictions(self):
+        """The optimum is A's for the predictions' combinations: no weights near it do better."""
+        criterion = predicting(I, POINTS[::10])
+        parts, one = quadratic(), budgets_of(quadratic(), 1.0)
+        found = best_weights(criterion, parts, one)
+        bound = weight_bound(criterion, parts, found.values, found.gradient, one)
+        assert 0 <= bound - found.value < 1e-7
+        table = powers(POINTS[::10])
+        expected = -np.mean(np.einsum("na,ab,nb->n", table, np.linalg.inv(parts.whole(found.values)), table))
+        assert found.value == pytest.approx(expected, rel=1e-9)
+
+    def test_one_prediction_needs_one_combination(self):
+        """The middle of a parabola is best predicted by reading it there alone, at which F is singular."""
+        for kind in (G, I):
+            criterion = predicting(kind, np.zeros(1))
+            parts, one = quadratic(), budgets_of(quadratic(), 1.0)
+            found = best_weights(criterion, parts, one)
+            assert found.value == pytest.approx(-1.0, rel=1e-6)
+            bound = weight_bound(criterion, parts, found.values, found.gradient, one)
+            assert -1e-9 <= bound - found.value < 1e-5
 
     def test_a_decay_that_is_measured_for_two_fifths_of_the_time(self):
         """X' = p x, in ten intervals [1D test of DynamicOED.jl]: from .3 to .7."""

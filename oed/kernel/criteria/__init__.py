@@ -1,7 +1,8 @@
 """Optimality criteria. A new one is a class in a file here and a name in `CRITERIA`."""
 
 from oed.kernel.criteria.criterion import Criterion, Epigraph, Factor, Subject
-from oed.kernel.criteria.prediction import G, I, Leg, TaskDrive
+from oed.kernel.criteria.driven import Leg, TaskDrive
+from oed.kernel.criteria.prediction import G, I
 from oed.kernel.criteria.python_criterion import PythonCriterion
 from oed.kernel.criteria.spectral import E, ModifiedE
 from oed.kernel.criteria.volume import A, D

@@ -52,11 +52,15 @@ class Subject:
         system: whose parameters are estimated.
         parameters: names of each matrix's rows.
         scales: their scales, SI, one array for each matrix.
+        start: state in which an experiment begins, (states,), SI; all 0 if None.
+        period: of the experiment's samples [s]: how far the system steps at once.
     """
 
     system: System
     parameters: tuple[tuple[str, ...], ...]
     scales: tuple[Array, ...]
+    start: Array | None = None
+    period: float = np.inf
 
 
 class Criterion(Component, ABC):
@@ -100,6 +104,11 @@ class Criterion(Component, ABC):
     @abstractmethod
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """The criterion of symbolic matrices in a form an interior-point solver can maximise."""
+
+    @property
+    def concave(self) -> bool:
+        """Whether it is known to be, of one block: it has a supergradient."""
+        return type(self).supergradient is not Criterion.supergradient
 
     def supergradient(self, matrix: Array, dual: Array | None = None) -> Array | None:
         """G (p, p) with phi(F') <= phi(F) + tr(G (F' - F)) for all information F' on the same parameters, for

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, ClassVar, Literal
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import casadi as ca
 import numpy as np
-from pydantic import Field, FiniteFloat, model_validator
+import scipy.optimize
+from pydantic import Field, PrivateAttr, model_validator
 
 from oed.foundation.arrays import Array
-from oed.foundation.component import Component
 from oed.foundation.errors import Issue
-from oed.foundation.quantities import UNITS_BY_NAME, Duration
-from oed.foundation.text import count, deviation_text
+from oed.foundation.quantities import UNITS_BY_NAME
+from oed.foundation.text import count, deviation_text, given_text
 from oed.kernel.criteria.criterion import (
     Criterion,
     Epigraph,
@@ -24,8 +25,15 @@ from oed.kernel.criteria.criterion import (
     factored,
     lifted,
 )
+from oed.kernel.criteria.driven import (
+    MOST_STEPS,
+    Leg,
+    TaskDrive,
+    sensitivities,
+    states_of,
+    task_issues,
+)
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import carrier, stepper
 from oed.kernel.measurement.square_root import SquareRoot, rounding_of
 
 FAINT = 1e-8
@@ -33,35 +41,15 @@ FAINT = 1e-8
 
 It leaves factors to matrices of drives that identify no more than what the predictions need.
 """
-
-
-class Leg(Component):
-    """A part of a test drive: inputs held [SI], and for how long [s]."""
-
-    inputs: Annotated[tuple[FiniteFloat, ...], Field(min_length=1)]
-    duration: Annotated[Duration, Field(gt=0)]
-
-
-class TaskDrive(Component):
-    """A drive that the estimates are for: inputs held in equal periods, from a start state.
-
-    Attributes:
-        inputs: of every period, (N, inputs), SI.
-        period: how long each is held [s].
-        start: start state, (states,), SI; all 0 if None.
-    """
-
-    inputs: Annotated[tuple[tuple[FiniteFloat, ...], ...], Field(min_length=1)]
-    period: Annotated[Duration, Field(gt=0)]
-    start: tuple[FiniteFloat, ...] | None = None
+Rows = tuple[tuple[tuple[tuple[float, ...], ...], ...], ...]
 
 
 class Prediction(RootCriterion):
     """Shared by G and I.
 
     Attributes:
-        test_drive: legs driven one after the other from a known state; predictions are judged at the end
-            of each.
+        test_drive: legs driven one after the other from the state in which the experiments begin, which is
+            known; predictions are judged at the end of each.
         quantity: what is predicted, of what the system offers: its `predictions`, all their states together.
     """
 
@@ -71,8 +59,22 @@ class Prediction(RootCriterion):
     """Which standard deviation is the root of that."""
     test_drive: Annotated[tuple[Leg, ...], Field(min_length=1)]
     quantity: str = "position"
-    rows: tuple[tuple[tuple[tuple[float, ...], ...], ...], ...] = Field(default=(), exclude=True, repr=False)
-    """Derivatives of the predictions by the scaled parameters: [block][leg][coordinate][parameter]."""
+    _rows: Rows = PrivateAttr(default=())
+
+    @property
+    def rows(self) -> Rows:
+        """Derivatives of the predictions by the scaled parameters: [block][leg][coordinate][parameter]."""
+        return self._rows
+
+    def with_rows(self, rows: Any) -> Self:
+        """The criterion with such derivatives.
+
+        Args:
+            rows: of every block, [block][leg][coordinate][parameter].
+        """
+        found = self.model_copy()
+        found._rows = _nested(rows)
+        return found
 
     def about(self, subject: Subject) -> Criterion:
         """The criterion with the predictions' derivatives by the parameters of each block."""
@@ -82,11 +84,17 @@ class Prediction(RootCriterion):
         for parameters, scales in zip(subject.parameters, subject.scales, strict=True):
             columns = [names.index(name) for name in parameters]
             rows.append(self.condensed(picked[:, :, columns] * scales).tolist())
-        return self.model_copy(update={"rows": _nested(rows)})
+        return self.with_rows(rows)
 
     def predicted(self, subject: Subject) -> Array:
         """Derivatives of all that is predicted by the system's parameters, (predictions, coordinates, p)."""
-        return _sensitivities(subject, self.test_drive)[:, _states(subject, self.quantity)]
+        inputs, durations = [leg.inputs for leg in self.test_drive], [leg.duration for leg in self.test_drive]
+        return sensitivities(subject, inputs, durations)[:, states_of(subject, self.quantity)]
+
+    @property
+    def seconds(self) -> float:
+        """How far is predicted at once [s], with nothing begun anew."""
+        return sum(leg.duration for leg in self.test_drive)
 
     def condensed(self, rows: Array) -> Array:
         """Rows (predictions, coordinates, p) in place of others with the same judgement; as they are."""
@@ -124,9 +132,16 @@ class Prediction(RootCriterion):
             for index, leg in enumerate(self.test_drive)
             if len(leg.inputs) != len(names)
         ]
+        if not known:
+            text = f"predicts states, of which this {subject.system.exact.noun} has none; use E, D or A"
+            return [Issue(("criterion", "kind"), text)]
         if self.quantity not in known:
             text = f"expected one of {', '.join(known)}; got {self.quantity!r}"
             issues.append(Issue(("criterion", "quantity"), text))
+        if self.seconds > MOST_STEPS * subject.period:
+            whole, each = given_text(self.seconds, "s"), given_text(subject.period, "s")
+            text = f"predicts {whole}, more than {MOST_STEPS} samples of {each}: predict less far"
+            issues.append(Issue(("criterion", "kind"), text))
         own = {parameter.name for parameter in subject.system.exact.parameters}
         strangers = [name for names in subject.parameters for name in names if name not in own]
         if strangers:
@@ -154,6 +169,44 @@ class Prediction(RootCriterion):
             for leg, rows in enumerate(block):
                 totals[leg] += ca.sumsqr(factor.inverse(ca.SX(ca.DM(np.array(rows).T))))
         return totals
+
+    def supergradient(self, matrix: Array, dual: Array | None = None) -> Array:
+        """What a search's multipliers say; without them F^- C F^- of predictions with derivatives c, with C
+        the mixture of c c' by `shares`.
+        """
+        if dual is not None and np.any(dual) and np.all(np.isfinite(dual)):
+            values, vectors = np.linalg.eigh(dual)
+            values = np.clip(values if values.sum() > 0 else -values, 0.0, None)
+            return np.asarray((vectors * values) @ vectors.T)
+        squares, inverse = self._squares, np.linalg.pinv(matrix, hermitian=True)
+        return np.asarray(inverse @ np.tensordot(self.shares(matrix), squares, axes=1) @ inverse)
+
+    @property
+    def _squares(self) -> Array:
+        # c c' of every leg, (legs, p, p), of the only block.
+        return np.array([np.array(leg).T @ np.array(leg) for leg in self.rows[0]])
+
+    @abstractmethod
+    def shares(self, matrix: Array, gradient: Array | None = None) -> Array:
+        """How much every leg counts where the criterion is a mean of all variances, (legs,), 1 in all.
+
+        Args:
+            matrix: F, (p, p).
+            gradient: G that is to be F^- C F^- for the mixture C; None without.
+        """
+
+    def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
+        """Tr(C F'^-1) >= (tr (C^1/2 Z C^1/2)^1/2)^2 / tr(Z F') for any Z >= 0; and no mean of variances, by
+        whichever shares of the legs, is above the largest.
+        """
+        return min(self._mixture_bound(self.shares(matrix, one), gradient, most) for one in (gradient, None))
+
+    def _mixture_bound(self, shares: Array, gradient: Array, most: float) -> float:
+        values, vectors = np.linalg.eigh(np.tensordot(shares, self._squares, axes=1))
+        root = vectors * np.sqrt(np.clip(values, 0.0, None))
+        product = np.linalg.eigvalsh(root.T @ gradient @ root)
+        mean = float(np.sqrt(np.clip(product, 0.0, None)).sum())
+        return -(mean**2) / most if most > 0 else -math.inf
 
     @property
     def meaning(self) -> str:
@@ -184,6 +237,17 @@ class G(Prediction):
         "the best drive's largest variance of what is predicted for the test drive over this one's"
     )
     kind: Literal["G"] = "G"
+
+    def shares(self, matrix: Array, gradient: Array | None = None) -> Array:
+        """Those of a gradient; without one all is the worst leg's."""
+        inverse, found = np.linalg.pinv(matrix, hermitian=True), np.zeros(len(self._squares))
+        if gradient is not None:
+            each = (inverse @ self._squares @ inverse).reshape(len(found), -1)
+            wanted = gradient.ravel() / (np.abs(gradient).max() or 1.0)
+            found = scipy.optimize.nnls((each / (np.abs(each).max() or 1.0)).T, wanted)[0]
+        if not np.any(found):
+            found[int(np.argmax(np.einsum("lab,ab->l", self._squares, inverse)))] = 1.0
+        return np.asarray(found / found.sum())
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
         """Minus the largest variance."""
@@ -235,15 +299,24 @@ class I(Prediction):  # noqa: E742
 
     def misfits(self, subject: Subject) -> list[Issue]:
         """Also tasks that are not read, or that are not of this system."""
-        return [*super().misfits(subject), *_task_issues(subject, self.task)]
+        return super().misfits(subject) or list(task_issues(subject, self.task))
+
+    @property
+    def seconds(self) -> float:
+        """How far is predicted at once [s]: the longest drive."""
+        drives = (one for one in self.task if isinstance(one, TaskDrive))
+        longest = max((len(one.inputs) * one.period for one in drives), default=0.0)
+        return max(super().seconds, longest)
 
     def predicted(self, subject: Subject) -> Array:
         """Derivatives of all that is predicted by the system's parameters, (predictions, coordinates, p)."""
         if not self.task:
             return super().predicted(subject)
         drives = [one for one in self.task if isinstance(one, TaskDrive)]
-        found = [_along(subject, one) for one in drives]
-        return np.concatenate(found)[:, _states(subject, self.quantity)]
+        found = [
+            sensitivities(subject, one.inputs, [one.period] * len(one.inputs), one.start) for one in drives
+        ]
+        return np.concatenate(found)[:, states_of(subject, self.quantity)]
 
     def condensed(self, rows: Array) -> Array:
         """Of a task at most p rows whose square is the mean over all predictions."""
@@ -265,6 +338,10 @@ class I(Prediction):  # noqa: E742
         drives = count(len(self.task), "drive")
         return f"minus the mean variance of the {self.quantity} predicted all along {drives} of the task"
 
+    def shares(self, matrix: Array, gradient: Array | None = None) -> Array:
+        """All count alike."""
+        return np.full(len(self.rows[0]), 1.0 / len(self.rows[0]))
+
     def judge(self, information: Sequence[SquareRoot]) -> Array:
         """Minus the mean variance."""
         return np.asarray(-self.variances(information).mean(axis=-1))
@@ -274,50 +351,6 @@ class I(Prediction):  # noqa: E742
         return factored(
             _raised(matrices), lambda factors: -sum(self.symbolic_variances(factors)) / len(self.rows[0])
         )
-
-
-def _task_issues(subject: Subject, task: Sequence[str | TaskDrive]) -> Iterator[Issue]:
-    inputs, states = len(subject.system.exact.inputs), len(subject.system.exact.states)
-    for index, one in enumerate(task):
-        key = ("criterion", "task", index)
-        if isinstance(one, str):
-            yield Issue(key, f"the file {one} is read where a study is loaded from a file; here give drives")
-        elif any(len(row) != inputs for row in one.inputs):
-            yield Issue((*key, "inputs"), f"expected {count(inputs, 'input')} in every period")
-        elif one.start is not None and len(one.start) != states:
-            yield Issue((*key, "start"), f"expected {count(states, 'state')}, got {len(one.start)}")
-
-
-def _states(subject: Subject, quantity: str) -> list[int]:
-    system = subject.system.exact
-    return [system.states.index(name) for name in system.predictions[quantity]]
-
-
-def _along(subject: Subject, task: TaskDrive) -> Array:
-    # (N, states, parameters): derivatives of the states at the ends of all periods.
-    system, periods = subject.system.exact, len(task.inputs)
-    states, size = len(system.states), len(system.parameters)
-    start = ca.DM.zeros(states) if task.start is None else ca.DM(task.start)
-    given = ca.DM(task.inputs).T, ca.DM(system.nominal), task.period
-    after = stepper(system).mapaccum(periods)(start, *given)
-    before = ca.horzcat(start, after[:, :-1])
-    begin = ca.horzcat(ca.DM.zeros(states, size), ca.DM.eye(states))
-    carried = np.array(carrier(system).mapaccum(periods)(begin, before, *given))
-    return carried.reshape(states, periods, size + states).swapaxes(0, 1)[..., :size]
-
-
-def _sensitivities(subject: Subject, legs: Sequence[Leg]) -> Array:
-    # (legs, states, parameters): derivatives of the states at the legs' ends. Each leg is one exact step.
-    system = subject.system.exact
-    states, size = len(system.states), len(system.parameters)
-    advance, carry = stepper(system), carrier(system)
-    state, carried = ca.DM.zeros(states), ca.horzcat(ca.DM.zeros(states, size), ca.DM.eye(states))
-    found = []
-    for leg in legs:
-        arguments = (state, ca.DM(leg.inputs), ca.DM(system.nominal), leg.duration)
-        carried, state = carry(carried, *arguments), advance(*arguments)
-        found.append(np.array(carried)[:, :size])
-    return np.array(found)
 
 
 def _raised(matrices: Sequence[Expression]) -> list[Expression]:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ..oracle.experiments import Experiment, Trial, predicted
-from ..oracle.score import Estimate
 from .amounts import TIME, Amount
 from .criteria import subset
 from .quantities import log_uniform, one_of, plain
@@ -42,7 +41,7 @@ def draw_asked(rng: Rng, draft: Draft, study: dict[str, Any], changes: Array) ->
 
 
 def _criterion(rng: Rng, draft: Draft, study: dict[str, Any], estimated: list[str]) -> dict[str, Any]:
-    kinds = ("E", "D", "A") if "weights" in study else ("E", "E", "D", "D", "A", "modified_E", "G", "I")
+    kinds = ("E", "E", "D", "D", "A", "G", "I") + (() if "weights" in study else ("modified_E",))
     judged = subset(rng, estimated) if rng.random() < 0.25 else estimated
     found: dict[str, Any] = {"kind": one_of(rng, kinds)}
     if len(judged) < len(estimated):
@@ -89,14 +88,14 @@ def _changed(study: dict[str, Any], rng: Rng) -> bool:
         return False
     with np.errstate(all="ignore"):
         try:
-            rows = predicted(study, _asked(study, draw_trial(rng, study)))
+            rows = _predicted(study, draw_trial(rng, study))
         except ArithmeticError:
             return False
     return bool(np.isfinite(rows).all() and np.any(rows))
 
 
-def _asked(study: dict[str, Any], trial: Trial) -> Estimate:
-    return Experiment(study, trial).estimate()
+def _predicted(study: dict[str, Any], trial: Trial) -> Array:
+    return predicted(study, Experiment(study, trial).estimate(), trial.period)
 
 
 def _prior(rng: Rng, draft: Draft, estimated: list[str]) -> dict[str, Any]:

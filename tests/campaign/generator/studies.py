@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -170,7 +171,7 @@ def _of_what_is_estimated(
     columns = [named.names.index(name) for name in judged]
     for quantity in (criterion["quantity"], "position"):
         asked = {**criterion, "quantity": quantity}
-        if np.any(predicted(named, plain(asked))[..., columns]):
+        if np.any(predicted(named, plain(asked), math.inf)[..., columns]):
             return asked
     return {"kind": "E", **{key: criterion[key] for key in ("subset", "scaling") if key in criterion}}
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .criteria import value
+from .criteria import steps_of, value
 from .equations import STEP, Equations
 from .limits import Excess
 from .readings import Block
@@ -341,7 +341,9 @@ def score(experiment: Experiment, shaken: Experiment) -> Score:
     objective, deviations = np.nan, {}
     if sort == "well":
         deviations = found.deviations()
-        rows = [predicted(study, found)] if criterion["kind"] in "GI" else ()
+        rows = (
+            [predicted(study, found, _longest(study, experiment.trial))] if criterion["kind"] in "GI" else ()
+        )
         objective = value(criterion["kind"], [told], rows)
     return Score(objective, float(told.eigenvalues[-1]), float(told.eigenvalues[0]), deviations, 0.0, sort)
 
@@ -356,8 +358,23 @@ def shaken(experiment: Experiment) -> Experiment:
     return Experiment(experiment.study, replace(trial, held=held, starts=starts))
 
 
-def predicted(study: Mapping[str, Any], found: Estimate) -> Array:
-    """Derivatives (legs, 1, p) of the predicted state by the scaled judged parameters."""
+def _longest(study: Mapping[str, Any], trial: Trial) -> float:
+    # A sample of the longest trial that may be chosen.
+    given = study["experiment"].get("duration")
+    return float(np.max(given)) / trial.samples if given is not None else trial.period
+
+
+def _usual(begin: Any) -> float:
+    # What a state begins at: of chosen values the middle.
+    if isinstance(begin, Mapping):
+        return float(begin["unknown"] if "unknown" in begin else np.mean(begin["design"]))
+    return float(begin)
+
+
+def predicted(study: Mapping[str, Any], found: Estimate, longest: float) -> Array:
+    """Derivatives (legs, 1, p) of the predicted state by the scaled judged parameters, in steps of at most
+    so long [s].
+    """
     criterion = study["criterion"]
     legs, start = criterion.get("test_drive"), None
     if legs is None:
@@ -365,11 +382,14 @@ def predicted(study: Mapping[str, Any], found: Estimate) -> Array:
         legs = [{"inputs": row, "duration": task["period"]} for row in task["inputs"]]
         start = task.get("start")
     system = Equations(study["system"])
-    first = np.zeros((1, len(system.states))) if start is None else np.array([start])
+    usual = [_usual(one) for one in study["system"]["states"].values()]
+    first = np.array([usual if start is None else start])
     own = Experiment(study, Trial(np.zeros((1, 1, len(system.inputs))), first, 1.0))
     x, rows = own.states[..., 0], []
     for leg in legs:
-        x = system.step(x, [np.array([one]) for one in leg["inputs"]], own.p, leg["duration"])
+        count = steps_of(leg["duration"], longest)
+        for _ in range(count):
+            x = system.step(x, [np.array([one]) for one in leg["inputs"]], own.p, leg["duration"] / count)
         rows.append(np.imag(x[system.states.index(criterion["quantity"]), 1:, 0]) / STEP)
     places = [system.parameters.index(name) for name in found.judged]
     return (np.array(rows)[:, places] * found.scales)[:, None, :]

@@ -72,7 +72,7 @@ def score(study: Mapping[str, Any], runs: Sequence[Run]) -> Score:
     largest = max(float(one.eigenvalues[0]) for one in told)
     objective = np.nan
     if sort == "well":
-        rows = [one.predictions(robot) for one in found] if criterion["kind"] in "GI" else ()
+        rows = [one.predictions(robot, runs[0].period) for one in found] if criterion["kind"] in "GI" else ()
         objective = value(criterion["kind"], told, rows)
     return Score(objective, smallest, largest, deviations, path_length(robot, runs, rule), sort)
 
@@ -175,10 +175,10 @@ class Estimate:
         found = np.linalg.norm(inverse, axis=1) / lengths
         return dict(zip(self.names, found.tolist(), strict=True))
 
-    def predictions(self, robot: Robot) -> Array:
-        """What G and I judge, by the scaled parameters."""
+    def predictions(self, robot: Robot, longest: float) -> Array:
+        """What G and I judge, by the scaled parameters, in steps of at most so long [s]."""
         named = robot if set(self.judged) <= set(robot.names) else through_coefficients(robot)
-        rows = predicted(named, self.criterion)
+        rows = predicted(named, self.criterion, longest)
         return rows[:, :, [named.names.index(name) for name in self.judged]] * self.scales
 
     def _information(self, kept: int, scales: Array, noise: float | None) -> Told:

@@ -1,0 +1,106 @@
+"""What a system is predicted to do when it is driven, and how that depends on its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Annotated
+
+import casadi as ca
+import numpy as np
+from pydantic import Field, FiniteFloat
+
+from oed.foundation.arrays import Array
+from oed.foundation.component import Component
+from oed.foundation.errors import Issue
+from oed.foundation.quantities import Duration
+from oed.foundation.text import count
+from oed.kernel.criteria.criterion import Subject
+from oed.kernel.dynamics.system import carrier, stepper
+
+MOST_STEPS = 100_000
+"""That are predicted at most: some seconds."""
+ROUNDED = 1e-9
+"""Share of a period by which legs of a whole number of them may be longer."""
+
+
+class Leg(Component):
+    """A part of a test drive: inputs held [SI], and for how long [s]."""
+
+    inputs: Annotated[tuple[FiniteFloat, ...], Field(min_length=1)]
+    duration: Annotated[Duration, Field(gt=0)]
+
+
+class TaskDrive(Component):
+    """A drive that the estimates are for: inputs held in equal periods, from a start state.
+
+    Attributes:
+        inputs: of every period, (N, inputs), SI.
+        period: how long each is held [s].
+        start: start state, (states,), SI; if None that of the experiments.
+    """
+
+    inputs: Annotated[tuple[tuple[FiniteFloat, ...], ...], Field(min_length=1)]
+    period: Annotated[Duration, Field(gt=0)]
+    start: tuple[FiniteFloat, ...] | None = None
+
+
+def task_issues(subject: Subject, task: Sequence[str | TaskDrive]) -> Iterator[Issue]:
+    """Drives of a task that are not read, or not of a system.
+
+    Args:
+        subject: whose system predicts.
+        task: drives, or names of files.
+    """
+    inputs, states = len(subject.system.exact.inputs), len(subject.system.exact.states)
+    for index, one in enumerate(task):
+        key = ("criterion", "task", index)
+        if isinstance(one, str):
+            yield Issue(key, f"the file {one} is read where a study is loaded from a file; here give drives")
+        elif any(len(row) != inputs for row in one.inputs):
+            yield Issue((*key, "inputs"), f"expected {count(inputs, 'input')} in every period")
+        elif one.start is not None and len(one.start) != states:
+            yield Issue((*key, "start"), f"expected {count(states, 'state')}, got {len(one.start)}")
+
+
+def states_of(subject: Subject, quantity: str) -> list[int]:
+    """Places of the states that are predicted together.
+
+    Args:
+        subject: whose system predicts.
+        quantity: one of its `predictions`.
+    """
+    system = subject.system.exact
+    return [system.states.index(name) for name in system.predictions[quantity]]
+
+
+def sensitivities(
+    subject: Subject,
+    inputs: Sequence[Sequence[float]],
+    durations: Sequence[float],
+    start: Sequence[float] | None = None,
+) -> Array:
+    """Derivatives (legs, states, parameters) of the states at the ends of legs by the system's parameters.
+
+    Each leg is stepped in equal parts of at most the experiment's period: as far as its system steps at once.
+
+    Args:
+        subject: whose system is driven, at its nominal parameters.
+        inputs: held in every leg, (legs, inputs), SI.
+        durations: of the legs [s].
+        start: where the first begins, (states,), SI; where experiments begin by default.
+    """
+    system = subject.system.exact
+    states, size = len(system.states), len(system.parameters)
+    times = np.array(durations, dtype=float)
+    steps = np.maximum(np.ceil(times / subject.period - ROUNDED), 1.0).astype(int)
+    begin = subject.start if start is None else start
+    first = ca.DM.zeros(states) if begin is None else ca.DM(np.asarray(begin, dtype=float))
+    held = ca.DM(np.repeat(np.array(inputs, dtype=float).reshape(len(steps), -1), steps, axis=0)).T
+    given = held, ca.DM(system.nominal), ca.DM(np.repeat(times / steps, steps)).T
+    every = int(steps.sum())
+    after = stepper(system).mapaccum(every)(first, *given)
+    before = ca.horzcat(first, after[:, :-1])
+    known = ca.horzcat(ca.DM.zeros(states, size), ca.DM.eye(states))
+    carried = np.array(carrier(system).mapaccum(every)(known, before, *given))
+    by_step = carried.reshape(states, every, size + states).swapaxes(0, 1)
+    return np.asarray(by_step[np.cumsum(steps) - 1, :, :size])
