@@ -11,6 +11,7 @@ from oed.foundation.shown import written
 from oed.foundation.work.cluster import Cluster
 from oed.foundation.work.parallel import Workers, default_workers
 from oed.foundation.work.progress import Progress, Silent
+from oed.foundation.work.signals import interrupts_answered
 from oed.kernel.evaluation import evaluate
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.problem import Problem
@@ -27,6 +28,7 @@ SOLVERS: tuple[type[Solver], ...] = (Ipopt, Genetic, CmaEs, DifferentialEvolutio
 
 
 @typed
+@interrupts_answered()
 def solve(
     problem: Problem,
     solver: Solver | str | None = None,

@@ -21,7 +21,7 @@ from .generator.studies import Study, draw_study
 from .oracle.limits import Excess, excesses
 from .oracle.score import Score, score
 from .oracle.splines import Run, clamped_run
-from .searches import searched
+from .searches import LONGEST, searched
 
 Rng = np.random.Generator
 
@@ -198,7 +198,7 @@ class _Judged:
 
 
 def _bounded(problem: oed.Problem, judged: list[_Judged]) -> Iterator[Verdict]:
-    certificate = oed.bound(problem)
+    certificate = oed.bound(problem, time_limit=LONGEST)
     # A certificate without a widened one says nothing of drives within the tolerance only.
     looser = getattr(certificate, "widened", None)
     widened = None if looser is None else looser.upper_bound

@@ -23,7 +23,7 @@ SAME = 1e-6
 """Share of an objective that a search may give up of what it started from."""
 GIVEN = "given"
 LONGEST = 15.0
-"""Of a search [s]: some systems that are drawn take a second for an iteration."""
+"""Of a search or a bound [s]: some systems that are drawn take a second for an iteration."""
 FROM_NOWHERE = (
     {"starts": 1, "perturbations": 0, "max_iterations": 40, "second_stage": "none"},
     {"starts": 2, "perturbations": 1, "max_iterations": 25},

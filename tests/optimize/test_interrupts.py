@@ -12,7 +12,7 @@ import casadi as ca
 import pytest
 
 from oed.foundation.errors import UserMistake
-from oed.foundation.work.signals import SOON, ending_alike, interrupts_named
+from oed.foundation.work.signals import SOON, ending_alike, interrupts_answered, interrupts_named
 from oed.optimize.transcription.solver_calls import interrupts_kept
 
 pytestmark = pytest.mark.usefixtures("interruptible")
@@ -146,6 +146,23 @@ def test_casadis_wrappers_lose_no_signal(number: int):
     assert time.monotonic() - before < 1
     assert odd.asked
     assert reached == [3]
+
+
+def test_nor_do_those_within_a_search_of_somebodys_program():
+    """Which has Python's own answer to Ctrl-C: it was lost, or an error of the system."""
+    odd, reached = Odd(signal.SIGINT), []
+
+    @interrupts_answered()
+    def work(seconds: float) -> None:
+        reached.append(ca.DM(2) + odd)
+        time.sleep(seconds)
+
+    for seconds in (5, 0):
+        before = time.monotonic()
+        with pytest.raises(KeyboardInterrupt):
+            work(seconds)
+        assert time.monotonic() - before < 1
+    assert reached == [3, 3]
 
 
 def test_a_solver_hears_of_it_at_once():

@@ -392,6 +392,22 @@ def agree(problem: Problem, pieces: Pieces, whole: Unrolled) -> None:
             assert_close(own.hessian(z, *given), others.hessian(z, *given))
 
 
+@pytest.mark.slow
+def test_second_derivatives_by_directions_are_those_of_all_at_once(monkeypatch: pytest.MonkeyPatch):
+    """Of problems with millions of operations, of which all at once took gigabytes."""
+    problem = problem_of()
+    monkeypatch.setattr("oed.optimize.terms.unrolled.LARGE", 0)
+    other = Unrolled(problem)
+    slots = 2
+    given = [np.zeros(one) for one in (other.functions(slots).hessian.size1_in(place) for place in range(4))]
+    rng = np.random.default_rng(0)
+    given[0], given[2], given[3] = (rng.uniform(0.1, 1, len(given[place])) for place in (0, 2, 3))
+    found = np.array(other.functions(slots).hessian(*given))
+    monkeypatch.setattr("oed.optimize.terms.unrolled.LARGE", 10**9)
+    np.testing.assert_allclose(found, np.array(Unrolled(problem).functions(slots).hessian(*given)), rtol=1e-9)
+    assert np.any(found)
+
+
 @pytest.mark.parametrize("kind", [Pieces, Unrolled])
 @pytest.mark.parametrize(
     ("limits", "crossing"), [((Lagging(),), True), ((BodySpeed(bounds=0.4), BOX), False)]

@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
@@ -36,18 +36,32 @@ def _in_main_thread() -> bool:
 
 
 @contextmanager
-def ending_alike() -> Iterator[None]:
-    """Answer every signal that ends a program as Ctrl-C is answered, while the context lasts."""
+def ending_alike(numbers: Sequence[int] = ENDING) -> Iterator[Ending]:
+    """Answer every signal that ends a program as Ctrl-C is answered, while the context lasts.
+
+    Args:
+        numbers: of the signals.
+    """
+    ending = Ending()
     if not _in_main_thread():
-        yield
+        yield ending
         return
     # What is ignored (by `nohup`, say) stays so, and a handler of somebody else's stays in place.
-    own, ending = (signal.SIG_DFL, signal.default_int_handler), Ending()
-    with _handled({number: ending for number in ENDING if signal.getsignal(number) in own}):
+    own = (signal.SIG_DFL, signal.default_int_handler)
+    with _handled({number: ending for number in numbers if signal.getsignal(number) in own}):
         try:
-            yield
+            yield ending
         finally:
             ending.forget()
+
+
+@contextmanager
+def interrupts_answered() -> Iterator[None]:
+    """Answer Ctrl-C where CasADi's wrappers do not lose it, while the context lasts, or at its end."""
+    with ending_alike([signal.SIGINT]) as ending:
+        yield
+        if ending.waits:
+            raise KeyboardInterrupt
 
 
 @contextmanager
@@ -80,6 +94,11 @@ class Ending:
         self._waiting = threading.Timer(SOON, _send, [number])
         self._waiting.daemon = True
         self._waiting.start()
+
+    @property
+    def waits(self) -> bool:
+        """Whether a signal waits."""
+        return self._waiting is not None and self._waiting.is_alive()
 
     def forget(self) -> None:
         """Let no signal wait any longer."""

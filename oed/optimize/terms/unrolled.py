@@ -24,6 +24,9 @@ from oed.optimize.terms.matrices import upper_half
 from oed.optimize.terms.needs import by_instants
 from oed.optimize.terms.row_bounds import RowBounds, said_once, scores_of, violation
 
+LARGE = 2_000_000
+"""Operations of second derivatives from which on directions share one function: a million take 100 MB."""
+
 
 class Unrolled(Terms):
     """Information and limit rows of the drive written out, positions at `refine` points per sample.
@@ -97,9 +100,27 @@ class Unrolled(Terms):
         """Operations of a whole drive."""
         return int(self.scores.n_instructions())
 
+    @cached_property
+    def fixed_rows(self) -> Expression:
+        """The limits' rows that a program has without slots, stacked (SX)."""
+        return ca.vertcat(*(one.expression for one in self._fixed))
+
+    @cached_property
+    def whole(self) -> ca.Function:
+        """Z -> entries, fixed rows."""
+        return ca.Function("unrolled", [self.unknowns], [self.entries, self.fixed_rows])
+
+    @cached_property
+    def slopes(self) -> ca.Function:
+        """Z -> derivatives of the entries (dense), and of the fixed rows."""
+        slope = ca.jacobian(ca.vertcat(self.entries, self.fixed_rows), self.unknowns)
+        count = self.entries.shape[0]
+        parts = [ca.densify(slope[:count, :]), slope[count:, :]]
+        return ca.Function("unrolled_slopes", [self.unknowns], parts)
+
     def sweep(self) -> UnrolledSweep:
         """The terms at z."""
-        return UnrolledSweep(self, ca.vertcat(*(one.expression for one in self._fixed)))
+        return UnrolledSweep(self)
 
 
 class UnrolledSweep(Swept):
@@ -107,28 +128,22 @@ class UnrolledSweep(Swept):
 
     Args:
         terms: written out.
-        rows: of the limits (SX), stacked.
     """
 
-    def __init__(self, terms: Unrolled, rows: Expression) -> None:
+    def __init__(self, terms: Unrolled) -> None:
         """Begin with z."""
-        self.terms, self._rows, self.z = terms, rows, ca.MX.sym("z", terms.size)
+        self.terms, self.z = terms, ca.MX.sym("z", terms.size)
 
     @cached_property
     def _values(self) -> list[Expression]:
-        function = ca.Function("unrolled", [self.terms.unknowns], [self.terms.entries, self._rows])
-        return list(function(self.z))
+        return list(self.terms.whole(self.z))
 
     entries = property(lambda self: self._values[0])
     rows = property(lambda self: self._values[1])
 
     @cached_property
     def _slopes(self) -> list[Expression]:
-        both = ca.vertcat(self.terms.entries, self._rows)
-        slope = ca.jacobian(both, self.terms.unknowns)
-        count = self.terms.entries.shape[0]
-        parts = [ca.densify(slope[:count, :]), slope[count:, :]]
-        return list(ca.Function("unrolled_slopes", [self.terms.unknowns], parts)(self.z))
+        return list(self.terms.slopes(self.z))
 
     entry_slopes = property(lambda self: self._slopes[0])
     row_slopes = property(lambda self: self._slopes[1])
@@ -145,18 +160,29 @@ class UnrolledSweep(Swept):
 
     def curvature(self, entries: Expression, rows: Expression, begun: Sequence[Weighted]) -> Expression:
         """Second derivatives by z."""
-        parts, given = [self.terms.entries, self._rows], [entries, rows]
+        parts, given = [self.terms.entries, self.terms.fixed_rows], [entries, rows]
         if begun:
             own = self.begins[:, : len(self.terms.problem.system.states)].T
             parts.append(ca.vec(own))
             given.append(sum(one.begun.weighted(one.states) for one in begun))  # type: ignore[attr-defined]
         symbols = [ca.SX.sym("weights", one.shape[0]) for one in parts]
         weighted = sum(ca.dot(*both) for both in zip(symbols, map(ca.densify, parts), strict=True))
-        gradient = ca.gradient(weighted, self.terms.unknowns)
+        arguments = [self.terms.unknowns, *symbols]
+        gradient = ca.Function("unrolled_gradient", arguments, [ca.gradient(weighted, self.terms.unknowns)])
+        inner = sum(_inner(one) for one in begun if one.bent)
+        if gradient.n_instructions() * self.terms.size > LARGE:
+            return _by_directions(gradient, [self.z, *given]) + inner
         # Every unknown meets every other somewhere: finding that out would take longer than using it.
-        curvature = ca.jtimes(gradient, self.terms.unknowns, ca.SX.eye(self.terms.size))
-        function = ca.Function("unrolled_curvature", [self.terms.unknowns, *symbols], [curvature])
-        return function(self.z, *given) + sum(_inner(one) for one in begun if one.bent)
+        curvature = ca.jtimes(gradient(*arguments), self.terms.unknowns, ca.SX.eye(self.terms.size))
+        return ca.Function("unrolled_curvature", arguments, [curvature])(self.z, *given) + inner
+
+
+def _by_directions(gradient: ca.Function, given: Sequence[Expression]) -> Expression:
+    # The gradient's derivatives by its first argument, one direction after the other: each is written once.
+    size, count = given[0].shape[0], len(given)
+    every = gradient.forward(1).map("directions", "serial", size, list(range(count + 1)), [])
+    others = [ca.MX(one.shape[0], size) for one in given[1:]]
+    return every(*given, gradient(*given), ca.MX.eye(size), *others)
 
 
 def _inner(weighted: Weighted) -> Expression:
