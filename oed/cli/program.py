@@ -103,6 +103,10 @@ def _run(arguments: Sequence[str] | None) -> int:
         # A disk that is full, a file that may not be read: no fault of the program's.
         _report(_with_notes(_of_system(error), error), [], as_json=options.json)
         return FAILED
+    except MemoryError as error:
+        text = f"more memory is asked for than there is ({error}): take fewer samples, points or coefficients"
+        _report(_with_notes(text, error), [], as_json=options.json)
+        return FAILED
     except (Exception, SystemExit) as error:
         return _defect(options, error)
 

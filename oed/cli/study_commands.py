@@ -155,11 +155,14 @@ def _evaluate_arguments(parser: argparse.ArgumentParser) -> None:
 def _evaluate(options: argparse.Namespace) -> int:
     from oed.cli.terminal.console import print_driven, print_results, print_worth
     from oed.foundation.vocabulary import speak
+    from oed.records.record import load_record
     from oed.workflow.driven import score_path
     from oed.workflow.studies import load_study
 
     study = load_study(options.study)
     speak(study.file.vocabulary)
+    if options.designs is not None:
+        load_record(options.designs)
     designs = options.designs or Path("reports") / Path(options.study).stem
     found = score_path(study, options.path, designs)
     if options.json:

@@ -142,8 +142,10 @@ class Experiment(Component):
         """All that may be chosen, of a system whose states begin so.
 
         Raises:
-            ProblemError: candidates that are none.
+            ProblemError: candidates that are none, inputs that are missing.
         """
+        if issues := self.issues(system):
+            raise ProblemError(issues)
         start, trials = [one.low for one in begins.values()], self.trials or 1
         samples = self.points or self.samples or USUAL_SAMPLES
         chosen = [name for name, one in begins.items() if one.low < one.high]

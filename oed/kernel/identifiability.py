@@ -23,8 +23,12 @@ from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Estimation, Problem
 
 DRIVES = 6
-"""Random drives whose information is added up at most: what none of them identifies, no drive does."""
-DECADES = 4.0
+"""Random drives whose information is added up at most, and then those nearer to the ends of inputs' ranges:
+what none of them identifies is taken for what no drive does.
+"""
+NEARER = 4
+"""As many times so many are tried near the ends: of several decades a drive sees one."""
+DECADES = 8.0
 """How near the ends of their ranges, in powers of ten, inputs are tried where other drives hide something."""
 ANY = 1.0
 """Size of an input that nothing bounds, where no drive is designed, SI: any will do."""
@@ -36,7 +40,7 @@ NEGLIGIBLE = 1e-5
 
 @dataclass(frozen=True)
 class Ambiguity:
-    """A combination of parameters that no drive identifies.
+    """A combination of parameters that no drive identifies, as far as random ones tell.
 
     Attributes:
         changes: of the parameters, SI, that together change nothing that is measured.
@@ -100,8 +104,8 @@ def _hidden(problem: Problem, drives: int) -> tuple[Ambiguity, ...]:
     pairs = list[tuple[Estimation, SquareRoot]]()
     # What is over soon, or goes beyond all bounds, shows in next to none of the drives that are anywhere.
     only = problem.design.only
-    for shares in (_anywhere, _near_an_end):
-        tried = [_random_drive(problem, rng, shares) for _ in range(drives)] if only is None else [only]
+    for shares, count in ((_anywhere, drives), (_near_an_end, NEARER * drives)):
+        tried = [_random_drive(problem, rng, shares) for _ in range(count)] if only is None else [only]
         for drive in tried:
             # Of drives that are finite: a system at its fastest may go beyond all bounds.
             try:

@@ -92,6 +92,8 @@ def _selected(problem: Problem, selection: Selection, trajectory: Trajectory) ->
     if not selection.whole:
         return Selected(criterion, parts, budgets, relaxed, None)
     near = whole_weights(criterion, parts, relaxed.values, budgets)
+    # Of a search that ended where less is identifiable.
+    relaxed = near if near.value > relaxed.value else relaxed
     return Selected(criterion, parts, budgets, relaxed, exact_weights(criterion, parts, near, budgets))
 
 

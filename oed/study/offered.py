@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -199,7 +200,7 @@ def require_unit(what: str, given: str, usual: str) -> None:
         UserMistake: says both.
     """
     number, (_, _, unit) = plain_number(given), usual.partition(" ")
-    if number and unit in SI:
+    if number and math.isfinite(number) and unit in SI:
         inside = f"{parse_quantity(f'{given} {unit}', SI[unit]):.2g} {SI[unit]}"
         raise UserMistake(
             f"{what}: {given} has no unit; say '{given} {unit}' ({inside}) or '{given} {SI[unit]}'"

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 import jinja2
+import yaml
 
 from oed.foundation.errors import StudyError, UserMistake
 from oed.foundation.quantities import parse_quantity
@@ -206,6 +207,8 @@ def _text(
     )
     for key, size in choice.sizes.items():
         require_unit(key, size, TYPICAL.get(key, ""))
+        if size and not isinstance(yaml.safe_load(size), str | float | int):
+            raise UserMistake(f"{key}: expected a quantity, got {size!r}")
     noise = noise_of(choice.sensor, choice.noise, trailer=_has_trailer(choice.robot))
     corners = [f"[{x:g} m, {y:g} m]" for x, y in ((x_min, y_min), (x_max, y_min), (x_min, y_max))]
     return _template(choice.designs).render(

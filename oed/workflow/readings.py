@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 
+import numpy as np
+
 from oed.bounds.readings import certified_selection
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
@@ -15,12 +17,14 @@ COLUMNS = ("run", "sensor", "t", "weight")
 
 
 def selection_of(problem: Problem, solution: Solution) -> StoredSelection | None:
-    """The chosen readings of a solution; None where none were chosen, or no choice is better than another."""
+    """The chosen readings of a solution; None where none were chosen, or no choice is better than another, as
+    where all are too few.
+    """
     trajectory = solution.trajectory
     if problem.selection is None or trajectory is None or trajectory.weights is None:
         return None
     found, criterion = certified_selection(problem, trajectory), problem.objective
-    if found is None:
+    if found is None or not np.isfinite(found.selected.chosen.value):
         return None
     chosen, parts = found.selected, found.selected.parts
     each = zip(

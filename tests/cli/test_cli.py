@@ -794,3 +794,41 @@ def test_few_replicates_are_refused_in_words(capsys, folder: Path, count: str):
     (folder / "made" / "record.json").write_bytes((saved / "record.json").read_bytes())
     code, _, err = call(capsys, "validate", "made", "--replicates", count, "--quiet", "--trust")
     assert (code, err) == (2, f"replicates: expected at least 100, got {count}\n")
+
+
+@pytest.mark.parametrize("amount", ["nan", "inf", "-inf"])
+@pytest.mark.parametrize("option", ["--noise position={}", "--size track={}"])
+def test_a_first_study_of_no_number(capsys, folder: Path, option: str, amount: str):
+    """A number that is none was called a defect of the program."""
+    given = ["init", "new.yaml", "--robot", "jackal", "--room", "4 m x 3 m", "--sensor", "poses"]
+    code, out, err = call(capsys, *given, *option.format(amount).split())
+    assert (code, out) == (2, "")
+    assert amount.lstrip("-") in err
+    assert "defect" not in err
+    assert not (folder / "new.yaml").exists()
+
+
+def test_a_size_that_yaml_takes_for_a_comment(capsys, folder: Path):
+    given = ["init", "new.yaml", "--robot", "differential_drive", "--room", "4 m x 3 m", "--sensor", "poses"]
+    code, _, err = call(capsys, *given, "--size", "track=#1")
+    assert code == 2
+    assert "track: expected a quantity, got '#1'" in err
+
+
+def test_designs_to_compare_with_that_are_not_there(capsys, folder: Path):
+    """They were left out without a word."""
+    code, out, err = call(capsys, "evaluate", "study.yaml", "path.csv", "--designs", "nowhere")
+    assert (code, out) == (2, "")
+    assert "nowhere" in err
+
+
+@pytest.mark.slow
+def test_more_memory_than_there_is(capsys, folder: Path, monkeypatch: pytest.MonkeyPatch):
+    def huge(*_: object, **__: object) -> None:
+        raise MemoryError("Unable to allocate 74.5 GiB")
+
+    monkeypatch.setattr("oed.workflow.studies.load_study", huge)
+    code, out, err = call(capsys, "solve", "study.yaml", "--quiet")
+    assert (code, out) == (1, "")
+    assert "Unable to allocate 74.5 GiB" in err
+    assert "take fewer samples, points or coefficients" in err

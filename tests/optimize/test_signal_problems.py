@@ -400,3 +400,30 @@ def test_drives_of_one_spline_are_as_they_were():
     np.testing.assert_array_equal(drive.coefficients, table)
     np.testing.assert_array_equal(drive.starts, z[16:].reshape(2, 3))
     np.testing.assert_allclose(design.unknowns_of(drive), z, rtol=1e-15)
+
+
+STILL = """
+format: 1
+name: A limit that the input does not move
+system:
+  kind: equations
+  states: {x: 2}
+  inputs: {u: ""}
+  parameters: {k: 0.5 1/s, b: 1}
+  derivatives: {x: k - k * x * x}
+  outputs: {y: x + b * u}
+experiment: {duration: 3 s, samples: 4, trials: 2, inputs: {u: [0, 1]}}
+measurement: {kind: outputs, noise: {y: 0.1}}
+limits: [{kind: end, name: ending, of: x * x, range: [0.5, 5]}]
+estimate: [b]
+criterion: D
+"""
+
+
+def test_limits_that_no_input_moves_are_no_obstacle():
+    """Their second derivatives are nothing at all, which was taken for zeros."""
+    problem = oed.parse_study(STILL, "still.yaml").problem
+    found = oed.solve(problem, oed.Ipopt(starts=1, perturbations=0, second_stage="none"), workers=1)
+    assert found.evaluation.feasible
+    # All readings as large as may be: five of each trial.
+    assert found.evaluation.objective == pytest.approx(np.log(2 * 5 / 0.1**2), rel=1e-6)

@@ -116,7 +116,9 @@ class Carry:
             spread: P.
             added: information.
         """
-        return self._handed(table, spread)[self.moving], ca.densify(upper_half(ca.densify(added)))
+        # None at all is a column, too.
+        handed = self._handed(table, spread)[self.moving] if self.moving else ca.SX(0, 1)
+        return handed, ca.densify(upper_half(ca.densify(added)))
 
     def turned(self, information: Expression, whole: Expression) -> Expression:
         """Entries of information on (parameters, start, nuisances), written by the whole run's start."""

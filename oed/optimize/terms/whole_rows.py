@@ -259,7 +259,7 @@ class WholeSweep:
         colour = np.empty(inner.size2(), dtype=np.int64)
         colour[colours.row()] = colours.get_col()
         rows, columns = map(np.array, inner.get_triplet())
-        entries = ca.vec(found)[(rows + inner.size1() * colour[columns]).tolist()]
+        entries = ca.vec(ca.densify(found))[(rows + inner.size1() * colour[columns]).tolist()]
         return ca.sparsity_cast(entries, inner) @ across
 
 
