@@ -11,12 +11,15 @@ from pydantic import BeforeValidator, Field
 from oed.equations.diffusion import Diffusion, diffusion_issues, diffusion_of
 from oed.equations.dimensions import quantity
 from oed.equations.given import AS_DATA, Readable, pairs
+from oed.foundation.component import OneOf
 from oed.foundation.errors import Issue
 from oed.foundation.text import count, did_you_mean, listing, unit_text, words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.description import deviations_text
-from oed.kernel.measurement.sensor import Moment, Sensor, Start, When
+from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.sensor import Moment, Sensor, Start, When, joined, joins
+from oed.kernel.measurement.several import Together
 
 Deviations = Annotated[
     tuple[tuple[str, str | float], ...], BeforeValidator(pairs), Field(min_length=1), AS_DATA
@@ -178,6 +181,32 @@ class Responses(OutputSensor):
     def sentence(self, samples: int) -> str:
         """What is read of so many settings, and how noisily."""
         return f"{self.subject} at each setting ({count(samples, 'time')}) with {self.noise_text}"
+
+
+SENSORS: tuple[type[OutputSensor], ...] = (Outputs, Rates, Responses)
+"""Every way of reading outputs."""
+
+
+@joins(OutputSensor)
+class SeveralOutputs(Together):
+    """Outputs read together; in a study, a list of sensors."""
+
+    kind: Literal["several"] = "several"
+    sensors: Annotated[tuple[Annotated[OutputSensor, OneOf(SENSORS)], ...], Field(min_length=1)]
+
+
+def replaced_starts(measurement: Measurement, known: tuple[tuple[str, float], ...]) -> Measurement:
+    """A measurement whose sensors know start states so well; those that say it themselves are left alone.
+
+    Args:
+        measurement: of outputs.
+        known: standard deviations by the states' names, SI.
+    """
+    sensors = [
+        one.model_copy(update={"start": known}) if getattr(one, "start", None) == "known" else one
+        for one in measurement.joint_sensors
+    ]
+    return sensors[0] if len(sensors) == 1 else joined(sensors)
 
 
 def _noise_issue(system: Readable, name: str, value: str | float) -> str:

@@ -73,7 +73,7 @@ class Parts(Brief):
         return np.asarray(self.known_rows.T @ self.known_rows)
 
     def scaled(self, scales: Array) -> Parts:
-        """The same on unknowns in other units, by factors (q,)."""
+        """What the readings say of the unknowns in other units, each times a factor, (q,)."""
         return replace(self, rows=self.rows * scales, known_rows=self.known_rows * scales)
 
     def taken(self, weights: Array, free: Places) -> Parts:

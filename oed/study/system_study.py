@@ -18,8 +18,7 @@ from oed.equations.expression_limits import LIMITS as EXPRESSION_LIMITS
 from oed.equations.expression_limits import Always, ExpressionLimit
 from oed.equations.given import Readable, SystemKeys
 from oed.equations.keys import EquationKeys
-from oed.equations.outputs import OutputSensor
-from oed.equations.several import SENSORS, SeveralOutputs, replaced_starts
+from oed.equations.outputs import SENSORS, OutputSensor, SeveralOutputs, replaced_starts
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.text import Unit, listing, words

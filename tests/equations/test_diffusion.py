@@ -12,8 +12,7 @@ import pytest
 import oed
 from oed.equations.diffusion import Diffusion
 from oed.equations.limits import InputRange
-from oed.equations.outputs import Outputs, Rates
-from oed.equations.several import SeveralOutputs
+from oed.equations.outputs import Outputs, Rates, SeveralOutputs
 from oed.equations.system import Equations
 from oed.foundation.errors import PartError, ProblemError
 from oed.kernel.criteria import D

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pickle
+import subprocess
+import sys
 from typing import Any
 
 import casadi as ca
@@ -276,3 +278,21 @@ def test_a_solution_is_shown_in_the_units_of_its_parameters():
     # The best time is 1 / k, where the error is 0.01 e k.
     assert f"{0.01 * np.e * 0.7:.3f} 1/min" in str(solution)
     assert "path length" not in str(solution)
+
+
+LIST = """
+import sys, oed
+system = oed.Equations(states={"a": ""}, derivatives={"a": "u - k * a"}, parameters={"k": "0.5 1/s"},
+                       inputs={"u": "1/s"}, outputs={"a": "a", "b": "2 * a"})
+problem = oed.Problem(model=system, design=oed.SignalSpace(duration=6, samples=12, start=(0.2,)),
+                      measurement=[oed.Outputs(noise={"a": 0.1}), oed.Outputs(noise={"b": 0.1})],
+                      limits=[oed.InputRange(input="u", range=("0 1/s", "2 1/s"))], criterion="D")
+print(problem.measurement.kind, "oed.robots.sensors" in sys.modules)
+"""
+
+
+@pytest.mark.slow
+def test_sensors_in_a_list_need_no_robots():
+    """It was an error unless somebody had imported the robots' sensors before."""
+    done = subprocess.run([sys.executable, "-c", LIST], capture_output=True, text=True, check=True)
+    assert done.stdout == "several False\n"

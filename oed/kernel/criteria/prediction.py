@@ -9,7 +9,6 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import casadi as ca
 import numpy as np
-import scipy.optimize
 from pydantic import Field, PrivateAttr, model_validator
 
 from oed.foundation.arrays import Array
@@ -243,8 +242,10 @@ class G(Prediction):
         inverse, found = np.linalg.pinv(matrix, hermitian=True), np.zeros(len(self._squares))
         if gradient is not None:
             each = (inverse @ self._squares @ inverse).reshape(len(found), -1)
+            from scipy.optimize import nnls
+
             wanted = gradient.ravel() / (np.abs(gradient).max() or 1.0)
-            found = scipy.optimize.nnls((each / (np.abs(each).max() or 1.0)).T, wanted)[0]
+            found = nnls((each / (np.abs(each).max() or 1.0)).T, wanted)[0]
         if not np.any(found):
             found[int(np.argmax(np.einsum("lab,ab->l", self._squares, inverse)))] = 1.0
         return np.asarray(found / found.sum())

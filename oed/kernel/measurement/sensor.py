@@ -10,7 +10,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import inf, isfinite, lcm
-from typing import Annotated, ClassVar, Literal, Self, TypeVar, cast
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, cast
 
 import casadi as ca
 import numpy as np
@@ -371,22 +371,27 @@ def sensor_labels(sensors: Sequence[Sensor]) -> list[str]:
 
 
 Kind = TypeVar("Kind", bound=Measurement)
-_joining: list[Callable[..., Measurement]] = []
+_joining: dict[type[Any], Callable[..., Measurement]] = {}
 # What joins sensors knows every one of its domain: it stands on a higher floor, and enters here.
 
 
-def joins(kind: type[Kind]) -> type[Kind]:
-    """Marks the measurement of several sensors, whose field `sensors` they are."""
-    _joining.append(kind)
-    return kind
+def joins(sort: type[Any]) -> Callable[[type[Kind]], type[Kind]]:
+    """Marks the measurement of several sensors of a sort, whose field `sensors` they are."""
+
+    def entered(kind: type[Kind]) -> type[Kind]:
+        _joining[sort] = kind
+        return kind
+
+    return entered
 
 
 def joined(sensors: Sequence[Sensor]) -> Measurement:
-    """The measurement of several sensors.
+    """The measurement of several sensors, by the narrowest sort that all are of.
 
     Raises:
         TypeError: no domain with such a measurement has been loaded.
     """
-    if not _joining:
-        raise TypeError("no measurement of several sensors has been loaded")
-    return _joining[-1](sensors=tuple(sensors))
+    fitting = [sort for sort in _joining if all(isinstance(one, sort) for one in sensors)]
+    if not fitting:
+        raise TypeError("no measurement of several sensors like these has been loaded")
+    return _joining[max(fitting, key=lambda sort: len(sort.__mro__))](sensors=tuple(sensors))

@@ -28,7 +28,7 @@ SENSORS: tuple[type[Sensor], ...] = (
 """Every sensor of this package."""
 
 
-@joins
+@joins(Sensor)
 class Several(Together):
     """Sensors used together; in a study, a list of them."""
 
