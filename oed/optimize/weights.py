@@ -67,28 +67,29 @@ def best_weights(criterion: Criterion, parts: Parts, budgets: Sequence[Budget]) 
     if not criterion.concave:
         text = f"{criterion.kind} is not concave: nothing says how good weights can be"
         raise UserMistake(f"{text}; use E, D, A, G or I")
-    best: Weights | None = None
-    for size in _sizes(parts.information(even)):
-        found = _found(criterion, parts, _scaled(parts, even, size), budgets, even, most)
-        best = found if best is None or found.value > best.value else best
+    best = _weights(criterion, parts, even)
+    for units in _units(criterion, parts.information(even)):
+        found = _found(criterion, parts, units, budgets, even, most)
+        best = found if found.value > best.value else best
         bound = weight_bound(criterion, parts, best.values, best.gradient, budgets)
         if not exceeds(bound, best.value, CLOSE):
             break
-    assert best is not None
     return best
 
 
 def _found(
-    criterion: Criterion, parts: Parts, scaled: Parts, budgets: Sequence[Budget], even: Array, most: Array
+    criterion: Criterion, parts: Parts, units: Array, budgets: Sequence[Budget], even: Array, most: Array
 ) -> Weights:
-    # In other units.
-    found, multipliers = _solved(criterion, scaled, budgets, even, most)
+    # With the judged parameters in other units.
+    searched = criterion.in_units(units) or criterion
+    found, multipliers = _solved(searched, _scaled(parts, even, units), budgets, even, most)
     chosen = np.clip(found, 0.0, most)
     for one in budgets:
         chosen[list(one.places)] = _spending(one, chosen)
     columns, rows = np.triu_indices(parts.judged)
     dual = np.zeros((parts.judged,) * 2)
     dual[rows, columns] = multipliers[: len(rows)]
+    dual *= np.outer(units, units)
     # Multipliers of a search that has not converged bound less than the weights' own plane does.
     both = [_weights(criterion, parts, chosen, one) for one in ((dual + dual.T) / 2, None)]
     return min(both, key=lambda one: weight_bound(criterion, parts, one.values, one.gradient, budgets))
@@ -138,20 +139,22 @@ def _solved(
     return np.array(found["x"]).ravel()[: len(even)], multipliers
 
 
-def _sizes(information: Array) -> tuple[float, ...]:
-    # Of what a criterion looks at, the least information, which a solver's tolerance would hide beside the
-    # largest; and of information as it is, where a solver goes astray among large numbers.
-    values = np.linalg.eigvalsh(information)
+def _units(criterion: Criterion, information: Array) -> list[Array]:
+    # Of the judged parameters: each with its own, where these are of no matter. Else one for all, by the
+    # least information, which a solver's tolerance would hide beside the largest; and by information as it
+    # is, where a solver goes astray among large numbers.
+    own, values = np.diag(information), np.linalg.eigvalsh(information)
     sizes = max(float(values[0]), FAINT * float(values[-1])), float(np.mean(values))
-    return tuple(one for one in sizes if one > 0) or (1.0,)
+    found = [np.full(len(own), size**-0.5) for size in sizes if size > 0] or [np.ones(len(own))]
+    each = np.where(own > 0, own, 1.0) ** -0.5
+    return found if criterion.in_units(each) is None else [each, *found]
 
 
-def _scaled(parts: Parts, weights: Array, size: float) -> Parts:
-    # In units in which information of this size is 1; what is eliminated may have units of its own.
-    units = np.full(len(parts.known), size**-0.5)
+def _scaled(parts: Parts, weights: Array, units: Array) -> Parts:
+    # What is eliminated has units of its own.
     own = np.diag(parts.whole(weights))[parts.judged :]
-    units[parts.judged :] = np.where(own > 0, own, size) ** -0.5
-    return parts.scaled(units)
+    others = np.where(own > 0, own, units.min() ** -2) ** -0.5
+    return parts.scaled(np.concatenate([units, others]))
 
 
 def _present(parts: Parts) -> tuple[Places, Places]:

@@ -223,6 +223,19 @@ class TestPublished:
         expected = -np.mean(np.einsum("na,ab,nb->n", table, np.linalg.inv(parts.whole(found.values)), table))
         assert found.value == pytest.approx(expected, rel=1e-9)
 
+    @pytest.mark.parametrize("kind", [G, I])
+    @pytest.mark.parametrize("units", [(1e-6, 1.0, 1e6), (1e3, 1e-4, 1.0)])
+    def test_predictions_are_in_no_units_of_parameters(self, kind: type[G | I], units: tuple[float, ...]):
+        """Bounds were exceeded by 12 %, and choices worse than even weights."""
+        parts, one = quadratic(), budgets_of(quadratic(), 20.0)
+        known = best_weights(predicting(kind, POINTS[[20, 90, 200]]), parts, one)
+        scaled = parts.scaled(np.array(units))
+        criterion = predicting(kind, POINTS[[20, 90, 200]]).in_units(np.array(units))
+        found = best_weights(criterion, scaled, one)
+        assert found.value == pytest.approx(known.value, rel=1e-7)
+        bound = weight_bound(criterion, scaled, found.values, found.gradient, one)
+        assert -1e-9 * abs(found.value) <= bound - found.value < 1e-6 * abs(found.value)
+
     def test_one_prediction_needs_one_combination(self):
         """The middle of a parabola is best predicted by reading it there alone, at which F is singular."""
         for kind in (G, I):

@@ -121,6 +121,15 @@ class Criterion(Component, ABC):
         """
         return None
 
+    def in_units(self, units: Array) -> Criterion | None:
+        """The criterion of the same parameters in other units, if it differs by a constant at most; None
+        where what is best depends on the units.
+
+        Args:
+            units: by which derivatives are multiplied, (p,).
+        """
+        return None
+
     def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
         """The most that the criterion can be where tr(G F') is at most `most`: never more than what the
         supergradient's plane says.

@@ -177,8 +177,12 @@ class Prediction(RootCriterion):
             values, vectors = np.linalg.eigh(dual)
             values = np.clip(values if values.sum() > 0 else -values, 0.0, None)
             return np.asarray((vectors * values) @ vectors.T)
-        squares, inverse = self._squares, np.linalg.pinv(matrix, hermitian=True)
-        return np.asarray(inverse @ np.tensordot(self.shares(matrix), squares, axes=1) @ inverse)
+        inverse = _inverse(matrix)
+        return np.asarray(inverse @ np.tensordot(self.shares(matrix), self._squares, axes=1) @ inverse)
+
+    def in_units(self, units: Array) -> Self:
+        """With the predictions' derivatives in these units."""
+        return self.with_rows([(np.array(block) * units).tolist() for block in self.rows])
 
     @property
     def _squares(self) -> Array:
@@ -201,10 +205,15 @@ class Prediction(RootCriterion):
         return min(self._mixture_bound(self.shares(matrix, one), gradient, most) for one in (gradient, None))
 
     def _mixture_bound(self, shares: Array, gradient: Array, most: float) -> float:
-        values, vectors = np.linalg.eigh(np.tensordot(shares, self._squares, axes=1))
-        root = vectors * np.sqrt(np.clip(values, 0.0, None))
-        product = np.linalg.eigvalsh(root.T @ gradient @ root)
-        mean = float(np.sqrt(np.clip(product, 0.0, None)).sum())
+        # The singular values of B Z^1/2 with C = B'B, each parameter in a unit of which Z has 1. What may be
+        # rounding of Z is left out: less of it bounds less, its root would be far above rounding.
+        sizes = np.sqrt(np.clip(np.diag(gradient), 0.0, None))
+        values, vectors = np.linalg.eigh(gradient / np.outer(*[np.where(sizes > 0, sizes, 1.0)] * 2))
+        values[values <= len(sizes) * rounding_of(gradient) * values[-1]] = 0.0
+        rows = np.vstack(
+            [np.sqrt(one) * np.array(leg) for one, leg in zip(shares, self.rows[0], strict=True)]
+        )
+        mean = float(np.linalg.svd(rows * sizes @ (vectors * np.sqrt(values)), compute_uv=False).sum())
         return -(mean**2) / most if most > 0 else -math.inf
 
     @property
@@ -239,12 +248,15 @@ class G(Prediction):
 
     def shares(self, matrix: Array, gradient: Array | None = None) -> Array:
         """Those of a gradient; without one all is the worst leg's."""
-        inverse, found = np.linalg.pinv(matrix, hermitian=True), np.zeros(len(self._squares))
+        inverse, found = _inverse(matrix), np.zeros(len(self._squares))
         if gradient is not None:
-            each = (inverse @ self._squares @ inverse).reshape(len(found), -1)
             from scipy.optimize import nnls
 
-            wanted = gradient.ravel() / (np.abs(gradient).max() or 1.0)
+            # Without units.
+            sizes = np.sqrt(np.clip(np.diag(matrix), 0.0, None))
+            each = (inverse @ self._squares @ inverse) * np.outer(sizes, sizes)
+            each, wanted = each.reshape(len(found), -1), (gradient * np.outer(sizes, sizes)).ravel()
+            wanted = wanted / (np.abs(wanted).max() or 1.0)
             found = nnls((each / (np.abs(each).max() or 1.0)).T, wanted)[0]
         if not np.any(found):
             found[int(np.argmax(np.einsum("lab,ab->l", self._squares, inverse)))] = 1.0
@@ -352,6 +364,14 @@ class I(Prediction):  # noqa: E742
         return factored(
             _raised(matrices), lambda factors: -sum(self.symbolic_variances(factors)) / len(self.rows[0])
         )
+
+
+def _inverse(matrix: Array) -> Array:
+    # Of what is identifiable, in whatever units.
+    sizes = np.sqrt(np.clip(np.diag(matrix), 0.0, None))
+    sizes[sizes == 0] = 1.0
+    square = np.outer(sizes, sizes)
+    return np.asarray(np.linalg.pinv(matrix / square, hermitian=True) / square)
 
 
 def _raised(matrices: Sequence[Expression]) -> list[Expression]:

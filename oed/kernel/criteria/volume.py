@@ -33,6 +33,10 @@ class D(RootCriterion):
         """F^-1."""
         return np.asarray(np.linalg.inv(matrix))
 
+    def in_units(self, units: Array) -> D:
+        """Itself: units change every value by the same."""
+        return self
+
     def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
         """Log det F' <= log det F + p log(tr(F^-1 F') / p)."""
         return self.trace_bound(gradient, most)
