@@ -159,7 +159,8 @@ class SquareRoot:
         """The smallest eigenvalue (...) of F; 0 where some combination is not identifiable."""
         # By the largest variance: small beside large ones, an eigenvalue is more exact so.
         largest = np.linalg.norm(self.factor, 2, axis=(-2, -1))
-        return np.where(self.complete, (1.0 / np.where(self.complete, largest, 1.0)) ** 2, 0.0)
+        with np.errstate(over="ignore"):
+            return np.where(self.complete, 1.0 / np.where(self.complete, largest, 1.0) ** 2, 0.0)
 
     @property
     def largest(self) -> Array:

@@ -24,8 +24,10 @@ from oed.optimize.terms.matrices import upper_half
 from oed.optimize.terms.needs import by_instants
 from oed.optimize.terms.row_bounds import RowBounds, said_once, scores_of, violation
 
-LARGE = 2_000_000
-"""Operations of second derivatives from which on directions share one function: a million take 100 MB."""
+LARGE = 8_000_000
+"""Operations of second derivatives from which on directions share one function, which takes half as long again
+but not gigabytes: a million take 100 MB.
+"""
 
 
 class Unrolled(Terms):
@@ -168,12 +170,13 @@ class UnrolledSweep(Swept):
         symbols = [ca.SX.sym("weights", one.shape[0]) for one in parts]
         weighted = sum(ca.dot(*both) for both in zip(symbols, map(ca.densify, parts), strict=True))
         arguments = [self.terms.unknowns, *symbols]
-        gradient = ca.Function("unrolled_gradient", arguments, [ca.gradient(weighted, self.terms.unknowns)])
+        slope = ca.gradient(weighted, self.terms.unknowns)
+        gradient = ca.Function("unrolled_gradient", arguments, [slope])
         inner = sum(_inner(one) for one in begun if one.bent)
         if gradient.n_instructions() * self.terms.size > LARGE:
             return _by_directions(gradient, [self.z, *given]) + inner
         # Every unknown meets every other somewhere: finding that out would take longer than using it.
-        curvature = ca.jtimes(gradient(*arguments), self.terms.unknowns, ca.SX.eye(self.terms.size))
+        curvature = ca.jtimes(slope, self.terms.unknowns, ca.SX.eye(self.terms.size))
         return ca.Function("unrolled_curvature", arguments, [curvature])(self.z, *given) + inner
 
 
