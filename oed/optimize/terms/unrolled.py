@@ -25,8 +25,8 @@ from oed.optimize.terms.needs import by_instants
 from oed.optimize.terms.row_bounds import RowBounds, said_once, scores_of, violation
 
 LARGE = 8_000_000
-"""Operations of second derivatives from which on directions share one function, which takes half as long again
-but not gigabytes: a million take 100 MB.
+"""Operations of second derivatives from which on directions share one function, which takes half as long
+again but not gigabytes: a million take 100 MB.
 """
 
 
