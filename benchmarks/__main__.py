@@ -44,12 +44,20 @@ def main() -> int:
         parser.error(f"no benchmark {', '.join(strangers)}; there are {', '.join(BENCHMARKS)}")
     if options.write and options.names:
         parser.error("--write needs all benchmarks: leave out the names")
-    found = [figure for name in options.names or BENCHMARKS for figure in _alone(name)]
+    found, failed = list[Figure](), list[str]()
+    for name in options.names or BENCHMARKS:
+        try:
+            found += _alone(name)
+        except Exception as error:
+            # The others' minutes are not to be lost.
+            failed.append(f"{name} failed: {error!r}")
     table = _table(found)
     print(table)
-    if options.write:
+    if failed:
+        print(*failed, sep="\n", file=sys.stderr)
+    elif options.write:
         _write(table)
-    return 0
+    return 1 if failed else 0
 
 
 def _alone(name: str) -> list[Figure]:

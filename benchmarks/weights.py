@@ -22,15 +22,8 @@ MOST = 20_000
 
 def figures() -> list[Figure]:
     """Seconds of each classical method, in units of the interior point's."""
-    rows = np.linspace(-1, 1, CANDIDATES)[:, None] ** np.arange(DEGREE + 1)
-    parts = Parts(
-        tuple(Reading("y", 0, float(place)) for place in range(CANDIDATES)),
-        np.einsum("na,nb->nab", rows, rows),
-        np.zeros((DEGREE + 1,) * 2),
-        DEGREE + 1,
-        np.ones(CANDIDATES),
-        tuple((place,) for place in range(CANDIDATES)),
-    )
+    parts = candidates(CANDIDATES)
+    rows = parts.rows
     criterion, budgets = D(scaling="none"), budgets_of(parts, 1.0)
     best_weights(criterion, parts, budgets)
     began = time.perf_counter()
@@ -45,6 +38,19 @@ def figures() -> list[Figure]:
         against = f"{seconds(taken)} {name}, to a gap of {gap:.1g}"
         found.append(Figure(what, seconds(own), against, taken / own, 1.0, "least"))
     return found
+
+
+def candidates(count: int) -> Parts:
+    """What a polynomial says where it is read at so many settings."""
+    return Parts(
+        readings=tuple(Reading("y", 0, float(place)) for place in range(count)),
+        rows=np.linspace(-1, 1, count)[:, None] ** np.arange(DEGREE + 1),
+        places=np.arange(count),
+        known_rows=np.zeros((0, DEGREE + 1)),
+        judged=DEGREE + 1,
+        sizes=np.ones(count),
+        members=tuple((place,) for place in range(count)),
+    )
 
 
 def _multiplicative(rows: np.ndarray) -> float:

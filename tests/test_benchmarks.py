@@ -8,15 +8,19 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from benchmarks import solve, transcriptions
+from benchmarks import __main__ as program
+from benchmarks import solve, transcriptions, weights
 from benchmarks.figure import Figure
 from benchmarks.forms import problem_of
 from benchmarks.mapped import Mapped
 from benchmarks.plain import Plain
 from benchmarks.staged import Staged
 from benchmarks.stages import Stages
+from oed.kernel.criteria import D
+from oed.kernel.parts import budgets_of
 from oed.optimize.local import LocalSearch
 from oed.optimize.local_results import Settings
+from oed.optimize.weights import best_weights
 
 SAMPLES = 620
 """So many that a search looks at fewer unless it is told otherwise."""
@@ -99,3 +103,33 @@ def test_stages_reach_the_optimum_of_the_condensed_program(way: str):
     ):
         found = plain.solver(**plain.arguments)
         assert -float(found["f"]) == pytest.approx(condensed.maximised, rel=1e-6)
+
+
+def test_interior_points_and_classical_methods_agree(monkeypatch: pytest.MonkeyPatch):
+    """To the gaps that the classical ones end at, on few candidates."""
+    monkeypatch.setattr(weights, "CANDIDATES", 41)
+    shown = weights.figures()
+    assert [one.what for one in shown] == [
+        "D-optimal weights of 41 candidates, cubic regression: interior point"
+    ] * len(weights.METHODS)
+    parts = weights.candidates(41)
+    best = best_weights(D(scaling="none"), parts, budgets_of(parts, 1.0))
+    for method in weights.METHODS.values():
+        assert 0 <= method(parts.rows) < 1e-2
+    assert best.gradient.shape == (4, 4)
+
+
+def test_one_that_fails_costs_only_its_own_figures(monkeypatch: pytest.MonkeyPatch, capsys):
+    def alone(name: str) -> list[Figure]:
+        if name == "drift":
+            raise ValueError("no drift")
+        return [Figure(name, "1 s", "2 s", 2.0)]
+
+    monkeypatch.setattr(program, "_alone", alone)
+    monkeypatch.setattr(program, "_write", lambda _: pytest.fail("half a table"))
+    monkeypatch.setattr(program.sys, "argv", ["benchmarks", "--write"])
+    assert program.main() == 1
+    out, err = capsys.readouterr()
+    assert "| solve | 1 s | 2 s | 2 |" in out
+    assert "| weights | 1 s" in out
+    assert err == "drift failed: ValueError('no drift')\n"
