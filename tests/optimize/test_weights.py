@@ -230,11 +230,22 @@ class TestPublished:
         parts, one = quadratic(), budgets_of(quadratic(), 20.0)
         known = best_weights(predicting(kind, POINTS[[20, 90, 200]]), parts, one)
         scaled = parts.scaled(np.array(units))
-        criterion = predicting(kind, POINTS[[20, 90, 200]]).in_units(np.array(units))
+        criterion = predicting(kind, POINTS[[20, 90, 200]])
+        criterion = criterion.with_rows([(np.array(criterion.rows[0]) * units).tolist()])
         found = best_weights(criterion, scaled, one)
         assert found.value == pytest.approx(known.value, rel=1e-7)
         bound = weight_bound(criterion, scaled, found.values, found.gradient, one)
         assert -1e-9 * abs(found.value) <= bound - found.value < 1e-6 * abs(found.value)
+
+    @pytest.mark.parametrize("kind", [G, I])
+    def test_predictions_of_any_size(self, kind: type[G | I]):
+        """Variances of 1e-10 were below a solver's tolerance."""
+        parts, one = quadratic(), budgets_of(quadratic(), 20.0)
+        criterion = predicting(kind, POINTS[[20, 90, 200]])
+        known = best_weights(criterion, parts, one).value
+        small = criterion.with_rows([(1e-6 * np.array(criterion.rows[0])).tolist()])
+        found = best_weights(small, parts, one)
+        assert found.value == pytest.approx(1e-12 * known, rel=1e-7)
 
     def test_one_prediction_needs_one_combination(self):
         """The middle of a parabola is best predicted by reading it there alone, at which F is singular."""

@@ -181,8 +181,10 @@ class Prediction(RootCriterion):
         return np.asarray(inverse @ np.tensordot(self.shares(matrix), self._squares, axes=1) @ inverse)
 
     def in_units(self, units: Array) -> Self:
-        """With the predictions' derivatives in these units."""
-        return self.with_rows([(np.array(block) * units).tolist() for block in self.rows])
+        """With the predictions' derivatives in these units, and the predictions in one of their own size."""
+        blocks = [np.array(block) * units for block in self.rows]
+        size = max(float(np.abs(block).max()) for block in blocks) or 1.0
+        return self.with_rows([(block / size).tolist() for block in blocks])
 
     @property
     def _squares(self) -> Array:
