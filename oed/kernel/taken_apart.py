@@ -61,7 +61,7 @@ def _disentangled(every: Array, judged: int) -> tuple[Array, Array]:
     # apart, and from the judged ones: information on what is judged stays the same, and its squares keep the
     # digits that they lose of nearly dependent columns. Unknowns of one trial, such as its start, come first,
     # and have nothing to do with those of another: matrices of which most is 0 stay so. Of others that depend
-    # on each other, such as two that every reading sees alike, what tells them apart is left out. And what
+    # on each other, such as two seen alike by every reading, what differs between them is left out. And what
     # may be rounding of every column now, as a share of it, (q,): as in `project_out`.
     rounding, others = rounding_of(every), every[:, judged:]
     seen = np.count_nonzero(others, axis=0)

@@ -192,6 +192,14 @@ def _kinds() -> dict[str, type[Model]]:
     return {str(model.model_fields["kind"].default): model for model in MODELS if model is not PythonRobot}
 
 
+def _plain(text: str) -> bool:
+    # Whether YAML takes it for a word or a number: what is written into a study as it is.
+    try:
+        return isinstance(yaml.safe_load(text), str | float | int)
+    except yaml.YAMLError:
+        return False
+
+
 def _text(
     choice: Choice,
     baselines: Sequence[str] = ("straight", "random"),
@@ -207,7 +215,7 @@ def _text(
     )
     for key, size in choice.sizes.items():
         require_unit(key, size, TYPICAL.get(key, ""))
-        if size and not isinstance(yaml.safe_load(size), str | float | int):
+        if size and not _plain(size):
             raise UserMistake(f"{key}: expected a quantity, got {size!r}")
     noise = noise_of(choice.sensor, choice.noise, trailer=_has_trailer(choice.robot))
     corners = [f"[{x:g} m, {y:g} m]" for x, y in ((x_min, y_min), (x_max, y_min), (x_min, y_max))]

@@ -808,11 +808,12 @@ def test_a_first_study_of_no_number(capsys, folder: Path, option: str, amount: s
     assert not (folder / "new.yaml").exists()
 
 
-def test_a_size_that_yaml_takes_for_a_comment(capsys, folder: Path):
+@pytest.mark.parametrize("size", ["#1", "[1", "a: b", "{"])
+def test_a_size_that_yaml_takes_for_something_else(capsys, folder: Path, size: str):
     given = ["init", "new.yaml", "--robot", "differential_drive", "--room", "4 m x 3 m", "--sensor", "poses"]
-    code, _, err = call(capsys, *given, "--size", "track=#1")
+    code, _, err = call(capsys, *given, "--size", f"track={size}")
     assert code == 2
-    assert "track: expected a quantity, got '#1'" in err
+    assert f"track: expected a quantity, got {size!r}" in err
 
 
 def test_designs_to_compare_with_that_are_not_there(capsys, folder: Path):

@@ -63,6 +63,20 @@ class Subject:
     period: float = np.inf
 
 
+def multipliers_of(dual: Array | None) -> Array | None:
+    """Z >= 0 (p, p) of a search's multipliers, which are it but for sign and rounding; None where they say
+    nothing.
+
+    Args:
+        dual: the multipliers, symmetric, (p, p); None without.
+    """
+    if dual is None or not np.any(dual) or not np.all(np.isfinite(dual)):
+        return None
+    values, vectors = np.linalg.eigh(dual)
+    values = np.clip(values if values.sum() > 0 else -values, 0.0, None)
+    return np.asarray((vectors * values) @ vectors.T)
+
+
 class Criterion(Component, ABC):
     """A number for how informative a drive is; larger is better.
 

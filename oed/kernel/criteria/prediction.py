@@ -23,6 +23,7 @@ from oed.kernel.criteria.criterion import (
     Subject,
     factored,
     lifted,
+    multipliers_of,
 )
 from oed.kernel.criteria.driven import (
     MOST_STEPS,
@@ -173,10 +174,9 @@ class Prediction(RootCriterion):
         """What a search's multipliers say; without them F^- C F^- of predictions with derivatives c, with C
         the mixture of c c' by `shares`.
         """
-        if dual is not None and np.any(dual) and np.all(np.isfinite(dual)):
-            values, vectors = np.linalg.eigh(dual)
-            values = np.clip(values if values.sum() > 0 else -values, 0.0, None)
-            return np.asarray((vectors * values) @ vectors.T)
+        found = multipliers_of(dual)
+        if found is not None:
+            return found
         inverse = _inverse(matrix)
         return np.asarray(inverse @ np.tensordot(self.shares(matrix), self._squares, axes=1) @ inverse)
 

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.kernel.criteria.criterion import Epigraph, Factor, RootCriterion
+from oed.kernel.criteria.criterion import Epigraph, Factor, RootCriterion, multipliers_of
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.square_root import SquareRoot
 
@@ -44,12 +44,11 @@ class E(RootCriterion):
         """Z = v v' of the least certain combination v, or Z >= 0 of trace 1 from the multipliers of
         F - t I = L L': any such Z bounds, and is one where it lies on the eigenspace of lambda_min.
         """
-        if dual is None or not np.any(dual) or not np.all(np.isfinite(dual)):
+        found = multipliers_of(dual)
+        if found is None:
             least = np.linalg.eigh(matrix)[1][:, 0]
             return np.outer(least, least)
-        values, vectors = np.linalg.eigh(dual)
-        values = np.clip(values if values.sum() > 0 else -values, 0.0, None)
-        return np.asarray((vectors * values) @ vectors.T / values.sum())
+        return np.asarray(found / np.trace(found))
 
     def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
         """lambda_min(F') <= tr(Z F'), for any Z >= 0 of trace 1."""
