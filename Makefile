@@ -29,23 +29,24 @@ lint: .venv/installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# The stamps record which install is in place; a changed pyproject.toml installs again.
+# The stamps record which install is in place; a changed pyproject.toml installs again. Modules are compiled when
+# they are first imported: most never are, and compiling all takes as long as the rest.
 .venv/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit("oed needs Python 3.11 or newer; run make PYTHON=python3.11") if sys.version_info < (3, 11) else None'
 	$(PYTHON) -m venv .venv
 
 .venv/installed: pyproject.toml | .venv/bin/python
-	$(BIN)/python -m pip install --quiet --editable .
+	$(BIN)/python -m pip install --quiet --no-compile --editable .
 	touch $@
 
 .venv/installed-dev: pyproject.toml | .venv/bin/python
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --no-compile --editable '.[dev]'
 	touch $@ .venv/installed
 
 # The peers have a place of their own: the package does not need them.
 .venv-peers/installed: pyproject.toml benchmarks/peers-requirements.txt | .venv/bin/python
 	.venv/bin/python -m venv .venv-peers
-	.venv-peers/bin/python -m pip install --quiet --editable . --requirement benchmarks/peers-requirements.txt
+	.venv-peers/bin/python -m pip install --quiet --no-compile --editable . --requirement benchmarks/peers-requirements.txt
 	touch $@
 
 clean:
