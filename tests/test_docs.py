@@ -342,7 +342,7 @@ QUICKER = {
         ("Ipopt(starts=4)", "Ipopt(starts=1, perturbations=0)"),
         ("Ipopt(starts=4,", "Ipopt(starts=1,"),
         ('integrator="radau",', 'integrator="radau", substeps=1,'),
-        ("perturbations=0), seed=0).t", "perturbations=0, max_iterations=20), seed=0).t"),
+        ("perturbations=0), seed=0).t", "perturbations=0, max_iterations=4), seed=0).t"),
     )
 }
 """Searches and steps that find the same, digit by digit, from fewer starts, steps and iterations."""
