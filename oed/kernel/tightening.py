@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import casadi as ca
@@ -27,6 +28,8 @@ from oed.kernel.measurement.prior import Prior
 class UncertainSystem:
     """A system, and what is said of its parameters before it is driven.
 
+    Those of which the same is said, in the same order, are equal: functions of them are kept.
+
     Attributes:
         own: with its own parameters.
         estimated: with those to estimate, which may be others.
@@ -40,6 +43,18 @@ class UncertainSystem:
     runs: int
     uncertainty: Uncertain | None
     prior: Prior | None
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the same is said of the same system."""
+        return isinstance(other, UncertainSystem) and self._said == other._said
+
+    def __hash__(self) -> int:
+        """Of what is said."""
+        return hash(self._said)
+
+    @cached_property
+    def _said(self) -> tuple[System, System, int, str, str]:
+        return self.own, self.estimated, self.runs, repr(self.uncertainty), repr(self.prior)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,7 @@ from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.limit import Limit, PathLimit, Rows
 from oed.kernel.problem import Problem
+from oed.kernel.tightening import Tightening, UncertainSystem
 
 GAP = 1e-6
 """Share of a limit's size to which its largest excess is found."""
@@ -104,7 +105,7 @@ def _looked_at(
         for run, one in enumerate(drive.each):
             parameters, start = np.array([system.nominal]), one.starts[None, :]
             nominal = periods_of(system, one, parameters, start, sensitive=True)
-            yield _backed_off(problem, limit, run), nominal, None
+            yield _backed_off(tightening, limit, problem.uncertain_system, run), nominal, None
     else:
         scenarios = scenarios.after_nominal
     if len(scenarios.parameters):
@@ -134,9 +135,8 @@ def excess_of(limit: Limit, system: System) -> Excess:
 
 
 @lru_cache(maxsize=32)
-def _backed_off(problem: Problem, limit: PathLimit, run: int) -> Excess:
-    tightening, uncertain = problem.robust, problem.uncertain_system
-    assert tightening is not None
+def _backed_off(tightening: Tightening, limit: PathLimit, uncertain: UncertainSystem, run: int) -> Excess:
+    # One and the same for all problems that are tightened alike.
 
     def rows(instant: Instant) -> Rows:
         return tightening.backed_off(limit, instant, uncertain)
