@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Any, ClassVar, Literal
 
@@ -75,6 +75,13 @@ class Larger(Solver):
         table = np.zeros((problem.design.all_coefficients, 2))
         table[1:-1] = scale * np.array([4.0, 3.0])
         return problem.design.trajectory(table, problem.fixed_starts)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """All that is asked of a problem where neither searches nor robots look at it."""
+
+    robust: Robust
 
 
 @pytest.fixture(autouse=True)
@@ -184,20 +191,20 @@ class TestLevel:
         drive = Larger().drive(problem, 1.0)
         scored = evaluate(problem, drive)
         found = Solution("mine", "larger", drive, scored, Status.CONVERGED)
-        rng = np.random.default_rng(0)
+        rng, interval = np.random.default_rng(0), cache(interval_of)
 
         def tried(*_: Any, draws: int, stream: int, seed: int, **options: Any) -> Violation:
             # As many as are allowed, and one in a thousand more; the draws before give no warning.
             count = rng.binomial(draws, 1.001 * (1 - CONFIDENCE)) if stream == FINAL else 0
-            interval = interval_of(int(count), draws, **options)
-            return Violation(count / draws, interval, draws, seed, {}, 0.0, np.zeros((0, 3)))
+            found = interval(int(count), draws, **options)
+            return Violation(count / draws, found, draws, seed, {}, 0.0, np.zeros((0, 3)))
 
         monkeypatch.setattr(assurance, "violation_probability", tried)
         monkeypatch.setattr(assurance, "evaluate", lambda *_: scored)
         monkeypatch.setattr(Larger, "search", lambda self, problem, context: found)
 
         def times(draws: int) -> int:
-            asked = replace(problem, robust=tightened(draws=draws))
+            asked = Asked(tightened(draws=draws))
             ends = [assured(Larger(), asked, Context(seed=0)) for _ in range(self.RUNS)]
             return sum(one.trajectory is not None for one in ends)
 
