@@ -34,7 +34,7 @@ from oed.robots.sensors import Poses
 from oed.uncertainty.robust import Robust
 from oed.workflow.studies import parse_study
 
-ONE = Ipopt(starts=2, perturbations=0, second_stage="none")
+ONE = Ipopt(starts=1, perturbations=0, second_stage="none")
 SETTINGS = Settings(200, 1e-9, None, "none")
 POSES = Poses(noise={"position": 0.01, "heading": 0.02})
 ROOM = Rectangle(x=(-0.8, 0.8), y=(-0.8, 0.8))
@@ -73,7 +73,7 @@ SEEDS = {"end_heading": 2, "path_length": 1, "obstacles": 3}
 
 def limited(limit: Limit, **parts: Any) -> Problem:
     usual = [one for one in (SPEED, ACCELERATION, ROOM) if one.name != limit.name]
-    small = {"samples": 20, "coefficients": 8 if limit.name == "obstacles" else 6}
+    small = {"samples": 12, "coefficients": 8 if limit.name == "obstacles" else 6}
     usual_parts = {"measurement": POSES, "criterion": E(), **small}
     return problem_of(limits=(*usual, limit), **{**usual_parts, **parts})
 
@@ -123,7 +123,7 @@ def test_gains_are_in_efficiency_whatever_the_criterion(criterion: Criterion):
 @pytest.mark.parametrize("kind", ["chance", "scenarios"])
 def test_gains_of_robust_drives_are_those_under_tightened_limits(kind: str):
     wider, step = LARGER["workspace"][1:]
-    robust = {"robust": Robust(kind=kind), "within": {"track": 0.05}}
+    robust = {"robust": Robust(kind=kind), "within": {"track": 0.05}, "samples": 20}
     problems = [limited(one, **robust) for one in (ROOM, wider)]
     assert require_gained(*problems, "workspace", step) > 1e-4
 
@@ -165,9 +165,9 @@ def test_searches_that_cannot_know_say_nothing():
 
 @pytest.mark.slow
 def test_gains_of_a_shipped_study_hold_at_the_step_that_reports_state():
-    # A quarter of the samples: the same gains within a few per cent, in a third of the time.
+    # An eighth of the samples: the same gains within a few per cent, in a fifth of the time.
     text = (PROBLEMS / "tricycle.yaml").read_text()
-    text = re.sub(r"samples: (\d+)\n", lambda found: f"samples: {int(found[1]) // 4}\n", text)
+    text = re.sub(r"samples: (\d+)\n", lambda found: f"samples: {int(found[1]) // 8}\n", text)
     problem = parse_study(text).problem
     room = workspace_of(problem.limits)
     (left, right), (low, high) = room.x, room.y
