@@ -46,7 +46,7 @@ from oed.robots.space import DesignSpace, StartPose
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
 
-SPACE: dict[str, Any] = {"duration": 4, "samples": 12, "spline": Spline(coefficients=6)}
+SPACE: dict[str, Any] = {"duration": 4, "samples": 8, "spline": Spline(coefficients=6)}
 FREE_RUNS = DesignSpace(**{**SPACE, "runs": 2, "start": "free"})
 NOISE = {"position": 0.01, "heading": 0.02}
 POSES = Poses(noise=NOISE)
@@ -261,7 +261,11 @@ PROBLEMS: dict[str, dict[str, Any]] = {
         "limits": EVERYTHING[:4],
     },
     "poses": {"measurement": POSES},
-    "poses, sometimes": {"measurement": Poses(noise=NOISE, every=3), "limits": EVERYTHING},
+    "poses, sometimes": {
+        "measurement": Poses(noise=NOISE, every=3),
+        "limits": EVERYTHING,
+        "design": space(samples=12),
+    },
     "known start": {"measurement": Poses(noise=NOISE, initial_pose="known")},
     "start with a prior": {
         "measurement": Poses(noise=NOISE, initial_pose=PosePrior(position=0.02, heading=0.05)),
@@ -298,6 +302,7 @@ PROBLEMS: dict[str, dict[str, Any]] = {
         "model": SkidSteerSlip(wheel_radius=RADIUS, track=TRACK, yaw_lag=0.3),
         "measurement": POSES,
         "limits": (SPEED, YawRate(bounds=2), BOX, Power(), Effort()),
+        "design": space(samples=12),
     },
 }
 
