@@ -185,7 +185,7 @@ def test_chosen_starts_are_bounds_of_unknowns():
 @pytest.mark.slow
 def test_solved_by_ipopt_and_by_the_genetic_algorithm(signals: tuple[Signal, ...]):
     problem = problem_of(signals)
-    ipopt = oed.Ipopt(starts=3, perturbations=0, second_stage="none")
+    ipopt = oed.Ipopt(starts=2, perturbations=0, second_stage="none")
     best = oed.solve(problem, ipopt, seed=0, workers=1)
     assert best.status is oed.Status.CONVERGED
     genetic = oed.Genetic(population=60, generations=60)
@@ -294,7 +294,7 @@ class TestFurtherLimits:
 
 @pytest.mark.slow
 def test_gains_are_those_of_wider_ranges():
-    problem, ipopt = problem_of(samples=12), oed.Ipopt(starts=2, perturbations=0, second_stage="none")
+    problem, ipopt = problem_of(samples=12), oed.Ipopt(starts=1, perturbations=0, second_stage="none")
     found = oed.solve(problem, ipopt, seed=0, workers=1)
     step = 1e-4
     for place, (name, pair) in enumerate(RANGES.items()):
@@ -330,9 +330,9 @@ def fishing(samples: int, pieces: int) -> oed.Problem:
 @pytest.mark.slow
 def test_steps_are_as_cheap_as_a_spline_of_degree_0():
     """The same drives by both descriptions: the same unknowns, pieces, operations and numbers."""
-    problem = fishing(samples=60, pieces=6)
+    problem = fishing(samples=30, pieces=6)
     spline = oed.Spline(degree=0, coefficients=6)
-    usual = oed.SignalSpace(duration=12, samples=60, start=(0.5, 0.7), spline=spline, rest_to_rest=False)
+    usual = oed.SignalSpace(duration=12, samples=30, start=(0.5, 0.7), spline=spline, rest_to_rest=False)
     signals, splines = in_pieces(problem), in_pieces(replace(problem, design=usual))
     z = np.random.default_rng(0).uniform(0, 1, 6)
     for name in ("values", "jacobian", "hessian"):
@@ -373,8 +373,8 @@ def test_many_steps_of_a_long_drive_need_little_memory():
         "import numpy as np\n"
         "from test_signal_problems import fishing\n"
         "from oed.optimize.local import LocalSearch, Settings\n"
-        "search = LocalSearch(fishing(160, 16), Settings(100, 1e-8, None, 'none'))\n"
-        "assert search.maximise(np.full(16, 0.4)).status.name == 'CONVERGED'\n"
+        "search = LocalSearch(fishing(48, 8), Settings(100, 1e-8, None, 'none'))\n"
+        "assert search.maximise(np.full(8, 0.4)).status.name == 'CONVERGED'\n"
         # Of this program alone: what a process has used before it became this one counts elsewhere.
         "text = open('/proc/self/status').read()\n"
         "print(next(line.split()[1] for line in text.splitlines() if line.startswith('VmHWM')))\n"
