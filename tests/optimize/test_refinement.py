@@ -195,7 +195,7 @@ def test_a_level_that_is_worse_is_not_taken(found):
 
 @pytest.mark.slow
 def test_a_robust_design_is_refined_and_still_keeps_its_limits():
-    uncertain = {"within": {"wheel_radius_right": "5 %"}, "robust": Robust(confidence=0.95, draws=500)}
+    uncertain = {"within": {"wheel_radius_right": "5 %"}, "robust": Robust(confidence=0.95, draws=200)}
     robust = problem(samples=20, **uncertain)
     found = solve(robust, QUICK, seed=0, workers=1)
     assert found.status.usable
@@ -213,13 +213,13 @@ SORTS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("sort", "starts"), [*((sort, 1) for sort in SORTS), ("runs", "auto"), ("midpoint", "auto")]
-)
+@pytest.mark.parametrize(("sort", "starts"), [*((sort, 1) for sort in SORTS), ("runs", "auto")])
 @pytest.mark.slow
 def test_drives_of_every_sort_are_refined(sort, starts):
     made = problem(samples=20, **SORTS[sort])
     own = {"iterations": 10} if starts == "auto" else {"perturbations": 0}
+    if starts == 1 and sort != "steps":
+        own["second_stage"] = "none"
     options = Ipopt(starts=starts, **own)
     found = solve(made, options, seed=1, workers=1)
     assert found.status.usable
