@@ -26,7 +26,7 @@ from oed.robots.models import DifferentialDrive, SkidSteer
 from oed.robots.sensors import Displacements
 from oed.robots.space import DesignSpace
 
-QUICK = Ipopt(starts=3, perturbations=0, second_stage="none")
+QUICK = Ipopt(starts=2, perturbations=0, second_stage="none")
 TOP_SPEED, TOP_ACCELERATION, HALF_SIDE = 10.0, 20.0, 1.0
 
 
@@ -153,7 +153,7 @@ def shared(monkeypatch: pytest.MonkeyPatch) -> list[Workers]:
 
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_design_whatever_the_workers(shared: list[Workers]):
-    problem, options = problem_of(), Ipopt(starts=2, perturbations=2)
+    problem, options = problem_of(samples=20, coefficients=6), Ipopt(starts=2, perturbations=2)
     single = solve(problem, options, seed=3, workers=1)
     again = solve(problem, options, seed=3, workers=1)
     np.testing.assert_array_equal(single.trajectory.coefficients, again.trajectory.coefficients)
@@ -168,7 +168,7 @@ def test_the_same_seed_gives_the_same_design_whatever_the_workers(shared: list[W
 def test_equal_optima_are_chosen_alike_whatever_the_workers(shared: list[Workers]):
     # All starts reach the cap to within rounding, which must not decide among them.
     problem = make_flagship(design=DesignSpace(duration=20, samples=100))
-    options = Ipopt(starts=6, perturbations=0, second_stage="none")
+    options = Ipopt(starts=4, perturbations=0, second_stage="none")
     single, double = (solve(problem, options, seed=3, workers=workers) for workers in (1, 2))
     assert 2 in shared
     objectives = [start.objective for start in single.starts]
@@ -346,7 +346,7 @@ class TestInterrupted:
 
     @pytest.mark.slow
     def test_workers_are_stopped(self):
-        problem, listener = problem_of(), Listener(2, interrupt)
+        problem, listener = problem_of(samples=20, coefficients=6), Listener(2, interrupt)
         solution = solve(problem, Ipopt(starts=6), seed=0, workers=2, progress=listener)
         assert solution.status is Status.INTERRUPTED
         assert len(solution.starts) == 2
