@@ -116,7 +116,6 @@ def excesses(problem: Problem, drive: Trajectory, values: np.ndarray) -> np.ndar
 STARTS = {"track": "5 %", "x": "1 cm", "heading": "2 deg"}
 CASES = {
     "box": lambda: boxed(),
-    "start": lambda: boxed(1.02, within=STARTS),
     "two_runs": lambda: boxed(1.02, within=STARTS, runs=2),
     "bulge": bulging,
     "circle": rounded,
