@@ -124,13 +124,13 @@ def test_what_needs_all_samples_gets_them(overrides: dict):
     ids=["samples", "poses, D"],
 )
 def test_a_search_on_few_samples_ends_where_one_on_all_does(measurement, criterion):
-    problem = fine_problem(measurement=measurement, criterion=criterion)
+    problem = fine_problem(120, measurement=measurement, criterion=criterion)
     whole = solve(problem, Ipopt(starts=1, perturbations=0, second_stage="none"), seed=0, workers=1)
     # From the same design, lest another of many optima is found.
     plain = {"perturbations": 0, "second_stage": "none"}
-    quick = Ipopt(starts=1, start_from="whole", search_samples=120, **plain)
+    quick = Ipopt(starts=1, start_from="whole", search_samples=60, **plain)
     few = solve(problem, quick, seed=0, workers=1, earlier={"whole": whole})
-    assert few.trajectory.samples == 240
+    assert few.trajectory.samples == 120
     assert few.evaluation.feasible
     assert few.evaluation.objective == evaluate(problem, few.trajectory).objective
     best = whole.evaluation.objective

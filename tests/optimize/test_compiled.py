@@ -90,7 +90,7 @@ def test_a_cache_that_cannot_be_written_is_done_without(monkeypatch: pytest.Monk
 
 def problem() -> Problem:
     return problem_of(
-        samples=12,
+        samples=6,
         coefficients=6,
         measurement=Poses(noise={"position": 0.01, "heading": 0.02}),
         limits=(SPEED, BOX, YawRate(bounds=1)),

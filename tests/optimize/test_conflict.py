@@ -35,7 +35,7 @@ def make_cornered(lowest: float = 3.0, half_side: float = 0.1) -> Problem:
 
 def describe(problem: Problem) -> str:
     design = DesignExpressions(problem)
-    starts = random_drives(design, np.array([0.25, 0.5, 1.0]), np.random.default_rng(0))
+    starts = random_drives(design, np.array([0.25, 0.5]), np.random.default_rng(0))
     return describe_conflict(design, list(starts))
 
 

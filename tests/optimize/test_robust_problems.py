@@ -20,15 +20,15 @@ FRESH = {"draws": 3000, "seed": 99}
 pytestmark = pytest.mark.slow
 
 
-def made_robust(name: str) -> Problem:
-    # A quarter of the samples: the same problem in a quarter of the time.
-    text = (PROBLEMS / f"{name}.yaml").read_text().replace("samples: 200", "samples: 50")
+def made_robust(name: str, samples: int) -> Problem:
+    # Fewer samples: the same problem in less time.
+    text = (PROBLEMS / f"{name}.yaml").read_text().replace("samples: 200", f"samples: {samples}")
     robust = f"{{confidence: {1 - LEFT_BY}, draws: 3000}}"
     return parse_study(f"{text}\nuncertainty: {RADII}\nrobust: {robust}\n").problem
 
 
 def test_a_laser_trackers_drive_keeps_half_of_the_cap():
-    problem = made_robust("laser_tracker")
+    problem = made_robust("laser_tracker", 25)
     # One start reaches it; those of other seeds may miss it.
     found = solve(problem, Ipopt(starts=1, perturbations=0, second_stage="none"), seed=7, workers=1)
     sigma, readings = 0.01, problem.design.samples + 1
@@ -40,7 +40,7 @@ def test_a_laser_trackers_drive_keeps_half_of_the_cap():
 
 def test_the_flagships_drive_costs_nothing():
     # Many drives reach the cap; the second stage takes those that ride the room's edge, unless they must not.
-    problem, options = made_robust("choi_skid_steer"), Ipopt(starts=1, perturbations=0)
+    problem, options = made_robust("choi_skid_steer", 50), Ipopt(starts=1, perturbations=0)
     sure = solve(problem, options, seed=2, workers=1)
     plain = solve(replace(problem, robust=None), options, seed=2, workers=1)
     assert sure.evaluation.objective == pytest.approx(plain.evaluation.objective, rel=2e-3)

@@ -44,7 +44,7 @@ def test_coefficients_reach_their_cap():
 
 @pytest.mark.parametrize("name", ["gyro_and_position", "second_experiment"])
 def test_designs_beat_everyday_paths(name: str):
-    study = shipped(name, 50)
+    study = shipped(name, 25)
     found = solve(study.problem, ONE, workers=1)
     assert found.evaluation.feasible
     for path in study.file.baselines:
