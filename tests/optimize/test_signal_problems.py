@@ -307,17 +307,18 @@ def test_gains_are_those_of_wider_ranges():
         assert found.gains[name] == pytest.approx(gain, rel=1e-2, abs=1e-4), pair
 
 
-def fishing(samples: int, pieces: int) -> oed.Problem:
+def fishing(samples: int, pieces: int, **system: Any) -> oed.Problem:
     """Prey and predators that are fished, in steps [Lotka and Volterra; Sager, 2005]."""
-    system = oed.Equations(
+    model = oed.Equations(
         states={"x": "", "y": ""},
         derivatives={"x": "a * x - b * x * y - 0.4 * x * u", "y": "c * x * y - d * y - 0.2 * y * u"},
         parameters={"a": "1 1/s", "b": "1 1/s", "c": "1 1/s", "d": "1 1/s"},
         inputs={"u": "1/s"},
         outputs={"x": "x", "y": "y"},
+        **system,
     )
     return oed.Problem(
-        model=system,
+        model=model,
         design=oed.SignalSpace(
             duration=12, samples=samples, start=(0.5, 0.7), signals=(PiecewiseConstant(pieces=pieces),)
         ),
@@ -330,7 +331,7 @@ def fishing(samples: int, pieces: int) -> oed.Problem:
 @pytest.mark.slow
 def test_steps_are_as_cheap_as_a_spline_of_degree_0():
     """The same drives by both descriptions: the same unknowns, pieces, operations and numbers."""
-    problem = fishing(samples=30, pieces=6)
+    problem = fishing(samples=30, pieces=6, substeps=1)
     spline = oed.Spline(degree=0, coefficients=6)
     usual = oed.SignalSpace(duration=12, samples=30, start=(0.5, 0.7), spline=spline, rest_to_rest=False)
     signals, splines = in_pieces(problem), in_pieces(replace(problem, design=usual))
