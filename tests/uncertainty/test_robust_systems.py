@@ -21,6 +21,7 @@ TANK = textwrap.dedent("""\
     name: A tank that may be another
     system:
       kind: equations
+      substeps: 2
       states: {temperature: 293 K}
       inputs: {heat: W}
       parameters: {loss: 2 W/K, capacity: 20 kJ/K, room: 293 K}
