@@ -64,7 +64,7 @@ def plus_minus(matrix: np.ndarray) -> tuple[float, float, float]:
 
 @robots
 @rules
-@pytest.mark.parametrize("segments", [2, 5, 10, SAMPLES, "samples"])
+@pytest.mark.parametrize("segments", [2, 10, SAMPLES, "samples"])
 def test_regressors_are_the_oracles(example: Example, rule: str, segments):
     problem = problem_for(example.model, rule, segments)
     inputs = draw_inputs(np.random.default_rng(3), SAMPLES)

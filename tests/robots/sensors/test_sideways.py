@@ -76,7 +76,7 @@ def squares(example: Example, speeds: np.ndarray, rule: str) -> np.ndarray:
 
 @sideways
 @rules
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(seed=seeds)
 @pytest.mark.slow
 def test_information_on_coefficients(example: Example, rule: str, seed: int):
