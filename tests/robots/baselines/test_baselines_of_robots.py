@@ -137,16 +137,18 @@ def assert_it_steers_without_a_stop(trajectory: Trajectory, model: Model):
     np.testing.assert_array_equal(np.diff(rolling), 1)
 
 
-# One of every kind: what a second one of a kind changes is its numbers. Every path by one robot that steers,
-# one that spins and one that drags a trailer, one that lags straight ahead, too; the others to both sides.
+# One of every kind: what a second one of a kind changes is its numbers. Every path by one robot that steers
+# and one that drags a trailer, sideways by one that can, straight ahead by one that lags, too; the others to
+# both sides. One that spins drives every path of the paper's study.
 KINDS = list({example.model.kind: example for example in ROBOTS}.values())
 FEW = ("figure_eight", "random")
-EVERY, STRAIGHT = ("ackermann", "mecanum", "tractor_trailer"), ("unicycle",)
+EVERY = ("ackermann", "tractor_trailer")
+SOME = {"mecanum": SIDEWAYS, "unicycle": ("straight",)}
 PAIRS = [
     (example, name)
     for example in KINDS
     for name in driven(example.model)
-    if name in FEW or example.model.kind in EVERY or (name == "straight" and example.model.kind in STRAIGHT)
+    if name in FEW or example.model.kind in EVERY or name in SOME.get(example.model.kind, ())
 ]
 # A trailer that a spin on the spot folds up beyond its limit.
 FOLDED = [pair for pair in PAIRS if "trailer_angle" in pair[0].model.states and pair[1] in SPINNING]
@@ -162,13 +164,16 @@ def of_robots(pairs: list[tuple[Example, str]]) -> Any:
 @of_robots([pair for pair in PAIRS if pair not in FOLDED])
 def test_every_robot_drives_what_suits_it(example: Example, name: str):
     # What limits may be exceeded by between samples is bounded the sooner the shorter a car's periods are.
-    duration, samples = (60, 150) if example.motion is None else (5, 50)
+    duration, samples, length = (40, 100, 4.0) if example.motion is None else (2.5, 25, 1.0)
+    if name == "figure_eight":
+        # As slowly as lags need that the turns are made as exactly as is asked.
+        duration, samples = 60, 150
     problem = robot_problem(example.model, duration=duration, samples=samples)
-    chosen, fitted = baselines(problem, name, length=4.0)
+    chosen, fitted = baselines(problem, name, length=length)
     assert chosen.evaluation.feasible
     assert chosen.trajectory.duration == duration
     np.testing.assert_allclose(chosen.trajectory.inputs_at(np.array([0.0, duration])), 0, atol=1e-6)
-    assert fitted.evaluation.path_length == pytest.approx(4.0, rel=0.01)
+    assert fitted.evaluation.path_length == pytest.approx(length, rel=0.01)
     assert fitted.trajectory.duration == duration
     if name == "random":
         return

@@ -125,7 +125,9 @@ class TestRuns:
         return problem_of(**{**usual, **parts})
 
     def turned(self, name: str, **parts) -> list[float]:
-        (solution,) = baselines(self.several(**parts), name)
+        return self.turns(*baselines(self.several(**parts), name))
+
+    def turns(self, solution: Solution) -> list[float]:
         assert solution.evaluation.feasible
         return [float(path[-1, 2] - path[0, 2]) for path in runs(solution)]
 
@@ -139,10 +141,10 @@ class TestRuns:
     def test_one_run_too_short_for_both_directions_has_one(self):
         (solution,) = baselines(self.several(runs=1), "square")
         assert "one way round" in solution.message
-        assert self.turned("square", runs=1) == [pytest.approx(2 * np.pi, rel=0.01)]
+        assert self.turns(solution) == [pytest.approx(2 * np.pi, rel=0.01)]
         (longer,) = baselines(self.several(runs=1, duration=30), "square")
         assert "one way round" not in longer.message
-        assert self.turned("square", runs=1, duration=30) == [pytest.approx(0, abs=0.05)]
+        assert self.turns(longer) == [pytest.approx(0, abs=0.05)]
 
     def test_a_straight_begins_at_its_other_end_where_it_may(self):
         (solution,) = baselines(self.several(runs=2), "straight")
