@@ -35,10 +35,9 @@ SIDEWAYS |= {"bicycle", "bicycle_all_effects"}
 SMOOTH = [example for example in ROBOTS if example.name != "skid_slip"]
 """All but the one whose slip jumps where its sides change roles."""
 every_robot = pytest.mark.parametrize("example", SMOOTH, ids=lambda example: example.name)
-seeds = pytest.mark.parametrize("seed", range(3))
 
 
-def any_drive(example: Example, seed: int, degree: int = 3) -> Trajectory:
+def any_drive(example: Example, seed: int = 0, degree: int = 3) -> Trajectory:
     rng = np.random.default_rng(seed)
     space = DesignSpace(
         duration=6, samples=24, spline=Spline(degree=degree, coefficients=8), rest_to_rest=False
@@ -51,10 +50,9 @@ def two_sided(values: np.ndarray, low: float, high: float) -> float:
     return float(min((high - values).min(), (values - low).min()))
 
 
-@seeds
 @every_robot
-def test_body_speed(example: Example, seed: int):
-    drive = any_drive(example, seed)
+def test_body_speed(example: Example):
+    drive = any_drive(example)
     forward, lateral, _ = fine_twists(example, drive).T
     expected = two_sided(forward, -0.2, 0.3)
     if example.name in SIDEWAYS:
@@ -63,19 +61,17 @@ def test_body_speed(example: Example, seed: int):
     assert found == pytest.approx(expected, abs=3e-4 if example.name in SIDEWAYS else 1e-9)
 
 
-@seeds
 @every_robot
-def test_yaw_rate(example: Example, seed: int):
-    drive = any_drive(example, seed)
+def test_yaw_rate(example: Example):
+    drive = any_drive(example)
     yaw_rates = fine_twists(example, drive)[:, 2]
     found = slack(YawRate(bounds=(-0.5, 0.8)), as_drive(example.model, drive))
     assert found == pytest.approx(two_sided(yaw_rates, -0.5, 0.8))
 
 
-@seeds
 @every_robot
-def test_lateral_acceleration(example: Example, seed: int):
-    drive = any_drive(example, seed)
+def test_lateral_acceleration(example: Example):
+    drive = any_drive(example)
     forward, lateral, yaw_rate = fine_twists(example, drive).T
     expected = 0.4 - (np.hypot(forward, lateral) * np.abs(yaw_rate)).max()
     found = slack(LateralAcceleration(bounds=0.4), as_drive(example.model, drive))
@@ -94,10 +90,9 @@ def test_magnitudes_are_exact_at_their_bounds(name: str):
     assert slack(LateralAcceleration(bounds=largest), values) == pytest.approx(0, abs=1e-12)
 
 
-@seeds
 @every_robot
-def test_turning_radius(example: Example, seed: int):
-    drive = any_drive(example, seed)
+def test_turning_radius(example: Example):
+    drive = any_drive(example)
     forward, lateral, yaw_rate = fine_twists(example, drive).T
     speed, needed = forward**2 + lateral**2, (0.3 * yaw_rate) ** 2
     found = slack(TurningRadius(bounds=0.3), as_drive(example.model, drive))

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from outlines import (
     COMB,
@@ -91,7 +91,6 @@ def test_a_room_is_its_walls_and_pockets(outline):
     assert np.all(rows[truth < -1e-9] < 1e-9)
 
 
-@settings(max_examples=25)
 @given(outline=outlines(), seed=st.integers(0, 1000))
 @pytest.mark.slow
 def test_a_room_of_any_outline(outline: np.ndarray, seed: int):
@@ -102,7 +101,6 @@ def test_a_room_of_any_outline(outline: np.ndarray, seed: int):
     np.testing.assert_allclose(rows[inside], truth[inside], atol=1e-6)
 
 
-@settings(max_examples=25)
 @given(outline=outlines(), seed=st.integers(0, 1000))
 @pytest.mark.slow
 def test_distance_from_an_obstacle_of_any_outline(outline: np.ndarray, seed: int):
@@ -131,7 +129,6 @@ def test_pieces_make_up_the_shape(outline):
     assert_pieces(outline, pieces_of(outline))
 
 
-@settings(max_examples=25)
 @given(outline=outlines())
 @pytest.mark.slow
 def test_pieces_make_up_any_shape(outline: np.ndarray):
@@ -274,9 +271,7 @@ def turned_room(seed: int) -> tuple[np.random.Generator, np.ndarray]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "first", [0, *(pytest.param(first, marks=pytest.mark.slow) for first in range(20, 80, 20))]
-)
+@pytest.mark.parametrize("first", [0, 20])
 def test_turned_rooms_of_right_angles(first: int):
     for seed in range(first, first + 20):
         draw, outline = turned_room(seed)
@@ -296,7 +291,7 @@ def test_turned_rooms_of_right_angles(first: int):
 
 @pytest.mark.slow
 def test_many_turned_rooms():
-    for seed in range(400):
+    for seed in range(120):
         _, outline = turned_room(seed)
         walls, _ = walls_and_pockets([tuple(corner) for corner in outline])
         assert len(walls) >= 4, f"seed {seed}"
