@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any, Literal
 
+import numpy as np
 import pytest
 
 from oed.kernel.problem import Problem
@@ -13,7 +14,8 @@ from oed.kernel.solution import Solution
 from oed.optimize import Context, Progress, Silent, Solver
 from oed.records.outcomes import trial_of
 from oed.robots.baselines import baselines
-from oed.simulation.trial import run, run_trial
+from oed.simulation.physics import Motion, PhysicsRobot, drive
+from oed.simulation.trial import experiment, run, run_trial
 from oed.simulation.trial.experiment import Found, Repeat, repeated
 from oed.study.study import Study
 from oed.workflow.studies import parse_study
@@ -63,8 +65,23 @@ def tried(text: str = STUDY, *, workers: int = 1, progress: Progress | None = No
     study = study_of(text)
     assert study.file.physics is not None
     listener = progress or Silent()
-    found = run_trial(study.problem, study.file.physics, Drawn(), seed=0, workers=workers, progress=listener)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(experiment, "drive", moved)
+        found = run_trial(
+            study.problem, study.file.physics, Drawn(), seed=0, workers=workers, progress=listener
+        )
     return trial_of(found).plain()
+
+
+MOTIONS: dict[tuple[Any, ...], Motion] = {}
+
+
+def moved(robot: PhysicsRobot, inputs: np.ndarray, period: float, **further: Any) -> Motion:
+    """How a robot moves, simulated once: designs that are drawn are the same for several models and aims."""
+    one = robot, inputs.tobytes(), inputs.shape, period, repr(further)
+    if one not in MOTIONS:
+        MOTIONS[one] = drive(robot, inputs, period, **further)
+    return MOTIONS[one]
 
 
 DRIVEN: dict[tuple[int, int], Found | None] = {}
