@@ -148,7 +148,7 @@ CAR_HEAD = """\
 """
 
 
-def car(folder: Path, seed: int, seconds: float = 50.0) -> Path:
+def car(folder: Path, seed: int, seconds: float = 30.0) -> Path:
     """Counters of 32 and 13 bits, times since 1970, odometry that nobody asks for, the sensor's pose."""
     twin = driven(
         lambda t: bumps(t, seed, (2.5, 5.0), (0.6, 0.0)), lambda u: steered(CAR, u), seconds, (0, 0, 0)
@@ -293,7 +293,7 @@ HUSKY = {"wheel_radius_right": 0.1642, "wheel_radius_left": 0.1631, "track": 1.1
 ANTENNA = {"sensor_x": 0.31, "sensor_y": -0.08}
 
 
-def husky(folder: Path, seed: int, seconds: float = 120.0) -> Path:
+def husky(folder: Path, seed: int, seconds: float = 60.0) -> Path:
     """Dates; rims' speeds by the nominal radius; RTK at 5 Hz, whose errors last for some ten seconds."""
     twin = driven(lambda t: bumps(t, seed, (2.5, 2.5), (2.5, 2.5)), lambda u: two_wheels(HUSKY, u), seconds)
     rows, seen = twin.rows(10), twin.rows(5, 0.4)
@@ -310,7 +310,7 @@ def husky(folder: Path, seed: int, seconds: float = 120.0) -> Path:
 BEACONS = np.array([[6.0, 0.0], [-4.0, 5.0], [-4.0, -5.0], [5.0, 7.0]])
 
 
-def uwb(folder: Path, seed: int, seconds: float = 50.0) -> Path:
+def uwb(folder: Path, seed: int, seconds: float = 30.0) -> Path:
     """Distances to beacons in turn, a tenth not heard, 12 cm too long; a gyroscope beside the wheels."""
     twin = driven(lambda t: bumps(t, seed, (2.5, 2.5), (2.5, 2.5)), lambda u: two_wheels(HUSKY, u), seconds)
     rows, seen, rng = twin.rows(20), twin.rows(16, 0.4), np.random.default_rng([seed, 6])
@@ -346,14 +346,14 @@ def each(write: Callable[[Path, int], Path], count: int) -> Callable[[Path], lis
 PLACE = ("sensor_x", "sensor_y", "sensor_heading")
 MATCHED, CAR_PLACE = (dict(zip(PLACE, place, strict=True)) for place in (MOUNTED, CAR_SENSOR))
 SETS = (
-    PublicSet("jackal", JACKAL, each(jackal, 2), ("tracker_lost", "gap")),
+    PublicSet("jackal", JACKAL, each(jackal, 1), ("tracker_lost", "gap")),
     PublicSet("khepera", TRUTH, each(khepera, 2), ("stray_motions",), MATCHED),
     PublicSet("tricycle", CAR, each(car, 1), ("counter_wrapped",), CAR_PLACE),
-    PublicSet("mecanum", MECANUM, each(mecanum, 2), ("duplicate_rows", "skipped_poses", "gap")),
+    PublicSet("mecanum", MECANUM, each(mecanum, 1), ("duplicate_rows", "skipped_poses", "gap")),
     PublicSet("optiodom_diff", DIFF, each(optiodom_diff, 2), ("clock_offset",)),
-    PublicSet("optiodom_tricyc", TRICYC, each(optiodom_tricyc, 2)),
-    PublicSet("optiodom_omni3", OMNI3, each(optiodom_omni3, 2)),
-    PublicSet("commanded", COMMANDED, each(commanded, 2), ("clock_offset",)),
-    PublicSet("husky", HUSKY, each(husky, 2), place=ANTENNA),
+    PublicSet("optiodom_tricyc", TRICYC, each(optiodom_tricyc, 1)),
+    PublicSet("optiodom_omni3", OMNI3, each(optiodom_omni3, 1)),
+    PublicSet("commanded", COMMANDED, each(commanded, 1), ("clock_offset",)),
+    PublicSet("husky", HUSKY, each(husky, 1), place=ANTENNA),
     PublicSet("uwb", HUSKY, each(uwb, 1)),
 )
