@@ -15,7 +15,7 @@ from oed.study.study import Study
 SEARCH = "solvers: [{kind: genetic, population: 20, generations: 3}]\n"
 STUDY = f"{ROOM_STUDY}{SEARCH}"
 TRUTH = {"wheel_radius_right": 0.0325, "wheel_radius_left": 0.0334, "track": 0.1635}
-TARGETS = {"wheel_radius": "0.4 %", "track": "0.7 %"}
+TARGETS = {"wheel_radius": "0.5 %", "track": "0.9 %"}
 SOON = {"poll": 0.01, "settle": 0.03, "workers": 1}
 
 Drive = Callable[[Path, Path], object]

@@ -87,7 +87,7 @@ class TestLoop:
 
     def test_with_more_wanted_it_goes_on(self, study, done, tmp_path):
         found, logs, _ = done
-        finer = {"track": "0.7 %", "wheel_radius": "0.35 %"}
+        finer = {"track": "0.9 %", "wheel_radius": "0.4 %"}
         again = oed.loop(
             study, logs, found.folder, targets=finer, command=robot(study), least_gain=0.0, **SOON
         )

@@ -36,6 +36,14 @@ def designed(study: Study) -> Record:
     return run(study, workers=1)
 
 
+@pytest.fixture(scope="module")
+def following(study: Study, designed: Record, tmp_path_factory: pytest.TempPathFactory):
+    """The log of the design, what is to be driven after it, and the folder that this is in."""
+    folder = tmp_path_factory.mktemp("following")
+    first = drive(study, designed, None, folder / "first.csv", np.random.default_rng(5))
+    return first, next_drive(designed, [first], out=folder / "next", workers=1), folder / "next"
+
+
 def drive(study: Study, record: Record, name: str | None, path: Path, rng: np.random.Generator) -> Path:
     trajectory = record.result(name).drive.trajectory
     return write_log(path, study.problem, trajectory, TRUTH, rng)
@@ -97,12 +105,9 @@ class TestInterrupted:
 class TestPriorsLogs:
     """A log that made the prior must not count again."""
 
-    def test_it_is_refused_by_its_content(self, study, designed, tmp_path, capsys):
-        rng = np.random.default_rng(5)
-        first = drive(study, designed, None, tmp_path / "first.csv", rng)
-        second = drive(study, designed, None, tmp_path / "second.csv", rng)
-        out = tmp_path / "next"
-        found = next_drive(designed, [first], out=out, workers=1)
+    def test_it_is_refused_by_its_content(self, study, designed, following, tmp_path, capsys):
+        first, found, out = following
+        second = drive(study, designed, None, tmp_path / "second.csv", np.random.default_rng(6))
         assert list(found.record.study.prior.logs.values()) == [str(first)]
         copy = tmp_path / "copy.csv"
         copy.write_bytes(first.read_bytes())
@@ -112,10 +117,9 @@ class TestPriorsLogs:
         again = next_drive(load_record(out), [second], workers=1)
         assert list(again.study.problem.prior.logs.values()) == [str(first), str(second)]
 
-    def test_a_prior_from_a_record_hands_them_on(self, study, designed, tmp_path):
-        first = drive(study, designed, None, tmp_path / "first.csv", np.random.default_rng(5))
-        found = next_drive(designed, [first], out=tmp_path / "next", workers=1)
-        (tmp_path / "study.yaml").write_text(f"{STUDY}prior: {{record: next}}\n")
+    def test_a_prior_from_a_record_hands_them_on(self, following, tmp_path):
+        _, found, out = following
+        (tmp_path / "study.yaml").write_text(f"{STUDY}prior: {{record: {out}}}\n")
         assert load_study(tmp_path / "study.yaml").problem.prior.logs == found.study.problem.prior.logs
 
 
@@ -142,10 +146,8 @@ class TestLoop:
         repeated = errors(estimate(study, squares))
         assert any(repeated[name] > float(size[:-1]) / 100 for name, size in TARGETS.items())
 
-    def test_predicts_what_the_next_drive_brings(self, study, designed, tmp_path, capsys):
-        rng = np.random.default_rng(5)
-        first = drive(study, designed, None, tmp_path / "first.csv", rng)
-        found = next_drive(designed, [first], out=tmp_path / "next", workers=1)
+    def test_predicts_what_the_next_drive_brings(self, study, following, tmp_path, capsys):
+        first, found, out = following
         assert not found.stop
         assert 0.05 < found.gain < 0.9
         assert found.basis.startswith(
@@ -156,13 +158,13 @@ class TestLoop:
         assert "standard errors after it: the next drive is thought to drift" in capsys.readouterr().out
         for entry in found.precision:
             assert entry.next < entry.now
-        second = drive(study, found.record, None, tmp_path / "second.csv", rng)
+        second = drive(study, found.record, None, tmp_path / "second.csv", np.random.default_rng(6))
         after = errors(estimate(study, [first, second]))
         for entry in found.precision:
             # The log estimates the sensor's place and the clocks along, which the design takes as known.
             assert 0.6 < after[entry.name] * entry.value / entry.next < 2.0
-        assert json.loads((tmp_path / "next" / "next.json").read_text())["stop"] is False
-        again = load_study(tmp_path / "next" / "next.yaml")
+        assert json.loads((out / "next.json").read_text())["stop"] is False
+        again = load_study(out / "next.yaml")
         assert again.problem.model.nominal == pytest.approx(list(found.estimate.values.values()))
         assert again.problem.prior is not None
 

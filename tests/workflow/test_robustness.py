@@ -174,10 +174,10 @@ class TestWhatIsAsked:
         assert [one.name for one in safe(study, alike)] == ["ipopt", "circle"]
 
     @pytest.mark.slow
-    def test_the_search_without_reserve_may_be_left_out(self, tmp_path):
-        text = TEXT.replace("draws: 400", "draws: 400, compare: false").replace("logdet", "none")
-        record = run(saved_study(tmp_path, text), workers=1)
-        assert [one.name for one in record.results][:2] == ["ipopt", "circle"]
+    def test_the_search_without_reserve_may_be_left_out(self, driven):
+        study, record, *_ = driven
+        assert not study.problem.robust.compare
+        assert [one.name for one in record.results][:2] == ["ipopt", "square"]
         assert [one["name"] for one in record.data["robustness"]["bundles"]] == ["ipopt"]
 
     def test_paths_alone_are_simulated_as_well(self, tmp_path):

@@ -28,7 +28,7 @@ from oed.records.stored.study_record import Provenance
 from oed.study.study import Study
 from oed.workflow.runner import run
 
-TEXT = small(solvers=GENETIC, baselines="[circle]")
+TEXT = small(solvers=GENETIC, baselines="[random]")
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -81,8 +81,7 @@ class TestAgain:
         assert set(contents(finished)) == {
             "record.json",
             "another.csv",
-            "circle.csv",
-            "circle_same_length.csv",
+            "random.csv",
             "notes.txt",
             "figures/estimate_paths.svg",
         }
@@ -293,7 +292,7 @@ class TestProcess:
 
         process = started(
             finished.parent,
-            "run",
+            "solve",
             "study.yaml",
             "--out",
             "out",
@@ -314,7 +313,7 @@ class TestProcess:
         slow = "{kind: genetic, population: 20, generations: 100000}"
         write_study(finished.parent, small(solvers=f"{GENETIC}, {slow[:-1]}, name: slow}}"))
         before = contents(finished)
-        process = started(finished.parent, "run", "study.yaml", "--out", "out", "--workers", "1", "--quiet")
+        process = started(finished.parent, "solve", "study.yaml", "--out", "out", "--workers", "1", "--quiet")
         kept = finished.parent / ".out.oed" / "draft" / "out" / "record.json"
         give_up = time.monotonic() + 60
         while not kept.exists() and time.monotonic() < give_up:
