@@ -112,6 +112,11 @@ class Segment:
             np.concatenate([[0.0], np.cumsum(period * reach @ speeds)]),
         )
 
+    def of_a_drive(self, first: bool, last: bool) -> Segment:
+        """It as the first or the last one of a drive: there no input changes its sign."""
+        begins, ends = (slice(1 if alone else None) for alone in (first, last))
+        return Segment(self.angles[:, begins, ends], self.first[:, begins], self.last[:, ends], self.ways)
+
 
 def _summed(ways: Array) -> Array:
     # (A, m) to (m + 1, A): nothing less than no way at all.

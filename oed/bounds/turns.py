@@ -15,7 +15,7 @@ to the middle, which grows by what is driven. All that is in ranges is taken at 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -199,8 +199,10 @@ class Classes:
             floor: worth of a drive that is not of interest.
         """
         self.course, self.ways_in_all, self.floor = course, ways, floor
-        known: Mapping[bytes, Worth] = {key: Worth(course, one, share) for key, one in course.segments}
-        self.worths = [known[key] for key, _ in course.segments]
+        self.worths, known = list[Worth](), dict[tuple[bytes, bool, bool], Worth]()
+        for at, (key, one) in enumerate(course.segments):
+            ends = at == 0, at == course.count - 1
+            self.worths.append(known.setdefault((key, *ends), Worth(course, one.of_a_drive(*ends), share)))
         best = course.freely(share).max(axis=1)
         self.rest = np.append(np.cumsum(best[::-1])[::-1], 0.0)
         self.alternating = course.reversals.changed.sum(axis=1) == 1
@@ -208,7 +210,7 @@ class Classes:
 
     def largest(self) -> Array:
         """The most that drives of every class are worth, or `floor`, (classes,)."""
-        ways, turns, entries = self._nothing(PLACES), self._nothing(_distances()), self._nothing(_distances())
+        ways, turns, entries = (self._nothing(one, 1) for one in (PLACES, _distances(), _distances()))
         place = int(np.ceil(self.course.start / _fine(self.course) * (1 - 1e-12)))
         entries[0, 0, 0, min(place, _distances() - 1)] = turns[1, 0, 0, min(place, _distances() - 1)] = 0.0
         for at, worth in enumerate(self.worths):
@@ -216,13 +218,16 @@ class Classes:
             turned = self._after_turns(worth, turns)
             for one in (near, far, turned):
                 one[one + self.rest[at + 1] <= self.floor] = -np.inf
+                # Too few ways for those that are left to make up for it.
+                one[:, : max(self.ways_in_all - (self.course.count - at - 1), 0)] = -np.inf
             if at + 1 < self.course.count:
                 ways, turns, entries = self._alternated(worth, near, far, turned)
         found = np.stack([one[:, self.ways_in_all, 0].max(axis=1) for one in (near, far, turned)])
         return np.asarray(np.maximum(found.max(axis=0), self.floor))
 
-    def _nothing(self, places: int) -> Array:
-        shape = self.count, self.ways_in_all + 1, len(self.alternating), places
+    def _nothing(self, places: int, happens: int) -> Array:
+        # By places and what may happen at a boundary.
+        shape = self.count, self.ways_in_all + 1, happens, places
         return np.full(shape, -np.inf)
 
     def _near(self, worth: Worth) -> int:
@@ -231,7 +236,7 @@ class Classes:
 
     def _after_ways(self, worth: Worth, ways: Array, entries: Array) -> tuple[Array, Array]:
         # After a first way from near the middle, and after any other.
-        near, far = self._nothing(PLACES), self._nothing(PLACES)
+        near, far = (self._nothing(PLACES, worth.segment.last.shape[1]) for _ in range(2))
         for number in range(self.ways_in_all):
             for place in np.flatnonzero(np.isfinite(entries[:, number]).any(axis=(0, 1))):
                 target = near if place <= 1 else far
@@ -241,7 +246,8 @@ class Classes:
         return near, far
 
     def _after_turns(self, worth: Worth, turns: Array) -> Array:
-        found, last = self._nothing(_distances()), _distances() - 1
+        last = _distances() - 1
+        found = self._nothing(last + 1, worth.segment.last.shape[1])
         for number in range(self.ways_in_all + 1):
             for place in np.flatnonzero(np.isfinite(turns[:, number]).any(axis=(0, 1))):
                 _spread(
@@ -252,7 +258,7 @@ class Classes:
         return found
 
     def _alternated(self, worth: Worth, near: Array, far: Array, turned: Array) -> tuple[Array, Array, Array]:
-        ways, turns, entries = self._nothing(PLACES), self._nothing(_distances()), self._nothing(_distances())
+        ways, turns, entries = (np.full_like(one, -np.inf) for one in (far, turned, turned))
         both = np.maximum(near, far)
         ways[:, :, 0], turns[:, :, 0] = both[:, :, 0], turned[:, :, 0]
         # Back the way it came: g changes its sign.
