@@ -69,16 +69,20 @@ def best_objective(problem: Problem, rng: np.random.Generator, drives: int, clim
     return best
 
 
-@pytest.mark.parametrize("make", [random_regression, random_joint])
-@pytest.mark.parametrize("seed", range(4))
+# Those of some problems of which there is a bound that runs come near.
+@pytest.mark.parametrize(
+    ("make", "seed"),
+    [*((random_regression, seed) for seed in (0, 4, 9)), *((random_joint, seed) for seed in (5, 12))],
+)
 @pytest.mark.slow
 def test_no_runs_beat_the_bound(make: Any, seed: int):
     rng = np.random.default_rng(300 + seed)
     runs = int(rng.integers(2, 4))
     problem = several(make(rng), runs)
     certificate = bound(problem, time_limit=0.15)
-    best = best_objective(problem, rng, 12, 20)
+    best = best_objective(problem, rng, 8, 14)
     assert np.isfinite(best)
+    assert np.isfinite(certificate.upper_bound)
     for one in certificate.bounds:
         assert best <= one.value, (one.method, best / one.value - 1, problem)
     assert best <= certificate.upper_bound
@@ -118,7 +122,7 @@ def test_starts_of_their_own_give_the_sum_of_the_bounds(measurement: Any):
     )
     problem = several(one, 3, CORNERS)
     *each, found = (
-        {one.method: one.value for one in bound(one, nodes=20).bounds} for one in (*singles(problem), problem)
+        {one.method: one.value for one in bound(one, nodes=4).bounds} for one in (*singles(problem), problem)
     )
     assert found
     assert len({tuple(values.values()) for values in each}) > 1

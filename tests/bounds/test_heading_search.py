@@ -100,7 +100,7 @@ def drives_of(made: Problem, seed: int) -> list[np.ndarray]:
 # Starts in the middle of the room, near it, in a corner and anywhere; the drives reach the bound of a class
 # with ways in 4 and 6, and 95 % of it in 1 and 2.
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 4, 5, 6])
+@pytest.mark.parametrize("seed", [1, 2, 4, 6])
 def test_no_drive_is_worth_more_than_its_class(seed):
     made, share = problem(seed, segments=3 + seed % 2), SHARES[seed % 3]
     course, groups = course_of(made), dict[int, list[tuple[int, float]]]()

@@ -137,18 +137,20 @@ def check(problem: Problem, rng: np.random.Generator, drives: int, climbs: int) 
     return tried
 
 
-@pytest.mark.parametrize("seed", [0, 3, 4, 6])
+# Of forty problems some whose bounds are less than twice what drives reach.
+@pytest.mark.parametrize("seed", [4, 10, 16, 36])
 @pytest.mark.slow
 def test_no_drive_beats_the_bound_of_a_regression(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    assert check(random_regression(rng), rng, 30, 20) > 20
+    assert check(random_regression(rng), rng, 18, 12) > 20
 
 
-@pytest.mark.parametrize("seed", [0, 1, 5, 6, 7])
+# And one by positions within top speed, which few drives come near.
+@pytest.mark.parametrize("seed", [6, 8, 16, 35])
 @pytest.mark.slow
 def test_no_drive_beats_the_bound_of_sensors(seed: int) -> None:
     rng = np.random.default_rng(1000 + seed)
-    assert check(random_joint(rng), rng, 30, 20) > 20
+    assert check(random_joint(rng), rng, 18, 12) > 20
 
 
 BODY = {"body_radius": 0.15, "wheel_radius": RADIUS}
@@ -168,9 +170,10 @@ ROOMS = {
 @pytest.mark.parametrize(
     ("measured", "robot", "room"),
     [
-        *itertools.product(["segments", "samples", "poses"], OTHERS, ["circle"]),
-        # Where positions are read, the room is the bound.
-        *itertools.product(["poses"], ["offset", "body"], ["polygon"]),
+        *itertools.product(["segments", "samples"], ["offset", "icr", "trailer"], ["circle"]),
+        # Where positions are read, the room is the bound; of other robots there is none then.
+        *(("poses", "body", room) for room in ROOMS),
+        ("poses", "offset", "polygon"),
     ],
 )
 def test_other_robots_and_rooms(robot: str, room: str, measured: str) -> None:
