@@ -31,8 +31,8 @@ Bools = npt.NDArray[np.bool_]
 Box = tuple[float, float, float, float]
 
 LEGS, RUNS = 6, 240
-SEEDS = (4, 5, 6, 9, 11, 16, 21, 26, 27, 28, 14, 17, 23, 25)
-"""Ten with a start, of which paths use up most of the bound, and four without; 1, 2, 4 and 8 images."""
+SEEDS = (4, 9, 11, 16, 21, 26, 14, 17)
+"""Six with a start, of which paths use up most of the bound, and two without; 1, 2, 4 and 8 images."""
 
 
 def spread_of(paths: Array, read: Bools) -> Array:
@@ -58,7 +58,7 @@ def followed(places: Array, waits: Array, start: Array, steps: Array) -> Array:
 
 
 def climbed(
-    box: Box, steps: Array, read: Bools, start: Array | None, rng: np.random.Generator, rounds: int = 50
+    box: Box, steps: Array, read: Bools, start: Array | None, rng: np.random.Generator, rounds: int = 25
 ) -> float:
     """The largest spread of many local searches."""
     low, high, best = np.array(box[::2]), np.array(box[1::2]), 0.0
@@ -105,11 +105,11 @@ def test_no_path_is_spread_further(seed: int) -> None:
 
 @pytest.mark.slow
 def test_a_bound_is_near_what_paths_reach() -> None:
-    steps, read = np.full(30, 0.3), np.ones(31, bool)
+    steps, read = np.full(20, 0.45), np.ones(21, bool)
     box = (-1.0, 1.0, -1.0, 1.0)
-    found = largest_planar_spread(box, steps, read, Start((0.0, 0.0)), Effort())
+    found = largest_planar_spread(box, steps, read, Start((0.0, 0.0)), Effort(nodes=120))
     rng = np.random.default_rng(0)
-    best = max(climbed(box, steps, read, np.zeros(2), rng, 150) for _ in range(4))
+    best = max(climbed(box, steps, read, np.zeros(2), rng, 60) for _ in range(4))
     assert best <= found <= 1.05 * best
 
 
@@ -175,11 +175,11 @@ def test_certificates_of_positions_use_it_for_exact_and_widened_limits() -> None
 
 @pytest.mark.slow
 def test_the_laser_tracker_is_bounded_by_less_than_three_quarters_of_its_room() -> None:
-    # Of as many readings as show it, by half the usual centres.
+    # Of as many readings as show it, by fewer than half the usual centres.
     study = oed.load_study(PROBLEMS / "laser_tracker.yaml").problem
-    problem = replace(study, design=study.design.model_copy(update={"samples": 50}))
-    found = bound(problem, nodes=120, workers=1)
-    corners = 51 * 2 / (3 * 0.01**2)
+    problem = replace(study, design=study.design.model_copy(update={"samples": 30}))
+    found = bound(problem, nodes=105, workers=1)
+    corners = 31 * 2 / (3 * 0.01**2)
     assert 0.682 * corners < found.upper_bound < 0.735 * corners
 
 
