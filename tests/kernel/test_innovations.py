@@ -264,22 +264,26 @@ def test_filters_are_kept():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "sensors",
+    ("sensors", "size"),
     [
-        [
-            POSES.model_copy(update={"every": 2, "initial_pose": "known", "lever_arm": BESIDE}),
-            YawRate(noise=0.03),
-        ],
-        [RelativePoses(noise={"position": 0.01, "heading": 0.02}, drift=DRIFT), YawRate(noise=0.03)],
-        [MOTIONS.model_copy(update={"every": 2}), POSES.model_copy(update={"every": 4})],
-        [POSES, POSES, POSES],
+        (
+            [
+                POSES.model_copy(update={"every": 2, "initial_pose": "known", "lever_arm": BESIDE}),
+                YawRate(noise=0.03),
+            ],
+            2,
+        ),
+        ([RelativePoses(noise={"position": 0.01, "heading": 0.02}, drift=DRIFT), YawRate(noise=0.03)], 2),
+        ([MOTIONS.model_copy(update={"every": 2}), POSES.model_copy(update={"every": 4})], 4),
+        ([POSES, POSES, POSES], 2),
     ],
     ids=["known start, lever arm, gyroscope", "relative poses", "across samples", "many"],
 )
-def test_pieces_are_what_the_whole_drive_is_written_out(sensors):
-    problem = problem_of(measurement=sensors, criterion=E(), samples=12, period=0.3)
+def test_pieces_are_what_the_whole_drive_is_written_out(sensors, size: int):
+    # One piece between others.
+    problem = problem_of(measurement=sensors, criterion=E(), samples=3 * size, period=0.3, coefficients=6)
     assert divisible(problem) is not None
-    pieces, whole = Pieces(problem, PieceLayout(problem.design, 4, 2)), Unrolled(problem)
+    pieces, whole = Pieces(problem, PieceLayout(problem.design, size, 2)), Unrolled(problem)
     rng = np.random.default_rng(0)
     at, weights = rng.uniform(-0.6, 0.6, pieces.size), rng.normal(size=pieces.entry_count)
     none = np.zeros(len(np.array(whole.values(at)[1])))
@@ -304,7 +308,7 @@ def test_pieces_are_what_the_whole_drive_is_written_out(sensors):
     ids=["poses", "gyroscope", "relative poses", "across samples"],
 )
 def test_readings_are_weighted_by_the_walk_and_the_walk_is_what_is_simulated(sensors):
-    problem = problem_of(measurement=sensors, criterion=E(), samples=20)
+    problem = problem_of(measurement=sensors, criterion=E(), samples=12)
     drive = random_drive(problem, 3)
     estimator = Nonlinear(problem, drive)
     filtered = evaluate(problem, drive).covariances["joint"]
@@ -357,7 +361,7 @@ def test_bounds_without_drift_hold_with_it_and_say_so():
 
 @pytest.mark.slow
 def test_a_search_that_leaves_drift_out_is_scored_with_it():
-    problem = problem_of(measurement=POSES, criterion=A(), samples=20)
+    problem = problem_of(measurement=POSES, criterion=A(), samples=12, coefficients=6)
     aware, blind = (
         solve(problem, Ipopt(starts=1, perturbations=0, without_drift=without), seed=0)
         for without in (False, True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from functools import cache
+from itertools import combinations_with_replacement
 from pathlib import Path
 
 import numpy as np
@@ -191,12 +192,12 @@ class TestStartsAlone:
         problem = oed.parse_study(self.TEXT).problem
         found = oed.solve(problem, QUICK, seed=0)
         assert found.evaluation.feasible
-        grid = np.linspace(1, 3, 21)
+        grid = np.linspace(1, 3, 13)
         held = np.zeros((20, 0))
+        # Of two trials either may be the first.
         each = [
             oed.evaluate(problem, problem.design.trajectory(held, [[one], [other]])).objective
-            for one in grid
-            for other in grid
+            for one, other in combinations_with_replacement(grid, 2)
         ]
         assert found.evaluation.objective > max(each) - 1e-6
 
@@ -313,7 +314,8 @@ def test_a_coarse_integration_is_named():
     coarse = oed.parse_study(text.replace("[1 h, 4 h]", "9 h").replace("pieces: 6", "pieces: 3"))
     (note,) = oed.run(coarse.changed(limits=[], **keys)).notes
     assert note.startswith("The integration is coarse: ")
-    assert oed.run(oed.parse_study(TANK).changed(**keys)).notes == []
+    fine = oed.parse_study(TANK.replace("samples: 60", "samples: 24"))
+    assert oed.run(fine.changed(**keys)).notes == []
 
 
 def test_a_study_is_of_a_robot_or_of_a_system():
