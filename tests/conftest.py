@@ -114,6 +114,15 @@ def blank_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("oed.report.page._drawings", empty)
 
 
+@pytest.fixture
+def few_screened(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Searches from the best of forty random drives, not of two thousand: of systems whose steps take long
+    these are half of a search.
+    """
+    for module in ("multi_start", "transcription.starting_points"):
+        monkeypatch.setattr(f"oed.optimize.{module}.SCREENED", 40)
+
+
 @pytest.fixture(scope="session")
 def flagship() -> Problem:
     return make_flagship()

@@ -241,6 +241,7 @@ def tank(substeps: int, jacket: str = "285 K") -> oed.Problem:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_screened")
 def test_a_design_is_better_than_a_steady_feed_and_certified_by_finer_steps():
     own, finer = tank(2), tank(8)
     steady = own.design.trajectory(np.full((6, 1), 350.0), own.fixed_starts)

@@ -43,6 +43,7 @@ def temperature(drive: oed.Trajectory) -> solve_ivp:
     return solve_ivp(rate, (0, drive.duration), [293.0], max_step=period / 2, rtol=1e-9, dense_output=True)
 
 
+@pytest.mark.usefixtures("few_screened")
 class TestTank:
     @staticmethod
     @cache
@@ -103,6 +104,7 @@ class TestTank:
         assert said in str(error.value)
 
 
+@pytest.mark.usefixtures("few_screened")
 class TestStarts:
     @staticmethod
     def decay(start: str, trials: int = 1) -> oed.Study:

@@ -14,6 +14,7 @@ from oed.records.stored.result import Result
 
 PUBLISHED = sorted((PROBLEMS / "published").glob("*.yaml"))
 MINUTE, HOUR = 60.0, 3600.0
+pytestmark = pytest.mark.usefixtures("few_screened")
 
 
 MOST = 1000

@@ -71,6 +71,7 @@ def test_mistakes_are_named_by_key_and_line(line: str, instead: str, key: str, s
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_screened")
 def test_its_design_is_as_good_as_cvodes_says():
     study = oed.parse_study(BUFFERED)
     solution = oed.solve(study.problem, study.solvers[0], seed=0, workers=1)
