@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -29,6 +30,11 @@ TRUE = np.array([*TRUTH.values()])
 
 def found_by(logs=(LOG,), problem=None, **keys) -> Calibration:
     return calibrate(problem or logged_problem(), logs, options(**{"segment": "log", **keys}))
+
+
+@cache
+def plainly_found() -> Calibration:
+    return found_by()
 
 
 def within(found: Calibration, true=TRUE, times: float = 5.0) -> bool:
@@ -121,7 +127,7 @@ class TestOptions:
         assert found.fit.clock_offsets == pytest.approx([0.0])
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("loss", ["huber", "soft_l1", "cauchy"])
+    @pytest.mark.parametrize("loss", ["huber", "cauchy"])
     def test_loss(self, loss):
         assert within(found_by(loss=loss))
 
@@ -147,7 +153,7 @@ class TestOptions:
 
     @pytest.mark.slow
     def test_coefficients_of_the_parameters(self):
-        names, values, errors = found_by().coefficients
+        names, values, errors = plainly_found().coefficients
         assert names == ("c11", "c12", "c21", "c22")
         right, left, track = TRUE
         wanted = np.array([right / track, -left / track, right / 2, left / 2])
@@ -155,7 +161,7 @@ class TestOptions:
 
     @pytest.mark.slow
     def test_the_effective_track_is_the_track(self):
-        found = found_by()
+        found = plainly_found()
         track, error = found.effective_track
         assert track == pytest.approx(found.values[2])
         assert error == pytest.approx(found.standard_deviations["track"])

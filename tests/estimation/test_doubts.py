@@ -107,12 +107,20 @@ def test_whole_logs_of_wheels_half_as_large_are_fitted_all_the_same(seconds: flo
     assert all("check ticks_per_turn, gear and units" in one.message for one in found.doubts)
 
 
-@pytest.mark.parametrize("segment", ["log", 1.0])
 @pytest.mark.parametrize(
-    ("share", "said"), [(0.0, True), (1e-4, True), (0.002, True), (0.05, False), (1.0, False)]
+    ("share", "said", "segment"),
+    [
+        (0.0, True, "log"),
+        (1e-4, True, "log"),
+        (0.002, True, "log"),
+        (0.002, True, 1.0),
+        (0.05, False, "log"),
+        (0.05, False, 1.0),
+        (1.0, False, "log"),
+    ],
 )
 def test_a_log_without_noise_is_taken_for_none(share: float, said: bool, segment: str | float):
-    log = log_of(course(seconds=20.0), noise=(share * NOISE[0], share * NOISE[1]))
+    log = log_of(course(seconds=10.0), noise=(share * NOISE[0], share * NOISE[1]))
     found = calibrate(logged_problem(), [log], options(segment=segment))
     exact = [one for one in found.doubts if one.name == "exact"]
     assert bool(exact) == said, found.doubts

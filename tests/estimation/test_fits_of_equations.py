@@ -85,12 +85,12 @@ class TestAgainstSciPy:
 
     @pytest.mark.slow
     def test_pond(self):
-        compared(pond(0.1, start="known", substeps=60))
+        compared(pond(0.1, start="known", substeps=30))
 
     @pytest.mark.slow
     def test_pond_that_is_fished_in_two_runs(self):
         catches = np.random.default_rng(3).uniform(0, 1, (96, 1))
-        compared(pond(0.1, start="unknown", inputs=catches, runs=2, substeps=60))
+        compared(pond(0.1, start="unknown", inputs=catches, runs=2, substeps=30))
 
     def test_parameters_of_very_different_sizes(self):
         one = response(

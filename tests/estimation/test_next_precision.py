@@ -153,11 +153,11 @@ def test_errors_are_as_large_as_predicted_where_logs_were_fitted_by_likelihood(t
     predicted = np.linalg.inv(planned_information(trajectory, found, study))
     (planned,) = Logging(STEP).of_drive(ROBOT, trajectory)
     drive = as_course(planned)
-    fits = [fit_of([driven(drive, seed)], unknowns_of(ROBOT), 2.0) for seed in range(15)]
+    fits = [fit_of([driven(drive, seed)], unknowns_of(ROBOT), 2.0) for seed in range(10)]
     white = {one.about: one.at_rest for one in found.noise}
     sizes = ErrorSizes.of(white, 20.0).known({one.name: one.size for one in found.log_errors})
     each = [WholeLogs(one, sizes).found() for one in fits]
     errors = np.array([one.fit.values - TRUE for one in each]) / np.sqrt(np.diag(predicted))
-    # A deviation of 15 is known to 18 %, and the sizes by a factor.
+    # A deviation of 10 is known to 22 %, and the sizes by a factor.
     ratios = np.sqrt(np.mean(errors**2, axis=0))
     assert np.all((ratios > 0.6) & (ratios < 1.5))

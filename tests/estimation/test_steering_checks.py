@@ -48,8 +48,7 @@ def doubted(model: Model, off: float) -> dict[str, str]:
         (TRUCK, 30.0, "steering_angle"),
         (TRUCK, 60.0, "steering_angle"),
         (TRUCK, 180.0, "steering_angle"),
-        # Of these the nominal sizes explain enough for a fit, which finds the offset.
-        (TRUCK, -45.0, "poorly_explained"),
+        # Of this the nominal sizes explain enough for a fit, which finds the offset.
         (TRUCK, -135.0, "poorly_explained"),
     ],
 )
@@ -74,7 +73,7 @@ def test_a_missing_zero_is_named_where_clocks_are_apart():
 
 @pytest.mark.slow
 @MODELS
-@pytest.mark.parametrize("off", [-3.0, 0.0, 2.0])
+@pytest.mark.parametrize("off", [-3.0, 0.0])
 def test_a_small_one_is_what_is_estimated(model: Model, off: float):
     found = calibrate(logged_problem(model=model), [steered(model, off, seconds=12.0)])
     place = found.parameters.index("steering_offset")

@@ -292,7 +292,8 @@ def cut(
     valid, averaged = np.zeros(readings.shape, dtype=bool), np.ones(readings.shape)
     for row, (number, part) in enumerate(pieces):
         grid, length = grids[number], part.stop - part.start
-        times[row] = np.pad(grid.times[part], (0, shape[1] - length), mode="edge")
+        times[row, :length] = grid.times[part]
+        times[row, length:] = grid.times[part.stop - 1]
         for whole, own in ((readings, grid.readings), (valid, grid.valid), (averaged, grid.averaged)):
             whole[row, :length] = own[part]
         # The period after a segment's end is the next one's.

@@ -91,7 +91,7 @@ class Moves:
         readings = SegmentReadings.logged(self.robot, ("x", "y", "heading"), layout.count, layout.periods)
         nominal, place = np.array(self.robot.nominal), np.zeros(len(PLACE))
         further = further_starts(self.robot, layout, self.offsets, nominal, inputs)
-        starts = np.pad(further, ((0, 0), (3, 0)))
+        starts = np.hstack([np.zeros((layout.count, 3)), further])
         ends = readings(Driven(starts, chosen, layout.steps, nominal, place))[:, -1]
         return dict(zip(("forward", "left", "turn"), ends.T, strict=True))
 
