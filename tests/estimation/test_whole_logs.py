@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -34,7 +35,7 @@ from oed.estimation.methods.drift_rates import DriftRates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.log_errors import DRIFT, LASTING, PASSING, SIZES, ErrorSizes, drift_shows
 from oed.estimation.methods.nonlinear import Nonlinear
-from oed.estimation.methods.whole_logs import WholeLogs, whole_issue
+from oed.estimation.methods.whole_logs import Likeliest, WholeLogs, whole_issue
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
 from oed.logs.log import Log
@@ -196,7 +197,7 @@ def test_headings_go_on_from_segment_to_segment_where_a_robot_turns_by_more_than
 def test_when_a_log_begins_makes_no_difference():
     log = driven(0, 20.0)
     later = replace(log, input_times=log.input_times + 1e3, pose_times=log.pose_times + 1e3)
-    first, second = (WholeLogs(fit_of([one], seconds=4.0)).found() for one in (log, later))
+    first, second = found_in_20_seconds(), WholeLogs(fit_of([later], seconds=4.0)).found()
     np.testing.assert_allclose(second.logs, first.logs, rtol=1e-4, atol=1e-4)
 
 
@@ -251,6 +252,11 @@ def driven(seed: int, seconds: float, factor: float = 1.0, errs: tuple[float, fl
         drifting(drive, TRUE, factor * np.array(USUALLY), seed), noise=NOISE, seed=seed, name=str(seed)
     )
     return log if errs is None else lasting(log, *errs, seed=seed)
+
+
+@cache
+def found_in_20_seconds() -> Likeliest:
+    return WholeLogs(fit_of([driven(0, 20.0)], seconds=4.0)).found()
 
 
 @pytest.mark.slow
@@ -371,8 +377,7 @@ def test_what_the_study_states_is_said_to_be_stated():
 
 @pytest.mark.slow
 def test_innovations_that_are_correlated_are_no_error_that_is_allowed_for():
-    log = driven(0, 20.0)
-    fit = WholeLogs(fit_of([log], seconds=4.0)).found().fit
+    fit = found_in_20_seconds().fit
     # Each with half of the one before.
     white = fit.white + 0.5 * np.roll(fit.white, 1, axis=1)
     found = diagnostics(replace(fit, white=white), {})
