@@ -177,14 +177,14 @@ def test_a_thousand_windows_are_no_burden():
 @pytest.mark.slow
 @pytest.mark.parametrize("drift", [(0, 0, 0), (0.005, 0.002, 0.02)], ids=["poses", "drift"])
 def test_standard_errors_match_the_scatter(drift):
-    drive = course(seconds=50, period=0.5)
+    drive = course(seconds=50, period=0.25)
 
     def fit(seed: int) -> Fit:
         log = log_of(drifting(drive, TRUE, drift, seed), noise=(0.001, 0.005), seed=seed)
         return gls([log], seconds=1.0)
 
-    errors, fits = misses(fit, TRUE, 40)
-    assert np.abs(errors.mean(axis=0)).max() < 4 * (errors.std(axis=0) / np.sqrt(40)).max()
+    errors, fits = misses(fit, TRUE, 60)
+    assert np.abs(errors.mean(axis=0)).max() < 4 * (errors.std(axis=0) / np.sqrt(60)).max()
     found = spread(errors, [one.inverse for one in fits])
     assert np.all(np.abs(found - 1) < 0.2), found
 
