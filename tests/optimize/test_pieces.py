@@ -302,7 +302,6 @@ PROBLEMS: dict[str, dict[str, Any]] = {
         "model": SkidSteerSlip(wheel_radius=RADIUS, track=TRACK, yaw_lag=0.3),
         "measurement": POSES,
         "limits": (SPEED, YawRate(bounds=2), BOX, Power(), Effort()),
-        "design": space(samples=12),
     },
 }
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from oed.foundation.arrays import Bools
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import stepper
+from oed.kernel.dynamics.system import follows_state, stepper
 from oed.kernel.measurement.filter_rows import reads_of
 from oed.kernel.measurement.sensor import start_nuisances
 from oed.kernel.problem import Problem
@@ -113,9 +113,13 @@ class Pieces(Terms):
 
     @cached_property
     def scores(self) -> ca.Function:
-        """Z -> entries, the limits' largest violations at the samples' ends and points between."""
+        """Z -> entries, the limits' largest violations at the samples' ends and points between; of motions that
+        lag at their begins, too.
+        """
         instants = self._instants
-        times = self.problem.design.period * np.arange(1, self.refine + 1) / self.refine
+        # A motion that lags jumps at a sample's begin, with the inputs.
+        first = 0 if follows_state(self.problem.system) else 1
+        times = self.problem.design.period * np.arange(first, self.refine + 1) / self.refine
         swept = Sweep(self._plan, self._plan.kernel.cell.scored(instants, times.tolist()))
         fixed, first, worst = FixedSweep(swept, self._fixed).rows, 0, []
         seen = ca.horzcat(swept.rolled[3], *self._at_starts(swept))
