@@ -168,6 +168,20 @@ class TestDifferentialDrive:
         whole = np.sqrt((((values - mean) / errors) ** 2).sum(axis=0) / (len(values) - 1))
         assert np.all((whole > 0.7) & (whole < 1.7))
 
+    def test_what_is_compared_is_what_an_estimate_says(self):
+        # But for what noise of the inputs adds.
+        run = runs_of(*SESSIONS[0])[0]
+        whole = study_of("optiodom_differential", method="likelihood")
+        found = likeliest(fitted(run).fit, whole.calibration, whole.problem.measurement)
+        for study, values, own in (
+            (study_of("optiodom_differential"), fitted(run).values, information(fitted(run))),
+            (whole, found.fit.values, covariance_of(found)),
+        ):
+            said = estimate(study, [run])
+            assert list(said.values.values()) == pytest.approx(values[:3], rel=1e-9)
+            for one, error in zip(said.parameters, own.deviations, strict=False):
+                assert error * (1 - 1e-9) <= one.error("information") < 1.05 * error
+
     def test_so_do_those_of_circles_in_one_direction(self):
         chosen, white = scatter(CIRCLES, in_use, information)
         assert np.all((chosen > 1 / 1.5) & (chosen < 1.5))
