@@ -91,7 +91,7 @@ def _found(
     dual[rows, columns] = multipliers[: len(rows)]
     dual *= np.outer(units, units)
     # Multipliers of a search that has not converged bound less than the weights' own plane does.
-    both = [_weights(criterion, parts, chosen, one) for one in ((dual + dual.T) / 2, None)]
+    both = [_weights(criterion, parts, chosen, one) for one in (dual + dual.T, None)]
     return min(both, key=lambda one: weight_bound(criterion, parts, one.values, one.gradient, budgets))
 
 

@@ -249,6 +249,17 @@ class TestPublished:
         found = best_weights(small, parts, one)
         assert found.value == pytest.approx(1e-12 * known, rel=1e-7)
 
+    @pytest.mark.parametrize("kind", [G, I])
+    @pytest.mark.parametrize("size", [1.0, 1e-3])
+    def test_what_readings_of_predictions_are_worth_is_in_their_units(self, kind: type[G | I], size: float):
+        """With twice the information half the variance is left; it was 4e6 times as much."""
+        parts, one = quadratic(), budgets_of(quadratic(), 20.0)
+        criterion = predicting(kind, POINTS[[20, 90, 200]])
+        criterion = criterion.with_rows([(size * np.array(criterion.rows[0])).tolist()])
+        found = best_weights(criterion, parts, one)
+        slopes = directional_derivatives(parts, found.values, found.gradient)
+        assert slopes @ found.values == pytest.approx(-found.value, rel=1e-6)
+
     def test_one_prediction_needs_one_combination(self):
         """The middle of a parabola is best predicted by reading it there alone, at which F is singular."""
         for kind in (G, I):
@@ -510,6 +521,7 @@ def test_no_plane_bounds_weights_that_leave_something_undetermined():
     for criterion in CRITERIA:
         for gradient in (np.zeros((3, 3)), np.full((3, 3), np.nan)):
             assert weight_bound(criterion, parts, lonely, gradient, one) == np.inf
+        np.testing.assert_array_equal(whole_weights(criterion, parts, lonely, one).gradient, np.zeros((3, 3)))
 
 
 @pytest.mark.parametrize("criterion", CRITERIA, ids="EDA")

@@ -171,14 +171,13 @@ class Prediction(RootCriterion):
         return totals
 
     def supergradient(self, matrix: Array, dual: Array | None = None) -> Array:
-        """What a search's multipliers say; without them F^- C F^- of predictions with derivatives c, with C
-        the mixture of c c' by `shares`.
+        """F^- C F^- of predictions with derivatives c, with C the mixture of c c' by `shares`; what a
+        search's multipliers say is of the same size: with twice the information half the variance is left.
         """
-        found = multipliers_of(dual)
-        if found is not None:
-            return found
         inverse = _inverse(matrix)
-        return np.asarray(inverse @ np.tensordot(self.shares(matrix), self._squares, axes=1) @ inverse)
+        plain = np.asarray(inverse @ np.tensordot(self.shares(matrix), self._squares, axes=1) @ inverse)
+        found = multipliers_of(dual)
+        return plain if found is None else found * (np.trace(plain @ matrix) / np.trace(found @ matrix))
 
     def in_units(self, units: Array) -> Self:
         """With the predictions' derivatives in these units, and the predictions in one of their own size."""
