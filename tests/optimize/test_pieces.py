@@ -399,17 +399,22 @@ def agree(problem: Problem, pieces: Pieces, whole: Unrolled) -> None:
 @pytest.mark.slow
 def test_second_derivatives_by_directions_are_those_of_all_at_once(monkeypatch: pytest.MonkeyPatch):
     """Of problems with millions of operations, of which all at once took gigabytes."""
-    problem = problem_of()
-    monkeypatch.setattr("oed.optimize.terms.unrolled.LARGE", 0)
-    other = Unrolled(problem)
-    slots = 2
-    given = [np.zeros(one) for one in (other.functions(slots).hessian.size1_in(place) for place in range(4))]
-    rng = np.random.default_rng(0)
-    given[0], given[2], given[3] = (rng.uniform(0.1, 1, len(given[place])) for place in (0, 2, 3))
-    found = np.array(other.functions(slots).hessian(*given))
-    monkeypatch.setattr("oed.optimize.terms.unrolled.LARGE", 10**9)
-    np.testing.assert_allclose(found, np.array(Unrolled(problem).functions(slots).hessian(*given)), rtol=1e-9)
-    assert np.any(found)
+    problem, rng = small_problem(limits=(SPEED, Lagging())), np.random.default_rng(0)
+    terms = Unrolled(problem)
+    z, numbers = rng.uniform(-0.8, 0.8, terms.size), numbers_of(terms, rng)
+    weights = rng.normal(size=terms.entry_count), rng.normal(size=terms.functions(SLOTS).hessian.size1_in(3))
+    found = []
+    for large in (0, 10**9):
+        monkeypatch.setattr("oed.optimize.terms.unrolled.LARGE", large)
+        found.append(
+            [
+                np.array(Unrolled(problem).functions(SLOTS).hessian(z, numbers, *given))
+                for given in (weights, (weights[0], 0), (0, weights[1]))
+            ]
+        )
+    assert all(map(np.any, found[0]))
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
 
 
 @pytest.mark.parametrize("kind", [Pieces, Unrolled])
