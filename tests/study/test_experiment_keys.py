@@ -172,6 +172,19 @@ class TestStarts:
         ]
         assert errors == sorted(errors)
 
+    def test_all_sensors_know_starts_alike_but_those_that_say_it_themselves(self):
+        study = self.decay("{unknown: 1, deviation: 0.1}")
+        alone = study.problem.measurement
+        assert isinstance(alone, oed.Outputs)
+        assert dict(alone.start)["x"] == 0.1
+        given = study.echo()["measurement"]
+        rates = {"kind": "rates", "noise": given["noise"]}
+        both = study.changed(measurement=[given, rates]).problem.measurement.sensors
+        assert [one.kind for one in both] == ["outputs", "rates"]
+        assert [one.start for one in both] == [alone.start] * 2
+        own = study.changed(measurement={**given, "start": "unknown"}).problem.measurement
+        assert own.start == "unknown"
+
 
 class TestStartsAlone:
     """Of a system without inputs nothing else is chosen."""
