@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from simulated import ROBOT, TRUTH, course, fit_of, log_of, several, truth_of
+from scipy.stats import norm
+from simulated import ROBOT, TRUTH, course, fit_of, log_of, several, truth_of, unknowns_of
 from windowed import drifting
 
 from oed.estimation.assessment.diagnostics import BY_NOISE, Diagnostic, Expected, diagnostics
@@ -31,12 +32,27 @@ def pair(seed: int) -> list[Log]:
 @pytest.mark.slow
 def test_logs_that_merely_drift_agree_as_often_as_they_should():
     pairs = [pair(seed) for seed in range(20)]
-    values = np.array([agreement(logs, DRIFT).p_value for logs in pairs])
+    found = [agreement(logs, DRIFT) for logs in pairs]
+    values = np.array([one.p_value for one in found])
     assert np.sum(values < 0.05) <= 4
     assert values.mean() == pytest.approx(0.5, abs=0.25)
-    assert agreement(pairs[0], DRIFT).message.endswith("as much as noise and drift would make them")
+    # As far apart as that makes them, on average: once.
+    squares = np.array([one.statistic**2 for one in found])
+    assert squares.mean() == pytest.approx(1, abs=3 * squares.std() / np.sqrt(len(squares)))
+    times = f"{found[0].statistic:.1f} times"
+    assert found[0].message.endswith(f"{times} as much as noise and drift would make them")
     # By noise alone hardly any do.
-    assert not any(agreement(logs, BY_NOISE).passed for logs in pairs[:3])
+    by_noise = [agreement(logs, BY_NOISE) for logs in pairs[:3]]
+    assert not any(one.passed for one in by_noise)
+    assert "times as much as the noise would make them" in by_noise[0].message
+
+
+def test_two_logs_of_one_parameter_differ_by_one_number():
+    """Which is as probable as a normal one of that size."""
+    fit = fit_of(several(2, seconds=6.0, noise=NOISE), unknowns_of(names=("track",)))
+    found = next(one for one in diagnostics(fit, {}) if one.name == "logs_agree")
+    assert found.p_value == pytest.approx(2 * norm.sf(found.statistic), rel=1e-3)
+    assert 0.05 < found.p_value < 0.95
 
 
 @pytest.mark.slow
