@@ -113,8 +113,8 @@ class Pieces(Terms):
 
     @cached_property
     def scores(self) -> ca.Function:
-        """Z -> entries, the limits' largest violations at the samples' ends and points between; of motions that
-        lag at their begins, too.
+        """Z -> entries, the limits' largest violations at the samples' ends and points between; of motions
+        that lag at their begins, too.
         """
         instants = self._instants
         # A motion that lags jumps at a sample's begin, with the inputs.
