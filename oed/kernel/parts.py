@@ -72,9 +72,18 @@ class Parts(Brief):
         """Information from before, (q, q)."""
         return np.asarray(self.known_rows.T @ self.known_rows)
 
-    def scaled(self, scales: Array) -> Parts:
-        """What the readings say of the unknowns in other units, each times a factor, (q,)."""
-        return replace(self, rows=self.rows * scales, known_rows=self.known_rows * scales)
+    def combined(self, judged: Array, others: Array) -> Parts:
+        """What the readings say of other unknowns, for a search: nothing is known of these parts' rounding.
+
+        Args:
+            judged: combinations of the judged parameters in place of these, as columns (judged, judged).
+            others: by which the derivatives by the others are multiplied, (q - judged,).
+        """
+        rows, known_rows = (
+            np.hstack([one[:, : self.judged] @ judged, one[:, self.judged :] * others])
+            for one in (self.rows, self.known_rows)
+        )
+        return replace(self, rows=rows, known_rows=known_rows, rounding=())
 
     def taken(self, weights: Array, free: Places) -> Parts:
         """Those of some readings, when others, or they themselves, are taken surely: that is known then.

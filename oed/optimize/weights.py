@@ -68,7 +68,7 @@ def best_weights(criterion: Criterion, parts: Parts, budgets: Sequence[Budget]) 
         text = f"{criterion.kind} is not concave: nothing says how good weights can be"
         raise UserMistake(f"{text}; use E, D, A, G or I")
     best = _weights(criterion, parts, even)
-    for units in _units(criterion, parts.information(even)):
+    for units in _units(criterion, parts, even):
         found = _found(criterion, parts, units, budgets, even, most)
         best = found if found.value > best.value else best
         bound = weight_bound(criterion, parts, best.values, best.gradient, budgets)
@@ -80,7 +80,7 @@ def best_weights(criterion: Criterion, parts: Parts, budgets: Sequence[Budget]) 
 def _found(
     criterion: Criterion, parts: Parts, units: Array, budgets: Sequence[Budget], even: Array, most: Array
 ) -> Weights:
-    # With the judged parameters in other units.
+    # With combinations of the judged parameters in place of these.
     searched = criterion.in_units(units) or criterion
     found, multipliers = _solved(searched, _scaled(parts, even, units), budgets, even, most)
     chosen = np.clip(found, 0.0, most)
@@ -89,9 +89,8 @@ def _found(
     columns, rows = np.triu_indices(parts.judged)
     dual = np.zeros((parts.judged,) * 2)
     dual[rows, columns] = multipliers[: len(rows)]
-    dual *= np.outer(units, units)
     # Multipliers of a search that has not converged bound less than the weights' own plane does.
-    both = [_weights(criterion, parts, chosen, one) for one in (dual + dual.T, None)]
+    both = [_weights(criterion, parts, chosen, one) for one in (units @ (dual + dual.T) @ units.T, None)]
     return min(both, key=lambda one: weight_bound(criterion, parts, one.values, one.gradient, budgets))
 
 
@@ -139,22 +138,26 @@ def _solved(
     return np.array(found["x"]).ravel()[: len(even)], multipliers
 
 
-def _units(criterion: Criterion, information: Array) -> list[Array]:
-    # Of the judged parameters: each with its own, where these are of no matter. Else one for all, by the
-    # least information, which a solver's tolerance would hide beside the largest; and by information as it
-    # is, where a solver goes astray among large numbers.
+def _units(criterion: Criterion, parts: Parts, even: Array) -> list[Array]:
+    # Of the judged parameters, as columns: where these are of no matter, each with its own; and combinations
+    # of them that even weights tell apart, all equally well. Else one for all, by the least information,
+    # which a solver's tolerance would hide beside the largest; and by information as it is, where a solver
+    # goes astray among large numbers.
+    information, root, same = parts.information(even), parts.root(even), np.eye(parts.judged)
     own, values = np.diag(information), np.linalg.eigvalsh(information)
     sizes = max(float(values[0]), FAINT * float(values[-1])), float(np.mean(values))
-    found = [np.full(len(own), size**-0.5) for size in sizes if size > 0] or [np.ones(len(own))]
-    each = np.where(own > 0, own, 1.0) ** -0.5
-    return found if criterion.in_units(each) is None else [each, *found]
+    found = [same * size**-0.5 for size in sizes if size > 0] or [same]
+    if criterion.in_units(same) is None:
+        return found
+    each = np.diag(np.where(own > 0, own, 1.0) ** -0.5)
+    return [each, *([root.factor] if root.complete else []), *found]
 
 
 def _scaled(parts: Parts, weights: Array, units: Array) -> Parts:
     # What is eliminated has units of its own.
     own = np.diag(parts.whole(weights))[parts.judged :]
-    others = np.where(own > 0, own, units.min() ** -2) ** -0.5
-    return parts.scaled(np.concatenate([units, others]))
+    others = np.where(own > 0, own, 1.0) ** -0.5
+    return parts.combined(units, others)
 
 
 def _present(parts: Parts) -> tuple[Places, Places]:

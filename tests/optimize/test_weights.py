@@ -156,6 +156,14 @@ class TestPublished:
         assert found.values[found.values > 1e-4] == pytest.approx([1 / 4, 1 / 2, 1 / 4], abs=1e-6)
         assert found.value == pytest.approx(np.log(1 / 4), rel=1e-6)
 
+    def test_the_volume_of_what_is_nearly_the_same(self):
+        """A third at the ends and in the middle, as of the parabola, from which it differs by a factor."""
+        apart = 1e-5
+        parts = quadratic(f"constant + slope * (1 + x * {apart}) + curvature * x^2")
+        found = best_weights(D(scaling="none"), parts, budgets_of(parts, 1.0))
+        assert found.values[[0, 100, 200]] == pytest.approx(np.full(3, 1 / 3), abs=1e-4)
+        assert found.value == pytest.approx(np.log(4 / 27 * apart**2), rel=1e-7)
+
     def test_beside_others_that_every_reading_sees_alike(self):
         """A quarter at both ends, half in the middle, as above; what makes two of the others differ is never
         known, and of no matter. With it in the matrices the search stops far from the optimum.
@@ -231,7 +239,7 @@ class TestPublished:
         """Bounds were exceeded by 12 %, and choices worse than even weights."""
         parts, one = quadratic(), budgets_of(quadratic(), 20.0)
         known = best_weights(predicting(kind, POINTS[[20, 90, 200]]), parts, one)
-        scaled = parts.scaled(np.array(units))
+        scaled = parts.combined(np.diag(units), np.zeros(0))
         criterion = predicting(kind, POINTS[[20, 90, 200]])
         criterion = criterion.with_rows([(np.array(criterion.rows[0]) * units).tolist()])
         found = best_weights(criterion, scaled, one)

@@ -136,11 +136,11 @@ class Criterion(Component, ABC):
         return None
 
     def in_units(self, units: Array) -> Criterion | None:
-        """The criterion of the same parameters in other units, if it differs by a constant and a factor at
-        most; None where what is best depends on the units.
+        """The criterion of combinations of the parameters in place of these, if it differs by a constant and
+        a factor at most; None where what is best depends on the units.
 
         Args:
-            units: by which derivatives are multiplied, (p,).
+            units: by which derivatives are multiplied, (p, p): combinations as columns.
         """
         return None
 

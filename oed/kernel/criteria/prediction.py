@@ -180,8 +180,8 @@ class Prediction(RootCriterion):
         return plain if found is None else found * (np.trace(plain @ matrix) / np.trace(found @ matrix))
 
     def in_units(self, units: Array) -> Self:
-        """With the predictions' derivatives in these units, and the predictions in one of their own size."""
-        blocks = [np.array(block) * units for block in self.rows]
+        """With the predictions' derivatives by these, and the predictions in a unit of their own size."""
+        blocks = [np.array(block) @ units for block in self.rows]
         size = max(float(np.abs(block).max()) for block in blocks) or 1.0
         return self.with_rows([(block / size).tolist() for block in blocks])
 

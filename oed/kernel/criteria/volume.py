@@ -34,7 +34,7 @@ class D(RootCriterion):
         return np.asarray(np.linalg.inv(matrix))
 
     def in_units(self, units: Array) -> D:
-        """Itself: units change every value by the same."""
+        """Itself: combinations change every value by the same."""
         return self
 
     def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
