@@ -24,8 +24,8 @@ def directional_derivatives(parts: Parts, weights: Array, gradient: Array) -> Ar
         weights: of the readings, (n,).
         gradient: G, a supergradient of the criterion at these, (judged, judged).
     """
-    whole = _on_all(parts, weights, gradient)
-    return np.asarray(np.einsum("ab,nba->n", whole, parts.matrices))
+    squares = _squares(parts, parts.rows, weights, root_of(gradient))
+    return np.bincount(parts.places, squares, minlength=len(parts.readings))
 
 
 @typed
@@ -46,13 +46,22 @@ def weight_bound(
     """
     if not np.all(np.isfinite(gradient)) or not np.any(gradient):
         return float(np.inf)
+    # By a root of G, and of exactly that product: rounding of G is no matter then, and that of rows small.
+    root = root_of(gradient)
     values = directional_derivatives(parts, weights, gradient)
-    most = float(np.trace(_on_all(parts, weights, gradient) @ parts.known))
+    most = float(_squares(parts, parts.known_rows, weights, root).sum())
     most += sum(one.largest(values) for one in budgets)
-    return criterion.homogeneous_bound(parts.information(weights), gradient, most)
+    return criterion.homogeneous_bound(parts.information(weights), root, most)
 
 
-def _on_all(parts: Parts, weights: Array, gradient: Array) -> Array:
-    # T'GT, (q, q).
-    back = parts.projection(weights)
-    return np.asarray(back.T @ gradient @ back)
+def root_of(gradient: Array) -> Array:
+    """S, (p, p), with S S' the supergradient G but for rounding: what is negative in it is left out."""
+    sizes = np.sqrt(np.clip(np.diag(gradient), 0.0, None))
+    units = np.where(sizes > 0, sizes, 1.0)
+    values, vectors = np.linalg.eigh(gradient / np.outer(units, units))
+    return np.asarray(units[:, None] * vectors * np.sqrt(np.clip(values, 0.0, None)))
+
+
+def _squares(parts: Parts, rows: Array, weights: Array, root: Array) -> Array:
+    # tr(G T r r' T') of every row r, (rows,).
+    return np.asarray(((rows @ parts.projection(weights).T @ root) ** 2).sum(axis=1))

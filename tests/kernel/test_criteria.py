@@ -19,6 +19,7 @@ from oed.foundation.component import OneOf
 from oed.foundation.errors import PartError
 from oed.kernel.criteria import CRITERIA, A, Criterion, D, E, G, I, Leg, ModifiedE, Subject
 from oed.kernel.criteria.prediction import Prediction
+from oed.kernel.equivalence import root_of
 from oed.robots.models import DifferentialDrive
 
 ROBOT = DifferentialDrive(wheel_radius_right=0.051, wheel_radius_left=0.047, track=0.18)
@@ -461,10 +462,11 @@ def test_no_information_lies_above_the_plane_of_a_supergradient(criterion: Crite
     gradient = criterion.supergradient(touched)
     most = float(np.trace(gradient @ other))
     plane = value(criterion, [touched]) + most - float(np.trace(gradient @ touched))
-    bound = criterion.homogeneous_bound(touched, gradient, most)
+    root = root_of(gradient)
+    bound = criterion.homogeneous_bound(touched, root, most)
     assert value(criterion, [other]) <= bound + 1e-9 * abs(bound)
     assert bound <= plane + 1e-9 * abs(plane)
-    same = criterion.homogeneous_bound(touched, gradient, float(np.trace(gradient @ touched)))
+    same = criterion.homogeneous_bound(touched, root, float(np.trace(gradient @ touched)))
     assert same == pytest.approx(value(criterion, [touched]), rel=1e-9)
 
 

@@ -164,6 +164,14 @@ class TestPublished:
         assert found.values[[0, 100, 200]] == pytest.approx(np.full(3, 1 / 3), abs=1e-4)
         assert found.value == pytest.approx(np.log(4 / 27 * apart**2), rel=1e-7)
 
+    def test_rounding_leaves_no_bound_below_what_is_reached(self):
+        """By information, squared, it was .0008 below the logarithm of a third at each of three."""
+        parts = quadratic("constant + slope * (1 + x * 1e-7) + curvature * x^2")
+        one = budgets_of(parts, 1.0)
+        found = best_weights(D(scaling="none"), parts, one)
+        bound = weight_bound(D(scaling="none"), parts, found.values, found.gradient, one)
+        assert np.log(4 / 27 * 1e-14) <= bound < np.log(4 / 27 * 1e-14) + 0.002
+
     def test_beside_others_that_every_reading_sees_alike(self):
         """A quarter at both ends, half in the middle, as above; what makes two of the others differ is never
         known, and of no matter. With it in the matrices the search stops far from the optimum.

@@ -144,16 +144,16 @@ class Criterion(Component, ABC):
         """
         return None
 
-    def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
+    def homogeneous_bound(self, matrix: Array, root: Array, most: float) -> float:
         """The most that the criterion can be where tr(G F') is at most `most`: never more than what the
         supergradient's plane says.
 
         Args:
             matrix: F, (p, p).
-            gradient: G, its supergradient, (p, p).
+            root: S, (p, p), with S S' = G its supergradient.
             most: of tr(G F') over all F'.
         """
-        return float(self.value([matrix])) + most - float(np.trace(gradient @ matrix))
+        return float(self.value([matrix])) + most - float(np.trace(root.T @ matrix @ root))
 
     def trace_bound(self, multiplier: Array, most: float) -> float:
         """The most that the criterion can be of any F with tr(Z F) at most `most`, by its concave conjugate:

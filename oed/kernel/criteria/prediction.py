@@ -199,22 +199,18 @@ class Prediction(RootCriterion):
             gradient: G that is to be F^- C F^- for the mixture C; None without.
         """
 
-    def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
+    def homogeneous_bound(self, matrix: Array, root: Array, most: float) -> float:
         """Tr(C F'^-1) >= (tr (C^1/2 Z C^1/2)^1/2)^2 / tr(Z F') for any Z >= 0; and no mean of variances, by
         whichever shares of the legs, is above the largest.
         """
-        return min(self._mixture_bound(self.shares(matrix, one), gradient, most) for one in (gradient, None))
+        return min(self._mixture_bound(self.shares(matrix, one), root, most) for one in (root @ root.T, None))
 
-    def _mixture_bound(self, shares: Array, gradient: Array, most: float) -> float:
-        # The singular values of B Z^1/2 with C = B'B, each parameter in a unit of which Z has 1. What may be
-        # rounding of Z is left out: less of it bounds less, its root would be far above rounding.
-        sizes = np.sqrt(np.clip(np.diag(gradient), 0.0, None))
-        values, vectors = np.linalg.eigh(gradient / np.outer(*[np.where(sizes > 0, sizes, 1.0)] * 2))
-        values[values <= len(sizes) * rounding_of(gradient) * values[-1]] = 0.0
+    def _mixture_bound(self, shares: Array, root: Array, most: float) -> float:
+        # The singular values of B S with C = B'B and Z = S S'.
         rows = np.vstack(
             [np.sqrt(one) * np.array(leg) for one, leg in zip(shares, self.rows[0], strict=True)]
         )
-        mean = float(np.linalg.svd(rows * sizes @ (vectors * np.sqrt(values)), compute_uv=False).sum())
+        mean = float(np.linalg.svd(rows @ root, compute_uv=False).sum())
         return -(mean**2) / most if most > 0 else -math.inf
 
     @property

@@ -50,9 +50,9 @@ class E(RootCriterion):
             return np.outer(least, least)
         return np.asarray(found / np.trace(found))
 
-    def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
-        """lambda_min(F') <= tr(Z F'), for any Z >= 0 of trace 1."""
-        return most
+    def homogeneous_bound(self, matrix: Array, root: Array, most: float) -> float:
+        """lambda_min(F') <= tr(Z F') / tr(Z), for any Z >= 0."""
+        return most / float(np.sum(root**2))
 
     def trace_bound(self, multiplier: Array, most: float) -> float:
         """Tr(Z F) >= lambda_min tr Z."""

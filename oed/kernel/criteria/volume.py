@@ -37,16 +37,14 @@ class D(RootCriterion):
         """Itself: combinations change every value by the same."""
         return self
 
-    def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
-        """Log det F' <= log det F + p log(tr(F^-1 F') / p)."""
-        return self.trace_bound(gradient, most)
+    def homogeneous_bound(self, matrix: Array, root: Array, most: float) -> float:
+        """Log det F' <= p log(tr(Z F') / p) - log det Z, for any Z > 0."""
+        return _volume_bound(len(root), 2 * float(np.linalg.slogdet(root)[1]), most)
 
     def trace_bound(self, multiplier: Array, most: float) -> float:
         """Log det(Z F) <= p log(tr(Z F) / p)."""
-        size, (sign, volume) = len(multiplier), np.linalg.slogdet(multiplier)
-        if sign <= 0:
-            return np.inf
-        return size * math.log(most / size) - float(volume) if most > 0 else -np.inf
+        sign, volume = np.linalg.slogdet(multiplier)
+        return _volume_bound(len(multiplier), float(volume), most) if sign > 0 else np.inf
 
     def trace_slope(self, multiplier: Array, most: float) -> Array:
         """-Z^-1."""
@@ -96,14 +94,13 @@ class A(RootCriterion):
         inverse = np.linalg.inv(matrix)
         return np.asarray(inverse @ inverse)
 
-    def homogeneous_bound(self, matrix: Array, gradient: Array, most: float) -> float:
-        """Tr F'^-1 >= (tr F^-1)^2 / tr(F^-2 F')."""
-        return self.trace_bound(gradient, most)
+    def homogeneous_bound(self, matrix: Array, root: Array, most: float) -> float:
+        """Tr F'^-1 >= (tr Z^1/2)^2 / tr(Z F'), for any Z >= 0."""
+        return _trace_bound(np.linalg.svd(root, compute_uv=False), most)
 
     def trace_bound(self, multiplier: Array, most: float) -> float:
         """Tr F^-1 >= (tr Z^1/2)^2 / tr(Z F)."""
-        roots = np.sqrt(np.clip(np.linalg.eigvalsh(multiplier), 0.0, None))
-        return -(float(roots.sum()) ** 2) / most if most > 0 else -np.inf
+        return _trace_bound(np.sqrt(np.clip(np.linalg.eigvalsh(multiplier), 0.0, None)), most)
 
     def trace_slope(self, multiplier: Array, most: float) -> Array:
         """-tr(Z^1/2) Z^-1/2 / tr(Z F)."""
@@ -132,6 +129,16 @@ class A(RootCriterion):
     def efficiency(self, value: float, best: float, size: int) -> float | None:
         """Ratio of the best design's summed variances to this one's."""
         return best / value if value < 0 and math.isfinite(best) else None
+
+
+def _volume_bound(size: int, volume: float, most: float) -> float:
+    # Of log det F, from log det Z and the most of tr(Z F).
+    return size * math.log(most / size) - volume if most > 0 else -np.inf
+
+
+def _trace_bound(roots: Array, most: float) -> float:
+    # Of -tr F^-1, from the roots of Z's eigenvalues and the most of tr(Z F).
+    return -(float(roots.sum()) ** 2) / most if most > 0 else -np.inf
 
 
 def _mean(criterion: Criterion, name: str, deviation: float, size: int) -> str:
