@@ -454,10 +454,13 @@ def test_deviations_in_words(criterion: Criterion, value: float, told: str):
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4))
-@pytest.mark.parametrize("criterion", [E(scaling="none"), D(scaling="none"), A(scaling="none")], ids="EDA")
-def test_no_information_lies_above_the_plane_of_a_supergradient(criterion: Criterion, seed: int, size: int):
+@pytest.mark.parametrize("kind", [E, D, A, G, I], ids="EDAGI")
+def test_no_information_lies_above_the_plane_of_a_supergradient(kind: type[Criterion], seed: int, size: int):
     """phi(F') <= the homogeneous bound <= phi(F) + tr(G (F' - F))."""
     rng = np.random.default_rng(seed)
+    criterion = EXAMPLES[kind]
+    if isinstance(criterion, Prediction):
+        criterion = criterion.with_rows([rng.normal(size=(len(LEGS), 2, size)).tolist()])
     touched, other = (moderate_information(rng, size) for _ in range(2))
     gradient = criterion.supergradient(touched)
     most = float(np.trace(gradient @ other))
@@ -468,6 +471,20 @@ def test_no_information_lies_above_the_plane_of_a_supergradient(criterion: Crite
     assert bound <= plane + 1e-9 * abs(plane)
     same = criterion.homogeneous_bound(touched, root, float(np.trace(gradient @ touched)))
     assert same == pytest.approx(value(criterion, [touched]), rel=1e-9)
+
+
+@pytest.mark.parametrize("units", [(1.0, 1.0, 1.0), (1.0, 1e-6, 1e-6), (1e6, 1.0, 1.0)])
+@pytest.mark.parametrize("size", [1.0, 1e-6, 1e6])
+def test_shares_of_a_searchs_multipliers_are_in_no_units(size: float, units: tuple[float, ...]):
+    """Of predictions that differ in the first parameter, and hardly in others; of multipliers to 8 digits."""
+    rows, given = np.array([[[1.0, 1.0, 1.0]], [[-1.0, 1.0, 1.001]]]) * size * units, np.array([0.3, 0.7])
+    criterion = G(test_drive=LEGS[:2]).with_rows([rows.tolist()])
+    inverse = np.diag(np.divide([0.5, 2.0, 3.0], np.square(units)))
+    mixture = sum(share * leg.T @ leg for share, leg in zip(given, rows, strict=True))
+    unsure = 1e-8 * np.random.default_rng(0).uniform(-1, 1, (3, 3))
+    multipliers = inverse @ mixture @ inverse * (1 + unsure + unsure.T)
+    found = criterion.shares(np.linalg.inv(inverse), multipliers)
+    np.testing.assert_allclose(found, given, rtol=1e-7)
 
 
 def test_what_is_not_concave_has_no_supergradient():
