@@ -92,11 +92,13 @@ def test_a_task_or_a_test_drive_is_expected(options):
 
 def test_tasks_of_another_robot_are_issues():
     other = TaskDrive(inputs=[(1, 2, 3)], period=0.1, start=(0, 0))
-    with pytest.raises(ProblemError) as caught:
-        problem_of(measurement=POSES, criterion=I(task=["drive.csv", other]))
+    elsewhere = TaskDrive(inputs=[(1, 2)], period=0.1, start=(0, 0))
+    with pytest.raises(ProblemError, match="expected 3 states, got 2") as caught:
+        problem_of(measurement=POSES, criterion=I(task=["drive.csv", other, elsewhere]))
     assert [issue.key for issue in caught.value.issues] == [
         ("criterion", "task", 0),
         ("criterion", "task", 1, "inputs"),
+        ("criterion", "task", 2, "start"),
     ]
 
 
@@ -144,6 +146,18 @@ def test_predictions_begin_where_experiments_do_in_steps_as_fine(kind, hours, st
         rows = np.array(problem.objective.rows[0][0])
         each = np.array([heated(hours / 2, begun), heated(hours, begun)])
         np.testing.assert_allclose(rows.T @ rows, each.T @ each / 2, rtol=1e-5, atol=1e-9)
+
+
+def test_a_task_like_the_experiment_is_predicted_as_it_is_read():
+    """In the same steps, with the same error of integration."""
+    periods = [[HEAT]] * 12
+    aim = f"task: [{{inputs: {periods}, period: 20 min}}]"
+    problem = oed.parse_study(TANK.format(kind="I", aim=aim, start="330 K"), "tank.yaml").problem
+    held = np.full((problem.design.all_coefficients, 1), HEAT)
+    drive = problem.design.trajectory(held, problem.fixed_starts)
+    (known,) = evaluate(problem, drive).information.values()
+    rows = np.array(problem.objective.rows[0][0])
+    np.testing.assert_allclose(rows.T @ rows, known * 0.5**2 / len(periods), rtol=1e-12)
 
 
 def test_predictions_of_too_many_samples_and_of_no_states_are_issues():
