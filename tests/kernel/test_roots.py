@@ -41,6 +41,17 @@ def test_what_has_no_root_has_no_derivatives_either():
     assert np.isnan(np.array(both, dtype=float)).all()
 
 
+def test_equations_of_which_two_ask_the_same_of_one_unknown_have_no_root():
+    # No block of them can be solved by itself.
+    unknowns, given = ca.SX.sym("unknowns", 3), ca.SX.sym("given", 3)
+    asked = ca.vertcat(unknowns[0], ca.sum1(unknowns), 2 * unknowns[0]) - given
+    residual = ca.Function("residual", [unknowns, given], [asked])
+    start = ca.Function("start", [given, ca.SX.sym("hint", 0)], [ca.SX.ones(3)])
+    found = RootFinder(residual, start, iterations=5).root(given, ca.SX(0, 1))
+    both = ca.Function("both", [given], [found, ca.jacobian(found, given)])([1.0, 2.0, 3.0])
+    assert all(np.isnan(np.array(one)).all() for one in both)
+
+
 def test_what_does_not_depend_on_something_depends_by_exactly_0():
     # Rounding in its place, as a column of its own, would be an unknown that can be told from others.
     rng = np.random.default_rng(0)
