@@ -20,6 +20,7 @@ from oed.kernel.problem import Problem
 from oed.kernel.tightening import Scenarios, Tightening, Uncertain, UncertainSystem
 from oed.robots.limits import Rectangle
 
+POSES = oed.Poses(noise={"position": 0.01, "heading": 0.01})
 ROOM = Rectangle(x=(-2, 2), y=(-2.5, 2.5))
 LARGER = 1.2
 
@@ -101,6 +102,20 @@ def test_the_criterion_is_that_of_those_judged(drive: Trajectory, objective: str
     each = [evaluate(one, drive).objective for one in (tight_problem(robust=None), enlarged(problem))]
     assert each[0] != pytest.approx(each[1], rel=1e-3)
     assert evaluate(problem, drive).objective == pytest.approx(together(each), rel=1e-9)
+
+
+def test_systems_of_which_the_same_is_said_are_one():
+    said = {
+        "uncertainty": Unknown(constant="track"),
+        "prior": oed.Prior(standard_deviations={"track": "5 %"}),
+    }
+    known, again = (problem_of(measurement=POSES, **said).uncertain_system for _ in range(2))
+    assert known == again
+    assert hash(known) == hash(again)
+    twice = oed.DesignSpace(duration=10, samples=40, runs=2)
+    for other in ({"uncertainty": None}, {"prior": None}, {"design": twice}):
+        assert problem_of(measurement=POSES, **{**said, **other}).uncertain_system != known
+    assert known != known.own
 
 
 def test_what_cannot_be_uncertain_so_is_said():
