@@ -29,6 +29,7 @@ POINTS = np.linspace(-1, 1, 201)
 def quadratic(
     output: str = "constant + slope * x + curvature * x^2",
     judged: tuple[str, ...] | None = None,
+    noise: float = 1.0,
     **others: str,
 ) -> Parts:
     """A parabola that may be read at 201 points, with other parameters than its three if wanted."""
@@ -40,7 +41,7 @@ def quadratic(
     problem = oed.Problem(
         model=system,
         design=space,
-        measurement=Responses(noise={"y": 1.0}),
+        measurement=Responses(noise={"y": noise}),
         limits=[InputRange(input="x", range=(-1, 1))],
         criterion=D(subset=judged),
     )
@@ -112,6 +113,24 @@ class TestParts:
         whole = parts_of(problem, drive).whole(np.arange(15.0))
         assert np.all(whole[1:, 1:][~np.eye(3, dtype=bool)] == 0)
         assert np.all(whole[0, 1:] != 0)
+
+    def test_what_is_taken_surely_is_known_beside_the_rest(self):
+        parts, rng = tracked("laser_tracker"), np.random.default_rng(0)
+        free = np.sort(rng.permutation(len(parts.readings))[:30])
+        surely, further = rng.uniform(0, 2, len(parts.readings)), rng.uniform(0, 2, len(free))
+        both = surely.copy()
+        both[free] += further
+        left = parts.taken(surely, free)
+        np.testing.assert_allclose(left.whole(further), parts.whole(both), rtol=1e-10, atol=1e-10)
+        assert left.readings == tuple(parts.readings[place] for place in free)
+
+    @pytest.mark.parametrize("noise", [1e-9, 1e9])
+    def test_what_is_rounding_is_not_a_matter_of_the_noise(self, noise: float):
+        known, parts = (quadratic(judged=("curvature",), noise=one) for one in (1.0, noise))
+        every = np.ones(len(POINTS))
+        assert parts.root(every).complete
+        expected = known.root(every).matrix / noise**2
+        np.testing.assert_allclose(parts.root(every).matrix, expected, rtol=1e-9)
 
     def test_every_reading_has_its_time(self):
         parts = tracked("laser_tracker")
@@ -263,7 +282,7 @@ class TestPublished:
         known = best_weights(criterion, parts, one).value
         small = criterion.with_rows([(1e-6 * np.array(criterion.rows[0])).tolist()])
         found = best_weights(small, parts, one)
-        assert found.value == pytest.approx(1e-12 * known, rel=1e-7)
+        assert found.value == pytest.approx(1e-12 * known, rel=1e-7, abs=0)
 
     @pytest.mark.parametrize("kind", [G, I])
     @pytest.mark.parametrize("size", [1.0, 1e-3])
