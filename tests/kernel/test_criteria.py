@@ -487,5 +487,26 @@ def test_shares_of_a_searchs_multipliers_are_in_no_units(size: float, units: tup
     np.testing.assert_allclose(found, given, rtol=1e-7)
 
 
+@pytest.mark.parametrize("kind", [G, I])
+@pytest.mark.parametrize("unseen", [0.0, -1e-20])
+def test_predictions_look_away_from_what_nothing_sees(kind: type[Prediction], unseen: float):
+    """What is left of a parameter that no reading sees may be rounding below 0; none is expected either."""
+    criterion = EXAMPLES[kind].with_rows([[[[3.0, 0.0]], [[1.0, 0.0]]]])
+    matrix = np.diag([2.0, unseen])
+    gradient = criterion.supergradient(matrix)
+    most = float(np.trace(gradient @ matrix))
+    expected = value(criterion, [np.diag([2.0, 0.0])])
+    assert criterion.homogeneous_bound(matrix, gradient, most) == pytest.approx(expected, rel=1e-12)
+    assert criterion.homogeneous_bound(matrix, gradient, 0.0) == -math.inf
+
+
+@pytest.mark.parametrize("kind", [E, G, I], ids="EGI")
+@pytest.mark.parametrize("size", [0.0, math.nan, math.inf])
+def test_multipliers_that_say_nothing_are_as_none(kind: type[Criterion], size: float):
+    matrix, criterion = moderate_information(np.random.default_rng(0), 3), example(kind, 3)
+    found = criterion.supergradient(matrix, np.full((3, 3), size))
+    np.testing.assert_array_equal(found, criterion.supergradient(matrix))
+
+
 def test_what_is_not_concave_has_no_supergradient():
     assert ModifiedE().supergradient(np.eye(2)) is None
