@@ -161,9 +161,13 @@ def test_a_task_like_the_experiment_is_predicted_as_it_is_read():
 
 
 def test_predictions_of_too_many_samples_and_of_no_states_are_issues():
-    aim = "test_drive: [{inputs: [300], duration: 50000 h}]"
-    with pytest.raises(StudyError, match="more than 100000 samples of 1200 s: predict less far"):
-        oed.parse_study(TANK.format(kind="G", aim=aim, start="293 K"), "tank.yaml")
+    legs = "test_drive: [{inputs: [300], duration: 50000 h}]"
+    periods = "task: [{inputs: [[300], [200]], period: 25000 h}, {inputs: [[300]], period: 1 h}]"
+    for kind, aim in (("G", legs), ("I", legs), ("I", periods)):
+        with pytest.raises(
+            StudyError, match=r"1\.8e\+08 s, more than 100000 samples of 1200 s: predict less"
+        ):
+            oed.parse_study(TANK.format(kind=kind, aim=aim, start="293 K"), "tank.yaml")
     text = (PROBLEMS / "published" / "box_lucas.yaml").read_text()
     aim = "criterion: {kind: G, test_drive: [{inputs: [60], duration: 1 s}]}"
     with pytest.raises(StudyError, match="predicts states, of which this system has none; use E, D or A"):
