@@ -90,6 +90,10 @@ class TestKeys:
         assert Selection(total="2 min").total == 120.0
         assert Selection(total={"rates": "1 h"}).total == {"rates": 3600.0}
 
+    def test_criteria_that_are_not_concave_are_refused(self):
+        with pytest.raises(ProblemError, match="weights: need a concave criterion, which modified_E is not"):
+            replace(STOPS.problem, criterion=oed.ModifiedE(), selection=Selection(readings=5))
+
     def test_regressions_have_no_readings_to_choose(self):
         problem = oed.load_study(PROBLEMS / "choi_skid_steer.yaml").problem
         with pytest.raises(ProblemError, match="weights: weights need sensors"):
