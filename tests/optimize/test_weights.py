@@ -124,6 +124,19 @@ class TestParts:
         np.testing.assert_allclose(left.whole(further), parts.whole(both), rtol=1e-10, atol=1e-10)
         assert left.readings == tuple(parts.readings[place] for place in free)
 
+    def test_readings_that_tell_apart_by_rounding_alone_tell_nothing(self):
+        """Two where a parabola is as high are no more than one, beside a constant that is nearly it."""
+        output = "(curvature * (1 + x^2 * 1e-6) + constant) * (2 + x) + 0 * slope"
+        parts = quadratic(output, ("curvature",))
+        for place in range(100):
+            for other, told in ((200 - place, False), (100, True)):
+                weights = np.bincount([place, other], minlength=len(POINTS)).astype(float)
+                assert parts.root(weights).complete == told
+
+    def test_what_is_rounding_of_one_parameter_is_not_of_another(self):
+        parts = quadratic("constant + slope * (1 + x) * 1e18 + curvature * x^2", ("slope", "curvature"))
+        assert parts.root(np.ones(len(POINTS))).complete
+
     @pytest.mark.parametrize("noise", [1e-9, 1e9])
     def test_what_is_rounding_is_not_a_matter_of_the_noise(self, noise: float):
         known, parts = (quadratic(judged=("curvature",), noise=one) for one in (1.0, noise))
