@@ -18,6 +18,7 @@ from pydantic import TypeAdapter
 from oed.foundation.component import OneOf
 from oed.foundation.errors import PartError
 from oed.kernel.criteria import CRITERIA, A, Criterion, D, E, G, I, Leg, ModifiedE, Subject
+from oed.kernel.criteria.criterion import multipliers_of
 from oed.kernel.criteria.prediction import Prediction
 from oed.kernel.equivalence import root_of
 from oed.robots.models import DifferentialDrive
@@ -498,6 +499,13 @@ def test_predictions_look_away_from_what_nothing_sees(kind: type[Prediction], un
     expected = value(criterion, [np.diag([2.0, 0.0])])
     assert criterion.homogeneous_bound(matrix, gradient, most) == pytest.approx(expected, rel=1e-12)
     assert criterion.homogeneous_bound(matrix, gradient, 0.0) == -math.inf
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_multipliers_are_never_below_0(sign: float):
+    turn = random_rotation(np.random.default_rng(0), 3)
+    found = multipliers_of(sign * turn @ np.diag([2.0, 1.0, -1e-6]) @ turn.T)
+    np.testing.assert_allclose(found, turn @ np.diag([2.0, 1.0, 0.0]) @ turn.T, atol=1e-14)
 
 
 @pytest.mark.parametrize("kind", [E, G, I], ids="EGI")
