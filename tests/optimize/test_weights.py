@@ -567,7 +567,7 @@ def test_no_plane_bounds_weights_that_leave_something_undetermined():
     lonely = np.zeros(len(POINTS))
     lonely[0] = 1.0
     for criterion in CRITERIA:
-        for gradient in (np.zeros((3, 3)), np.full((3, 3), np.nan)):
+        for gradient in (np.zeros((3, 3)), np.full((3, 3), np.nan), np.diag([1.0, 1.0, np.nan])):
             assert weight_bound(criterion, parts, lonely, gradient, one) == np.inf
         np.testing.assert_array_equal(whole_weights(criterion, parts, lonely, one).gradient, np.zeros((3, 3)))
 
