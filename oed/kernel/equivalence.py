@@ -25,7 +25,7 @@ def directional_derivatives(parts: Parts, weights: Array, gradient: Array) -> Ar
         gradient: G, a supergradient of the criterion at these, (judged, judged).
     """
     squares = _squares(parts, parts.rows, weights, root_of(gradient))
-    return np.bincount(parts.places, squares, minlength=len(parts.readings))
+    return np.asarray(np.bincount(parts.places, squares, minlength=len(parts.readings)), dtype=float)
 
 
 @typed

@@ -96,7 +96,7 @@ class A(RootCriterion):
 
     def homogeneous_bound(self, matrix: Array, root: Array, most: float) -> float:
         """Tr F'^-1 >= (tr Z^1/2)^2 / tr(Z F'), for any Z >= 0."""
-        return _trace_bound(np.linalg.svd(root, compute_uv=False), most)
+        return _trace_bound(np.asarray(np.linalg.svd(root, compute_uv=False)), most)
 
     def trace_bound(self, multiplier: Array, most: float) -> float:
         """Tr F^-1 >= (tr Z^1/2)^2 / tr(Z F)."""

@@ -65,6 +65,11 @@ def compiled(function: ca.Function, *, anew: bool = True, patience: float = PATI
     return found[0] if found else function
 
 
+def is_compiled(function: ca.Function) -> bool:
+    """Whether a function is one of generated C, which `is_a` does not know before CasADi 3.8.1."""
+    return bool(function.class_name().endswith("External"))
+
+
 class Making:
     """Machine code of functions, which a compiler is at work on in a process of its own.
 

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.kernel.dynamics.compiled import Making
+from oed.kernel.dynamics.compiled import Making, is_compiled
 from oed.kernel.dynamics.expression import Expression
 
 PAYS = 1.0
@@ -83,9 +83,12 @@ def _shared(serialized: str) -> DirectCall:
 def _worth(function: ca.Function) -> bool:
     # Whether compiling it pays: of few operations, counted once wherever it calls them, none compiled before.
     every = [function, *function.find_functions()]
+    if function.is_a("Map") and len(every) == 1:
+        # Before CasADi 3.8.1 a map finds none of the functions in it.
+        inner = function.info()["f"]
+        every += [inner, *inner.find_functions()]
     plain = [one for one in every if one.is_a("SXFunction") or one.is_a("MXFunction")]
-    external = any(one.is_a("External") for one in every)
-    return not external and sum(one.n_instructions() for one in plain) <= MOST
+    return not any(map(is_compiled, every)) and sum(one.n_instructions() for one in plain) <= MOST
 
 
 @lru_cache(maxsize=64)

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array, Places
-from oed.kernel.dynamics.compiled import Making, taken
+from oed.kernel.dynamics.compiled import Making, is_compiled, taken
 from oed.kernel.dynamics.embedding import Bounding, embedding_of
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, roll_out
@@ -280,7 +280,7 @@ class Terms(ABC):
         anew = spared >= DIFFERENTIATED * COMPILING * self.written
         functions, known = self.functions(slots), self._making.get(slots)
         # What only looked for the code of others may be begun after all.
-        if not functions.values.is_a("External") and (known is None or (anew and not known.anew)):
+        if not is_compiled(functions.values) and (known is None or (anew and not known.anew)):
             self._making[slots] = Making(list(vars(functions).values()), anew=anew)
             self._binaries[slots] = self._making[slots].binary
         return self._binaries.get(slots)
@@ -297,7 +297,7 @@ class Terms(ABC):
 
     def take(self, slots: int, binary: Path) -> None:
         """Use what another process has compiled, if it is there already."""
-        if slots not in self._functions or not self._functions[slots].values.is_a("External"):
+        if slots not in self._functions or not is_compiled(self._functions[slots].values):
             found = taken(binary, FUNCTIONS)
             if found is not None:
                 self._functions[slots] = Functions(*found)
