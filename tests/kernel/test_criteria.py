@@ -495,10 +495,10 @@ def test_predictions_look_away_from_what_nothing_sees(kind: type[Prediction], un
     criterion = EXAMPLES[kind].with_rows([[[[3.0, 0.0]], [[1.0, 0.0]]]])
     matrix = np.diag([2.0, unseen])
     gradient = criterion.supergradient(matrix)
-    most = float(np.trace(gradient @ matrix))
+    root, most = root_of(gradient), float(np.trace(gradient @ matrix))
     expected = value(criterion, [np.diag([2.0, 0.0])])
-    assert criterion.homogeneous_bound(matrix, gradient, most) == pytest.approx(expected, rel=1e-12)
-    assert criterion.homogeneous_bound(matrix, gradient, 0.0) == -math.inf
+    assert criterion.homogeneous_bound(matrix, root, most) == pytest.approx(expected, rel=1e-12)
+    assert criterion.homogeneous_bound(matrix, root, 0.0) == -math.inf
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
