@@ -501,6 +501,12 @@ def test_predictions_look_away_from_what_nothing_sees(kind: type[Prediction], un
     assert criterion.homogeneous_bound(matrix, root, 0.0) == -math.inf
 
 
+def test_a_plane_that_leaves_something_out_bounds_no_volume():
+    """Whatever the rest comes to: rounding of what nearly nothing says may leave no root at all."""
+    for root, most in ((np.zeros((1, 1)), 0.0), (np.diag([1.0, 0.0]), 2.0)):
+        assert D(scaling="none").homogeneous_bound(np.eye(len(root)), root, most) == math.inf
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_multipliers_are_never_below_0(sign: float):
     turn = random_rotation(np.random.default_rng(0), 3)

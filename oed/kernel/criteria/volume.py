@@ -44,7 +44,7 @@ class D(RootCriterion):
     def trace_bound(self, multiplier: Array, most: float) -> float:
         """Log det(Z F) <= p log(tr(Z F) / p)."""
         sign, volume = np.linalg.slogdet(multiplier)
-        return _volume_bound(len(multiplier), float(volume), most) if sign > 0 else np.inf
+        return _volume_bound(len(multiplier), float(volume) if sign > 0 else -np.inf, most)
 
     def trace_slope(self, multiplier: Array, most: float) -> Array:
         """-Z^-1."""
@@ -132,7 +132,9 @@ class A(RootCriterion):
 
 
 def _volume_bound(size: int, volume: float, most: float) -> float:
-    # Of log det F, from log det Z and the most of tr(Z F).
+    # Of log det F, from log det Z and the most of tr(Z F): none by a Z that leaves something out.
+    if volume == -np.inf:
+        return np.inf
     return size * math.log(most / size) - volume if most > 0 else -np.inf
 
 
