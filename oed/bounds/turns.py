@@ -201,8 +201,10 @@ class Classes:
         self.course, self.ways_in_all, self.floor = course, ways, floor
         self.worths, known = list[Worth](), dict[tuple[bytes, bool, bool], Worth]()
         for at, (key, one) in enumerate(course.segments):
-            ends = at == 0, at == course.count - 1
-            self.worths.append(known.setdefault((key, *ends), Worth(course, one.of_a_drive(*ends), share)))
+            first, last = at == 0, at == course.count - 1
+            if (key, first, last) not in known:
+                known[key, first, last] = Worth(course, one.of_a_drive(first, last), share)
+            self.worths.append(known[key, first, last])
         best = course.freely(share).max(axis=1)
         self.rest = np.append(np.cumsum(best[::-1])[::-1], 0.0)
         self.alternating = course.reversals.changed.sum(axis=1) == 1

@@ -24,8 +24,7 @@ def directional_derivatives(parts: Parts, weights: Array, gradient: Array) -> Ar
         weights: of the readings, (n,).
         gradient: G, a supergradient of the criterion at these, (judged, judged).
     """
-    squares = _squares(parts, parts.rows, weights, root_of(gradient))
-    return np.asarray(np.bincount(parts.places, squares, minlength=len(parts.readings)), dtype=float)
+    return _added(parts, parts.projection(weights).T @ root_of(gradient))
 
 
 @typed
@@ -48,8 +47,9 @@ def weight_bound(
         return float(np.inf)
     # By a root of G, and of exactly that product: rounding of G is no matter then, and that of rows small.
     root = root_of(gradient)
-    values = directional_derivatives(parts, weights, gradient)
-    most = float(_squares(parts, parts.known_rows, weights, root).sum())
+    back = parts.projection(weights).T @ root
+    values = _added(parts, back)
+    most = float(((parts.known_rows @ back) ** 2).sum())
     most += sum(one.largest(values) for one in budgets)
     return criterion.homogeneous_bound(parts.information(weights), root, most)
 
@@ -62,6 +62,7 @@ def root_of(gradient: Array) -> Array:
     return np.asarray(units[:, None] * vectors * np.sqrt(np.clip(values, 0.0, None)))
 
 
-def _squares(parts: Parts, rows: Array, weights: Array, root: Array) -> Array:
-    # tr(G T r r' T') of every row r, (rows,).
-    return np.asarray(((rows @ parts.projection(weights).T @ root) ** 2).sum(axis=1))
+def _added(parts: Parts, back: Array) -> Array:
+    # tr(G T M T') of what every reading adds, (n,), with T'S for the root S of G.
+    squares = ((parts.rows @ back) ** 2).sum(axis=1)
+    return np.asarray(np.bincount(parts.places, squares, minlength=len(parts.readings)), dtype=float)

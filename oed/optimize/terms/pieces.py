@@ -118,8 +118,8 @@ class Pieces(Terms):
         """
         instants = self._instants
         # A motion that lags jumps at a sample's begin, with the inputs.
-        first = 0 if follows_state(self.problem.system) else 1
-        times = self.problem.design.period * np.arange(first, self.refine + 1) / self.refine
+        begin = 0 if follows_state(self.problem.system) else 1
+        times = self.problem.design.period * np.arange(begin, self.refine + 1) / self.refine
         swept = Sweep(self._plan, self._plan.kernel.cell.scored(instants, times.tolist()))
         fixed, first, worst = FixedSweep(swept, self._fixed).rows, 0, []
         seen = ca.horzcat(swept.rolled[3], *self._at_starts(swept))
