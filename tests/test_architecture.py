@@ -61,7 +61,11 @@ def module_name(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-MODULES = {module_name(path): ast.parse(path.read_text()) for path in sorted(PACKAGE.rglob("*.py"))}
+@cache
+def modules() -> dict[str, ast.Module]:
+    return {module_name(path): ast.parse(path.read_text()) for path in sorted(PACKAGE.rglob("*.py"))}
+
+
 PACKAGES = {module_name(path) for path in PACKAGE.rglob("__init__.py")}
 
 
@@ -70,7 +74,7 @@ def every_module(law: Callable[[str], None]) -> Callable[[], None]:
 
     def test() -> None:
         broken = []
-        for module in MODULES:
+        for module in modules():
             try:
                 law(module)
             except AssertionError as error:
@@ -106,12 +110,12 @@ def import_nodes(tree: ast.AST, *, lazy: bool) -> Iterator[ast.Import | ast.Impo
 def imported(module: str, *, lazy: bool) -> frozenset[str]:
     """Full names of what a module imports; a submodule by its own name."""
     names: set[str] = set()
-    for node in import_nodes(MODULES[module], lazy=lazy):
+    for node in import_nodes(modules()[module], lazy=lazy):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
             continue
         assert node.level == 0, f"{module} imports relatively"
-        submodules = {f"{node.module}.{alias.name}" for alias in node.names} & MODULES.keys()
+        submodules = {f"{node.module}.{alias.name}" for alias in node.names} & modules().keys()
         names |= submodules
         if len(submodules) < len(node.names):
             names.add(str(node.module))
@@ -153,7 +157,7 @@ def test_imports_never_go_up(module: str):
 
 @pytest.mark.slow
 def test_no_module_imports_itself_in_a_circle():
-    graph = {module: imported(module, lazy=True) & MODULES.keys() - {module} for module in MODULES}
+    graph = {module: imported(module, lazy=True) & modules().keys() - {module} for module in modules()}
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
@@ -169,7 +173,7 @@ def test_casadi_is_imported_from_the_kernel_to_simulations_only(module: str):
 @pytest.mark.slow
 @every_module
 def test_only_messages_and_tables_write_to_the_terminal(module: str):
-    calls = (node.func for node in ast.walk(MODULES[module]) if isinstance(node, ast.Call))
+    calls = (node.func for node in ast.walk(modules()[module]) if isinstance(node, ast.Call))
     names = {func.id for func in calls if isinstance(func, ast.Name)}
     assert module in ("oed.cli.program", "oed.cli.terminal.console") or "print" not in names, (
         "use tell or say of oed.cli.terminal.messages"
@@ -246,15 +250,15 @@ def undocumented(body: list[ast.stmt], prefix: str) -> Iterator[str]:
 
 @every_module
 def test_every_public_name_is_documented(module: str):
-    assert documented(MODULES[module]), f"{module} has no docstring"
-    assert not list(undocumented(MODULES[module].body, module))
+    assert documented(modules()[module]), f"{module} has no docstring"
+    assert not list(undocumented(modules()[module].body, module))
 
 
 def functions(module: str) -> Iterator[ast.FunctionDef]:
     """Public functions of a module, and methods of its classes."""
     for body in (
-        MODULES[module].body,
-        *(c.body for c in MODULES[module].body if isinstance(c, ast.ClassDef)),
+        modules()[module].body,
+        *(c.body for c in modules()[module].body if isinstance(c, ast.ClassDef)),
     ):
         for node in body:
             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
@@ -267,11 +271,11 @@ def says_arguments(node: ast.FunctionDef) -> bool:
 
 def test_functions_of_three_arguments_say_what_each_is():
     """Or have the name of a method that says it: that of the class they inherit from."""
-    said = {node.name for module in MODULES for node in functions(module) if says_arguments(node)}
+    said = {node.name for module in modules() for node in functions(module) if says_arguments(node)}
     said |= {"find_spec"}  # Python's own
     silent = [
         f"{module}.{node.name}"
-        for module in MODULES
+        for module in modules()
         for node in functions(module)
         if node.name not in said
         and len({arg.arg for arg in (*node.args.args, *node.args.kwonlyargs)} - {"self", "cls"}) >= 3
@@ -283,7 +287,7 @@ def test_functions_of_three_arguments_say_what_each_is():
 @every_module
 def test_docstrings_stand_alone(module: str):
     starts = ("The same", "Their units", "Likewise", "Ditto")
-    nodes = [node for node in ast.walk(MODULES[module]) if isinstance(node, ast.FunctionDef | ast.ClassDef)]
+    nodes = [node for node in ast.walk(modules()[module]) if isinstance(node, ast.FunctionDef | ast.ClassDef)]
     leaning = [node.name for node in nodes if (ast.get_docstring(node) or "").startswith(starts)]
     assert not leaning
 
