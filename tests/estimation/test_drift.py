@@ -392,16 +392,13 @@ class TestCoverage:
         assert held(*white).max() < 0.6 * SETS
 
     def test_no_drift_at_all(self):
-        # If 85 % held the truth, or 99.5 %, three of four times that would be seen of 70, as of 100.
-        for one in misses(lambda seed: [driven(seed, 50.0, 0.0, period=0.25)], np.inf, 70):
-            share = held(*one) / 70
-            assert np.all((share >= 0.88) & (share <= 0.99))
+        # Of 20 sets errors 1.4 times as large as said are found in three of four cases, and so are 0.7 times.
+        for one in misses(lambda seed: [driven(seed, 50.0, 0.0, period=0.5)], np.inf, 20):
+            require_pulls(*one)
+            assert held(*one).min() >= fewest_held(20)
 
     def test_drift_that_no_window_shows(self):
-        # Of 40 sets of logs, by which 88 % are two standard deviations off 95 %.
-        def logs(seed: int) -> list[Log]:
-            return [driven(1000 * seed + number, 40.0, 0.03, period=0.25) for number in range(2)]
-
-        own, white = (held(*one) / 40 for one in misses(logs, np.inf, 40))
-        assert np.all((own >= 0.88) & (own <= 0.99))
-        assert np.all(white < 0.8)
+        own, white = misses(lambda seed: [driven(seed, 80.0, 0.03, period=0.5)], np.inf, 20)
+        require_pulls(*own)
+        assert held(*own).min() >= fewest_held(20)
+        assert held(*white).max() < 0.8 * 20

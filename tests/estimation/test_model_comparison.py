@@ -79,10 +79,11 @@ class TestChoice:
 
     @pytest.mark.slow
     def test_the_narrower_one_is_preferred_where_it_is_true(self):
-        each = [compared(0.0, seed, logs=3, clock_offset=False) for seed in range(6)]
-        assert sum(one.best["bic"] == NARROW for one in each) >= 5
-        assert sum(one.favourites[:1] == (NARROW,) for one in each) >= 5
-        # A superfluous parameter costs 2 and earns a chi-square of one degree of freedom.
+        each = [compared(0.0, seed, logs=3, clock_offset=False) for seed in range(4)]
+        assert sum(one.best["bic"] == NARROW for one in each) >= 3
+        assert sum(one.favourites[:1] == (NARROW,) for one in each) >= 3
+        # A superfluous parameter costs 2 and earns a chi-square of one degree of freedom, whose mean of four is
+        # known to 0.7.
         gains = [one.models[0].scores["aicc"].value - one.models[1].scores["aicc"].value for one in each]
         assert np.mean(gains) == pytest.approx(-1, abs=1.5)
 

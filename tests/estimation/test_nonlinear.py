@@ -526,18 +526,18 @@ class TestMonteCarlo:
 
     @cases
     def test_side_by_side_estimates_are_those_of_one_after_another(self, case: Case, monkeypatch):
-        together, alone = both_ways(case.estimator, 30, monkeypatch)
+        together, alone = both_ways(case.estimator, 10, monkeypatch)
         np.testing.assert_array_equal(together.linear, alone.linear)
         errors = np.sqrt(np.diag(case.estimator.covariance))
         np.testing.assert_allclose(together.estimates / errors, alone.estimates / errors, rtol=0, atol=1e-6)
         assert together.searches == 0
-        assert alone.searches == 30
+        assert alone.searches == 10
 
     def test_those_that_need_smaller_steps_go_alone(self, monkeypatch):
         noisy = sensed_problem(measurement=Poses(noise={"position": 0.2, "heading": 0.5}))
         estimator = Nonlinear(noisy, PLAIN.drive)
-        together, alone = both_ways(estimator, 60, monkeypatch)
-        assert 0 < together.searches < 60
+        together, alone = both_ways(estimator, 20, monkeypatch)
+        assert 0 < together.searches < 20
         errors = np.sqrt(np.diag(estimator.covariance))
         np.testing.assert_allclose(together.estimates / errors, alone.estimates / errors, rtol=0, atol=1e-6)
 
@@ -651,7 +651,8 @@ class TestRobust:
 
     @pytest.mark.slow
     def test_the_covariance_is_what_is_simulated(self):
-        # Of one loss: the formula is that of all, whose moments are tested above; all pass the checks below.
+        # Of one loss: the formula is that of all, whose moments are tested above; another passes the checks
+        # below.
         # Each estimate is paired with H^-1 (J' psi(z) + P z_0), whose covariance the formula is.
         loss: Loss = "huber"
         case = LONG
@@ -661,7 +662,7 @@ class TestRobust:
         inverse = scaled_inverse(slope * jacobian.T @ jacobian)
         differences = []
         # Enough for the mean of their differences to be known to 0.02.
-        for _ in range(230):
+        for _ in range(100):
             white = rng.standard_normal(len(exact))
             found = estimator.fit(exact + white / np.diag(case.whitener)).values - estimator.true
             first = (inverse @ jacobian.T @ PSI[loss](white))[:3]
@@ -671,9 +672,8 @@ class TestRobust:
         assert np.std(differences, axis=0).max() / math.sqrt(len(differences)) < 0.02
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("loss", ["huber", "cauchy"])
-    def test_it_passes_the_checks(self, loss: Loss):
-        result = validate(PLAIN.problem, PLAIN.drive, replicates=REPLICATES, loss=loss, seed=2)
+    def test_it_passes_the_checks(self):
+        result = validate(PLAIN.problem, PLAIN.drive, replicates=REPLICATES, loss="cauchy", seed=2)
         assert result.passed
 
     @losses
@@ -702,16 +702,16 @@ class TestRobust:
     @pytest.mark.slow
     @pytest.mark.parametrize("loss", ["huber", "cauchy"])
     def test_truths_far_from_the_nominal_are_found(self, loss: Loss):
-        # Sixty per cent off, which halved steps alone found in less than 20 of 30 cases.
+        # Sixty per cent off, which halved steps alone found in less than two of three cases.
         estimator, found = Nonlinear(PLAIN.problem, PLAIN.drive, loss), 0
-        for seed in range(30):
+        for seed in range(20):
             rng, truth = np.random.default_rng([seed, 9]), PLAIN.nominal.copy()
             truth[:3] *= 1 + 0.6 * rng.choice([-1.0, 1.0], 3)
             truth[3:] += 0.3 * rng.standard_normal(3)
             estimate = estimator.fit(noisy(PLAIN, seed, truth))
             errors = (estimate.values - truth[:3]) / np.sqrt(np.diag(estimate.covariance))
             found += estimate.converged and np.abs(errors).max() < 6
-        assert found >= 22
+        assert found >= 15
 
     @losses
     def test_outliers_hurt_least_squares_alone(self, loss: Loss):

@@ -167,7 +167,7 @@ def test_what_the_drive_does_not_tell_stays_nominal():
 
 @pytest.mark.slow
 def test_a_thousand_windows_are_no_burden():
-    log = log_of(course(seconds=1000, period=0.25), noise=(0.001, 0.005))
+    log = log_of(course(seconds=1000, period=0.5), noise=(0.001, 0.005))
     fit = gls([log], seconds=1.0)
     assert fit.layout.count == 1000
     assert fit.converged
@@ -177,16 +177,17 @@ def test_a_thousand_windows_are_no_burden():
 @pytest.mark.slow
 @pytest.mark.parametrize("drift", [(0, 0, 0), (0.005, 0.002, 0.02)], ids=["poses", "drift"])
 def test_standard_errors_match_the_scatter(drift):
-    drive = course(seconds=50, period=0.25)
+    drive, count = course(seconds=25, period=0.25), 40
 
     def fit(seed: int) -> Fit:
         log = log_of(drifting(drive, TRUE, drift, seed), noise=(0.001, 0.005), seed=seed)
         return gls([log], seconds=1.0)
 
-    errors, fits = misses(fit, TRUE, 60)
-    assert np.abs(errors.mean(axis=0)).max() < 4 * (errors.std(axis=0) / np.sqrt(60)).max()
+    errors, fits = misses(fit, TRUE, count)
+    assert np.abs(errors.mean(axis=0)).max() < 4 * (errors.std(axis=0) / np.sqrt(count)).max()
     found = spread(errors, [one.inverse for one in fits])
-    assert np.all(np.abs(found - 1) < 0.2), found
+    # A deviation of 40 is known to 11 %.
+    assert np.all(np.abs(found - 1) < 0.25), found
 
 
 def test_sandwich_and_bootstrap_agree_with_information(noisy):
