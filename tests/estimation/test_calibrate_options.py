@@ -10,6 +10,8 @@ import pytest
 from simulated import ROBOT, TRUTH, by_name, course, log_of, logged_problem, options, several, truth_of
 
 from oed.estimation import Calibration, calibrate
+from oed.estimation.assessment.covariance import Covariance
+from oed.estimation.assessment.trusted_covariance import covariances_of
 from oed.estimation.setup.noise import specified_noise
 from oed.estimation.setup.unknowns import specified_mount
 from oed.foundation.errors import LogError, ProblemError
@@ -29,12 +31,24 @@ TRUE = np.array([*TRUTH.values()])
 
 
 def found_by(logs=(LOG,), problem=None, **keys) -> Calibration:
-    return calibrate(problem or logged_problem(), logs, options(**{"segment": "log", **keys}))
+    return calibrate(
+        problem or logged_problem(), logs, options(**{"segment": "log", "clock_offset": False, **keys})
+    )
 
 
 @cache
 def plainly_found() -> Calibration:
     return found_by()
+
+
+@cache
+def found_in_parts() -> Calibration:
+    return found_by(MANY, covariance="sandwich", segment=1.0, replicates=200)
+
+
+def covariances(found: Calibration, **keys) -> tuple[Covariance, ...]:
+    """Of the same fit, by other options."""
+    return covariances_of(found.fit, options(**keys), found.drift, drifts=False, seed=0)
 
 
 def within(found: Calibration, true=TRUE, times: float = 5.0) -> bool:
@@ -53,6 +67,7 @@ class TestOptions:
         assert found.segmenting is not None
         assert found.segmenting.seconds == np.inf
         assert found.fit.converged
+        assert found.fit.unknowns.clocks == 1
         (note,) = found.notes
         assert note.startswith("drift, which the logs are too short to show or rule out, taken as large as ")
         assert by_name(found.fit)["sensor_x"] == pytest.approx(0.1, abs=0.002)
@@ -60,8 +75,16 @@ class TestOptions:
     @pytest.mark.slow
     @pytest.mark.parametrize("way", ["information", "drift", "sandwich", "bootstrap"])
     def test_covariance(self, way):
-        found = found_by(MANY, covariance=way, segment=1.0, replicates=200)
-        assert found.covariances[0].name == way
+        found = found_in_parts()
+        chosen, *others = covariances(found, covariance=way, replicates=200)
+        assert chosen.name == way
+        assert {way, *(one.name for one in others)} == {"information", "drift", "sandwich", "bootstrap"}
+        assert np.all(np.abs(found.values - TRUE) < 5 * chosen.deviations[:3])
+
+    @pytest.mark.slow
+    def test_covariance_that_is_asked_for_comes_first(self):
+        found = found_in_parts()
+        assert found.covariances[0].name == "sandwich"
         assert {one.name for one in found.covariances} == {"information", "drift", "sandwich", "bootstrap"}
         assert within(found)
         assert found.standard_deviations == pytest.approx(
@@ -72,7 +95,7 @@ class TestOptions:
     @pytest.mark.slow
     def test_covariance_of_too_few_parts_is_refused(self, way):
         with pytest.raises(ProblemError, match=rf"calibration\.covariance: .*too short for {way}: 1 blocks"):
-            found_by(covariance=way)
+            covariances(plainly_found(), covariance=way)
 
     @pytest.mark.slow
     def test_noise_as_stated(self):
@@ -100,12 +123,12 @@ class TestOptions:
     @pytest.mark.slow
     def test_block(self):
         few = {"covariance": "bootstrap", "replicates": 100}
-        short, long = (found_by(MANY, segment=0.5, **few, block=size) for size in (0.5, 3.0))
-        assert short.covariances[0].degrees == 59
-        assert long.covariances[0].degrees == 9
+        short, long = (covariances(found_in_parts(), **few, block=size) for size in (1.0, 3.0))
+        assert short[0].degrees == 29
+        assert long[0].degrees == 9
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("seconds", [1e-3, 0.15, 1.7, 1e3])
+    @pytest.mark.parametrize("seconds", [1e-3, 1.7, 1e3])
     def test_segment(self, seconds: float):
         found = found_by(segment=seconds)
         assert found.segmenting is None
@@ -115,21 +138,20 @@ class TestOptions:
     @pytest.mark.slow
     def test_sensor_place(self):
         log = log_of(course(seconds=6.0), noise=NOISE)
-        found = found_by([log], sensor_place=[])
+        found = found_by([log], sensor_place=[], clock_offset=True)
         assert found.fit.unknowns.names == (*TRUTH, "clock_offset")
         assert within(found)
-        assert found_by(sensor_place=["sensor_y"]).fit.unknowns.place == ("sensor_y",)
+        assert found_by([log], sensor_place=["sensor_y"]).fit.unknowns.place == ("sensor_y",)
 
     @pytest.mark.slow
     def test_clock_offset(self):
-        found = found_by(clock_offset=False)
+        found = plainly_found()
         assert found.fit.unknowns.clocks == 0
         assert found.fit.clock_offsets == pytest.approx([0.0])
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("loss", ["huber", "cauchy"])
-    def test_loss(self, loss):
-        assert within(found_by(loss=loss))
+    def test_loss(self):
+        assert within(found_by(loss="cauchy"))
 
     @pytest.mark.slow
     def test_estimate_of_one_parameter(self):
