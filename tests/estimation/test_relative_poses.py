@@ -81,7 +81,7 @@ class TestEstimates:
         logs = logs_of(tmp_path, matched(seconds=60))
         with pytest.raises(ProblemError, match=r"calibration\.covariance: .*relative_poses"):
             estimated(logs, covariance="drift")
-        found = estimated(logs, block=60.0)
+        found = estimated(logs, block=60.0, clock_offset=False)
         assert [one.name for one in found.covariances] == ["information"]
         assert any("true errors are several times as large" in one.message for one in found.doubts)
 
@@ -91,7 +91,7 @@ class TestEstimates:
         sensor = RelativePoses(mounting={**mounting, "known": True})
         sensor = sensor.model_copy(update={"noise": PROBLEM.measurement.noise})
         problem = problem_of(model=NOMINAL, limits=input_limits, criterion=E(), measurement=sensor)
-        found = estimated(logs_of(tmp_path, matched(noise=exact, seconds=60)), problem)
+        found = estimated(logs_of(tmp_path, matched(noise=exact, seconds=60)), problem, clock_offset=False)
         assert found.fit.unknowns.place == ()
         np.testing.assert_allclose(found.fit.values[:3], TRUE[:3], rtol=1e-5)
 
@@ -101,11 +101,11 @@ class TestEstimates:
         asked = partial(problem_of, model=NOMINAL, limits=input_limits, criterion=D())
         sensor = RelativePoses(noise=PROBLEM.measurement.noise, mounting={"x": -0.003, "y": 0.02})
         names = (*TRUTH, "sensor_y")
-        free = estimated(logs, asked(measurement=sensor, estimate=names))
+        free = estimated(logs, asked(measurement=sensor, estimate=names), clock_offset=False)
         assert free.parameters == tuple(TRUTH)
         assert free.fit.values[4] == pytest.approx(MOUNTED[1], abs=2e-3)
         prior = Prior(standard_deviations={"sensor_y": 1e-6})
-        known = estimated(logs, asked(measurement=sensor, estimate=names, prior=prior))
+        known = estimated(logs, asked(measurement=sensor, estimate=names, prior=prior), clock_offset=False)
         assert known.fit.values[4] == pytest.approx(0.02, abs=1e-5)
 
     @pytest.mark.slow
@@ -123,7 +123,8 @@ class TestEstimates:
         assert log.motions is not None
         assert len(log.motions) == len(spans)
         assert np.all(np.diff(log.pose_times) > 0)
-        np.testing.assert_allclose(estimated([log]).fit.values[:6], TRUE, rtol=1e-5)
+        found = estimated([log], clock_offset=False)
+        np.testing.assert_allclose(found.fit.values, TRUE, rtol=1e-5)
 
     @pytest.mark.parametrize("apart", [(8, 200), (40, 40), (8, 8, 8, 400)], ids=str)
     def test_motions_of_any_length_are_driven_as_finely_as_wheels_are_read(
@@ -183,13 +184,14 @@ class TestEstimates:
         form = CsvForm(
             **LOG | {"relative_poses": LOG["relative_poses"] | {"covariance": {k: k for k in keys}}}
         )
-        found = estimated(read_logs([file], form, NOMINAL), noise="specified" if known else "estimated")
+        asked = {"noise": "specified" if known else "estimated", "clock_offset": False}
+        found = estimated(read_logs([file], form, NOMINAL), **asked)
         assert np.abs(errors(found)).max() < 3.5
         assert found.fit.misfit == pytest.approx(1.0, abs=0.3)
         typical = np.sqrt(np.median(given[:, 0, 0]))
         assert found.fit.noises["position"].at_rest == pytest.approx(typical / (1 if known else 2), rel=0.15)
         # Those ten times as sure count a hundred times as much.
-        blind = estimated(logs_of(tmp_path, drive))
+        blind = estimated(logs_of(tmp_path, drive), clock_offset=False)
         own, other = (one.covariances[-1].deviations[:6] for one in (found, blind))
         assert np.all(own < 0.7 * other)
 
@@ -203,7 +205,7 @@ class TestEstimates:
             measurement=PROBLEM.measurement,
             estimate=("wheel_radius_right", "wheel_radius_left", "track"),
         )
-        found = estimated(logs_of(tmp_path, matched(noise=exact, seconds=60)), problem)
+        found = estimated(logs_of(tmp_path, matched(noise=exact, seconds=60)), problem, clock_offset=False)
         assert found.fit.starts.shape[1] == len(robot.states) - 3
 
     def test_matches_without_wheels_are_counted(self, tmp_path: Path):
@@ -232,7 +234,7 @@ class TestBadMatches:
         ("bad", "name"), [(0.03, "stray_motions"), (0.1, "stray_motions"), (0.38, "many_stray_motions")]
     )
     def test_a_robust_loss_bounds_what_they_do(self, tmp_path: Path, bad: float, name: str):
-        drive = matched(4, bad=bad)
+        drive = matched(4, bad=bad, seconds=80)
         found = estimated(logs_of(tmp_path, drive), loss="cauchy")
         assert np.abs(errors(found)).max() < 3.5
         # Clocks that agree are not taken apart for them.
@@ -265,7 +267,9 @@ class TestBadMatches:
 
     @pytest.mark.slow
     def test_they_are_no_drift(self, tmp_path: Path):
-        found = estimated(logs_of(tmp_path, matched(4, bad=0.05, seconds=60)), loss="cauchy")
+        found = estimated(
+            logs_of(tmp_path, matched(4, bad=0.05, seconds=60)), loss="cauchy", clock_offset=False
+        )
         assert found.drift is None
         plain, chosen = (
             one.deviations[:3]
@@ -278,8 +282,8 @@ class TestBadMatches:
 
     @pytest.mark.slow
     def test_they_are_left_out_of_the_path(self, tmp_path: Path):
-        drive = matched(4, noise=exact, bad=0.05)
-        found = estimated(logs_of(tmp_path, drive), loss="cauchy")
+        drive = matched(4, noise=exact, bad=0.05, seconds=60)
+        found = estimated(logs_of(tmp_path, drive), loss="cauchy", clock_offset=False)
         assert drive.wrong.any()
         assert found.own is not None
         assert found.own.after[0].rmse_position < 0.2 * found.own.before[0].rmse_position
@@ -290,7 +294,8 @@ class TestBadMatches:
 @pytest.mark.slow
 def test_other_robots_are_compared(tmp_path: Path):
     other = {"kind": "skid_steer", "wheel_radius": 0.02, "track": 0.09, "estimate": list(TRUTH)}
-    found = estimated(logs_of(tmp_path, matched(1, seconds=60), matched(2, seconds=60)), models=[other])
+    logs = logs_of(tmp_path, matched(1, seconds=60), matched(2, seconds=60))
+    found = estimated(logs, models=[other], clock_offset=False)
     assert found.comparison is not None
     own, alike = found.comparison.models
     # Without slip it is the same robot.
@@ -302,7 +307,7 @@ def test_other_robots_are_compared(tmp_path: Path):
 
 @pytest.mark.slow
 def test_the_page_says_what_was_fitted(tmp_path: Path):
-    found = estimated(logs_of(tmp_path, matched(1, seconds=60)))
+    found = estimated(logs_of(tmp_path, matched(1, seconds=60)), clock_offset=False)
     outcome = estimate_of(found)
     assert outcome.segments is not None
     assert (outcome.segments.relative, outcome.segments.count) == (True, 75)
@@ -359,18 +364,18 @@ class TestRefused:
     def test_motions_that_are_read_wrongly(self, tmp_path: Path, wrong: Any, words: str):
         drive = matched(3, every=24, seconds=100)
         with pytest.raises(LogError, match=words):
-            estimated(logs_of(tmp_path, replace(drive, motions=wrong(drive.motions))))
+            estimated(logs_of(tmp_path, replace(drive, motions=wrong(drive.motions))), clock_offset=False)
 
     @pytest.mark.slow
     def test_exchanged_wheels(self, tmp_path: Path):
         drive = matched(3)
         with pytest.raises(LogError, match="exchange their columns"):
-            estimated(logs_of(tmp_path, replace(drive, turned=drive.turned[:, ::-1])))
+            estimated(logs_of(tmp_path, replace(drive, turned=drive.turned[:, ::-1])), clock_offset=False)
 
     def test_backwards_motions_are_read_when_the_study_says_so(self, tmp_path: Path):
         drive = matched(noise=exact, seconds=60)
         logs = logs_of(tmp_path, replace(drive, motions=backwards(drive.motions)), inverse=True)
-        np.testing.assert_allclose(estimated(logs).fit.values[:6], TRUE, rtol=1e-5)
+        np.testing.assert_allclose(estimated(logs, clock_offset=False).fit.values, TRUE, rtol=1e-5)
 
     def test_poses_and_relative_poses_together(self, tmp_path: Path):
         (relative,) = logs_of(tmp_path, matched(seconds=60))
