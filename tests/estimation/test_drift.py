@@ -140,7 +140,6 @@ def test_is_what_full_matrices_say(quantities: tuple[str, ...], sits: tuple[floa
 
 
 SENSED = {
-    "ranges": (Ranges(beacons=PLACES, noise=0.01),),
     "a gyro": (YawRate(noise=0.01, bias="known"),),
     "both": (Ranges(beacons=PLACES, noise=0.01), YawRate(noise=0.01, bias="known")),
 }

@@ -38,7 +38,6 @@ BEACONS = "ranges: {columns: [r1, r2, r3]}"
 SEEN = 'landmarks: {file: "{stem}_seen.csv", id: id, range: range, bearing: bearing}'
 STUDIES = {
     "landmarks": (LANDMARKS, "none", SEEN),
-    "ranges": (RANGES, "none", BEACONS),
     "poses and ranges": (f"{ROUGH}, {RANGES}", "{x: x, y: y, heading: none}", BEACONS),
 }
 ROBOT = DifferentialDrive(wheel_radius=0.033, track=0.16)

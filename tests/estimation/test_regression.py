@@ -7,12 +7,13 @@ import pickle
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import cycle
 
 import numpy as np
 import oracle
 import pytest
 from builders import RADIUS, SPEED, TRACK, check_all, problem_of, random_drive
-from sample_robots import COEFFICIENT_ROBOTS, TWO_SIDED, cases
+from sample_robots import COEFFICIENT_ROBOTS, TWO_SIDED
 
 from oed.estimation.methods import (
     METHODS,
@@ -344,8 +345,12 @@ class TestOwnFormula:
                 alone.linear_covariance, both.linear_covariance[block, block], rtol=1e-12
             )
 
-    @pytest.mark.parametrize("example", cases(COEFFICIENT_ROBOTS))
-    @pytest.mark.parametrize("rule", ["arc", "midpoint"])
+    # One rule after the other: neither knows of robots.
+    @pytest.mark.parametrize(
+        ("example", "rule"),
+        list(zip(COEFFICIENT_ROBOTS, cycle(["arc", "midpoint"]), strict=False)),
+        ids=lambda one: one if isinstance(one, str) else one.name,
+    )
     def test_every_robot_and_rule(self, example, rule: str):
         problem = problem_of(
             model=example.model,
@@ -495,9 +500,17 @@ class TestErrorsInVariables:
             replicates=REPLICATES,
         )
 
-    @pytest.mark.parametrize("turn", ["2 deg", "5 deg", "10 deg"])
-    @pytest.mark.parametrize("segments", [10, 20])
-    @noise_models
+    @pytest.mark.parametrize(
+        ("noise_model", "segments", "turn"),
+        [
+            ("increments", 10, "2 deg"),
+            ("increments", 20, "5 deg"),
+            ("increments", 20, "10 deg"),
+            ("absolute", 20, "2 deg"),
+            ("absolute", 10, "5 deg"),
+            ("absolute", 10, "10 deg"),
+        ],
+    )
     def test_to_one_per_cent(self, noise_model: str, segments: int, turn: str):
         result = self.at_full_size(noise_model, "1 cm", turn, segments)
         assert result.passed
@@ -763,12 +776,10 @@ class TestMistakes:
 
     @ways
     @noise_models
-    @pytest.mark.parametrize("regressor", ["position", "heading", "both"])
-    def test_what_suits_has_no_issue(
-        self, name: EstimatorName, heading: Heading, noise_model: str, regressor: str
-    ):
-        measurement = self.displacements(noise_model=noise_model, regressor=regressor)
-        assert estimator_issues(measurement, name, heading) == []
+    def test_what_suits_has_no_issue(self, name: EstimatorName, heading: Heading, noise_model: str):
+        for regressor in ("position", "heading", "both"):
+            measurement = self.displacements(noise_model=noise_model, regressor=regressor)
+            assert estimator_issues(measurement, name, heading) == []
 
     @pytest.mark.parametrize("name", ["nonlinear", "magic"])
     def test_methods_of_displacements(self, name: str):

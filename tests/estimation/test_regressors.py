@@ -49,8 +49,7 @@ def oracle_positions(example: Example, problem: Problem, drive: Trajectory, firs
 
 
 @robots
-@rules
-@pytest.mark.parametrize("segments", [3, 7, "samples"])
+@pytest.mark.parametrize(("rule", "segments"), [("arc", 3), ("midpoint", 7), ("arc", "samples")])
 def test_at_the_nominal_coefficients_they_are_w(example: Example, rule: str, segments):
     problem, drive = make(example, rule, segments)
     found, expected = regressors_of(problem, drive).nominal_designs, evaluate(problem, drive).design_matrices

@@ -16,7 +16,6 @@ from oed.robots.limits import SteeringAngle
 from oed.robots.models import Ackermann, Model, Tricycle
 
 CAR, TRUCK = Ackermann(wheel_radius=0.05, wheelbase=0.4), Tricycle(wheel_radius=0.05, wheelbase=0.4)
-MODELS = pytest.mark.parametrize("model", [CAR, TRUCK], ids=["ackermann", "tricycle"])
 
 
 def steered(model: Model, off: float, clock: float = 0.0, seconds: float = 30.0) -> Log:
@@ -72,8 +71,7 @@ def test_a_missing_zero_is_named_where_clocks_are_apart():
 
 
 @pytest.mark.slow
-@MODELS
-@pytest.mark.parametrize("off", [-3.0, 0.0])
+@pytest.mark.parametrize(("model", "off"), [(CAR, -3.0), (TRUCK, -3.0), (CAR, 0.0)])
 def test_a_small_one_is_what_is_estimated(model: Model, off: float):
     found = calibrate(logged_problem(model=model), [steered(model, off, seconds=12.0)])
     place = found.parameters.index("steering_offset")
