@@ -66,10 +66,10 @@ def odometry_log(folder: Path, seed: int, seconds: float = 30.0) -> Path:
 
 @pytest.mark.slow
 def test_odometry_as_poses_against_a_tracker(tmp_path: Path):
-    record = estimate(saved_study(tmp_path, ODOMETRY), [odometry_log(tmp_path, seed) for seed in (0, 1, 2)])
+    record = estimate(saved_study(tmp_path, ODOMETRY), [odometry_log(tmp_path, seed) for seed in (0, 1)])
     assert max(map(abs, pulls(record, ODOMETRY_TRUTH).values())) < 3, record.values
     assert max(record.errors.values()) < 0.01
-    assert [log.clock_offset for log in record.logs] == pytest.approx([0.08] * 3, abs=0.01)
+    assert [log.clock_offset for log in record.logs] == pytest.approx([0.08] * 2, abs=0.01)
 
 
 LAGGING = """\
@@ -108,12 +108,12 @@ def lagging_twin(seed: int, seconds: float) -> Twin:
 
 
 def lagging_bag(folder: Path, seed: int, seconds: float = 12.0) -> Path:
-    """Twist commands without a header, recorded as they come; mocap at 100 Hz on a clock 60 ms behind."""
+    """Twist commands without a header, recorded as they come; mocap at 50 Hz on a clock 60 ms behind."""
     twin, messages = lagging_twin(seed, seconds), []
     for row in twin.rows(COMMAND_RATE):
         sent = twist_message("geometry_msgs/msg/Twist", 0.0, *twin.inputs[row])
         messages.append(("/cmd_vel", START + twin.times[row], sent))
-    seen = twin.rows(100, 0.3)
+    seen = twin.rows(50, 0.3)
     make = TYPES["geometry_msgs/msg/PoseStamped"]
     for time, own in zip(twin.times[seen], tracked(twin, seen, seed, (0.002, np.radians(0.3))), strict=True):
         head = header(START + time - 0.06, "map")

@@ -310,7 +310,7 @@ def test_what_correlated_noise_does_not_suit(keys: dict, quantities: tuple[str, 
 @pytest.mark.slow
 def test_standard_errors_allow_for_the_correlation():
     errors, covariances = [], []
-    for seed in range(8):
+    for seed in range(6):
         found = estimate([satellites(10 * seed + number) for number in range(2)])
         errors.append(found.values - TRUE)
         covariances.append(found.covariance * (found.covariances[0].half_width / 1.96) ** 2)

@@ -120,7 +120,7 @@ def test_it_is_said_beside_the_number():
 @pytest.mark.parametrize("make", [ticked, unsteady, commanded])
 def test_intervals_of_straight_blocks_cover(make):
     held = []
-    for seed in range(5):
+    for seed in range(4):
         asked = options(segment=2.0, replicates=100, clock_offset=False, sensor_place=())
         found = calibrate(logged_problem(), [make(seed)], asked)
         reach = found.covariances[0].half_width * np.sqrt(np.diag(found.covariance))
