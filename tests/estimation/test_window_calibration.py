@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -30,8 +31,8 @@ def quick(**keys: Any) -> CalibrationOptions:
     return options(replicates=100, **keys)
 
 
-@pytest.fixture(scope="module")
-def logs() -> list[Log]:
+@cache
+def noisy_logs() -> list[Log]:
     drives = [drifting(course(seconds=30, seed=seed), TRUE, (0.002, 0.001, 0.01), seed) for seed in range(3)]
     return [
         log_of(drive, place=PLACE, offset=0.03, noise=(0.001, 0.004), seed=seed, name=f"drive {seed}")
@@ -39,9 +40,19 @@ def logs() -> list[Log]:
     ]
 
 
-@pytest.fixture(scope="module", params=["gls", "two_stage"])
-def found(request, logs) -> Calibration:
-    return calibrate(logged_problem(), logs, quick(method=request.param))
+@cache
+def found_by(method: str) -> Calibration:
+    return calibrate(logged_problem(), noisy_logs(), quick(method=method))
+
+
+@pytest.fixture
+def logs() -> list[Log]:
+    return noisy_logs()
+
+
+@pytest.fixture(params=["gls", "two_stage"])
+def found(request) -> Calibration:
+    return found_by(request.param)
 
 
 def test_it_finds_the_truth_within_its_errors(found):
@@ -102,8 +113,8 @@ def test_intervals_of_two_short_logs_of_a_robot_that_drifts_cover(method: str):
 
 
 @pytest.mark.slow
-def test_weighed_windows_leave_nothing(logs):
-    found = calibrate(logged_problem(), logs, quick(method="gls"))
+def test_weighed_windows_leave_nothing():
+    found = found_by("gls")
     assert all(one.passed for one in found.diagnostics), [one.message for one in found.diagnostics]
     assert any("drift, as the windows show it" in note for note in found.notes)
 
