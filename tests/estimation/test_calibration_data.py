@@ -78,7 +78,8 @@ class TestData:
         monkeypatch.setattr("oed.records.calibration_outcome.POINTS", 10)
         monkeypatch.setattr("oed.records.calibration_outcome.RESIDUALS", 50)
         logs = several(14, seconds=2.5, noise=NOISE)
-        found = estimate_of(calibrate(logged_problem(), logs, options(segment="log"))).plain()
+        asked = options(segment="log", replicates=100, sensor_place=(), clock_offset=False)
+        found = estimate_of(calibrate(logged_problem(), logs, asked)).plain()
         assert len(found["paths"]) == PATHS
         for path in found["paths"]:
             assert len({len(values) for values in path.values() if isinstance(values, list)}) == 1

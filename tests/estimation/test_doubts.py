@@ -121,7 +121,8 @@ def test_whole_logs_of_wheels_half_as_large_are_fitted_all_the_same(seconds: flo
 )
 def test_a_log_without_noise_is_taken_for_none(share: float, said: bool, segment: str | float):
     log = log_of(course(seconds=10.0), noise=(share * NOISE[0], share * NOISE[1]))
-    found = calibrate(logged_problem(), [log], options(segment=segment))
+    asked = options(segment=segment, sensor_place=(), clock_offset=False)
+    found = calibrate(logged_problem(), [log], asked)
     exact = [one for one in found.doubts if one.name == "exact"]
     assert bool(exact) == said, found.doubts
     if said:

@@ -125,7 +125,7 @@ def mecanum_log(folder: Path, seed: int, seconds: float = 15.0) -> Path:
 
 @pytest.mark.slow
 def test_a_mecanum_robot_of_four_unequal_wheels(tmp_path: Path):
-    record = estimate(saved_study(tmp_path, MECANUM), [mecanum_log(tmp_path, seed) for seed in (0, 1)])
+    record = estimate(saved_study(tmp_path, MECANUM), [mecanum_log(tmp_path, 0)])
     assert max(map(abs, pulls(record, MECANUM_TRUTH).values())) < 3.5, record.values
     assert max(record.errors[name] for name in list(MECANUM_TRUTH)[:4]) < 0.0002
     assert all("counter_wrapped" in {one.name for one in log.findings} for log in record.logs)

@@ -28,7 +28,7 @@ def estimate(seed: int, values: np.ndarray, covariance: np.ndarray, **keys) -> C
     robot = ROBOT.with_values(dict(zip(NAMES, map(float, values), strict=True)))
     prior = Prior(parameters=NAMES, covariance=tuple(tuple(map(float, row)) for row in covariance))
     problem = logged_problem(model=robot, prior=prior)
-    own = options(clock_offset=False, sensor_place=(), replicates=100, **keys)
+    own = options(segment="log", clock_offset=False, sensor_place=(), replicates=100, **keys)
     return calibrate(problem, [drifted(seed)], own)
 
 
@@ -54,7 +54,7 @@ def test_is_generalised_least_squares_of_both():
     alone = calibrate(
         logged_problem(),
         [drifted(3)],
-        options(clock_offset=False, sensor_place=(), replicates=100, covariance="drift"),
+        options(segment="log", clock_offset=False, sensor_place=(), replicates=100, covariance="drift"),
     )
     logs, known = (np.linalg.inv(one) for one in (alone.covariances[0].matrix, np.diag(KNOWN**2)))
     wanted = np.linalg.solve(logs + known, logs @ alone.values + known @ (TRUE + KNOWN))
