@@ -69,10 +69,10 @@ def test_one_log_that_drifts_has_wide_error_bars():
 
 @pytest.mark.slow
 def test_logs_are_blocks_by_themselves_where_there_are_enough():
-    scores = []
+    scores, asked = [], options(segment=2.0, replicates=100, sensor_place=(), clock_offset=False)
     for seed in range(5):
         logs = several(10, seconds=10.0, noise=NOISE, seed=100 * seed, drift=0.003)
-        found = calibrate(logged_problem(), logs, options(segment=2.0, replicates=300, clock_offset=False))
+        found = calibrate(logged_problem(), logs, asked)
         bootstrap = next(one for one in found.covariances if one.name == "bootstrap")
         assert bootstrap.degrees == 9
         scores.append((found.values - TRUE) / bootstrap.deviations[:3])
@@ -162,7 +162,7 @@ def test_what_is_known_of_the_sensors_place_counts_once(method):
         place = found.fit.unknowns.names.index("sensor_x")
         return found.fit.values[place], float(np.sqrt(found.fit.inverse[place, place]))
 
-    logs = several(3, seconds=20.0, noise=NOISE)
+    logs = several(3, seconds=12.0, noise=NOISE)
     value, error = sensor_x(LeverArm(x=0.001, known=False))
     # Knowledge as sure as the logs, and one standard error away, moves the estimate by half of it.
     moved, narrower = sensor_x(LeverArm(x=value + error, known=False, deviation=error))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import cycle
+
 import casadi as ca
 import numpy as np
 import oracle
@@ -67,9 +69,12 @@ def plain(robot: Example, rule: str, starts, inputs, times, parameters, nuisance
 
 
 class TestReadings:
-    @every_robot
-    @pytest.mark.parametrize("rule", ["arc", "midpoint"])
-    def test_are_those_of_plain_steps(self, robot: Example, rule):
+    @pytest.mark.parametrize(
+        ("robot", "rule"),
+        list(zip(ROBOTS, cycle(["arc", "midpoint"]), strict=False)),
+        ids=lambda one: one if isinstance(one, str) else one.name,
+    )
+    def test_are_those_of_plain_steps(self, robot: Example, rule: str):
         arguments = drawn(robot)
         found = readings_of(robot, rule=rule)(Driven(**arguments))
         assert found == pytest.approx(plain(robot, rule, **arguments), abs=1e-9)
