@@ -107,7 +107,7 @@ def lagging_twin(seed: int, seconds: float) -> Twin:
     return driven(inputs, twists, seconds)
 
 
-def lagging_bag(folder: Path, seed: int, seconds: float = 12.0) -> Path:
+def lagging_bag(folder: Path, seed: int, seconds: float = 9.0) -> Path:
     """Twist commands without a header, recorded as they come; mocap at 50 Hz on a clock 60 ms behind."""
     twin, messages = lagging_twin(seed, seconds), []
     for row in twin.rows(COMMAND_RATE):

@@ -96,8 +96,8 @@ class TestThinned:
 @pytest.mark.slow
 def test_averages_tell_what_all_poses_tell():
     # Of independent noise: the same estimates within a share of their standard errors, which are the same.
-    log, chosen = fast(5.0), options(segment="log", covariance="information", clock_offset=False)
-    whole, means = (calibrate(logged_problem(), logs, chosen) for logs in ([log], thinned([log], most=500)))
+    log, chosen = fast(3.0), options(segment="log", covariance="information", clock_offset=False)
+    whole, means = (calibrate(logged_problem(), logs, chosen) for logs in ([log], thinned([log], most=300)))
     assert means.fit.layout.logs[0].averaged == 6
     sizes, own = (np.array(list(one.standard_deviations.values())) for one in (whole, means))
     np.testing.assert_allclose(own, sizes, rtol=0.1)

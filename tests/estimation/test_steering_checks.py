@@ -43,9 +43,7 @@ def doubted(model: Model, off: float) -> dict[str, str]:
     [
         (CAR, -45.0, "steering_angle"),
         (CAR, 30.0, "steering_angle"),
-        (CAR, 60.0, "steering_angle"),
         (TRUCK, 30.0, "steering_angle"),
-        (TRUCK, 60.0, "steering_angle"),
         (TRUCK, 180.0, "steering_angle"),
         # Of this the nominal sizes explain enough for a fit, which finds the offset.
         (TRUCK, -135.0, "poorly_explained"),

@@ -42,7 +42,7 @@ def write_log(path) -> None:
     inputs = np.column_stack([throttle, 0.33 * np.sin(2.1 * times) + 0.1 * np.sin(3.7 * times)])
     states = [np.zeros(6)]
     for held in inputs[:-1]:
-        given = {"rtol": 1e-9, "atol": 1e-11, "method": "LSODA", "args": (held,)}
+        given = {"rtol": 1e-7, "atol": 1e-9, "method": "LSODA", "args": (held,)}
         found = solve_ivp(
             lambda _, now, one: cars.slopes(now, one, cars.CAR), (0, PERIOD), states[-1], **given
         )
