@@ -16,9 +16,11 @@ from oed.bounds.value_grid import over_cells, rounded_up
 Array = npt.NDArray[np.float64]
 
 
-@pytest.mark.parametrize(
-    "seed", [*range(6), *(pytest.param(one, marks=pytest.mark.slow) for one in range(6, 60))]
-)
+NEAR = (8, 9, 11, 13, 14, 15, 17, 18, 21, 26, 31, 34, 35, 38, 46, 51, 57, 59)
+"""Of sixty those in which paths come so near what is said that one step a little too short shows."""
+
+
+@pytest.mark.parametrize("seed", [*range(6), *(pytest.param(one, marks=pytest.mark.slow) for one in NEAR)])
 def test_no_path_gathers_more_than_its_cell(seed: int) -> None:
     rng = np.random.default_rng(500 + seed)
     box, steps, read, start = drawn_case(rng)

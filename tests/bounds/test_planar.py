@@ -31,8 +31,8 @@ Bools = npt.NDArray[np.bool_]
 Box = tuple[float, float, float, float]
 
 LEGS, RUNS = 6, 240
-SEEDS = (4, 9, 11, 16, 21, 26, 14, 17)
-"""Six with a start, of which paths use up most of the bound, and two without; 1, 2, 4 and 8 images."""
+SEEDS = (9, 16, 26, 14, 17)
+"""Three with a start and two without: 1, 2, 8 and 4 images."""
 
 
 def spread_of(paths: Array, read: Bools) -> Array:
@@ -104,24 +104,14 @@ def test_no_path_is_spread_further(seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_a_bound_is_near_what_paths_reach() -> None:
-    steps, read = np.full(20, 0.45), np.ones(21, bool)
-    box = (-1.0, 1.0, -1.0, 1.0)
-    found = largest_planar_spread(box, steps, read, Start((0.0, 0.0)), Effort(nodes=120))
-    rng = np.random.default_rng(0)
-    best = max(climbed(box, steps, read, np.zeros(2), rng, 60) for _ in range(4))
-    assert best <= found <= 1.05 * best
-
-
-@pytest.mark.slow
 def test_turning_out_of_the_first_heading_takes_time() -> None:
-    steps, read = np.full(40, 0.1), np.ones(41, bool)
+    steps, read = np.full(20, 0.2), np.ones(21, bool)
     box = (-1.0, 1.0, -1.0, 1.0)
     values = [
         largest_planar_spread(
-            box, steps, read, Start((0.0, 0.0), 0.0, heading, 0.0, turning), Effort(nodes=20)
+            box, steps, read, Start((0.0, 0.0), 0.0, heading, 0.0, turning), Effort(nodes=10)
         )
-        for heading, turning in ((0.0, 0.3), (np.pi / 4, 0.3), (0.0, 0.0))
+        for heading, turning in ((0.0, 0.6), (np.pi / 4, 0.6), (0.0, 0.0))
     ]
     assert values[0] < 0.99 * values[1]
     # Not for the symmetry of that heading: where turning takes no way, paths come farther.
@@ -158,7 +148,7 @@ def laser_tracker(**design: Any) -> Any:
 @cache
 def bounded() -> Certificate:
     """By few centres."""
-    return bound(laser_tracker(), nodes=20)
+    return bound(laser_tracker(), nodes=10)
 
 
 @pytest.mark.slow
@@ -175,12 +165,15 @@ def test_certificates_of_positions_use_it_for_exact_and_widened_limits() -> None
 
 @pytest.mark.slow
 def test_the_laser_tracker_is_bounded_by_less_than_three_quarters_of_its_room() -> None:
-    # Of as many readings as show it, by fewer than half the usual centres.
+    # Of as many readings as show it, by a third of the usual centres.
     study = oed.load_study(PROBLEMS / "laser_tracker.yaml").problem
-    problem = replace(study, design=study.design.model_copy(update={"samples": 30}))
-    found = bound(problem, nodes=105, workers=1)
-    corners = 31 * 2 / (3 * 0.01**2)
-    assert 0.682 * corners < found.upper_bound < 0.735 * corners
+    problem = replace(study, design=study.design.model_copy(update={"samples": 20}))
+    found = bound(problem, nodes=80, workers=1).upper_bound * 3 * 0.01**2
+    assert found < 0.75 * 21 * 2
+    # Near what paths at top speed reach: 0.5 m in a second.
+    steps, read, rng = np.full(20, 0.5), np.ones(21, bool), np.random.default_rng(0)
+    best = climbed((-1.0, 1.0, -1.0, 1.0), steps, read, np.zeros(2), rng)
+    assert best <= found <= 1.03 * best
 
 
 @pytest.mark.slow
