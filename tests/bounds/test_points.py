@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import casadi as ca
@@ -12,7 +13,7 @@ import numpy.typing as npt
 import pytest
 
 import oed
-from oed.bounds import UNKNOWN, bound
+from oed.bounds import UNKNOWN, Certificate, bound
 from oed.bounds.points import METHOD, points_of, sensitivity_function
 from oed.equations.limits import InputRange
 from oed.equations.outputs import Outputs, Responses
@@ -93,8 +94,8 @@ def test_two_points_of_box_and_lucas_are_proved() -> None:
     certificate = bound(problem)
     # Where the derivative by time of the sum of logarithms vanishes, to all digits: by a fine grid twice.
     times = np.array([1.2295, 6.8577]) * 60
-    for width in (1e-2, 1e-4, 1e-6):
-        grid = times[:, None] * (1 + width * np.linspace(-1, 1, 9))
+    for width in (1e-4, 2e-5):
+        grid = times[:, None] * (1 + width * np.linspace(-1, 1, 5))
         trials = np.array(list(itertools.product(*grid)))
         times = max(trials, key=lambda one: scored(problem, one))
     found = scored(problem, times)
@@ -106,12 +107,20 @@ def test_two_points_of_box_and_lucas_are_proved() -> None:
     assert certificate.widened.upper_bound == pytest.approx(certificate.upper_bound, rel=1e-9)
 
 
+@cache
+def compartmental(kind: str) -> tuple[oed.Problem, Certificate]:
+    """Of three readings, and its certificate."""
+    criterion = next(one for one in CRITERIA if one.kind == kind)
+    problem = problem_of(ABSORBED, LEVEL, {"t": ("0 s", "60 min")}, 3, criterion=criterion)
+    return problem, bound(problem)
+
+
 @pytest.mark.slow
 def test_three_points_of_the_compartmental_model_are_proved() -> None:
     """Theophylline in a horse [Atkinson, Donev, Tobias, Optimum experimental designs, with SAS, 2007]."""
-    problem = problem_of(ABSORBED, LEVEL, {"t": ("0 s", "60 min")}, 3)
+    problem, certificate = compartmental("D")
     found = scored(problem, np.array([0.2288, 1.3886, 18.417]) * 60)
-    assert 0 <= bound(problem).gap(found) < 1e-6
+    assert 0 <= certificate.gap(found) < 1e-6
 
 
 @pytest.mark.slow
@@ -137,11 +146,11 @@ def test_quadratic_regression() -> None:
 def test_surfaces_on_a_square() -> None:
     # By D on any square, from the best shares of a fine grid.
     problem = polynomial(SURFACE, 9)
-    grid = np.array(list(itertools.product(np.linspace(-1, 1, 21), repeat=2)))
+    grid = np.array(list(itertools.product(np.linspace(-1, 1, 11), repeat=2)))
     x, z = grid.T
     rows = np.stack([np.ones_like(x), x, z, x * z, x**2, z**2], axis=1)
     shares = np.full(len(rows), 1 / len(rows))
-    for _ in range(1500):
+    for _ in range(600):
         matrix = rows.T @ (shares[:, None] * rows)
         shares *= np.einsum("ka,ab,kb->k", rows, np.linalg.inv(matrix), rows) / 6
     best = 6 * np.log(9) + np.linalg.slogdet(rows.T @ (shares[:, None] * rows))[1]
@@ -154,8 +163,8 @@ def test_surfaces_on_a_square() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "criterion"),
-    # Expressions are enclosed in the same way whatever the criterion.
-    [(0, E()), *itertools.product((1, 3), CRITERIA), (2, D()), (2, E())],
+    # Expressions are enclosed in the same way whatever the criterion, which a subset is another case of.
+    [(0, E()), *((1, one) for one in CRITERIA), (2, D()), (3, A())],
     ids=lambda one: one.kind if isinstance(one, Criterion) else None,
 )
 def test_no_points_beat_the_bound(seed: int, criterion: Criterion) -> None:
@@ -191,8 +200,7 @@ def test_no_points_beat_the_bound(seed: int, criterion: Criterion) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("criterion", CRITERIA, ids=lambda one: one.kind)
 def test_the_equivalence_theorem_holds_of_a_dense_grid(criterion: Criterion) -> None:
-    problem = problem_of(ABSORBED, LEVEL, {"t": ("0 s", "60 min")}, 3, criterion=criterion)
-    certificate = bound(problem)
+    problem, certificate = compartmental(criterion.kind)
     assert certificate.multiplier is not None
     times, values = sensitivity_function(problem, certificate.multiplier, 20001)
     # By finite differences of the curve itself.
@@ -221,7 +229,7 @@ def test_readings_of_several_kinds_and_runs() -> None:
     rng = np.random.default_rng(3)
     certificate = bound(problem)
     best = -np.inf
-    for _ in range(100):
+    for _ in range(25):
         table = rng.choice([-1.0, 0.0, 1.0], (10, 1))
         drive = problem.design.trajectory(table, np.zeros((2, 0)))
         best = max(best, evaluate(problem, drive).objective)
@@ -245,9 +253,10 @@ def test_further_limits_are_left_out_in_words() -> None:
     plain = polynomial("a + b * x + c * z", 3)
     ranges = plain.limits
     limited = polynomial("a + b * x + c * z", 3, limits=[*ranges, Together(bounds=1.0)])
-    assert "left out" not in " ".join(bound(plain).assumptions)
-    assert "together left out" in bound(limited).assumptions
-    assert bound(limited).upper_bound == bound(plain).upper_bound
+    whole, without = bound(plain), bound(limited)
+    assert "left out" not in " ".join(whole.assumptions)
+    assert "together left out" in without.assumptions
+    assert without.upper_bound == whole.upper_bound
 
 
 def test_systems_with_states_have_none() -> None:
@@ -287,9 +296,10 @@ def test_what_cannot_be_drawn_is_refused_in_words() -> None:
 def test_where_one_point_may_say_anything_there_is_no_bound() -> None:
     """The power's derivative by its exponent has a logarithm of 0 at the end of the range."""
     parameters, output = {"top": "2", "half": "0.8", "h": "1.3"}, "top * x^h / (half^h + x^h)"
-    assert bound(problem_of(parameters, output, {"x": (0, 5)}, 3)).upper_bound == np.inf
-    problem = problem_of(parameters, output, {"x": (0.001, 5)}, 3)
-    best = climbed(problem, np.random.default_rng(0), 300)
+    power = problem_of({"top": "2", "h": "1.3"}, "top * x^h", {"x": (0, 5)}, 2)
+    assert bound(power).upper_bound == np.inf
+    problem = problem_of(parameters, output, {"x": (0.01, 5)}, 3)
+    best = climbed(problem, np.random.default_rng(0), 80)
     assert 0 <= bound(problem).gap(best) < 0.02
 
 
