@@ -72,14 +72,14 @@ def best_objective(problem: Problem, rng: np.random.Generator, drives: int, clim
 # Those of some problems of which there is a bound that runs come near.
 @pytest.mark.parametrize(
     ("make", "seed"),
-    [*((random_regression, seed) for seed in (0, 4, 9)), *((random_joint, seed) for seed in (5, 12))],
+    [*((random_regression, seed) for seed in (0, 4)), *((random_joint, seed) for seed in (5, 12))],
 )
 @pytest.mark.slow
 def test_no_runs_beat_the_bound(make: Any, seed: int):
     rng = np.random.default_rng(300 + seed)
     runs = int(rng.integers(2, 4))
     problem = several(make(rng), runs)
-    certificate = bound(problem, time_limit=0.15)
+    certificate = bound(problem, nodes=2)
     best = best_objective(problem, rng, 8, 14)
     assert np.isfinite(best)
     assert np.isfinite(certificate.upper_bound)
@@ -116,13 +116,13 @@ def test_starts_of_their_own_give_the_sum_of_the_bounds(measurement: Any):
     """The spread of positions depends on where a run starts."""
     one = problem_of(
         measurement=measurement,
-        design=DesignSpace(duration=2, samples=16),
+        design=DesignSpace(duration=2, samples=10),
         limits=(SPEED, BOX),
         estimate=("wheel_radius_right", "wheel_radius_left", "track"),
     )
     problem = several(one, 2, CORNERS[:2])
     *each, found = (
-        {one.method: one.value for one in bound(one, nodes=4).bounds} for one in (*singles(problem), problem)
+        {one.method: one.value for one in bound(one, nodes=1).bounds} for one in (*singles(problem), problem)
     )
     assert found
     assert len({tuple(values.values()) for values in each}) > 1

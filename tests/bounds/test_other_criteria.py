@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pytest
 from places import PROBLEMS
 from test_soundness import check, random_joint, random_regression
-from test_speed_lattice import NOTHING, assert_keeps, limits, random_speeds, walks_of_all
+from test_speed_lattice import NOTHING, PRIOR, assert_keeps, limits, random_speeds, walks_of_all
 
 import oed
 from oed.bounds import Certificate, bound
@@ -24,7 +24,6 @@ from oed.workflow.studies import parse_study
 Array = npt.NDArray[np.float64]
 
 BOTH = (D(scaling="none"), A(scaling="none"))
-PRIOR = np.array([[3.0, -1.0], [-1.0, 2.0]])
 
 
 def named(one: Any) -> str | None:
@@ -49,15 +48,14 @@ def values_of(kind: str, first: Array, second: Array, product: Array, constant: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("criterion", BOTH, ids=named)
 @pytest.mark.parametrize(
-    ("ends", "step", "rest", "constant", "nodes"),
+    ("criterion", "ends", "step", "rest", "constant", "nodes"),
     [
-        ((-10, 10), 2, np.inf, NOTHING, 20),
-        ((-3, 8), 2.5, 1.5, PRIOR, 20),
+        (BOTH[0], (-10, 10), 2, np.inf, NOTHING, 20),
+        (BOTH[1], (-3, 8), 2.5, 1.5, PRIOR, 20),
         # Where no wheel turns back, few nodes do.
-        ((0, 10), 20.0, np.inf, NOTHING, 8),
-        ((0, 10), 20.0, np.inf, PRIOR, 8),
+        (BOTH[1], (0, 10), 20.0, np.inf, NOTHING, 8),
+        (BOTH[0], (0, 10), 20.0, np.inf, PRIOR, 8),
     ],
     ids=["both ways", "prior", "one way", "one way, prior"],
 )
@@ -80,8 +78,9 @@ def test_no_speeds_beat_the_lattice(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("criterion", BOTH, ids=named)
-@pytest.mark.parametrize(("count", "step", "rest"), [(4, 3, np.inf), (3, 4, 2.0)])
+@pytest.mark.parametrize(
+    ("criterion", "count", "step", "rest"), [(BOTH[1], 4, 3, np.inf), (BOTH[0], 3, 4, 2.0)]
+)
 def test_all_drives_of_a_finer_grid(criterion: Criterion, count: int, step: float, rest: float) -> None:
     allowed, weights = limits(count, (-3, 5), step, rest), np.array([0.3, 0.2])
     found = lattice_bound(allowed, weights, NOTHING, criterion=criterion)
@@ -97,8 +96,9 @@ def test_all_drives_of_a_finer_grid(criterion: Criterion, count: int, step: floa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("criterion", BOTH, ids=named)
-@pytest.mark.parametrize("seed", [0, 3, 6, 8])
+@pytest.mark.parametrize(
+    ("seed", "criterion"), [(0, BOTH[0]), (3, BOTH[1]), *((6, one) for one in BOTH), (8, BOTH[0])], ids=named
+)
 def test_no_drive_beats_the_bound_of_a_regression(criterion: Criterion, seed: int) -> None:
     rng = np.random.default_rng(300 + seed)
     problem = random_regression(rng)
@@ -107,8 +107,7 @@ def test_no_drive_beats_the_bound_of_a_regression(criterion: Criterion, seed: in
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("criterion", BOTH, ids=named)
-@pytest.mark.parametrize("seed", [4, 18, 22])
+@pytest.mark.parametrize(("seed", "criterion"), [(4, BOTH[1]), (18, BOTH[1]), (22, BOTH[0])], ids=named)
 def test_no_drive_beats_the_bound_of_sensors(criterion: Criterion, seed: int) -> None:
     rng = np.random.default_rng(400 + seed)
     problem = random_joint(rng)
@@ -119,8 +118,9 @@ def test_no_drive_beats_the_bound_of_sensors(criterion: Criterion, seed: int) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [D, A])
-@pytest.mark.parametrize(("scaling", "prior"), [("none", False), ("relative", False), ("relative", True)])
+@pytest.mark.parametrize(
+    ("kind", "scaling", "prior"), [(A, "none", False), (D, "relative", False), (A, "relative", True)]
+)
 def test_one_measurement_per_sample(kind: type[Criterion], scaling: str, prior: bool) -> None:
     known = Prior(standard_deviations={"c21": "5 %"}) if prior else None
     study = oed.load_study(PROBLEMS / "per_sample.yaml").problem

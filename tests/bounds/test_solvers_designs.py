@@ -18,7 +18,7 @@ from oed.robots.sensors import Displacements, Poses
 
 SOLVERS: dict[str, Solver] = {
     "ipopt": Ipopt(starts=1, perturbations=0),
-    "genetic": Genetic(population=40, generations=40),
+    "genetic": Genetic(population=40, generations=20),
 }
 UNEQUAL = DifferentialDrive(wheel_radius_right=0.05, wheel_radius_left=0.045, track=0.18)
 NOISE = {"position": 0.01, "heading": 0.02}
@@ -30,7 +30,7 @@ PROBLEMS: dict[str, Problem] = {
         measurement=Displacements(segments="samples"),
         limits=(WheelSpeed(bounds=(0, 7)), ACCELERATION, BOX),
     ),
-    "heading": problem_of(measurement=Displacements(regressor="heading")),
+    "heading": problem_of(measurement=Displacements(segments=2, regressor="heading")),
     "joint": problem_of(measurement=Poses(noise=NOISE), criterion=E()),
     "coefficients": problem_of(
         measurement=Poses(noise=NOISE), criterion=E(), estimate=("c11", "c12", "c21", "c22")
@@ -42,15 +42,19 @@ PROBLEMS: dict[str, Problem] = {
 @cache
 def bounded(problem: Problem) -> Certificate:
     """Both solvers' designs are held against the same bound."""
-    return bound(problem, time_limit=0.2)
+    return bound(problem, nodes=2)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("solver", SOLVERS.values(), ids=SOLVERS.keys())
-@pytest.mark.parametrize("problem", PROBLEMS.values(), ids=PROBLEMS.keys())
-def test_no_design_exceeds_its_bound(problem: Problem, solver: Solver) -> None:
+@pytest.mark.parametrize(
+    ("name", "by"),
+    # Populations come less near a bound: of them one form of each sort.
+    [*((name, "ipopt") for name in PROBLEMS), *((name, "genetic") for name in ("forward", "joint", "fast"))],
+)
+def test_no_design_exceeds_its_bound(name: str, by: str) -> None:
+    problem = PROBLEMS[name]
     certificate = bounded(problem)
-    found = solve(problem, solver, seed=3, workers=1)
+    found = solve(problem, SOLVERS[by], seed=3, workers=1)
     assert np.isfinite(certificate.upper_bound)
     assert found.evaluation is not None
     assert found.evaluation.feasible

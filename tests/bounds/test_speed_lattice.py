@@ -22,6 +22,7 @@ Array = npt.NDArray[np.float64]
 
 BOTH = np.full(2, 0.1)
 NOTHING = np.zeros((2, 2))
+PRIOR = np.array([[3.0, -1.0], [-1.0, 2.0]])
 
 
 def limits(samples: int, bounds: Any = (-10.0, 10.0), step: float = 2.0, ends: float = np.inf) -> SpeedLimits:
@@ -31,8 +32,11 @@ def limits(samples: int, bounds: Any = (-10.0, 10.0), step: float = 2.0, ends: f
 
 def smallest(speeds: Array, weights: Array, constant: Array = NOTHING) -> Array:
     """lambda_min of S (sum w w') S + constant, for speeds (..., N, 2)."""
-    scaled = speeds * weights
-    return np.linalg.eigvalsh(np.swapaxes(scaled, -1, -2) @ scaled + constant)[..., 0]
+    # By the formula for two rows and columns: most speeds are one of very many.
+    first, second = np.moveaxis(speeds * weights, -1, 0)
+    one, other = (first**2).sum(axis=-1) + constant[0, 0], (second**2).sum(axis=-1) + constant[1, 1]
+    product = (first * second).sum(axis=-1) + constant[0, 1]
+    return np.asarray((one + other) / 2 - np.hypot((one - other) / 2, product))
 
 
 def assert_keeps(speeds: Array, allowed: SpeedLimits) -> None:
@@ -113,16 +117,6 @@ def test_forward_only() -> None:
 
 
 @pytest.mark.slow
-def test_speeds_sampled_in_the_middle_of_periods() -> None:
-    allowed = limits(100, ends=1.0)
-    found = lattice_bound(allowed, BOTH, NOTHING)
-    assert_honest(found, allowed, BOTH)
-    assert found.lower == pytest.approx(86.70, abs=0.01)
-    assert found.upper <= found.lower * (1 + 2e-4)
-    assert found.complete
-
-
-@pytest.mark.slow
 def test_few_nodes_leave_a_gap() -> None:
     allowed = limits(120, ends=0.0)
     found = lattice_bound(allowed, BOTH, NOTHING, nodes=8, time_limit=60.0)
@@ -157,7 +151,7 @@ TINY = [
 def test_bounds_hold_what_enumeration_finds(place: int, second: float) -> None:
     allowed, weights = TINY[place], np.array([1.0, second])
     everything = corners_of_all(allowed)
-    found = lattice_bound(allowed, weights, NOTHING, nodes=40)
+    found = lattice_bound(allowed, weights, NOTHING, nodes=16)
     assert_honest(found, allowed, weights)
     best = smallest(everything, weights).max()
     assert best <= found.upper * (1 + 1e-9)
@@ -185,17 +179,17 @@ def test_the_largest_trace_is_that_of_enumeration(allowed: SpeedLimits) -> None:
 
 
 @pytest.mark.parametrize(
-    ("bounds", "step", "ends"),
+    ("bounds", "step", "ends", "constant"),
     [
-        ((-10.0, 10.0), 3.7, np.inf),
-        ((-10.0, 10.0), 0.73, 0.365),
-        ((-3.0, 8.0), 2.1, 1.05),
-        ((-3.0, 8.0), np.inf, np.inf),
-        (((-1.0, 5.0), (0.0, 7.0)), 1.3, 0.65),
-        ((2.0, 9.0), 1.9, np.inf),
+        ((-10.0, 10.0), 3.7, np.inf, PRIOR),
+        ((-10.0, 10.0), 0.73, 0.365, NOTHING),
+        ((-3.0, 8.0), 2.1, 1.05, PRIOR),
+        ((-3.0, 8.0), np.inf, np.inf, NOTHING),
+        (((-1.0, 5.0), (0.0, 7.0)), 1.3, 0.65, NOTHING),
+        (((-1.0, 5.0), (0.0, 7.0)), 1.3, 0.65, PRIOR),
+        ((2.0, 9.0), 1.9, np.inf, PRIOR),
     ],
 )
-@pytest.mark.parametrize("constant", [NOTHING, np.array([[3.0, -1.0], [-1.0, 2.0]])])
 def test_no_speeds_beat_the_bound(bounds: Any, step: float, ends: float, constant: Array) -> None:
     rng = np.random.default_rng(1)
     # Of so few samples drawn speeds come near the bound.
