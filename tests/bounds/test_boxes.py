@@ -44,7 +44,7 @@ def test_no_value_of_a_dense_grid_is_larger(name: str) -> None:
     inputs = ca.SX.sym("x", len(ranges))
     landscape = Landscape(inputs, row(inputs))
     rng = np.random.default_rng(1)
-    dense = {1: 20001, 2: 301, 3: 61}[len(ranges)]
+    dense = {1: 10001, 2: 151, 3: 31}[len(ranges)]
     grid = np.array(list(itertools.product(*(np.linspace(*ends, dense) for ends in ranges))))
     rows = ca.Function("rows", [inputs], [ca.densify(row(inputs))])
     each = np.array(rows.map(len(grid))(grid.T)).reshape(len(grid), -1)

