@@ -362,7 +362,7 @@ class TestManySamples:
         return names_of(problem), seen
 
     @staticmethod
-    def long(model: Model, measurement: Measurement = POSES, samples: int = 20_000, **parts) -> Problem:
+    def long(model: Model, measurement: Measurement = POSES, samples: int = 2000, **parts) -> Problem:
         space = DesignSpace(duration=300, samples=samples, spline=Spline(coefficients=8))
         return posed_problem(model=model, measurement=measurement, design=space, **parts)
 
@@ -387,7 +387,7 @@ class TestManySamples:
         assert found == expected
         assert max(seen) < 1000
 
-    @pytest.mark.parametrize(("every", "told"), [(8000, True), (25_000, False)])
+    @pytest.mark.parametrize(("every", "told"), [(800, True), (2500, False)])
     def test_rare_readings_are_as_many(self, every: int, told: bool, monkeypatch: pytest.MonkeyPatch):
         # Of a drive with one position nothing is known but where it began.
         rare = Poses(quantities=("x", "y"), noise={"position": 0.01}, every=every)
@@ -398,13 +398,13 @@ class TestManySamples:
         monkeypatch.setattr("oed.kernel.identifiability.as_well_read", lambda problem: problem)
         assert found == names_of(problem)
 
-    @pytest.mark.parametrize("every", [1, 3, 399, 401, 3333, 6667, 19_999, 20_000])
+    @pytest.mark.parametrize("every", [1, 3, 39, 41, 333, 667, 1999, 2000])
     def test_sensors_read_no_less_and_no_more_where_they_read_little(self, every: int):
         problem = self.long(DIFFERENTIAL, Several(sensors=(POSES.model_copy(update={"every": every}), GYRO)))
         own = as_well_read(problem)
         sensor, fewer = problem.measurement.sensors[0], own.measurement.sensors[0]
-        wanted, found = 20_000 // every + 1, len(fewer.columns(own.design.samples))
-        assert len(sensor.columns(20_000)) == wanted
+        wanted, found = 2000 // every + 1, len(fewer.columns(own.design.samples))
+        assert len(sensor.columns(2000)) == wanted
         assert own.design.samples < 1000
         assert found == wanted or min(found, wanted) >= OFTEN
 
