@@ -273,7 +273,7 @@ def test_filters_are_kept():
             ],
             2,
         ),
-        ([RelativePoses(noise={"position": 0.01, "heading": 0.02}, drift=DRIFT), YawRate(noise=0.03)], 2),
+        ([RelativePoses(noise={"position": 0.01, "heading": 0.02}, drift=DRIFT)], 2),
         ([MOTIONS.model_copy(update={"every": 2}), POSES.model_copy(update={"every": 4})], 4),
         ([POSES, POSES, POSES], 2),
     ],
@@ -300,12 +300,10 @@ def test_pieces_are_what_the_whole_drive_is_written_out(sensors, size: int):
 @pytest.mark.parametrize(
     "sensors",
     [
-        [POSES],
         [POSES.model_copy(update={"every": 5}), YawRate(noise=0.03)],
-        [MOTIONS],
         [MOTIONS.model_copy(update={"every": 4})],
     ],
-    ids=["poses", "gyroscope", "relative poses", "across samples"],
+    ids=["gyroscope", "across samples"],
 )
 def test_readings_are_weighted_by_the_walk_and_the_walk_is_what_is_simulated(sensors):
     problem = problem_of(measurement=sensors, criterion=E(), samples=12)
@@ -350,7 +348,7 @@ def test_what_drift_blind_errors_would_be_is_not_what_they_are():
 @pytest.mark.slow
 def test_bounds_without_drift_hold_with_it_and_say_so():
     problem = problem_of(measurement=POSES, criterion=E(), samples=20)
-    found, steady = (bound(one, nodes=4) for one in (problem, problem.steady))
+    found, steady = (bound(one, nodes=1) for one in (problem, problem.steady))
     assert found.upper_bound == steady.upper_bound
     assert STEADY in found.assumptions
     assert STEADY not in steady.assumptions
@@ -361,7 +359,8 @@ def test_bounds_without_drift_hold_with_it_and_say_so():
 
 @pytest.mark.slow
 def test_a_search_that_leaves_drift_out_is_scored_with_it():
-    problem = problem_of(measurement=POSES, criterion=A(), samples=12, coefficients=6)
+    estimated = ("wheel_radius_right", "track")
+    problem = problem_of(measurement=POSES, criterion=A(), samples=8, coefficients=6, estimate=estimated)
     aware, blind = (
         solve(problem, Ipopt(starts=1, perturbations=0, without_drift=without), seed=0)
         for without in (False, True)
