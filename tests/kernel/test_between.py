@@ -90,7 +90,7 @@ def test_an_arc_outside_the_room_is_seen(rule: str):
     problem = moving(Rectangle(x=(-5, 5), y=(-5, 5)), duration=8.0, samples=1, space=space)
     drive = steady(problem, 2.0, np.pi / 2.2, (0.0, 0.0, 0.4))
     twist = np.array([[2.0, 0.0, np.pi / 2.2]])
-    path = oracle.fine_path(twist, (0, 0, 0.4), 8.0, rule, 20_000)
+    path = oracle.fine_path(twist, (0, 0, 0.4), 8.0, rule, 4000)
     reach = np.abs(path[:, :2]).max()
     # The midpoint rule's chords grow to their ends; an arc bulges between two points.
     assert rule == "midpoint" or reach > np.abs(evaluate(problem, drive).path[:, :2]).max() + 1e-3
@@ -100,13 +100,13 @@ def test_an_arc_outside_the_room_is_seen(rule: str):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("angle", [0.2, 0.7, 1.3])
+@pytest.mark.parametrize("angle", [0.2, 1.3])
 def test_the_edge_of_a_turned_room_is_exact(angle: float):
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ turn.T
     problem = moving(Polygon(points=corners.tolist()), samples=6)
     drive = steady(problem, 0.9, 0.93)
-    path = oracle.fine_path(np.tile([[0.9, 0.0, 0.93]], (6, 1)), (0, 0, 0), 10 / 6, "arc", 5000)[:, :2]
+    path = oracle.fine_path(np.tile([[0.9, 0.0, 0.93]], (6, 1)), (0, 0, 0), 10 / 6, "arc", 1000)[:, :2]
     truth = 1 - np.abs(path @ turn).max()
     assert margin(problem, drive, "workspace").margin == pytest.approx(truth, abs=1e-5 * max(1, -truth))
 

@@ -453,7 +453,7 @@ def test_deviations_in_words(criterion: Criterion, value: float, told: str):
     assert criterion.deviation(value, 3) == told
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4))
 @pytest.mark.parametrize("kind", [E, D, A, G, I], ids="EDAGI")
 def test_no_information_lies_above_the_plane_of_a_supergradient(kind: type[Criterion], seed: int, size: int):

