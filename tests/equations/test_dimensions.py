@@ -83,7 +83,7 @@ UNITS = st.sampled_from(
 
 
 @pytest.mark.slow
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(dimension=DIMENSIONS)
 def test_a_dimensions_text_is_a_unit_of_it(dimension: Dimension):
     factor, found = parse_unit(dimension.text)

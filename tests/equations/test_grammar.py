@@ -98,7 +98,7 @@ def evaluated(text: str, kind: Any, values: dict[str, float]) -> float:
 
 
 @pytest.mark.slow
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(
     TREES, VALUES, st.sampled_from(["", " ", "\n  ", "\t"]), st.sampled_from(["^", "**"]), st.integers(0, 99)
 )
