@@ -97,18 +97,19 @@ def drives_of(made: Problem, seed: int) -> list[np.ndarray]:
     return found if designed.trajectory is None else [*found, designed.trajectory.inputs * (1 - 2e-3)]
 
 
-# Starts near the middle of the room, in a corner and anywhere; the drives reach the bound of a class with
-# ways in 4, and 94 % of it in 1 and 2.
+# Starts near the middle of the room, anywhere and in a corner; the drives reach the bound of a class with
+# ways in 4, and 94 % of it in 1 and 2: of those numbers of ways that they come near the bounds of.
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2, 4])
-def test_no_drive_is_worth_more_than_its_class(seed):
+@pytest.mark.parametrize(("seed", "near"), [(1, {0, 1}), (2, {0, 1, 3}), (4, {0, 1, 3})])
+def test_no_drive_is_worth_more_than_its_class(seed, near):
     made, share = problem(seed, segments=3 + seed % 2), SHARES[seed % 3]
     course, groups = course_of(made), dict[int, list[tuple[int, float]]]()
     for speeds in drives_of(made, seed):
         ways, place = class_of(angles_of(course, speeds))
         groups.setdefault(ways, []).append((place, worth_of(angles_of(course, speeds), share)))
-    assert len(groups) > 1
-    for ways, drives in groups.items():
+    assert near < set(groups)
+    for ways in near:
+        drives = groups[ways]
         floor = 0.9 * max(worth for _, worth in drives)
         most = Classes(course, ways, share, floor).largest()
         for place, worth in drives:
