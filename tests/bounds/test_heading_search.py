@@ -210,14 +210,14 @@ def test_it_is_for_one_run_by_exact_arcs_in_a_room():
         "positions": problem_of(design=space, limits=made.limits, measurement=Displacements(segments=2)),
     }
     for name, other in others.items():
-        assert not list(heading_bounds(other, Effort(nodes=1))), name
-    assert list(heading_bounds(made, Effort(nodes=1)))
+        assert not list(heading_bounds(other, Effort(nodes=4))), name
+    assert list(heading_bounds(made, Effort(nodes=4)))
 
 
 # Of ten segments with slow wheels; of twelve.
 @pytest.mark.parametrize(("seed", "segments"), [(5, 10), (6, 12)], ids=["no lower", "too long"])
 def test_where_it_would_be_no_lower_or_take_too_long_there_is_none(seed, segments):
-    assert not list(heading_bounds(problem(seed, segments=segments), Effort(nodes=1)))
+    assert not list(heading_bounds(problem(seed, segments=segments), Effort(nodes=4)))
 
 
 def test_fewer_passes_bound_as_well():
@@ -228,9 +228,9 @@ def test_fewer_passes_bound_as_well():
 
 
 @pytest.mark.slow
-def test_heading_is_certified_within_nine_percent():
+def test_heading_is_certified_within_eight_percent():
     made = load_study(PROBLEMS / "heading.yaml").problem
-    # By one pass: more of them are never worse.
-    (found,) = heading_bounds(made, Effort(nodes=1))
-    assert BEST_KNOWN <= found.value <= 1.09 * BEST_KNOWN
+    # By few passes: more of them are never worse.
+    (found,) = heading_bounds(made, Effort(nodes=4))
+    assert BEST_KNOWN <= found.value <= 1.08 * BEST_KNOWN
     assert found.value < min(other.value for other in regression_bounds(made))
