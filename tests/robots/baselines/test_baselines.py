@@ -27,6 +27,8 @@ OWN = tuple(name for name in NAMES if not name.startswith("sideways"))
 """What a differential drive can drive."""
 
 every = pytest.mark.parametrize("name", OWN)
+# What a study has is the same for all patterns: one that ends elsewhere, one that closes, and none.
+some = pytest.mark.parametrize("name", ["straight", "circle", "random"])
 
 
 LENGTH = 2.9
@@ -154,7 +156,7 @@ class TestInTheFlagship:
         assert fitted.trajectory.duration == largest.trajectory.duration == 20
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("name", ["straight", "circle", "figure_eight"])
+    @pytest.mark.parametrize("name", ["straight", "circle"])
     def test_a_long_way_takes_more_laps_not_more_room(self, flagship: Problem, name: str):
         largest, fitted = baselines(flagship, name, length=8.0)
         for axis in (0, 1):
@@ -209,15 +211,13 @@ class TestOtherRobots:
 
 class TestStudies:
     @pytest.mark.slow
-    @pytest.mark.parametrize(
-        ("name", "length"), [*((name, 3.5) for name in OWN), ("circle", 0.5), ("random", 0.5)]
-    )
-    def test_any_length(self, name: str, length: float):
-        fitted = baselines(problem_of(), name, length=length)[1]
-        assert fitted.evaluation.path_length == pytest.approx(length, rel=1e-3)
+    @pytest.mark.parametrize("name", ["circle", "random"])
+    def test_a_short_length(self, name: str):
+        fitted = baselines(problem_of(), name, length=0.5)[1]
+        assert fitted.evaluation.path_length == pytest.approx(0.5, rel=1e-3)
 
     @pytest.mark.slow
-    @every
+    @some
     def test_of_a_free_start_lies_in_the_middle_of_the_room(self, name: str):
         problem = problem_of(
             design=DesignSpace(duration=10, samples=40, start="free"),
@@ -232,7 +232,7 @@ class TestStudies:
         np.testing.assert_allclose((low + high) / 2, [4, -0.5], atol=2 * SAMPLING)
 
     @pytest.mark.slow
-    @every
+    @some
     def test_without_room_or_acceleration_limit(self, name: str):
         problem = problem_of(limits=(SPEED,))
         (solution,) = baselines(problem, name)
@@ -240,7 +240,7 @@ class TestStudies:
         assert solution.evaluation.path_length > 0.1
 
     @pytest.mark.slow
-    @every
+    @some
     def test_a_start_with_a_heading(self, name: str):
         start = {"x": 0.3, "y": -0.2, "heading": 2.5}
         problem = problem_of(start=start)
@@ -255,10 +255,9 @@ class TestStudies:
         assert np.abs(first.coefficients - other.coefficients).max() > 0.1
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("name", ["straight", "circle"])
-    def test_patterns_do_not_depend_on_the_seed(self, name: str):
+    def test_patterns_do_not_depend_on_the_seed(self):
         problem = problem_of()
-        first, other = (baselines(problem, name, seed=seed)[0].trajectory for seed in (1, 2))
+        first, other = (baselines(problem, "circle", seed=seed)[0].trajectory for seed in (1, 2))
         np.testing.assert_array_equal(first.coefficients, other.coefficients)
 
     def test_an_unknown_name(self):
@@ -274,21 +273,24 @@ def slipping(per_yaw_rate: float) -> SkidSteerSlip:
 class TestRobotsThatCannotTurnFaster:
     """The effective track grows with the yaw rate, which therefore has a least upper bound: track / k."""
 
-    @pytest.mark.parametrize("per_yaw_rate", [0.04, 5.0])
-    def test_every_path_is_finite_and_says_what_it_exceeds(self, per_yaw_rate: float):
+    @pytest.mark.parametrize(
+        ("per_yaw_rate", "names"),
+        [(0.04, ["straight_and_spin"]), (5.0, ["straight", "circle", "straight_and_spin"])],
+    )
+    def test_every_path_is_finite_and_says_what_it_exceeds(self, per_yaw_rate: float, names: list[str]):
         problem = problem_of(
             model=slipping(per_yaw_rate),
             measurement=Poses(noise={"position": 0.01, "heading": 0.01}),
             limits=(SPEED, ACCELERATION, BOX),
             criterion=E(),
         )
-        for name in ("straight", "circle", "straight_and_spin"):
+        for name in names:
             for solution in baselines(problem, name, length=1.0):
                 assert np.isfinite(solution.trajectory.inputs).all()
                 assert np.isfinite(path(solution)).all()
                 assert set(solution.evaluation.violations) <= {"wheel_speed", "wheel_acceleration"}
                 assert ("exceeds" in solution.detail) == (not solution.evaluation.feasible)
-        assert baselines(problem, "straight")[0].evaluation.feasible
+                assert solution.evaluation.feasible or name != "straight"
 
     @pytest.mark.parametrize("per_yaw_rate", [0.0, 0.04, 0.4])
     def test_inputs_make_what_can_be_made(self, per_yaw_rate: float):
