@@ -8,12 +8,12 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
+from builders import random_drive
 
 from oed.kernel.problem import Problem
-from oed.kernel.solution import Solution
+from oed.kernel.solution import Solution, scored
 from oed.optimize import Context, Progress, Silent, Solver
 from oed.records.outcomes import trial_of
-from oed.robots.baselines import baselines
 from oed.simulation.physics import Motion, PhysicsRobot, drive
 from oed.simulation.trial import experiment, run, run_trial
 from oed.simulation.trial.experiment import Found, Repeat, repeated
@@ -51,8 +51,9 @@ class Drawn(Solver):
     kind: Literal["drawn"] = "drawn"
 
     def search(self, problem: Problem, context: Context) -> Solution:
-        """Of a seed of its own."""
-        return replace(baselines(problem, "random", seed=7)[0], name=self.label, kind=self.kind)
+        """Of a seed of its own, slow enough to stay in the room."""
+        drawn = scored(problem, random_drive(problem, 7, amplitude=3.0), self.label)
+        return replace(drawn, kind=self.kind)
 
 
 @cache

@@ -310,7 +310,7 @@ def husky(folder: Path, seed: int, seconds: float = 60.0) -> Path:
 BEACONS = np.array([[6.0, 0.0], [-4.0, 5.0], [-4.0, -5.0], [5.0, 7.0]])
 
 
-def uwb(folder: Path, seed: int, seconds: float = 30.0) -> Path:
+def uwb(folder: Path, seed: int, seconds: float = 20.0) -> Path:
     """Distances to beacons in turn, a tenth not heard, 12 cm too long; a gyroscope beside the wheels."""
     twin = driven(lambda t: bumps(t, seed, (2.5, 2.5), (2.5, 2.5)), lambda u: two_wheels(HUSKY, u), seconds)
     rows, seen, rng = twin.rows(20), twin.rows(16, 0.4), np.random.default_rng([seed, 6])
