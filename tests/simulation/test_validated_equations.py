@@ -78,9 +78,8 @@ class TestSmallNoise:
 
 class TestLargeNoise:
     @pytest.mark.slow
-    @pytest.mark.parametrize("prior", [True, False])
-    def test_does_not_pass(self, prior: bool):
-        found = validated(rooney_and_biegler(3.0, prior=prior), 150 if prior else 100)
+    def test_does_not_pass(self):
+        found = validated(rooney_and_biegler(3.0, prior=False), 100)
         assert not found.passed
         assert found.linearisation.small_enough is False
         assert "did not hold" in found.verdict
