@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from builders import random_drive
 from own_parts import OWN_PARTS
 
 import oed
@@ -18,13 +19,14 @@ from oed.cli import main
 from oed.foundation.errors import RecordError, StudyError, UserMistake
 from oed.foundation.own import code
 from oed.kernel.criteria import PythonCriterion
+from oed.kernel.solution import scored
 from oed.records.record import load_record, save_record
 from oed.records.recorded_study import recorded_study
 from oed.report.page import sections_of
 from oed.robots.sensors import PythonSensor
 from oed.study.study import Study
 from oed.workflow.experiments import validated, validation_options
-from oed.workflow.runner import run
+from oed.workflow.runner import record, run
 from oed.workflow.studies import load_study, parse_study
 
 STUDY = """\
@@ -63,6 +65,11 @@ def load(folder: Path, text: str = STUDY, module: str = OWN_PARTS) -> Study:
     (folder / "own.py").write_text(module)
     (folder / "study.yaml").write_text(text)
     return load_study(folder / "study.yaml")
+
+
+def driven(study: Study) -> oed.Record:
+    """A record of a drive of a study, which is not searched for."""
+    return record(study, [scored(study.problem, random_drive(study.problem, 1, amplitude=2.0), "some")], 0)
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +118,7 @@ def test_its_echo_is_the_same_study(folder: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("blank_figures")
 def test_no_code_is_run_to_report_again(home: Path) -> None:
     place = home / "out"
     assert main(["report", str(place)]) == 0
@@ -131,16 +139,16 @@ def test_the_page_is_the_same_with_and_without_the_code(done: tuple[oed.Record, 
 
 @pytest.mark.slow
 def test_code_is_run_for_who_trusts_it_only(home: Path) -> None:
-    record = load_record(home / "out")
+    saved = load_record(home / "out")
     with pytest.raises(RecordError) as caught:
-        validated(record, validation_options(record, replicates=100))
+        validated(saved, validation_options(saved, replicates=100))
     keys = [issue.key for issue in caught.value.issues]
     assert sorted(keys) == ["study.criterion", "study.limits.own.0", "study.measurement.sensors.1"]
     assert all(
         "own.py, and would be run; read it, and if you trust it" in str(one) for one in caught.value.issues
     )
     assert not (home / "was_run").exists()
-    assert validated(record, validation_options(record, replicates=100), trust=True, workers=1)
+    assert validated(saved, validation_options(saved, replicates=100), trust=True, workers=1)
     assert (home / "was_run").exists()
 
 
@@ -163,7 +171,8 @@ def test_parts_survive_pickling(folder: Path) -> None:
 @pytest.mark.slow
 def test_the_number_of_workers_changes_nothing(folder: Path) -> None:
     study = load(folder)
-    solver = study.solvers[0].model_copy(update={"starts": 2})
+    # Where they are after some steps, each in a process of its own.
+    solver = study.solvers[0].model_copy(update={"starts": 2, "max_iterations": 5})
     found = [oed.solve(study.problem, solver, seed=1, workers=workers) for workers in (1, 2)]
     assert found[0].evaluation.objective == found[1].evaluation.objective
 
@@ -185,7 +194,8 @@ class TestFromPython:
 
     @pytest.mark.slow
     def test_they_are_saved_and_reported_again(self, folder: Path) -> None:
-        fresh = run(self.study(folder), folder / "out", workers=1)
+        fresh = driven(self.study(folder))
+        save_record(fresh, folder / "out")
         echo = fresh.data["study"]
         sensor = echo["measurement"]["sensors"][1]
         assert (sensor["object"], sensor["folder"]) == ("my_parts:Compass", str(folder))
@@ -206,7 +216,7 @@ class TestFromPython:
             kind: str = "local"
 
         study = load(folder, STUDY.replace("python, object: own:LogSmallest", "E")).changed(criterion=Local())
-        save_record(run(study, workers=1), folder / "out")
+        save_record(driven(study), folder / "out")
         read = load_record(folder / "out")
         assert isinstance(read.study.criterion, PythonCriterion)
         assert sections_of(read)
