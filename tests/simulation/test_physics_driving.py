@@ -74,15 +74,15 @@ def test_sides_exchanged_drive_the_mirror_image(robot: PhysicsRobot):
 
 @robots
 def test_half_the_step_hardly_changes_where_it_ends(robot: PhysicsRobot):
-    usual, finer = rich_drive(robot), rich_drive(robot.changed(step=robot.step / 2))
-    assert usual.poses[-1, :2] == pytest.approx(finer.poses[-1, :2], abs=0.001)
+    usual, finer = (rich_drive(robot.changed(step=step), 2.0) for step in (robot.step, robot.step / 2))
+    assert usual.poses[-1, :2] == pytest.approx(finer.poses[-1, :2], abs=0.0004)
     assert usual.poses[-1, 2] == pytest.approx(finer.poses[-1, 2], abs=0.002)
     assert usual.wheel_angles[-1] == pytest.approx(finer.wheel_angles[-1], abs=0.005)
 
 
 @robots
 def test_errors_fall_with_the_step(robot: PhysicsRobot):
-    steps = (0.001, 0.0005, 0.000125)
+    steps = (0.001, 0.0005, 0.00025)
     coarse, usual, fine = (rich_drive(robot.changed(step=step), 2.0).poses[-1] for step in steps)
     assert np.linalg.norm(usual - fine) < 0.7 * np.linalg.norm(coarse - fine)
 

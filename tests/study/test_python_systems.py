@@ -78,13 +78,16 @@ def folder(tmp_path: Path) -> Path:
 @pytest.mark.slow
 def test_it_is_the_same_system_as_its_equations(folder: Path):
     one, other = (oed.load_study(folder / name) for name in ("study.yaml", "texts.yaml"))
-    found = [oed.solve(study.problem, study.solvers[0], seed=0) for study in (one, other)]
+    # A few steps lead to the same place only where all derivatives are the same.
+    solver = one.solvers[0].model_copy(update={"max_iterations": 5})
+    found = [oed.solve(study.problem, solver, seed=0) for study in (one, other)]
     assert found[0].evaluation.objective == pytest.approx(found[1].evaluation.objective, rel=1e-9)
     np.testing.assert_allclose(found[0].trajectory.inputs, found[1].trajectory.inputs, atol=1e-6)
     assert 0 <= found[0].trajectory.start[1] <= 1
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("blank_figures")
 def test_a_record_of_it_runs_no_code_until_it_is_trusted(folder: Path):
     study = oed.load_study(folder / "study.yaml")
     oed.run(study, folder / "out")

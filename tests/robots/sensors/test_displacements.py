@@ -62,9 +62,19 @@ def plus_minus(matrix: np.ndarray) -> tuple[float, float, float]:
     return plus @ matrix @ plus, minus @ matrix @ minus, plus @ matrix @ minus
 
 
-@robots
-@rules
-@pytest.mark.parametrize("segments", [2, 10, SAMPLES, "samples"])
+# Every robot, and of one of them every number of segments by both rules.
+@pytest.mark.parametrize(
+    ("example", "rule", "segments"),
+    [
+        *((example, "arc", 10) for example in TWO_SIDED[1:]),
+        *(
+            (TWO_SIDED[0], rule, count)
+            for rule in ("arc", "midpoint")
+            for count in (2, 10, SAMPLES, "samples")
+        ),
+    ],
+    ids=lambda one: getattr(one, "name", str(one)),
+)
 def test_regressors_are_the_oracles(example: Example, rule: str, segments):
     problem = problem_for(example.model, rule, segments)
     inputs = draw_inputs(np.random.default_rng(3), SAMPLES)

@@ -100,7 +100,7 @@ def test_uncorrelated_wheels_at_full_speed_reach_the_cap(example: Example):
     assert oed.bound(problem).upper_bound == pytest.approx(cap, rel=1e-6)
 
 
-@sideways
+@alike
 @rules
 @settings(max_examples=8)
 @given(seed=seeds)
