@@ -137,11 +137,10 @@ class TestNegativeControls:
         return all(check.passed for check in checks)
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("factor", [0.95, 1.05], ids=["5 % too small", "5 % too large"])
-    def test_five_per_cent(self, factor: float):
+    def test_five_per_cent(self):
         # 4000 replicates see it nine times in ten, 10,000 always.
-        assert sum(self.passes(seed, REPLICATES, factor) for seed in range(10)) <= 3
-        assert not any(self.passes(seed, 10_000, factor) for seed in range(5))
+        assert sum(self.passes(seed, REPLICATES, 0.95) for seed in range(10)) <= 3
+        assert not any(self.passes(seed, 10_000, 1.05) for seed in range(5))
 
     @pytest.mark.slow
     def test_the_right_one_passes(self):

@@ -218,7 +218,7 @@ def test_a_trailer_that_folds_up_is_named(example: Example, name: str):
     assert "it exceeds" in solution.message
 
 
-@pytest.mark.parametrize("example", ROBOTS, ids=lambda example: example.name)
+@pytest.mark.parametrize("example", KINDS, ids=lambda example: example.name)
 class TestSuited:
     @pytest.mark.slow
     def test_names(self, example: Example):

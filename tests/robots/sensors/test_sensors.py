@@ -67,20 +67,24 @@ PLAIN_SIDES = [
     one for one in TWO_SIDED if "sensor_offset" not in {entry.name for entry in one.model.parameters}
 ]
 PLAIN = [example for example in SENSOR_EXAMPLES if not example.states]
-# Every sensor on one robot; one of each kind and an arm on one of every sort; on the others one that reads
-# the state and one that reads the twist, which is all that sensors see of a robot.
+# Every sensor on one robot; one of each kind and an arm on one of every sort; on one of every other kind one
+# that reads the state and one that reads the twist, which is all that sensors see of a robot.
 TYPICAL = [
     *(listed[0] for listed in EXAMPLES.values()),
     named("unknown_arm"),
     named("trailer_angle_with_bias"),
 ]
 BY_STATE_AND_TWIST = [named("poses"), named("yaw_rate")]
+KINDS = list({robot.model.kind: robot for robot in ROBOTS}.values())
 
 
 def sensors_on(robot: Robot) -> Sequence[Example]:
     if robot is ROBOTS[0]:
         return SENSOR_EXAMPLES
-    return TYPICAL if robot.name in CORE else BY_STATE_AND_TWIST
+    if robot.name in CORE:
+        return TYPICAL
+    # Also those with a parameter that is nominally 0.
+    return BY_STATE_AND_TWIST if robot in KINDS or 0 in robot.model.nominal else ()
 
 
 PAIRS = [(robot, example) for robot in ROBOTS for example in sensors_on(robot) if example.suits(robot)]
