@@ -569,10 +569,10 @@ class TestSchema:
 
 @pytest.mark.slow
 def test_mistakes_without_number_are_counted():
-    issues = issues_of(SMALL + "solvers:\n" + "- {kind: ipopt, perturbations: -1}\n" * 3000)
+    issues = issues_of(SMALL + "solvers:\n" + "- {kind: ipopt, perturbations: -1}\n" * 300)
     assert len(issues) == 201
     assert issues[-1].key == "solvers.200.perturbations"
-    assert issues[-1].message == "and 2800 more mistakes"
+    assert issues[-1].message == "and 100 more mistakes"
     assert issues[-1].line == SMALL.count("\n") + 202
 
 
