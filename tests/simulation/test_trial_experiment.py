@@ -155,6 +155,7 @@ def test_without_the_engine_a_run_is_refused_at_once(monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_screened")
 def test_a_study_runs_its_trial_on_the_designs_that_it_finds():
     text = STUDY.replace("duration: 6 s, samples: 60", "duration: 3 s, samples: 30")
     text = text.replace("repeats: 3", "repeats: 2").replace("held_out: 2", "held_out: 1")
@@ -174,6 +175,7 @@ def test_a_study_runs_its_trial_on_the_designs_that_it_finds():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_screened")
 def test_an_optimal_drive_calibrates_a_slipping_robot_better_than_everyday_paths():
     text = STUDY.replace("duration: 6 s, samples: 60", "duration: 12 s, samples: 60")
     text = text.replace("repeats: 3", "repeats: 2")

@@ -186,6 +186,7 @@ class TestStarts:
         assert own.start == "unknown"
 
 
+@pytest.mark.usefixtures("few_screened")
 class TestStartsAlone:
     """Of a system without inputs nothing else is chosen."""
 
@@ -319,6 +320,7 @@ def test_rates_are_integrals_of_what_is_read():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_screened")
 def test_a_coarse_integration_is_named():
     """One Runge-Kutta step a period of nearly its time constant."""
     keys = {

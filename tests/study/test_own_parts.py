@@ -169,6 +169,7 @@ def test_parts_survive_pickling(folder: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_screened")
 def test_the_number_of_workers_changes_nothing(folder: Path) -> None:
     study = load(folder)
     # Where they are after some steps, each in a process of its own.

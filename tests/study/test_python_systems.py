@@ -76,6 +76,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_screened")
 def test_it_is_the_same_system_as_its_equations(folder: Path):
     one, other = (oed.load_study(folder / name) for name in ("study.yaml", "texts.yaml"))
     # A few steps lead to the same place only where all derivatives are the same.
@@ -87,7 +88,7 @@ def test_it_is_the_same_system_as_its_equations(folder: Path):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("blank_figures")
+@pytest.mark.usefixtures("blank_figures", "few_screened")
 def test_a_record_of_it_runs_no_code_until_it_is_trusted(folder: Path):
     study = oed.load_study(folder / "study.yaml")
     oed.run(study, folder / "out")

@@ -39,6 +39,7 @@ LARGE = "8 m x 6 m"
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_screened")
 @pytest.mark.parametrize("robot", ["create_3"])
 def test_it_solves(robot: str):
     # Half the samples: the same problem in half the time.
@@ -65,6 +66,7 @@ SKIDDING = [robot for robot in robots() if usual_duration(robot) == PILOT]
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_screened")
 @pytest.mark.parametrize("robot", ["skid_steer_icr", "skid_steer_slip", "husky"])
 def test_a_pilot_drive_stays_in_the_room_for_every_track(robot: str):
     # Every kind; for skid_steer, of which the presets are other sizes, the one with the widest track.
@@ -85,6 +87,7 @@ def test_a_pilot_drive_is_for_all_tracks_that_skidding_makes(robot: str):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_screened")
 def test_without_it_most_would_leave_the_room():
     study = parse_study(starter(Choice("skid_steer")))
     options = Ipopt(starts=1, perturbations=0, second_stage="none")

@@ -76,7 +76,7 @@ class TestCars:
         assert found == pytest.approx(2 * tightest(problem), rel=1e-6)
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("name", ["rounded_square", "figure_eight", "slalom"])
+    @pytest.mark.parametrize("name", ["rounded_square", "slalom"])
     def test_they_are_large_and_roll(self, name: str):
         (solution,) = baselines(car(), name)
         assert solution.evaluation.feasible
@@ -188,7 +188,7 @@ def test_slow_turns_leave_the_straights_fast():
 
 @pytest.mark.slow
 def test_a_heavy_robot_in_a_small_room_has_drives_that_identify_it():
-    """A Husky in 3 m x 3 m, whose displacements are measured for 20 s: nearly every pattern."""
+    """A Husky in 3 m x 3 m, whose displacements are measured for 20 s."""
     limits = (
         WheelSpeed(bounds=6.06),
         ACCELERATION.model_copy(update={"bounds": (-6.06, 6.06)}),
@@ -198,7 +198,8 @@ def test_a_heavy_robot_in_a_small_room_has_drives_that_identify_it():
     model = SkidSteer(wheel_radius=0.165, track=0.999, body_radius=0.598)
     measurement = Displacements(segments=10, noise={"position": 0.01})
     problem = problem_of(model=model, limits=limits, measurement=measurement, duration=20, samples=40)
-    for name in ("square", "figure_eight", "slalom", "straight_and_spin"):
+    # With turns in place and without.
+    for name in ("square", "slalom"):
         (solution,) = baselines(problem, name)
         assert solution.evaluation.feasible
         assert solution.evaluation.identifiable

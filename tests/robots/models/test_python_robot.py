@@ -99,6 +99,7 @@ def test_the_echo_is_the_same_study(folder: Path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_screened")
 def test_the_number_of_workers_changes_nothing(folder: Path):
     study = load(folder)
     # Where both starts are after some steps, each in a process of its own.
@@ -191,6 +192,7 @@ class TestVelocityCommands:
         assert (high >= 0).all()
 
     @pytest.mark.slow
+    @pytest.mark.usefixtures("few_screened")
     def test_a_drive_is_found_that_keeps_them(self, folder: Path):
         study = self.load(folder, "body_speed: 0.4 m/s, yaw_rate: 1 rad/s")
         solver = study.solvers[0].model_copy(update={"starts": 1})
