@@ -15,7 +15,7 @@ from oed.kernel.solution import Solution, scored
 from oed.optimize import Context, Progress, Silent, Solver
 from oed.records.outcomes import trial_of
 from oed.simulation.physics import Motion, PhysicsRobot, drive
-from oed.simulation.trial import experiment, run, run_trial
+from oed.simulation.trial import aims, experiment, run, run_trial
 from oed.simulation.trial.experiment import Found, Repeat, repeated
 from oed.study.study import Study
 from oed.workflow.studies import parse_study
@@ -67,7 +67,8 @@ def tried(text: str = STUDY, *, workers: int = 1, progress: Progress | None = No
     assert study.file.physics is not None
     listener = progress or Silent()
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(experiment, "drive", moved)
+        for module in (aims, experiment):
+            patched.setattr(module, "drive", moved)
         found = run_trial(
             study.problem, study.file.physics, Drawn(), seed=0, workers=workers, progress=listener
         )
