@@ -34,8 +34,7 @@ from oed.records.stored.plan import PlannedPoint
 from oed.records.stored.study_record import Provenance
 from oed.records.stored.sweep import SweptPoint
 from oed.report.contenders import relative_deviations
-from oed.report.page import FILTERS, address_of
-from oed.report.parts.prose import environment
+from oed.report.page import address_of, templates
 from oed.report.parts.section import percent, sort_key
 
 NAME = "index"
@@ -130,10 +129,8 @@ def write_index(folder: str | Path, out: str | Path | None = None) -> Path:
         "unreadable": unreadable,
         "made": MADE,
     }
-    templates = environment().overlay()
-    templates.filters = {**templates.filters, **FILTERS}
     html, markdown = (
-        page_text(templates.get_template(template).render(content)) for template in (HTML, MARKDOWN)
+        page_text(templates().get_template(template).render(content)) for template in (HTML, MARKDOWN)
     )
     with updated(target) as draft:
         draft.write({f"{NAME}.md": markdown, f"{NAME}.html": html})

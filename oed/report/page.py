@@ -7,10 +7,12 @@ import json
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
 from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
+import jinja2
 from markupsafe import Markup
 
 from oed.foundation.arguments import typed
@@ -83,11 +85,9 @@ def render(
     sections = [one for one in parts if one is not None]
     drawings = _drawings(sections)
     content = {"title": title, "sections": sections, "svg": drawings, "wide": WIDE, "most": MOST_ROWS}
-    templates = environment().overlay()
-    templates.filters = {**templates.filters, **FILTERS}
     # Whatever a text comes from: pages steer neither a terminal that shows them nor the direction of writing.
     html, markdown = (
-        page_text(templates.get_template(template).render(content)) for template in (HTML, MARKDOWN)
+        page_text(templates().get_template(template).render(content)) for template in (HTML, MARKDOWN)
     )
     files: dict[str, str | bytes] = {f"{FIGURES}/{one}.svg": text for one, text in drawings.items()}
     files |= dict(_printed(sections, figures))
@@ -211,3 +211,11 @@ FILTERS = {
     "inline": _inline_svg,
 }
 """Of the templates of pages."""
+
+
+@cache
+def templates() -> jinja2.Environment:
+    """The templates of pages, each compiled once."""
+    made = environment().overlay()
+    made.filters = {**made.filters, **FILTERS}
+    return made

@@ -51,6 +51,8 @@ def shipped(name: str) -> dict[str, Any]:
 
 def saved(folder: Path, data: Any, file: str = "record.json") -> Path:
     path = folder / file
+    # File systems wait for the disk where a file that is there is written anew.
+    path.unlink(missing_ok=True)
     path.write_text(json.dumps(data), encoding="utf-8")
     return path
 
