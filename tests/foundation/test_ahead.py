@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import pytest
 
@@ -36,8 +37,6 @@ def test_tasks_find_modules_loaded(tmp_path):
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
-@pytest.mark.slow
 def test_a_run_needs_what_it_loads_ahead():
     # Of the modules' own names one mistyped would be found by nothing else.
-    code = "from importlib import import_module\n" + "\n".join(f"import_module({one!r})" for one in LATER)
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    assert all(find_spec(one) is not None for one in LATER)
