@@ -29,7 +29,7 @@ INFEASIBLE = """\
 format: 1
 name: Too fast for its room
 robot: {kind: differential_drive, wheel_radius: 4.9 cm, track: 18 cm}
-trajectory: {duration: 20 s, samples: 20, spline: {degree: 3, coefficients: 5}, rest_to_rest: false}
+trajectory: {duration: 10 s, samples: 10, spline: {degree: 3, coefficients: 5}, rest_to_rest: false}
 measurement: {kind: displacements, segments: 4}
 limits:
   wheel_speed: [3 rad/s, 10 rad/s]
@@ -37,7 +37,7 @@ limits:
 criterion: {kind: E, scaling: none}
 solvers: [{kind: ipopt, starts: 1, perturbations: 0}]
 """
-"""A study without a solution: never slower than 3 rad/s in a box of 20 cm for 20 s."""
+"""A study without a solution: never slower than 3 rad/s in a box of 20 cm for 10 s."""
 
 
 def small(*, solvers: str = IPOPT, **keys: Any) -> str:

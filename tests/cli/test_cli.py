@@ -21,7 +21,8 @@ from oed.cli.terminal.console import percent
 from oed.foundation.errors import Issue, ProblemError
 from oed.records.record import load_record
 
-TEXT = small(baselines="[circle]", validation="{replicates: 200}")
+ONE = "{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}"
+TEXT = small(solvers=ONE, baselines="[circle]")
 
 
 @pytest.fixture
@@ -266,7 +267,9 @@ class TestRun:
         assert sorted(path.name for path in folder.iterdir()) == ["my study.yaml", "reports"]
 
     @pytest.mark.usefixtures("blank_figures")
-    def test_the_report_is_made_again(self, ran, capsys):
+    def test_the_report_is_made_again(self, ran, capsys, monkeypatch):
+        # What is in them is shown where figures are drawn.
+        monkeypatch.setattr("oed.report.figures.draw.picture_bytes", lambda _, form: form.encode())
         *_, folder = ran
         out = folder / "reports" / "my study"
         (out / "report.html").unlink()
@@ -276,6 +279,7 @@ class TestRun:
         assert (out / "report.html").exists()
         figures = {path.name for path in (out / "figures").iterdir()}
         assert {"paths.svg", "paths.pdf"} <= figures
+        assert (out / "figures" / "paths.pdf").read_bytes() == b"pdf"
         assert {Path(name).stem for name in figures if name.endswith("svg")} == {
             Path(name).stem for name in figures if name.endswith("pdf")
         }
