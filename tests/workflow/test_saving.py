@@ -14,7 +14,6 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from studies import GENETIC, saved_study, small, write_study
@@ -260,7 +259,7 @@ class TestUnreadable:
         assert "defect" not in told
 
 
-def started(folder: Path, *arguments: str, **options: Any) -> subprocess.Popen[str]:
+def started(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     """`oed` as a process, whose Ctrl-C is answered even where the tests' is not."""
     program = (
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
@@ -273,7 +272,6 @@ def started(folder: Path, *arguments: str, **options: Any) -> subprocess.Popen[s
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        **options,
     )
 
 
@@ -281,28 +279,20 @@ def started(folder: Path, *arguments: str, **options: Any) -> subprocess.Popen[s
 @pytest.mark.skipif(os.name != "posix", reason="limits and signals are POSIX's")
 class TestProcess:
     @pytest.mark.parametrize("most", [21, 4096])
-    def test_files_that_may_not_grow(self, finished: Path, most: int):
+    def test_files_that_may_not_grow(self, finished: Path, most: int, monkeypatch, capsys):
         import resource
 
         write_study(finished.parent, TEXT)
         before = contents(finished)
-
-        def limited() -> None:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
-
-        process = started(
-            finished.parent,
-            "solve",
-            "study.yaml",
-            "--out",
-            "out",
-            "--workers",
-            "1",
-            "--quiet",
-            preexec_fn=limited,
-        )
-        out, err = process.communicate(timeout=60)
-        assert process.returncode == 1
+        monkeypatch.chdir(finished.parent)
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
+        try:
+            code = main(["solve", "study.yaml", "--out", "out", "--workers", "1", "--quiet"])
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        out, err = capsys.readouterr()
+        assert code == 1
         assert re.search(r"genetic .*yes", out)
         assert "File too large; what was in out is as it was" in err
         assert "Traceback" not in err
