@@ -7,13 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from driven_robot import ROOM_STUDY, write_log
+from driven_robot import QUICKLY, ROOM_STUDY, write_log
 
 from oed.records.record import load_record
 from oed.study.study import Study
 
 SEARCH = "solvers: [{kind: genetic, population: 20, generations: 3}]\n"
-STUDY = f"{ROOM_STUDY}{SEARCH}"
+STUDY = f"{ROOM_STUDY}{SEARCH}{QUICKLY}"
 TRUTH = {"wheel_radius_right": 0.0325, "wheel_radius_left": 0.0334, "track": 0.1635}
 TARGETS = {"wheel_radius": "0.5 %", "track": "0.9 %"}
 SOON = {"poll": 0.01, "settle": 0.03, "workers": 1}

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from fake_ros import Ros, play
-from looping import SOON, STUDY, TARGETS, TRUTH
+from driven_robot import ROOM_STUDY
+from looping import SEARCH, SOON, TARGETS, TRUTH
 
 import oed
 from oed.cli import main
@@ -74,7 +75,7 @@ def test_drives_that_their_nodes_play(tmp_path: Path, monkeypatch: pytest.Monkey
     """The file for ROS commands a controller that knows nominal radii and track; the robot has others. What
     is recorded where the file says is the log.
     """
-    study, logs = parse_study(f"{STUDY}{LOG}"), tmp_path / "logs"
+    study, logs = parse_study(f"{ROOM_STUDY}{SEARCH}{LOG}"), tmp_path / "logs"
     logs.mkdir()
     rng, recorders = np.random.default_rng(5), []
 
@@ -96,7 +97,7 @@ def test_drives_that_their_nodes_play(tmp_path: Path, monkeypatch: pytest.Monkey
 @pytest.mark.slow
 def test_the_line_that_estimates_from_a_drive_of_two_runs(tmp_path: Path, monkeypatch, capsys):
     """It is run as it is printed, where the study is; the bags are elsewhere, in a folder with a space."""
-    text = STUDY.replace("samples: 40", "samples: 40\n  runs: 2")
+    text = f"{ROOM_STUDY}{SEARCH}".replace("samples: 40", "samples: 40\n  runs: 2")
     (tmp_path / "my study.yaml").write_text(f"{text}{LOG}")
     monkeypatch.chdir(tmp_path)
     assert main(["run", "my study.yaml", "--out", "out", "--quiet"]) == 0

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from driven_robot import ROOM_STUDY, write_log
+from driven_robot import QUICKLY, ROOM_STUDY, write_log
 from recorded import record_from
 from studies import saved_study, small
 
@@ -191,7 +191,7 @@ class TestWhatIsAsked:
     @pytest.mark.slow
     def test_without_any_drive_nothing_is_simulated(self, tmp_path):
         text = TEXT.replace(WITHIN, "{x: 5 cm}").replace("draws: 400", "draws: 400, compare: false")
-        text = text.replace("logdet", "none")
+        text = text.replace("logdet", "none").replace("samples: 20", "samples: 12")
         text = text.replace("baselines: [circle]\n", "").replace(
             "{kind: rectangle, x: [-40 cm, 40 cm], y: [-40 cm, 40 cm]}", TINY
         )
@@ -208,10 +208,15 @@ class TestWhatIsAsked:
 
 
 PILOT = (
-    f"{ROOM_STUDY}solvers: [{{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}}]\n"
-    "uncertainty: {track: 3 %, y: 1 cm}\n"
-    "robust: {kind: scenarios, confidence: 0.95, draws: 300, compare: false}\nbaselines: [square]\nlog: {}\n"
-).replace("samples: 40", "samples: 20")
+    (
+        f"{ROOM_STUDY}solvers: [{{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}}]\n"
+        "uncertainty: {track: 3 %, y: 1 cm}\n"
+        "robust: {kind: scenarios, confidence: 0.95, draws: 300, compare: false}\nbaselines: [square]\nlog: {}\n"
+        + QUICKLY
+    )
+    .replace("samples: 40", "samples: 16")
+    .replace("coefficients: 10", "coefficients: 7")
+)
 TRUTH = {"wheel_radius_right": 0.0325, "wheel_radius_left": 0.0334, "track": 0.1635}
 
 
