@@ -16,7 +16,7 @@ from oed.cli import main
 from oed.report.film.writing import Frame
 
 RECORD = REPORTS / "choi_skid_steer" / "record.json"
-QUICK = ("--speed", "20", "--fps", "5", "--quiet")
+QUICK = ("--speed", "40", "--fps", "5", "--quiet")
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_one_object_and_a_film(folder: Path, capsys: pytest.CaptureFixture[str])
     assert told["file"] == str(folder / "drive.gif")
     assert told["bytes"] == (folder / "drive.gif").stat().st_size
     assert told["frames"] == round(told["seconds"] * 5)
-    assert (told["results"], told["speed"], told["report"]) == (["ipopt"], 20.0, None)
+    assert (told["results"], told["speed"], told["report"]) == (["ipopt"], 40.0, None)
     # No report is made where there was none.
     assert names(folder) == {"record.json", "drive.gif"}
 
@@ -117,7 +117,7 @@ def test_interrupted(folder: Path, capsys: pytest.CaptureFixture[str], monkeypat
     drawn = Stage.frame
 
     def strike(self: Stage, time: float) -> Frame:
-        if 0.3 < time < 0.6:
+        if 0.1 < time < 0.4:
             raise KeyboardInterrupt
         return drawn(self, time)
 
@@ -130,7 +130,7 @@ def test_interrupted(folder: Path, capsys: pytest.CaptureFixture[str], monkeypat
 @pytest.mark.slow
 def test_physics(folder: Path):
     # The graphics library is chosen when the engine is first imported: a process of its own.
-    command = [sys.executable, "-m", "oed", "animate", str(folder), "--physics", "--speed", "20", "--json"]
+    command = [sys.executable, "-m", "oed", "animate", str(folder), "--physics", "--speed", "40", "--json"]
     run = subprocess.run(command, capture_output=True, text=True)
     if "no way to draw" in run.stderr:
         assert run.returncode == 1

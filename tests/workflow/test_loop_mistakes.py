@@ -128,9 +128,8 @@ class TestMistakes:
     def test_logs_may_be_read_otherwise(self, study, logs, tmp_path, monkeypatch):
         """What a user mends in the study in the middle of a loop."""
         self.a_loop(_digest(study), tmp_path / "out")
-        other = parse_study(
-            f"{STUDY}log: {{skip_invalid_rows: true}}\n".replace(QUICKLY, "calibration: {}\n")
-        )
+        mended = STUDY.replace(QUICKLY, "calibration: {method: joint}\n")
+        other = parse_study(f"{mended}log: {{skip_invalid_rows: true}}\n")
 
         def designed(*_: object, **__: object) -> None:
             raise KeyboardInterrupt

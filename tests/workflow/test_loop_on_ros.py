@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_ros import Ros, play
 from driven_robot import ROOM_STUDY
+from fake_ros import Ros, play
 from looping import SEARCH, SOON, TARGETS, TRUTH
 
 import oed

@@ -207,15 +207,11 @@ class TestWhatIsAsked:
             saved_study(tmp_path, text)
 
 
+SHORT = ROOM_STUDY.replace("samples: 40", "samples: 16").replace("coefficients: 10", "coefficients: 7")
 PILOT = (
-    (
-        f"{ROOM_STUDY}solvers: [{{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}}]\n"
-        "uncertainty: {track: 3 %, y: 1 cm}\n"
-        "robust: {kind: scenarios, confidence: 0.95, draws: 300, compare: false}\nbaselines: [square]\nlog: {}\n"
-        + QUICKLY
-    )
-    .replace("samples: 40", "samples: 16")
-    .replace("coefficients: 10", "coefficients: 7")
+    f"{SHORT}{QUICKLY}solvers: [{{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}}]\n"
+    "uncertainty: {track: 3 %, y: 1 cm}\n"
+    "robust: {kind: scenarios, confidence: 0.95, draws: 300, compare: false}\nbaselines: [square]\nlog: {}\n"
 )
 TRUTH = {"wheel_radius_right": 0.0325, "wheel_radius_left": 0.0334, "track": 0.1635}
 
