@@ -137,7 +137,7 @@ def test_physics(folder: Path):
         pytest.skip("nothing to draw with here")
     told = json.loads(run.stdout)
     assert told["file"] == str(folder / "physics.gif")
-    assert told["frames"] == 11
+    assert told["frames"] == 6
     assert names(folder) == {"record.json", "physics.gif"}
 
 
