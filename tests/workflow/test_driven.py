@@ -19,7 +19,7 @@ from oed.workflow.runner import run
 from oed.workflow.studies import parse_study
 
 # Half the time and half the samples: the bound of such a drive is found in a quarter of the time.
-SHORT = ROOM_STUDY.replace("duration: 20 s\n  samples: 40", "duration: 10 s\n  samples: 20")
+SHORT = ROOM_STUDY.replace("duration: 20 s\n  samples: 40", "duration: 10 s\n  samples: 14")
 STUDY = f"{SHORT}solvers: []\nbaselines: [square, figure_eight]\nbound: true\nlog: {{}}\n"
 
 

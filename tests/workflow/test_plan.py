@@ -151,9 +151,9 @@ def test_a_prior_counts_once_in_a_plan(tmp_path: Path, monkeypatch: pytest.Monke
 @pytest.mark.slow
 def test_a_robust_study_is_searched_once_a_point(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(planning, "ROOMS", ())
-    robust = "uncertainty: {wheel_radius_right: 1 %}\nrobust: {draws: 1000}\n"
+    robust = "uncertainty: {wheel_radius_right: 1 %}\nrobust: {draws: 400, confidence: 0.98}\n"
     quick = "{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}"
-    file = write_study(tmp_path, small(solvers=quick) + robust)
+    file = write_study(tmp_path, small(solvers=quick).replace("samples: 40", "samples: 20") + robust)
     found = plan(file, {"c21": "0.1 mm"}, tmp_path / "out", durations=(10.0,), workers=1).found
     (own,) = found.axes[0].points
     (result,) = load_record(tmp_path / "out" / own.folder).results

@@ -23,13 +23,14 @@ from oed.study.study import Study
 from oed.workflow.runner import best_of, run, search
 from oed.workflow.studies import Work
 
-MINE = "t,wheel_speed_right,wheel_speed_left\n" + "".join(f"{0.25 * k},0.5,0.25\n" for k in range(40))
+MINE = "t,wheel_speed_right,wheel_speed_left\n" + "".join(f"{0.5 * k},0.5,0.25\n" for k in range(20))
 TEXT = small(
     solvers=f"{IPOPT}, {GENETIC}",
     baselines="[straight, circle, {file: mine.csv, name: my drive}]",
     validation="{replicates: 500}",
     seed=5,
-)
+).replace("samples: 40", "samples: 20")
+ONE = "{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}"
 NAMES = ["ipopt", "genetic", "straight", "straight_same_length", "circle", "circle_same_length", "my drive"]
 
 
@@ -111,11 +112,11 @@ class TestRecord:
     def test_nothing_is_left_unsaid(self, ran, tmp_path: Path):
         _, record, _ = ran
         assert record.data["notes"] == []
-        study = make_study(tmp_path, small(bound="true"))
+        study = make_study(tmp_path, small(solvers=ONE, bound="true"))
         bounded = run(study, workers=1).data
         assert bounded["notes"] == []
         assert bounded["certificate"]["gap"] >= 0
-        text = small(bound="true").replace(
+        text = small(solvers=ONE, bound="true").replace(
             "criterion: {kind: E, scaling: none}", "criterion: {kind: modified_E}"
         )
         other = make_study(tmp_path, text)
@@ -305,7 +306,8 @@ class TestBestOf:
 
 @pytest.mark.slow
 def test_baselines_as_long_as_the_design_break_limits_only_where_that_is_asked_for(tmp_path: Path):
-    asked = {"baselines": "[straight, random]", "seed": 5}
+    one = "{kind: ipopt, starts: 1, perturbations: 0}"
+    asked = {"solvers": one, "baselines": "[straight, random]", "seed": 5}
     found, wanted = (
         run(make_study(tmp_path, small(**asked, **more)), workers=1).results
         for more in ({}, {"same_length": "true"})
