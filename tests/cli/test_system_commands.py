@@ -27,7 +27,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("systems")
     for name, file in (("tank", PROBLEMS / "heated_tank.yaml"), ("points", Path(BOX_LUCAS))):
         # The tank with fewer samples; the points have as many as they have.
-        study = oed.parse_study(file.read_text().replace("samples: 60", "samples: 24")).changed(
+        study = oed.parse_study(file.read_text().replace("samples: 60", "samples: 12")).changed(
             solvers=[{"kind": "ipopt", "starts": 1, "perturbations": 0, "second_stage": "none"}],
             validation={"replicates": 100},
         )

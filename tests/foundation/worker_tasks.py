@@ -7,6 +7,8 @@ import signal
 import time
 from pathlib import Path
 
+from oed.foundation.errors import Failure
+
 
 def dying_once(task: tuple[Path, int]) -> int:
     """Task 1 ends its process the first time."""
@@ -15,6 +17,17 @@ def dying_once(task: tuple[Path, int]) -> int:
         marker.touch()
         os.kill(os.getpid(), signal.SIGKILL)
     return number**2
+
+
+def slow(number: int) -> int:
+    """The same number, after a while."""
+    time.sleep(0.2)
+    return number
+
+
+def refusing(number: int) -> int:
+    """Fails in the user's words."""
+    raise Failure(f"no {number}")
 
 
 def sleeping(task: Path) -> None:

@@ -55,7 +55,9 @@ def followed(values: Array, trial: int, places: int) -> Array:
 
         period = HOUR / 2
         times = np.linspace(0.0, period, places + 1)
-        found = solve_ivp(rates, (0.0, period), rows[-1], t_eval=times, rtol=1e-11, atol=1e-13)
+        found = solve_ivp(
+            rates, (0.0, period), rows[-1], t_eval=times, method="DOP853", rtol=1e-11, atol=1e-13
+        )
         rows.extend(found.y.T[1:])
     return np.array(rows)
 
