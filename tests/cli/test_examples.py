@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -18,6 +20,14 @@ from oed.workflow.studies import load_study
 
 STUDIES = sorted(one.relative_to(PROBLEMS).with_suffix("").as_posix() for one in PROBLEMS.rglob("*.yaml"))
 PAIR = ("room_robot.yaml", "logs/room_robot.csv")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def read_once() -> Iterator[None]:
+    """Whatever is asked, each shipped study is read for its name: here once for all."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(examples, "read_yaml", cache(examples.read_yaml))
+        yield
 
 
 @pytest.fixture
