@@ -57,11 +57,20 @@ def saved(folder: Path, data: Any, file: str = "record.json") -> Path:
     return path
 
 
+TOLD = set[str]()
+"""Records, as read, whose reports are whole: what is damaged is often null already, or may be missing."""
+
+
 def report(folder: Path) -> None:
-    """All of a report but its drawings."""
-    for section in sections_of(load_record(folder)):
+    """All of a report but its drawings, of alike records once."""
+    record = load_record(folder)
+    known = record.to_json()
+    if known in TOLD:
+        return
+    for section in sections_of(record):
         for table in section.tables:
             assert table.cells is not None
+    TOLD.add(known)
 
 
 def report_estimate(folder: Path) -> None:
