@@ -177,7 +177,7 @@ def test_legends_fit_their_figures() -> None:
         assert box.x1 <= page.x1
 
 
-@pytest.mark.parametrize(("count", "lines"), [(1, 1), (1, 3), (4, 3), (6, 2)])
+@pytest.mark.parametrize(("count", "lines"), [(1, 1), (1, 3), (4, 2), (6, 3)])
 @pytest.mark.slow
 def test_titles_of_several_lines_are_whole(count: int, lines: int) -> None:
     record = sample_rooms.crab()
