@@ -229,14 +229,9 @@ PROBLEMS: dict[str, dict[str, Any]] = {
     "position": {},
     "heading": {"measurement": Displacements(segments=4, regressor="heading")},
     "both": {"measurement": Displacements(segments=4, regressor="both")},
-    "one of both": {
-        "measurement": Displacements(segments=4, regressor="both"),
-        "criterion": E(scaling="none", subset=("c21",)),
-    },
     "some coefficients": {"estimate": ("c21",)},
     "coefficients from poses": {"measurement": POSES, "estimate": ("c11", "c12", "c21", "c22")},
     "segments of several pieces": {"measurement": Displacements(segments=2), "design": space(samples=48)},
-    "per sample": {"measurement": Displacements(segments="samples")},
     "per sample, of runs": {"measurement": Displacements(segments="samples"), "design": FREE_RUNS},
     "runs": {"design": space(runs=2)},
     "runs from free starts": {"design": space(runs=2, start="free"), "limits": EVERYTHING},
@@ -244,23 +239,18 @@ PROBLEMS: dict[str, dict[str, Any]] = {
     "midpoint, no rest": {"design": space(integration="midpoint", rest_to_rest=False)},
     "trapezoids": {"design": space(spline=Spline(degree=1, coefficients=7))},
     "steps": {"design": space(spline=Spline(degree=0, coefficients=8)), "limits": EVERYTHING[:4]},
-    "every limit": {"limits": EVERYTHING},
-    "own limits": {"limits": OWN, "measurement": POSES},
     "own limits from free starts": {"limits": OWN, "design": FREE_RUNS, "measurement": POSES},
     "whole runs": {"limits": WHOLE_RUNS, "measurement": POSES},
     "whole runs from free starts": {"limits": WHOLE_RUNS, "design": FREE_RUNS, "measurement": POSES},
-    "whole runs of segments": {"limits": WHOLE_RUNS, "design": space(runs=2)},
     "a limit on what is fixed": {"limits": (SPEED, Begin())},
     "a limit on free starts": {"limits": (SPEED, Begin(), BOX), "design": FREE_RUNS},
     "an end alone": {"limits": (SPEED, EndPosition(at={"x": 0.5, "y": 0}))},
-    "a length alone": {"limits": (PathLength(bounds=3), SPEED)},
     "lengths of runs": {"limits": (PathLength(bounds=3), SPEED), "design": FREE_RUNS},
     "other limits than they say": {"limits": (Steps(), SPEED, Splines(), Held(), Product(), BOX)},
     "sideways": {
         "model": Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.35),
         "limits": EVERYTHING[:4],
     },
-    "poses": {"measurement": POSES},
     "poses, sometimes": {
         "measurement": Poses(noise=NOISE, every=3),
         "limits": EVERYTHING,
@@ -503,14 +493,19 @@ def test_other_drives_are_written_out(overrides: dict[str, Any]):
     assert isinstance(terms_of(problem), Unrolled)
 
 
-@pytest.mark.parametrize("measurement", [Displacements(segments=10), POSES], ids=["segments", "poses"])
 @pytest.mark.parametrize(
-    "more",
+    ("measurement", "more"),
     [
-        (),
-        pytest.param((Bend(),), marks=pytest.mark.slow),
-        pytest.param((EndPosition(at="start"), PathLength(bounds=3), Unsaid()), marks=pytest.mark.slow),
+        (Displacements(segments=10), ()),
+        (POSES, ()),
+        pytest.param(POSES, (Bend(),), marks=pytest.mark.slow),
+        pytest.param(
+            Displacements(segments=10),
+            (EndPosition(at="start"), PathLength(bounds=3), Unsaid()),
+            marks=pytest.mark.slow,
+        ),
     ],
+    ids=["segments", "poses", "own limit", "whole runs"],
 )
 def test_building_does_not_grow_with_the_samples(measurement, more):
     counts = []
