@@ -123,16 +123,18 @@ def test_gains_are_in_efficiency_whatever_the_criterion(criterion: Criterion):
 @pytest.mark.parametrize("kind", ["chance", "scenarios"])
 def test_gains_of_robust_drives_are_those_under_tightened_limits(kind: str):
     wider, step = LARGER["workspace"][1:]
-    robust = {"robust": Robust(kind=kind), "within": {"track": 0.05}, "samples": 20}
+    # Few robots are enough to accept a drive; gains are of the search alone.
+    few = Robust(kind=kind, confidence=0.9, draws=100)
+    robust = {"robust": few, "within": {"track": 0.05}}
     problems = [limited(one, **robust) for one in (ROOM, wider)]
     assert require_gained(*problems, "workspace", step) > 1e-4
 
 
 @pytest.mark.slow
 def test_gains_of_a_search_on_fewer_samples_are_those_of_all():
-    problem = limited(ROOM, samples=60)
+    problem = limited(ROOM, samples=36)
     search, unknowns = begun(problem)
-    fewer = LocalSearch(problem, replace(SETTINGS, search_samples=20))
+    fewer = LocalSearch(problem, replace(SETTINGS, search_samples=12))
     assert fewer.grid.coarse
     # Close to where the first search ended.
     both = [
@@ -165,9 +167,9 @@ def test_searches_that_cannot_know_say_nothing():
 
 @pytest.mark.slow
 def test_gains_of_a_shipped_study_hold_at_the_step_that_reports_state():
-    # An eighth of the samples: the same gains within a few per cent, in a fifth of the time.
+    # A tenth of the samples: the same gains within a few per cent, in a fifth of the time.
     text = (PROBLEMS / "tricycle.yaml").read_text()
-    text = re.sub(r"samples: (\d+)\n", lambda found: f"samples: {int(found[1]) // 8}\n", text)
+    text = re.sub(r"samples: (\d+)\n", lambda found: f"samples: {int(found[1]) // 10}\n", text)
     problem = parse_study(text).problem
     room = workspace_of(problem.limits)
     (left, right), (low, high) = room.x, room.y
