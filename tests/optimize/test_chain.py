@@ -21,7 +21,7 @@ from oed.robots.space import DesignSpace
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
 
-SPACE = {"duration": 4, "samples": 12, "spline": Spline(coefficients=6)}
+SPACE = {"duration": 4, "samples": 8, "spline": Spline(coefficients=6)}
 POSES = Poses(noise={"position": 0.01, "heading": 0.02})
 UNCERTAIN = Uncertainty(within={"track": 0.05})
 
