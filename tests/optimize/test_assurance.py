@@ -259,7 +259,7 @@ class TestGivenUp:
     def test_a_room_too_small_is_named(self):
         tiny = Rectangle(x=(-0.01, 0.01), y=(-0.01, 0.01))
         problem = robust_problem(
-            robust=tightened(beta=None), within={"x": "3 cm"}, limits=(SPEED, ACCELERATION, tiny)
+            robust=tightened(beta=None), within={"x": "3 cm"}, limits=(SPEED, tiny), samples=6
         )
         solution = solve(problem, QUICK, workers=1)
         assert solution.status is Status.INFEASIBLE
@@ -312,12 +312,13 @@ def designed(workers: int = 1, **options: Any) -> tuple[Problem, Solution]:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_screened")
 class TestSearches:
     @pytest.mark.parametrize("kind", ["chance", "tube", "scenarios"])
     def test_designs_are_kept_by_enough_robots(self, kind: str):
         problem, solution = designed(kind=kind)
         assert enough(problem, solution)
-        fresh = violation_probability(problem, solution.trajectory, draws=3000, seed=77)
+        fresh = violation_probability(problem, solution.trajectory, draws=1000, seed=77)
         assert fresh.probability <= 1 - CONFIDENCE
         assert solution.evaluation.feasible
 
@@ -334,10 +335,9 @@ class TestSearches:
         assert violation_probability(problem, plain.trajectory, draws=500).probability > 0.3
         assert plain.evaluation.objective > solution.evaluation.objective
 
-    @pytest.mark.parametrize("objective", ["mean", "worst"])
-    def test_what_is_reached_is_what_evaluate_says(self, objective: str):
+    def test_what_is_reached_is_what_evaluate_says(self):
         # So many robots accept the first drive: starts are all of one search.
-        problem, solution = designed(objective=objective, draws=1000)
+        problem, solution = designed(objective="mean", draws=1000)
         assert solution.robust == problem.robust
         assert solution.evaluation.objective == evaluate(problem, solution.trajectory).objective
         best = max(start.objective for start in solution.starts if start.objective)
@@ -348,6 +348,7 @@ class TestSearches:
         judged = replace(problem, robust=tightened(beta=None, objective="worst"))
         options = QUICK.model_copy(update={"start_from": "ipopt"})
         cautious = solve(judged, options, seed=1, workers=1, earlier={"ipopt": plain})
+        assert cautious.evaluation.objective == evaluate(judged, cautious.trajectory).objective
         before = evaluate(judged, plain.trajectory).objective
         assert before < cautious.evaluation.objective < plain.evaluation.objective
 
