@@ -167,8 +167,8 @@ def test_the_same_seed_gives_the_same_design_whatever_the_workers(shared: list[W
 @pytest.mark.slow
 def test_equal_optima_are_chosen_alike_whatever_the_workers(shared: list[Workers]):
     # All starts reach the cap to within rounding, which must not decide among them.
-    problem = make_flagship(design=DesignSpace(duration=20, samples=100))
-    options = Ipopt(starts=4, perturbations=0, second_stage="none")
+    problem = make_flagship(design=DesignSpace(duration=20, samples=60))
+    options = Ipopt(starts=3, perturbations=0, second_stage="none")
     single, double = (solve(problem, options, seed=3, workers=workers) for workers in (1, 2))
     assert 2 in shared
     objectives = [start.objective for start in single.starts]
@@ -283,7 +283,7 @@ KNOWN_OPTIMA = {
 @pytest.mark.parametrize(("overrides", "optimum", "share"), KNOWN_OPTIMA.values(), ids=KNOWN_OPTIMA.keys())
 def test_known_optima(overrides, optimum: float, share: float):
     problem = problem_of(**overrides)
-    solution = solve(problem, QUICK, seed=0, workers=1)
+    solution = solve(problem, QUICK.model_copy(update={"starts": 1}), seed=0, workers=1)
     assert solution.status is Status.CONVERGED
     assert solution.evaluation.feasible
     assert share * optimum <= solution.evaluation.objective <= optimum * (1 + 1e-9)
@@ -310,7 +310,7 @@ def test_per_sample_form_comes_near_its_proven_bound():
         measurement=Displacements(segments="samples"),
         limits=(SPEED, ACCELERATION),
     )
-    solution = solve(problem, Ipopt(starts=6, perturbations=0, second_stage="none"), seed=0, workers=1)
+    solution = solve(problem, Ipopt(starts=1, perturbations=0, second_stage="none"), seed=0, workers=1)
     assert 0.94 * 85.8 <= solution.evaluation.objective <= 85.823
     scores = rescored(problem, solution)
     assert scores["lambda_min"] == pytest.approx(solution.evaluation.objective, rel=1e-9)
@@ -320,7 +320,7 @@ def test_per_sample_form_comes_near_its_proven_bound():
 class TestInterrupted:
     """An interrupted search hands over the best that it has."""
 
-    @pytest.mark.parametrize("steps", [1, 2, 4, 5])
+    @pytest.mark.parametrize("steps", [2, 5])
     @pytest.mark.slow
     def test_the_best_so_far_is_kept(self, steps: int):
         listener = Listener(steps, interrupt)
@@ -376,11 +376,11 @@ def test_infeasible_limits_are_named():
         rest_to_rest=False,
         limits=(WheelSpeed(bounds=(3, 10)), Rectangle(x=(-0.1, 0.1), y=(-0.1, 0.1))),
     )
-    solution = solve(problem, Ipopt(starts=2), seed=0, workers=1)
+    solution = solve(problem, Ipopt(starts=1), seed=0, workers=1)
     assert solution.status is Status.INFEASIBLE
     assert not solution.status.usable
     assert (solution.trajectory, solution.evaluation) == (None, None)
-    assert [start.objective for start in solution.starts] == [None, None]
+    assert [start.objective for start in solution.starts] == [None]
     assert solution.message.startswith(Status.INFEASIBLE.sentence)
     assert "wheel speed (by at most" in solution.message
     assert "workspace" in solution.message
