@@ -96,7 +96,7 @@ def same_as_whole(problem: oed.Problem, linear: list[bool]) -> None:
 def test_pieces_of_runs_that_share_every_input_are_the_whole_drive(start: str):
     shared = (PiecewiseLinear(pieces=3, shared=True), *2 * (Constant(shared=True),))
     bounds = ((0.2, 1.0 if start == "chosen" else 0.2), (0.1, 0.1))
-    problem = problem_of(shared, start_bounds=bounds)
+    problem = problem_of(shared, samples=8, start_bounds=bounds)
     terms = in_pieces(problem)
     # Three inputs of 4, 1 and 1 unknowns, and of both runs the one state that is chosen.
     assert terms.size == (8 if start == "chosen" else 6)
@@ -108,7 +108,7 @@ class TestTermsOfSignals:
     @pytest.mark.parametrize("start", ["known", "unknown"])
     @pytest.mark.slow
     def test_pieces_are_the_whole_drive(self, signals: tuple[Signal, ...], start: str):
-        problem = problem_of(signals, samples=12)
+        problem = problem_of(signals, samples=8)
         unknown = oed.Outputs(noise={"a": 0.1, "b": 0.1}, every=2, start=start)
         problem = replace(problem, measurement=unknown, estimate=("k1", "k2"))
         same_as_whole(problem, [True] * 3)
@@ -184,11 +184,11 @@ def test_chosen_starts_are_bounds_of_unknowns():
 @pytest.mark.parametrize("signals", MIXED, ids=["steps", "smooth"])
 @pytest.mark.slow
 def test_solved_by_ipopt_and_by_the_genetic_algorithm(signals: tuple[Signal, ...]):
-    problem = problem_of(signals)
-    ipopt = oed.Ipopt(starts=2, perturbations=0, second_stage="none")
+    problem = problem_of(signals, samples=12)
+    ipopt = oed.Ipopt(starts=1, perturbations=0, second_stage="none")
     best = oed.solve(problem, ipopt, seed=0, workers=1)
     assert best.status is oed.Status.CONVERGED
-    genetic = oed.Genetic(population=60, generations=60)
+    genetic = oed.Genetic(population=40, generations=40)
     near = oed.solve(problem, genetic, seed=0, workers=1)
     for found in (best, near):
         assert found.evaluation.feasible
@@ -253,7 +253,7 @@ class TestFurtherLimits:
     @pytest.mark.parametrize("signals", MIXED, ids=["steps", "smooth"])
     @pytest.mark.slow
     def test_pieces_are_the_whole_drive(self, signals: tuple[Signal, ...]):
-        problem = problem_of(signals, samples=12)
+        problem = problem_of(signals, samples=8)
         problem = replace(problem, limits=(*problem.limits, *FURTHER))
         same_as_whole(problem, [*[True] * 6, False])
 
@@ -282,8 +282,9 @@ class TestFurtherLimits:
 
     @pytest.mark.slow
     def test_a_design_keeps_them(self):
-        problem = replace(problem_of(), limits=(*problem_of().limits, *FURTHER))
-        ipopt = oed.Ipopt(starts=2, perturbations=0, second_stage="none")
+        problem = problem_of(samples=12)
+        problem = replace(problem, limits=(*problem.limits, *FURTHER))
+        ipopt = oed.Ipopt(starts=1, perturbations=0, second_stage="none")
         found = oed.solve(problem, ipopt, seed=0, workers=1)
         assert found.status is oed.Status.CONVERGED
         inputs, period = found.trajectory.inputs, problem.design.period
@@ -294,7 +295,7 @@ class TestFurtherLimits:
 
 @pytest.mark.slow
 def test_gains_are_those_of_wider_ranges():
-    problem, ipopt = problem_of(samples=12), oed.Ipopt(starts=1, perturbations=0, second_stage="none")
+    problem, ipopt = problem_of(samples=8), oed.Ipopt(starts=1, perturbations=0, second_stage="none")
     found = oed.solve(problem, ipopt, seed=0, workers=1)
     step = 1e-4
     for place, (name, pair) in enumerate(RANGES.items()):
@@ -363,7 +364,7 @@ def test_a_coarse_grid_knows_chosen_starts():
 
 @pytest.mark.slow
 def test_a_start_may_be_one_alone():
-    found = oed.solve(problem_of(samples=12), oed.Ipopt(starts=1), seed=0, workers=1)
+    found = oed.solve(problem_of(samples=8), oed.Ipopt(starts=1), seed=0, workers=1)
     assert found.status is oed.Status.CONVERGED
 
 
