@@ -130,8 +130,8 @@ def flagship() -> Problem:
 
 @pytest.fixture(scope="session")
 def flagship_solution(flagship: Problem) -> Solution:
-    """Twelve starts, nothing else."""
-    options = Ipopt(starts=12, perturbations=0, second_stage="none")
+    """Eight starts, nothing else."""
+    options = Ipopt(starts=8, perturbations=0, second_stage="none")
     return solve(flagship, options, seed=0, workers=1)
 
 

@@ -60,8 +60,8 @@ class TestFlagship:
 
     def test_nearly_every_start_reaches_it(self, flagship_solution: Solution):
         objectives = [start.objective or 0.0 for start in flagship_solution.starts]
-        assert len(objectives) == 12
-        assert sum(objective >= 0.99 * max(objectives) for objective in objectives) >= 11
+        assert len(objectives) == 8
+        assert sum(objective >= 0.99 * max(objectives) for objective in objectives) >= 7
         assert max(objectives) <= upper_bound(10) * (1 + 1e-9)
 
     def test_the_oracle_agrees(self, flagship: Problem, flagship_solution: Solution):
