@@ -29,7 +29,7 @@ from oed.robots.space import DesignSpace
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
 
-SPACE: dict[str, Any] = {"duration": 6, "samples": 40, "spline": Spline(coefficients=6)}
+SPACE: dict[str, Any] = {"duration": 6, "samples": 20, "spline": Spline(coefficients=6)}
 NOISE = {"position": 0.01, "heading": 0.02}
 POSES = Poses(noise=NOISE)
 PROBLEMS: dict[str, dict[str, Any]] = {

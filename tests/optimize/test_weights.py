@@ -62,8 +62,8 @@ def predicting(kind: type[G | I], points: np.ndarray) -> Criterion:
 def driven(study: str) -> tuple[oed.Problem, oed.Trajectory]:
     """A shipped study, and a random drive of it."""
     problem = oed.load_study(PROBLEMS / f"{study}.yaml").problem
-    # Half of the readings: the same in a quarter of the time.
-    space = problem.design.model_copy(update={"samples": problem.design.samples // 2})
+    # A quarter of the readings: the same in a fraction of the time.
+    space = problem.design.model_copy(update={"samples": problem.design.samples // 4})
     problem, rng = replace(problem, design=space), np.random.default_rng(0)
     table = np.zeros((space.all_coefficients, len(problem.model.inputs)))
     table[space.free_rows] = rng.uniform(-3, 3, (len(space.free_rows), table.shape[1]))
