@@ -20,10 +20,8 @@ from oed.optimize import Genetic, Ipopt, solve
 from oed.optimize.local import LocalSearch
 from oed.optimize.local_results import Settings
 from oed.robots.limits import (
-    CircularObstacle,
     EndHeading,
     EndPosition,
-    Obstacles,
     PathLength,
     Rectangle,
     WheelAcceleration,
@@ -60,20 +58,15 @@ LARGER: dict[str, tuple[Limit, Limit, float]] = {
         EndHeading(at="start", tolerance=np.pi / 1.5 + STEP),
         STEP,
     ),
-    "obstacles": (
-        Obstacles(shapes=(CircularObstacle(x=0.0, y=0.5, radius=0.35),)),
-        Obstacles(shapes=(CircularObstacle(x=0.0, y=0.5, radius=0.35 - STEP),)),
-        STEP,
-    ),
 }
 """Limits by name, each with the same one a little wider, and by how much in its SI unit."""
-SEEDS = {"end_heading": 2, "path_length": 1, "obstacles": 3}
+SEEDS = {"end_heading": 2, "path_length": 1}
 """Of searches whose best drive is held by the limit, where the usual one's is not."""
 
 
 def limited(limit: Limit, **parts: Any) -> Problem:
     usual = [one for one in (SPEED, ACCELERATION, ROOM) if one.name != limit.name]
-    small = {"samples": 12, "coefficients": 8 if limit.name == "obstacles" else 6}
+    small = {"samples": 12, "coefficients": 6}
     usual_parts = {"measurement": POSES, "criterion": E(), **small}
     return problem_of(limits=(*usual, limit), **{**usual_parts, **parts})
 
@@ -124,8 +117,8 @@ def test_gains_are_in_efficiency_whatever_the_criterion(criterion: Criterion):
 def test_gains_of_robust_drives_are_those_under_tightened_limits(kind: str):
     wider, step = LARGER["workspace"][1:]
     # Few robots are enough to accept a drive; gains are of the search alone.
-    few = Robust(kind=kind, confidence=0.9, draws=100)
-    robust = {"robust": few, "within": {"track": 0.05}}
+    few = Robust(kind=kind, confidence=0.9, draws=300)
+    robust = {"robust": few, "within": {"track": 0.05}, "samples": 20}
     problems = [limited(one, **robust) for one in (ROOM, wider)]
     assert require_gained(*problems, "workspace", step) > 1e-4
 
