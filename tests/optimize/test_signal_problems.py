@@ -375,8 +375,8 @@ def test_many_steps_of_a_long_drive_need_little_memory():
         "import numpy as np\n"
         "from test_signal_problems import fishing\n"
         "from oed.optimize.local import LocalSearch, Settings\n"
-        "search = LocalSearch(fishing(48, 8), Settings(100, 1e-8, None, 'none'))\n"
-        "assert search.maximise(np.full(8, 0.4)).status.name == 'CONVERGED'\n"
+        "search = LocalSearch(fishing(24, 4), Settings(100, 1e-8, None, 'none'))\n"
+        "assert search.maximise(np.full(4, 0.4)).status.name == 'CONVERGED'\n"
         # Of this program alone: what a process has used before it became this one counts elsewhere.
         "text = open('/proc/self/status').read()\n"
         "print(next(line.split()[1] for line in text.splitlines() if line.startswith('VmHWM')))\n"
@@ -386,7 +386,7 @@ def test_many_steps_of_a_long_drive_need_little_memory():
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(folders)}
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    # Written out as a whole it would need some 500 MB.
+    # Written out as a whole it would need some 300 MB.
     assert int(done.stdout) < 250e3
 
 
