@@ -154,7 +154,7 @@ class TestCounts:
 
     @every
     def test_the_worst_are_those_farthest_beyond(self, name: str):
-        problem, drive, found, exact = counted(name)
+        problem, _, found, exact = counted(name)
         assert found.farthest == pytest.approx(exact.max(), abs=1e-6)
         assert found.worst.shape == (4, len(spread_of(problem.uncertain_system).names))
         drawn = draws_of(problem, len(exact), 0)
