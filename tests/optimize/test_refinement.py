@@ -213,7 +213,9 @@ SORTS = {
 }
 
 
-@pytest.mark.parametrize(("sort", "starts"), [*((sort, 1) for sort in SORTS), ("midpoint", "auto")])
+@pytest.mark.parametrize(
+    ("sort", "starts"), [("runs", 1), ("polygons", 1), ("steps", 1), ("midpoint", "auto")]
+)
 @pytest.mark.slow
 def test_drives_of_every_sort_are_refined(sort, starts):
     made = problem(samples=20, **SORTS[sort])

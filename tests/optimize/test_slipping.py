@@ -13,7 +13,7 @@ from oed.robots.limits import EndPosition, Obstacles, Rectangle, WheelSpeed
 from oed.robots.sensors import Poses
 
 IPOPT = Ipopt(starts=1, perturbations=0, second_stage="none")
-GENETIC = Genetic(population=40, generations=30)
+GENETIC = Genetic(population=40, generations=15)
 THIN, THICK = 0.02, 0.4
 """Of walls across the way [m]; steps are up to half a metre long."""
 BEHIND_THICK = 13_100
