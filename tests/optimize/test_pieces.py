@@ -266,7 +266,6 @@ PROBLEMS: dict[str, dict[str, Any]] = {
         "design": space(runs=2, start=(StartPose(), StartPose(x=0.2, heading=1.0))),
     },
     "relative poses": {"measurement": RelativePoses(noise={**NOISE, "position_per_speed": 0.05})},
-    "noise that grows with speed": {"measurement": Poses(noise={**NOISE, "position_per_speed": 0.05})},
     "lever arm": {"measurement": Poses(noise=NOISE, lever_arm=LeverArm(x=0.05, known=False, deviation=0.01))},
     "two sensors": {
         "measurement": Several(
