@@ -159,7 +159,7 @@ def test_on_coarse_grids_limits_hold_at_all_samples_at_once():
     problem = problem_of(design=space, limits=(room, WheelSpeed(bounds=(2, 8)), ACCELERATION))
     search = LocalSearch(problem, Settings(500, 1e-8, None, "none", 24))
     drawn = screen(search.design, np.random.default_rng(0))
-    starts = islice(varied_starts(search.design, drawn, np.random.default_rng(1)), 1)
+    starts = islice(varied_starts(search.design, drawn, np.random.default_rng(1)), 2)
     sketches = [Sketches(search)(one, 1e-3, 0.0) for one in starts]
     kept = [one.unknowns for one in sketches if np.isfinite(one.value)]
     assert kept
