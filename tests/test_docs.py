@@ -60,6 +60,8 @@ SMALLER = {
         ("15 - times", "5 - times"),
         ("times / 15", "times / 5"),
         ("duration=15", "duration=5"),
+        ("replicates=200", "replicates=50"),
+        ("draws=1000", "draws=200"),
     )
 }
 """A drive of a third of the time, in periods of the same length: what bounds it is found in a sixth."""

@@ -78,8 +78,8 @@ def test_the_estimate_shown_is_that_of_the_shipped_log():
 @pytest.mark.slow
 def test_python_runs_and_prints_a_standard_error_of_each_parameter(capsys: pytest.CaptureFixture[str]):
     (text,) = blocks("python")
-    # A search of a quarter of the size.
-    for long, short in (("samples=100", "samples=50"), ("starts=2", "starts=1")):
+    # A search of a tenth of the size.
+    for long, short in (("samples=100", "samples=20"), ("starts=2", "starts=1")):
         assert long in text
         text = text.replace(long, short)
     exec(compile(text, "README.md", "exec"), {})
