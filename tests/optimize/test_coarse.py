@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import problem_of
+from builders import ACCELERATION, SPEED, problem_of
 
 from oed.kernel.coarser import MOST_SEARCHED, USUAL, coarse_samples
 from oed.kernel.criteria import D, E
@@ -14,6 +14,8 @@ from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.optimize import Ipopt, solve
+from oed.optimize.local import MISLED, LocalSearch
+from oed.optimize.local_results import Settings
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.starting_points import random_drives
 from oed.robots.sensors import Displacements, Poses, Several, YawRate
@@ -136,6 +138,23 @@ def test_a_search_on_few_samples_ends_where_one_on_all_does(measurement, criteri
     best = whole.evaluation.objective
     # Limits are tightened a little more where the path is seen at fewer points.
     assert few.evaluation.objective >= best - 2e-3 * abs(best)
+
+
+@pytest.mark.slow
+def test_where_a_search_on_few_samples_ends_nothing_is_left_to_gain_on_all():
+    # Limits on inputs alone, which are the same on every grid.
+    few, whole = (
+        LocalSearch(
+            fine_problem(24, measurement=MEASUREMENTS["samples"], limits=(SPEED, ACCELERATION)),
+            Settings(200, 1e-8, None, "none", samples),
+        )
+        for samples in (8, 24)
+    )
+    assert few.grid.coarse
+    assert not whole.grid.coarse
+    end = few.maximise(some_drive(few.grid))
+    # A small barrier keeps to where it begins, lest another of many optima is found.
+    assert whole.maximise(end.unknowns, barrier=1e-5).objective <= end.objective * (1 + MISLED)
 
 
 @pytest.mark.slow
