@@ -102,6 +102,7 @@ def test_history_goes_on_from_level_to_level(found):
         assert after.seconds >= before.seconds
         assert after.evaluations >= before.evaluations
     assert found.history[-1].objective == pytest.approx(found.evaluation.objective)
+    assert found.history[-1].seconds <= found.wall_seconds
 
 
 @pytest.mark.slow
