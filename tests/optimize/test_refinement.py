@@ -206,6 +206,19 @@ def test_a_robust_design_is_refined_and_still_keeps_its_limits():
         assert after.objective >= before.objective * (1 - 1e-3)
 
 
+@pytest.mark.slow
+def test_a_finer_level_begins_with_limits_as_tight_as_they_had_to_be(found):
+    asked = problem(within={"wheel_radius_right": "5 %"}, robust=Robust(confidence=0.95, draws=200))
+    tighter, given = asked.robust.tighter(np.zeros((1, 2))), []
+
+    def search(options, problem, context):
+        given.append(problem.robust)
+        return replace(found, trajectory=found.levels[0].trajectory, robust=tighter, levels=())
+
+    refined(QUICK, asked, Context(workers=1), search)
+    assert given == [asked.robust, tighter]
+
+
 SORTS = {
     "runs": {"runs": 2, "start": "free"},
     "polygons": {"degree": 1},
