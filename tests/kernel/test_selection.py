@@ -14,6 +14,7 @@ from oed.kernel.selection import Selection
 from oed.kernel.taken_apart import parts_of
 from oed.optimize.selection import rated, select
 from oed.optimize.weights import OPTIONS
+from oed.robots.limits import EndPosition
 from oed.workflow.readings import selection_of
 
 STOPS = oed.load_study(PROBLEMS / "laser_tracker_stops.yaml")
@@ -149,6 +150,16 @@ criterion: {kind: A, subset: [out]}
 weights: {readings: 20}
 """
 """Only the sum of both ways out can be known: what is left of one is rounding."""
+
+
+@pytest.mark.slow
+def test_of_a_search_that_finds_no_drive_no_readings_are_chosen():
+    # Of four random drives none ends within a micrometre of a corner.
+    corner = EndPosition(at={"x": 1.0, "y": 1.0}, tolerance=1e-6)
+    problem = replace(FEW.problem, limits=(*FEW.problem.limits, corner))
+    found = oed.solve(problem, oed.Genetic(population=4, generations=1), workers=1)
+    assert found.status is oed.Status.FAILED
+    assert (found.trajectory, found.evaluation) == (None, None)
 
 
 def test_no_choice_is_best_of_readings_that_leave_parameters_undetermined():
