@@ -107,6 +107,9 @@ def test_a_drive_whose_time_is_warped_begins_and_ends_as_it_did(design):
     # Some of those that are drawn anew may have risen by chance.
     kept = [np.array_equal(one[:, -1], before[:, -1]) for one in warped]
     assert np.mean(kept) > 0.9
+    # Both inputs alike as often as each apart, up to three standard deviations of such a share.
+    alike = [np.array_equal(*one) for one in warped]
+    assert np.mean(alike) == pytest.approx(0.5, abs=1.5 / np.sqrt(len(alike)))
 
 
 def test_after_the_opening_one_start_of_a_round_is_fresh(design):
