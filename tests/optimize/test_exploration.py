@@ -16,7 +16,18 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Status
 from oed.optimize import Genetic, Ipopt, solve
 from oed.optimize.budget import with_shared_budget
-from oed.optimize.exploration import BUDGET, HOPELESS, LEAST, QUICK, ROUND, SHARE, Attempt, Exploration
+from oed.optimize.exploration import (
+    BUDGET,
+    EXACT,
+    HOPELESS,
+    LEAST,
+    QUICK,
+    ROUND,
+    SHARE,
+    Attempt,
+    Exploration,
+    Pace,
+)
 from oed.optimize.local import LocalSearch
 from oed.optimize.local_results import Settings, Sketch
 from oed.optimize.sketches import Sketches
@@ -36,10 +47,10 @@ def design() -> DesignExpressions:
     return DesignExpressions(problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION)))
 
 
-def exploration(design: DesignExpressions, budget: int = 10**6) -> Exploration:
+def exploration(design: DesignExpressions, budget: int = 10**6, pace: Pace = QUICK) -> Exploration:
     screened = screen(design, np.random.default_rng(0))
     fresh = varied_starts(design, screened, np.random.default_rng(1))
-    return Exploration(design, fresh, np.random.default_rng(2), budget)
+    return Exploration(design, fresh, np.random.default_rng(2), budget, pace)
 
 
 def test_starts_and_perturbed_designs_keep_to_one_sided_ranges(design):
@@ -112,8 +123,9 @@ def test_a_drive_whose_time_is_warped_begins_and_ends_as_it_did(design):
     assert np.mean(alike) == pytest.approx(0.5, abs=1.5 / np.sqrt(len(alike)))
 
 
-def test_after_the_opening_one_start_of_a_round_is_fresh(design):
-    found, rounds = exploration(design, budget=60), []
+@pytest.mark.parametrize("pace", [QUICK, EXACT], ids=["quick", "exact"])
+def test_after_the_opening_one_start_of_a_round_is_fresh(design, pace):
+    found, rounds = exploration(design, budget=60, pace=pace), []
     rising = count()
 
     def solved(attempts):
@@ -122,8 +134,9 @@ def test_after_the_opening_one_start_of_a_round_is_fresh(design):
 
     found.run(solved)
     fresh = [not any(one) for one in rounds]
-    assert fresh == [place < QUICK.opening for place in range(len(rounds))]
-    assert all(one == [True] * (ROUND - 1) + [False] for one in rounds[QUICK.opening :])
+    assert len(rounds) > pace.opening
+    assert fresh == [place < pace.opening for place in range(len(rounds))]
+    assert all(one == [True] * (ROUND - 1) + [False] for one in rounds[pace.opening :])
 
 
 def test_it_ends_when_the_best_is_found_again_and_again(design):
