@@ -143,7 +143,8 @@ def shared(monkeypatch: pytest.MonkeyPatch) -> list[Workers]:
     done: list[Workers] = []
 
     def noted(function, tasks, workers, take) -> None:
-        done.append(workers)
+        # One alone is done here.
+        done.append(workers if len(tasks) > 1 else 1)
         run_tasks(function, tasks, workers, take)
 
     monkeypatch.setattr(multi_start, "POOL_SECONDS", 0.0)
@@ -153,7 +154,7 @@ def shared(monkeypatch: pytest.MonkeyPatch) -> list[Workers]:
 
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_design_whatever_the_workers(shared: list[Workers]):
-    problem, options = problem_of(samples=20, coefficients=6), Ipopt(starts=2, perturbations=1)
+    problem, options = problem_of(samples=20, coefficients=6), Ipopt(starts=3, perturbations=1)
     single = solve(problem, options, seed=3, workers=1)
     again = solve(problem, options, seed=3, workers=1)
     np.testing.assert_array_equal(single.trajectory.coefficients, again.trajectory.coefficients)
