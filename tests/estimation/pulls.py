@@ -2,7 +2,8 @@
 
 Squares of each parameter's errors are summed, and those of all parameters together, without correlation. Of
 30 sets and three parameters errors that are all 1.4 times as large as said are found in nine of ten cases,
-those of one parameter alone from 1.6 times on in three of four.
+those of one parameter alone from 1.6 times on in three of four. Of 20 sets the former are found in three of
+four cases, the latter from 1.8 times on in four of five.
 """
 
 from __future__ import annotations
