@@ -152,7 +152,9 @@ def test_every_robot_with_every_sensor(robot: str, sensor: str):
 
 # What is commented out is the same for all sensors, but for what a log says of headings and of motions.
 @pytest.mark.slow
-@pytest.mark.parametrize(("robot", "sensor"), [*IN_TURN, ("tractor_trailer", "poses")])
+@pytest.mark.parametrize(
+    ("robot", "sensor"), [*IN_TURN, ("tractor_trailer", "poses"), ("offset_drive", COEFFICIENTS)]
+)
 def test_what_is_commented_out_is_read(robot: str, sensor: str, tmp_path: Path):
     study = parse_study(uncommented(in_a_large_room(robot, sensor), "log", "uncertainty", "robust"))
     assert study.problem.robust is not None
