@@ -20,10 +20,10 @@ from oed.workflow.studies import parse_study
 CLOSEST: dict[str, str] = {
     "ackermann": "rounded_square",
     "mecanum": "straight",
-    "obstacle_course": "straight_and_spin",
+    "obstacle_course": "rounded_square",
     "offset_marker": "figure_eight",
     "omni_three": "circle",
-    "own_robot": "straight",
+    "own_robot": "straight_and_spin",
     "skid_steer_icr": "figure_eight",
     "skid_steer_slip": "straight_and_spin",
     "three_runs": "circle",
