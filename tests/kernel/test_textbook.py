@@ -148,12 +148,12 @@ def quadratic_rows(points: Sequence[float]) -> np.ndarray:
 @pytest.mark.slow
 def test_largest_prediction_variance_of_the_best_determinant_is_parameters_over_points():
     # The equivalence theorem [Kiefer and Wolfowitz, Canad. J. Math. 12, 1960].
-    points, evaluation = best(Quadratic(), (-1, 1), 3, D(scaling="none"))
+    points, evaluation = best(Quadratic(), (-1, 1), 6, D(scaling="none"))
     inverse = np.linalg.inv(evaluation.information["curve"])
     grid, support = quadratic_rows(np.linspace(-1, 1, 2001)), quadratic_rows(points)
-    assert np.einsum("xi,ij,xj->x", grid, inverse, grid).max() == pytest.approx(1, abs=1e-6)
+    assert np.einsum("xi,ij,xj->x", grid, inverse, grid).max() == pytest.approx(3 / 6, abs=1e-6)
     at_support = np.einsum("xi,ij,xj->x", support, inverse, support)
-    np.testing.assert_allclose(at_support, 1, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(at_support, 3 / 6, rtol=0, atol=1e-6)
 
 
 def there_and_back(points: Sequence[float]) -> tuple[Leg, ...]:
