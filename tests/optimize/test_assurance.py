@@ -355,7 +355,9 @@ class TestSearches:
     def test_workers_do_not_matter(self, monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr("oed.optimize.multi_start.POOL_SECONDS", 0.0)
         problem = robust_problem(robust=tightened(beta=2.0))
-        one, two = (solve(problem, QUICK, seed=1, workers=workers) for workers in (1, 2))
+        # The first start is done alone.
+        several = QUICK.model_copy(update={"starts": 3, "max_iterations": 8})
+        one, two = (solve(problem, several, seed=1, workers=workers) for workers in (1, 2))
         np.testing.assert_array_equal(one.trajectory.coefficients, two.trajectory.coefficients)
         assert one.violation.probability == two.violation.probability
         assert one.robust == two.robust
