@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pulls import SETS, require_pulls
+from pulls import require_pulls
 from simulated import ROBOT, TRUTH, course, log_of, loosely, truth_of, unknowns_of
 from windowed import (
     ICR,
@@ -183,8 +183,9 @@ def test_standard_errors_match_the_scatter(drift):
         log = log_of(drifting(drive, TRUE, drift, seed), noise=(0.001, 0.005), seed=seed)
         return gls([log], seconds=1.0)
 
-    errors, fits = misses(fit, TRUE, SETS)
-    assert np.abs(errors.mean(axis=0)).max() < 4 * (errors.std(axis=0) / np.sqrt(SETS)).max()
+    # Of 60 sets: errors of 1.24 times those said, which 30 may have, are refused.
+    errors, fits = misses(fit, TRUE, 60)
+    assert np.abs(errors.mean(axis=0)).max() < 4 * (errors.std(axis=0) / np.sqrt(60)).max()
     require_pulls(errors, [one.inverse[:3, :3] for one in fits])
 
 
