@@ -15,6 +15,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Genetic, Ipopt, solve
+from oed.optimize.earlier import earlier_design
 from oed.optimize.refinement import ENOUGH, finer_splines, on_spline, plan, refined
 from oed.optimize.solver import Context
 from oed.optimize.transcription.design import DesignExpressions
@@ -116,6 +117,20 @@ def test_a_search_that_starts_from_a_refined_one_takes_its_design_on_the_same_sp
     options = Ipopt(starts=1, perturbations=0, second_stage="none", start_from="ipopt", name="second")
     again = solve(problem(), options, seed=5, workers=1, earlier={"ipopt": found})
     assert again.levels[0].objective >= found.levels[0].objective * (1 - 1e-6)
+
+
+@pytest.mark.slow
+def test_another_search_starts_from_the_design_or_the_finest_of_those_before_it_that_it_can_drive(found):
+    """By what a search comes to, a coarser start is not told from a finer one."""
+    assert len(found.levels) > 1
+    for level in found.levels:
+        own = DesignExpressions(on_spline(problem(), Spline(coefficients=level.coefficients)))
+        start = earlier_design({"ipopt": found}, "ipopt", own)
+        np.testing.assert_array_equal(start, own.unknowns_of(level.trajectory))
+    # As if the finest had come to less.
+    first = replace(found, trajectory=found.levels[0].trajectory)
+    start = earlier_design({"ipopt": first}, "ipopt", own)
+    np.testing.assert_array_equal(start, own.unknowns_of(first.trajectory))
 
 
 @pytest.mark.slow
