@@ -230,3 +230,11 @@ def test_the_shape_of_a_drive_is_that_of_any_drive(example: Example, runs: int):
     }
     for name in (*names, "sensitivities"):
         assert getattr(shape, name).shape == getattr(drive, name).shape, name
+
+
+def test_asked_for_what_it_has_not_a_drive_names_what_it_has():
+    shape = drive_shape(ROBOTS[0].model, samples=2, runs=1, period=PERIOD)
+    known = ", ".join([*shape.signals, *shape.system.renamed])
+    assert "twist" in known
+    with pytest.raises(AttributeError, match=f"no attribute 'poise'; its signals are {known}$"):
+        shape.poise  # noqa: B018
