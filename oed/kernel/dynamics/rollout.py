@@ -269,7 +269,7 @@ def roll_out(
 
 
 def any_drive(
-    system: System, samples: int, runs: int = 1, **further: Any
+    system: System, samples: int, runs: int, **further: Any
 ) -> tuple[tuple[ca.MX, ca.MX, ca.MX, ca.MX], Drive]:
     """Symbols for inputs (N, inputs), start states (runs, states), parameters (p,) and sample period of a
     system, and the drive of these.
