@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import tracemalloc
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from builders import SPEED, problem_of, random_drive
 
 from oed.estimation.methods import EstimatorName, Regression
-from oed.estimation.methods.measured_headings import MeasuredHeadings, cosine_and_sine
+from oed.estimation.methods.measured_headings import MeasuredHeadings, corrected_covariance, cosine_and_sine
 from oed.robots.sensors import Displacements
 from oed.simulation import validate
 
@@ -88,6 +88,36 @@ def test_every_replicate_is_numpys_least_squares(
     found, _ = regression.simulate(np.random.default_rng(5), 15)
     np.testing.assert_allclose(found, expected, rtol=1e-10, atol=0)
     assert np.abs(found / regression.true - 1).max() > 0.01
+
+
+@pytest.mark.parametrize("edges", [[0, 3], [0, 2, 3], [0, 1, 2, 3]], ids=["one", "two", "samples"])
+def test_the_corrected_covariance_is_that_of_the_equation_of_all_headings(edges: list[int]):
+    # By quadrature over all errors of three headings, however large.
+    real, imaginary = np.random.default_rng(4).standard_normal((2, 3, 2))
+    rows, true, noise, variance = real + 1j * imaginary, np.array([1.0, 0.7]), 0.4, POSITION**2
+    shrink, begins = math.exp(-(noise**2) / 2), edges[:-1]
+    nodes, weights = np.polynomial.hermite_e.hermegauss(20)
+    errors = noise * np.array(list(product(nodes, repeat=3)))
+    likely = np.prod(list(product(weights / weights.sum(), repeat=3)), axis=1)
+    plain, own = np.add.reduceat(rows, begins), (rows.conj().T @ rows).real
+    designs = np.add.reduceat(np.exp(1j * errors)[..., None] * rows, begins, axis=1)
+    normal = np.einsum("hpa,hpb->hab", designs.conj(), designs).real
+    right = np.einsum("hpa,p->ha", designs.conj(), plain @ true).real
+    off = right / shrink - (normal / shrink**2 - (shrink**-2 - 1) * own) @ true
+    np.testing.assert_allclose(likely @ off, 0, atol=1e-12)
+    scatter = np.einsum("h,ha,hb->ab", likely, off, off)
+    scatter += variance / shrink**2 * np.einsum("h,hab->ab", likely, normal)
+    undisturbed = (plain.conj().T @ plain).real
+    inverse = np.linalg.inv(undisturbed)
+    found = corrected_covariance(
+        rows,
+        np.array(edges),
+        true,
+        heading_noise=noise,
+        spread=variance * undisturbed,
+        variance=variance,
+    )
+    np.testing.assert_allclose(found, inverse @ scatter @ inverse, rtol=1e-10, atol=0)
 
 
 def test_blocks_follow_each_other(monkeypatch: pytest.MonkeyPatch):

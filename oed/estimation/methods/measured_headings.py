@@ -150,11 +150,11 @@ def corrected_covariance(
     spread: Array,
     variance: float,
 ) -> Array:
-    """Covariance (q, q) of the corrected estimates, to first order in what the estimating equation sees.
+    """Covariance (q, q) of the corrected estimates, to first order in the estimating equation's error.
 
-    That equation's error has three parts: the displacements' noise, against W and against the part of W~
-    that the headings scatter; the headings' scatter of the predicted displacement, against W; and the
-    same against itself, for pairs of samples in one segment.
+    That error has three parts: the displacements' noise, against W and against the part of W~ that the
+    headings scatter; the headings' scatter of the predicted displacement, against W but for each sample's
+    own length, which no heading changes; and the same against itself, for pairs of samples in one segment.
 
     Args:
         rows: each sample's rows of W, x + j y, (N, q).
@@ -174,17 +174,17 @@ def corrected_covariance(
     for design, (first, last) in zip(designs, pairwise(edges), strict=True):
         part = rows[first:last]
         moves = part @ coefficients
-        total = total + _against_design(design.conj(), moves, size, square) / shrink**2
+        total = total + _against_design(part.conj(), design.conj(), moves, size, square) / shrink**2
         total = total + _against_itself(part.conj(), moves, size, square) / shrink**4
     inverse = np.linalg.inv(normal)
     return np.asarray(inverse @ total @ inverse)
 
 
-def _against_design(design: Complex, moves: Complex, size: float, square: float) -> Array:
-    # Covariance of Re(g z) with z = sum v_k a_k.
-    absolute, plain = size * (np.abs(moves) ** 2).sum(), square * (moves**2).sum()
-    outer = np.outer(design, design.conj()) * absolute + np.outer(design, design) * plain
-    return np.asarray(outer.real / 2)
+def _against_design(rows: Complex, design: Complex, moves: Complex, size: float, square: float) -> Array:
+    # Covariance of Re(sum v_k (g a_k - 2 Re(g_k a_k))): no sample's own heading scatters its length.
+    own = (rows * moves[:, None]).real
+    pulls = np.outer(moves, design) - 2 * own
+    return np.asarray((size * pulls.T @ pulls.conj() + square * pulls.T @ pulls).real / 2)
 
 
 def _against_itself(rows: Complex, moves: Complex, size: float, square: float) -> Array:
