@@ -95,6 +95,13 @@ class TestEstimates:
         assert found.fit.unknowns.place == ()
         np.testing.assert_allclose(found.fit.values[:3], TRUE[:3], rtol=1e-5)
 
+    def test_a_search_begins_from_a_mounting_that_the_study_has_right(self, tmp_path: Path):
+        sensor = RelativePoses(noise=PROBLEM.measurement.noise, mounting={"heading": MOUNTED[2]})
+        problem = problem_of(model=NOMINAL, limits=input_limits, criterion=E(), measurement=sensor)
+        found = estimated(logs_of(tmp_path, matched(noise=exact, seconds=60)), problem, clock_offset=False)
+        assert found.fit.unknowns.sits[2] == MOUNTED[2]
+        np.testing.assert_allclose(found.fit.values, TRUE, rtol=1e-5)
+
     @pytest.mark.slow
     def test_a_prior_of_the_mounting_counts(self, tmp_path: Path):
         logs = logs_of(tmp_path, matched(seconds=60))
