@@ -22,7 +22,7 @@ from oed.estimation.prediction.layout import without_turns
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.prediction.motion_layout import motion_parts, motion_segments, with_usual_motions
 from oed.estimation.preprocessing.motion_checks import motion_fault, without_strays
-from oed.estimation.preprocessing.motion_comparison import MotionComparison
+from oed.estimation.preprocessing.motion_comparison import STRAY, MotionComparison, Off, _left
 from oed.estimation.preprocessing.moves import Moves
 from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.foundation.errors import LogError, ProblemError
@@ -233,6 +233,13 @@ def test_an_offset_of_the_clocks_is_found_to_a_hundredth_whatever_the_sizes(
 ):
     (log,) = logs_of(tmp_path, matched(offset=offset, truth={**TRUTH, "track": track}))
     assert MotionComparison.of(NOMINAL, [log], 0.0).offset() == pytest.approx(offset, abs=0.006)
+
+
+def test_what_is_far_off_counts_alike_where_clocks_are_compared():
+    best = Off.of(*NOISE[1] * np.random.default_rng(0).standard_normal((2, 50)))
+    beyond, farther = best.by.copy(), best.by.copy()
+    beyond[:, 0], farther[:, 0] = 1.1 * STRAY * best.sizes, 100 * STRAY * best.sizes
+    assert _left(best._replace(by=farther), best) == _left(best._replace(by=beyond), best) > _left(best, best)
 
 
 class TestBadMatches:
