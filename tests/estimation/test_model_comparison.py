@@ -31,7 +31,7 @@ from windowed import gls
 from oed.cli.terminal.console import print_estimate
 from oed.estimation import Alternative, Calibration, Comparison, DeadReckoning, HeldOut, calibrate
 from oed.estimation.assessment.likelihood import FittedReadings, Likelihood, inflation
-from oed.estimation.assessment.model_selection import SLIGHT, Compared, scored
+from oed.estimation.assessment.model_selection import SLIGHT, Compared, _why_not, scored
 from oed.foundation.errors import PartError, ProblemError, StudyError
 from oed.kernel.measurement.prior import Prior
 from oed.records.calibration_outcome import estimate_of
@@ -282,6 +282,13 @@ class TestScores:
         found = scored(models, 50.0, 1.0, "blocks")
         assert found.best == {"aicc": "a", "bic": "a"}
         assert found.models[1].scores == {}
+
+    @pytest.mark.parametrize("what", ["values", "residuals"])
+    def test_a_search_that_failed_cannot_be_compared(self, what: str):
+        fit = fit_of(TestLikelihood.LOGS)
+        assert _why_not(fit) == ""
+        failed = replace(fit, **{what: np.full_like(getattr(fit, what), np.nan)})
+        assert _why_not(failed).startswith("the search failed")
 
     def test_too_few_readings_for_the_correction_leave_it_out(self):
         found = scored([entry("a", [1.0] * 4, parameters=6)], 6.0, 1.0, "blocks")
