@@ -683,6 +683,7 @@ class TestFit:
             (10, 3, 1),
             regression.parameters,
         )
+        assert fit.weights.shape == fit.residuals.shape == fit.white.shape
         steps = fit.inverse @ fit.scores.sum(axis=0) / np.sqrt(np.diag(fit.inverse))
         np.testing.assert_allclose(steps, 0, atol=1e-9)
         assert fit.redundancy.sum() == pytest.approx(30 - 4)
