@@ -261,6 +261,16 @@ class TestNoise:
             grown += found.per_speed > 0 or found.per_yaw_rate > 0
         assert grown <= 2
 
+    @pytest.mark.parametrize("share", [0.98, 1.02])
+    def test_growth_has_to_be_as_sure_as_99_per_cent(self, share: float):
+        # At rest variances are 1 - d, else 1 + d: growth gains -ln(1 - d^2) for each pair of residuals.
+        gain, pairs = share * norm.ppf(0.995) ** 2, 50
+        off = np.sqrt(1 - np.exp(-gain / pairs))
+        moving = np.repeat([0.0, 1.0], pairs)
+        rates, residuals = np.stack([moving, 0 * moving]), np.sqrt(1 + off * (2 * moving - 1))
+        found = estimated(residuals, np.ones(2 * pairs), rates, robust=False, grows=True)
+        assert (found.per_speed > 0) == (share > 1)
+
     def test_outliers_hardly_matter_to_the_robust_one(self):
         rng = np.random.default_rng(2)
         residuals = rng.normal(size=4000) * np.where(rng.random(4000) < 0.05, 30, 1)
