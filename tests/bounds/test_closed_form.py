@@ -30,7 +30,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.prior import Prior
 from oed.robots.limits import PathLength, Rectangle
 from oed.robots.models import DifferentialDrive
-from oed.robots.sensors import Displacements, Poses, Ranges
+from oed.robots.sensors import Displacements, Poses, Ranges, Several
 from oed.robots.sensors.displacements import PoseNoise
 from oed.robots.sensors.poses import AbsoluteNoise
 from oed.robots.space import DesignSpace
@@ -112,6 +112,13 @@ def test_joint_coefficients_of_a_start_known_may_lie_twice_as_far() -> None:
     measurement = Poses(noise=NOISE, initial_pose="known")
     certificate = tracker(measurement=measurement, estimate=COEFFICIENTS)
     expected = 4 * 201 * TRACK**2 / (8 * SIGMA**2)
+    assert certificate.upper_bound == pytest.approx(expected, rel=2 * INFLATION)
+
+
+def test_joint_coefficients_may_lie_twice_as_far_where_ranges_are_read_as_well() -> None:
+    ranges = Ranges(beacons=((3.0, 0.0), (0.0, 3.0)), noise=SIGMA)
+    certificate = tracker(measurement=Several(sensors=(Poses(noise=NOISE), ranges)), estimate=COEFFICIENTS)
+    expected = 4 * (1 + len(ranges.beacons)) * 201 * TRACK**2 / (8 * SIGMA**2)
     assert certificate.upper_bound == pytest.approx(expected, rel=2 * INFLATION)
 
 
