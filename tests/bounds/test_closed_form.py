@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -220,6 +221,12 @@ def test_caps_are_in_order_and_name_what_they_rest_on() -> None:
         assert one.multiplier is not None
         assert np.trace(one.multiplier) == pytest.approx(1.0)
         assert np.linalg.eigvalsh(one.multiplier)[0] >= -1e-12
+
+
+def test_a_certificate_says_how_long_it_took() -> None:
+    began = time.perf_counter()
+    certificate = bound(problem_of(limits=(SPEED, BOX)))
+    assert 0 < certificate.wall_seconds <= time.perf_counter() - began
 
 
 def test_the_gap_of_an_objective() -> None:
