@@ -96,6 +96,18 @@ def test_midpoint_chords_have_no_diameter() -> None:
     assert np.isfinite(certificate.upper_bound)
 
 
+@pytest.mark.parametrize("side", [0.1, 100.0])
+def test_a_segment_ends_no_farther_away_than_in_the_opposite_corner_of_the_room(side: float) -> None:
+    certificate = bound(make_flagship(limits=(SPEED, Rectangle(x=(0, side), y=(0, side)))))
+    (found,), (by_speed,) = (
+        methods(certificate, "room's diagonal"),
+        methods(certificate, "longer than the top"),
+    )
+    assert found == pytest.approx(min(by_speed, 10 * 2 * side**2 * 2 / RADIUS**2))
+    # The small room is what counts, in the large one speed is.
+    assert (found < by_speed) == (side < 1)
+
+
 def test_absolute_noise_is_not_bounded() -> None:
     measurement = Displacements(segments=10, noise=PoseNoise(position=0.02), noise_model="absolute")
     certificate = bound(make_flagship(measurement=measurement, criterion=E(scaling="relative")))
