@@ -72,7 +72,7 @@ def _scaled(
         place, most = np.array(start.place), longest + start.spare
         low, high = np.maximum(low, place - most), np.minimum(high, place + most)
     sides = high - low
-    if not (sides > 1e-6 * sides.max()).all() or sides.max() <= 0:
+    if not (sides > 1e-6 * sides.max()).all():
         return None, 0.0
     middle, scale = (low + high) / 2, float(sides.max()) / SIDE
     half = sides / scale / 2

@@ -118,6 +118,15 @@ def test_turning_out_of_the_first_heading_takes_time() -> None:
     assert values[0] < 0.97 * values[2]
 
 
+@pytest.mark.parametrize(
+    ("height", "step"), [(1e-8, 0.2), (0.0, 0.2), (1.0, 0.0)], ids=["thin", "line", "rest"]
+)
+def test_where_paths_have_no_area_to_be_in_nothing_is_known(height: float, step: float) -> None:
+    room, read = (0.0, 1.0, 0.0, height), np.ones(21, bool)
+    start = Start((0.0, 0.0)) if step == 0 else None
+    assert largest_planar_spread(room, np.full(20, step), read, start, Effort(nodes=10)) == np.inf
+
+
 def test_blocks_hold_every_reading_and_are_never_shorter_than_its_steps() -> None:
     rng = np.random.default_rng(0)
     for count in range(9, 40):
