@@ -88,7 +88,7 @@ def turning_length(problem: Problem) -> float:
     if rows is None or factor is None:
         return 0.0
     turn, forward = rows
-    if not turn.any() or not forward.any():
+    if not turn.any():
         return 0.0
     length = float(np.min(np.abs(forward[turn != 0]) / np.abs(turn[turn != 0])))
     reach = input_reach(problem)
