@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from builders import problem_of
+from builders import RADIUS, TRACK, problem_of
 
 from oed.bounds import bound
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice, lattice_bound
 from oed.kernel.evaluation import evaluate
-from oed.robots.limits import WheelAcceleration, WheelSpeed
+from oed.robots.limits import Rectangle, WheelAcceleration, WheelSpeed
 from oed.robots.models import TractorTrailer
 from oed.robots.sensors import Displacements
 from oed.robots.space import DesignSpace
@@ -266,3 +266,18 @@ def test_the_lattices_drive_of_a_robot_with_further_states() -> None:
     drive = bound(problem, nodes=5).drive
     assert drive.starts.shape == (1, 4)
     assert evaluate(problem, drive).objective > 0
+
+
+def test_the_lattices_drive_keeps_the_speeds_even_where_it_leaves_the_room() -> None:
+    # Half the time it turns by a quarter and a whole turn, to a wall at its left, or it begins straight at
+    # that ahead. It could only go back to where there is room a little faster than it may.
+    low, high = -7.9, 8.0
+    turning = (high - low) * RADIUS / TRACK
+    problem = problem_of(
+        design=DesignSpace(duration=2 * 2.5 * np.pi / turning, samples=8, start={"x": 0, "y": 0}),
+        measurement=Displacements(segments="samples"),
+        limits=(WheelSpeed(bounds=(low, high)), Rectangle(x=(-9, 0.05), y=(-0.05, 0.05))),
+    )
+    drive = bound(problem, nodes=1).drive
+    assert not evaluate(problem, drive).feasible
+    assert np.all((low - 1e-9 <= drive.inputs) & (drive.inputs <= high + 1e-9))
