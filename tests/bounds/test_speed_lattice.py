@@ -231,6 +231,9 @@ def test_the_lattice_holds_all_bounds_and_steps_from_them() -> None:
     assert values[-1] == 8.0
     for value in (-3, -1, 1, 3, 5, 7, 8, 6, 4, 2, 0, -2, 2.5, 0.5):
         assert np.isclose(values, value).any()
+    # At the ends of a drive either sign may be largest, whatever the step.
+    for value in (0.7, -0.7):
+        assert np.isclose(lattice(-3.0, 8.0, 2.0, 0.7), value).any()
     assert list(lattice(0.0, 10.0, np.inf, np.inf)) == [0.0, 5.0, 10.0]
 
 
