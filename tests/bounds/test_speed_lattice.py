@@ -284,3 +284,21 @@ def test_the_lattices_drive_keeps_the_speeds_even_where_it_leaves_the_room() -> 
     drive = bound(problem, nodes=1).drive
     assert not evaluate(problem, drive).feasible
     assert np.all((low - 1e-9 <= drive.inputs) & (drive.inputs <= high + 1e-9))
+
+
+@pytest.mark.parametrize(
+    ("x", "y"),
+    [((-0.1, 9), (-0.1, 0.1)), ((-9, 0.1), (-0.1, 0.1)), ((-0.1, 0.7), (-9, 9)), ((-0.7, 0.1), (-9, 9))],
+    ids=["ahead", "behind", "aside and ahead", "aside and behind"],
+)
+def test_the_lattices_drive_goes_to_where_there_is_room(x: Any, y: Any) -> None:
+    # Half the time it turns, by 60 degrees more than once around, before it drives straight or after that.
+    speed, angle = 8.0, 2 * np.pi + np.pi / 3
+    half = angle * TRACK / (2 * speed * RADIUS)
+    way = speed * RADIUS * half
+    problem = problem_of(
+        design=DesignSpace(duration=2 * half, samples=8, start={"x": 0, "y": 0, "heading": 0}),
+        measurement=Displacements(segments="samples"),
+        limits=(WheelSpeed(bounds=speed), Rectangle(x=way * np.array(x), y=way * np.array(y))),
+    )
+    assert evaluate(problem, bound(problem, nodes=1).drive).feasible
