@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from oed.bounds import boxes
 from oed.bounds.boxes import Landscape, largest, peaks
 
 Row = Callable[[Any], Any]
@@ -86,3 +87,15 @@ def test_peaks_are_local_maxima() -> None:
     for _ in range(50):
         near = np.clip(found + rng.normal(size=found.shape) * 1e-4, low, high)
         assert np.all(landscape.at(near, factor)[0] <= values * (1 + 1e-12))
+
+
+def test_the_largest_value_is_as_sure_where_it_takes_many_steps_to_come_near_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Concave all over the box, whose middle is not the top: one step does not see how large it is there.
+    monkeypatch.setattr(boxes, "NEWTON", 1)
+    inputs = ca.SX.sym("x", 1)
+    landscape, low, high = Landscape(inputs, ca.cos(inputs)), np.array([-0.3]), np.array([0.5])
+    found = largest(landscape, np.eye(1), low, high, low[None])
+    assert found.upper * (1 + 1e-12) >= 1
+    assert found.upper <= 1 + 1e-9
