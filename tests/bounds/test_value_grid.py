@@ -52,13 +52,19 @@ def test_nothing_within_reach_of_any_place_is_larger(kind: int) -> None:
             assert np.all(best <= bounds + 1e-5)
 
 
-def test_nothing_within_reach_is_larger_where_cells_are_twisted_and_their_neighbours_are_not() -> None:
+@pytest.mark.parametrize("edge", [0, 1])
+def test_nothing_within_reach_is_larger_where_cells_are_twisted_and_their_neighbours_are_not(
+    edge: int,
+) -> None:
     # So convex along x that no node bends downwards, and along y linear: only the twists of cells count.
     grid, reach = ValueGrid((0.0, 0.0), (12.0, 12.0), (12, 12)), 1.98
     slopes = np.array([-1, 1, 0, 1, 1, -1, -1, -1, -1, 1, -1, 0, 0])
     x, y = np.meshgrid(*grid.axes, indexing="ij")
     values = 4 * (x - 6) ** 2 - 2 * x + 4 * y + slopes[:, None] * (y - 8)
-    found = grid.within(np.float32(values)[None], reach)[0]
+    # Also where no path comes to the walls: to nodes so near, or to their neighbours.
+    inner = np.minimum(np.minimum(x, 12 - x), np.minimum(y, 12 - y))
+    given = np.where(inner < edge, NOWHERE, values)
+    found = grid.within(np.float32(given)[None], reach, inner > edge if edge else None)[0]
     across, along = np.meshgrid(np.linspace(3, 9, 49), np.linspace(3, 9, 49))
     places = np.column_stack([across.ravel(), along.ravel()])
     bounds = bilinear(grid, found, places)
