@@ -105,6 +105,7 @@ def test_stages_reach_the_optimum_of_the_condensed_program(way: str):
         assert -float(found["f"]) == pytest.approx(condensed.maximised, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_interior_points_and_classical_methods_agree(monkeypatch: pytest.MonkeyPatch):
     """To the gaps that the classical ones end at, on few candidates."""
     monkeypatch.setattr(weights, "CANDIDATES", 41)

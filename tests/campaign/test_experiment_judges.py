@@ -120,6 +120,7 @@ def test_the_oracles_runge_kutta_follows_a_decay_and_its_sensitivity() -> None:
     np.testing.assert_allclose(x[0, 1, 0].imag / STEP, slope, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_oracles_radau_steps_agree_with_scipy() -> None:
     system = Equations(STIFF)
     p = [np.array([[3000.0], [3000.0]]), np.array([[0.8], [0.8 + 1j * STEP]])]

@@ -194,6 +194,7 @@ def test_where_the_disk_is_full_nothing_is_written(folder: Path, capsys, monkeyp
     assert (len(names), contents(folder)) == (3, {})
 
 
+@pytest.mark.slow
 def test_installed_they_are_found_in_the_package(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys):
     assert examples.examples_folder() == ROOT / "problems"
     # As in a wheel, with what Python has compiled there.

@@ -284,6 +284,7 @@ def test_any_text_is_read_or_refused(text: str):
     assert 0 <= offset <= len(text)
 
 
+@pytest.mark.slow
 def test_what_is_as_long_and_as_deep_as_may_be_is_read():
     x = ca.SX.sym("x")
     parse("+".join(["x"] * (LONGEST // 2))).casadi({"x": x})

@@ -341,6 +341,7 @@ class TestFewBlocks:
         assert least_ratio(ways["bootstrap"], ways["drift"]) == pytest.approx(1.0, abs=1e-6)
         assert not any(one.name == "few_blocks" for one in found.doubts)
 
+    @pytest.mark.slow
     def test_one_that_is_asked_for_is_what_it_is_and_doubted(self):
         found = self.found(covariance="bootstrap")
         ways = {one.name: one for one in found.covariances}

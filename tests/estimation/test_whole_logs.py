@@ -201,6 +201,7 @@ def test_when_a_log_begins_makes_no_difference():
     np.testing.assert_allclose(second.logs, first.logs, rtol=1e-4, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_readings_taken_together_say_nearly_as_much():
     # Means of two, at the place of their first.
     fit = fit_of([log_of(course(seconds=20.0), noise=NOISE)])

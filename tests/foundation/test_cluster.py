@@ -192,6 +192,7 @@ class TestWorkersPackages:
         connection.check()
         assert 0 < asked == client.asked
 
+    @pytest.mark.slow
     def test_no_workers(self):
         with pytest.raises(Failure, match=r"has no workers.*dask worker tcp://a:1 --nthreads 1"):
             Connection("tcp://a:1", Workers({})).check()

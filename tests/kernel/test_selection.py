@@ -203,6 +203,7 @@ criterion: {kind: D, scaling: none}
 """Three are best read, once each."""
 
 
+@pytest.mark.slow
 def test_weights_that_need_not_be_whole_are_no_worse_where_their_search_ends_early(
     monkeypatch: pytest.MonkeyPatch,
 ):

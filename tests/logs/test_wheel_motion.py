@@ -98,6 +98,7 @@ def test_what_lies_between_two_rows_does_not_depend_on_where_the_log_is_cut(
     np.testing.assert_allclose(steps, np.delete(whole, cut - 1, axis=0), atol=1e-12)
 
 
+@pytest.mark.slow
 @FEW
 @given(ticks=drives(), data=st.data())
 def test_means_over_intervals_add_up(ticks: np.ndarray, data: st.DataObject):

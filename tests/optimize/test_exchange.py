@@ -72,6 +72,7 @@ def rolled(
     return x + chord * np.cos(middle), y + chord * np.sin(middle), heading + turned
 
 
+@pytest.mark.slow
 def test_what_is_exceeded_is_the_worst_of_every_stretch(problem: Problem, exchange: Exchange):
     drive = fast(problem)
     found = exchange.lower_level.exceeded(drive, ENOUGH, FINE)

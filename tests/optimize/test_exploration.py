@@ -169,6 +169,7 @@ def test_it_ends_where_no_drive_keeps_the_limits(design):
     assert found.worth_finishing == []
 
 
+@pytest.mark.slow
 def test_on_coarse_grids_limits_hold_at_all_samples_at_once():
     room = Rectangle(x=(-0.3, 0.3), y=(-0.3, 0.3))
     space = SPACE.model_copy(update={"samples": 72})
@@ -210,6 +211,7 @@ def test_cut_short_in_a_round_it_hands_back_the_best_that_had_ended(monkeypatch)
     assert found.evaluation.objective == pytest.approx(max(ended), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_an_earlier_design_stands_where_exploring_finds_none(monkeypatch):
     # On a coarse grid of its own, that is: there the ends are finished together, of none the first was asked.
     monkeypatch.setattr(Exploration, "worth_finishing", property(lambda _: []))

@@ -137,6 +137,7 @@ class TestGaussianMutation:
         assert (first[0] >= -1).all()
 
 
+@pytest.mark.slow
 def test_cmaes_begins_about_the_gentlest_drive_of_the_sampling():
     gentlest = np.full(SIZE, -0.1)
     first = np.stack([np.full(SIZE, 0.9), gentlest, np.full(SIZE, -0.5)])

@@ -265,6 +265,7 @@ class TestPolish:
         polished = self.polish(PROBLEM, genetic)
         assert np.abs(polished.trajectory.coefficients - free.trajectory.coefficients).max() > 1e-3
 
+    @pytest.mark.slow
     def test_with_a_free_start(self):
         space = DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), start="free")
         problem = problem_of(design=space)

@@ -57,6 +57,7 @@ def test_what_is_predicted_has_no_further_inputs():
     assert search.objective.rows == own.objective.rows
 
 
+@pytest.mark.slow
 def test_an_earlier_design_is_no_start():
     """It has no pace, and no weights: that was an IndexError."""
     problem = decaying(oed.Outputs(noise={"a": 0.1}))

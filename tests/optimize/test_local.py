@@ -45,6 +45,7 @@ def test_instants_between_the_samples_are_added(coarse: Problem):
     assert evaluate(coarse, solution.trajectory).feasible
 
 
+@pytest.mark.slow
 def test_a_start_has_what_is_left_of_the_whole_time(coarse: Problem):
     # Not the whole limit once more: that is up after a solve.
     ends, began = [], time.perf_counter()

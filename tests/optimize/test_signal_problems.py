@@ -346,6 +346,7 @@ def test_steps_are_as_cheap_as_a_spline_of_degree_0():
             np.testing.assert_array_equal(dense(one), dense(other))
 
 
+@pytest.mark.slow
 def test_a_coarse_grid_knows_chosen_starts():
     """Of one spline for all inputs: slopes of the information of all samples are those of differences."""
     spline = oed.Spline(degree=3, coefficients=6)

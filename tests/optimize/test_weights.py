@@ -196,6 +196,7 @@ class TestPublished:
         assert found.values[[0, 100, 200]] == pytest.approx(np.full(3, 1 / 3), abs=1e-4)
         assert found.value == pytest.approx(np.log(4 / 27 * apart**2), rel=1e-7)
 
+    @pytest.mark.slow
     def test_rounding_leaves_no_bound_below_what_is_reached(self):
         """By information, squared, it was .0008 below the logarithm of a third at each of three."""
         parts = quadratic("constant + slope * (1 + x * 1e-7) + curvature * x^2")
@@ -228,6 +229,7 @@ class TestPublished:
         best = known + largest[np.argsort(np.abs(POINTS))[-20:]].sum(axis=0)
         assert found.value == pytest.approx(np.linalg.eigvalsh(best)[0], rel=1e-8)
 
+    @pytest.mark.slow
     def test_information_of_any_size(self):
         """Readings that differ little, beside a prior far below and far above: Ipopt goes astray in the units
         of the one, and stops short in those of the other.
@@ -502,6 +504,7 @@ def test_units_of_what_is_eliminated_are_of_no_matter():
     assert found.chosen.value == pytest.approx(scored, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_whole_readings_that_say_nothing_are_exchanged_for_others():
     """Two points do not tell a parabola's three parameters."""
     parts, budgets = quadratic(), budgets_of(quadratic(), 3.0, most=2.0)

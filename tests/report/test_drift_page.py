@@ -42,6 +42,7 @@ def drifted(tmp_path_factory):
     return folder / "out"
 
 
+@pytest.mark.slow
 def test_every_drive_has_its_standard_errors_without_drift(drifted):
     record = load_record(drifted)
     problem = load_study(drifted.parent / "study.yaml").problem
@@ -51,6 +52,7 @@ def test_every_drive_has_its_standard_errors_without_drift(drifted):
         assert all(one.standard_deviations[name] > size for name, size in one.steady_deviations.items())
 
 
+@pytest.mark.slow
 def test_precision_over_time_ends_with_that_of_the_drive(drifted):
     record = load_record(drifted)
     for one in record.results:

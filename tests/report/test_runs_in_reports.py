@@ -68,6 +68,7 @@ def test_numbers_of_runs_from_one_start_keep_apart() -> None:
     assert np.allclose(number_places(runs[:2], 5.0)[1], [np.cos(1.0), np.sin(1.0)])
 
 
+@pytest.mark.slow
 def test_lines_over_time_break_between_runs() -> None:
     record = sample_rooms.crab()
     ((values, rates),) = groups_of(record, 4)

@@ -204,6 +204,7 @@ class TestStartsAlone:
         criterion: D
         """)
 
+    @pytest.mark.slow
     def test_are_those_that_say_most(self):
         problem = oed.parse_study(self.TEXT).problem
         found = oed.solve(problem, QUICK, seed=0)

@@ -106,6 +106,7 @@ def test_atkinson_compartmental_model():
     assert np.all(np.abs(settings(best) / HOUR - [0.2288, 1.3886, 18.417]) < [5e-5, 5e-5, 5e-4])
 
 
+@pytest.mark.slow
 def test_pukelsheim_quadratic_regression():
     """1/5, 3/5, 1/5 at -1, 0, 1; the value 1/5, which nothing exceeds by 1e-7, in less than a second."""
     study, best = found("quadratic_regression")

@@ -39,6 +39,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_files_are_found_beside_the_study_and_their_drives_are_saved_with_it(folder: Path):
     study = load_study(folder / "study.yaml")
     (task,) = study.problem.criterion.task

@@ -201,6 +201,7 @@ class TestTwice:
         with pytest.raises(LogError, match=r"copy\.csv: is the same as .*run\.csv to the byte"):
             estimate(study, [file, copy])
 
+    @pytest.mark.slow
     def test_a_log_that_made_the_prior_is_in_it_already(self, tmp_path: Path):
         file, other = write_drive(tmp_path / "run.csv", 0), write_drive(tmp_path / "other.csv", 1)
         study = saved_study(tmp_path, QUICK)
