@@ -56,6 +56,7 @@ def test_kinks_and_smooth_steps_are_taken(smooth: str):
     parse_study(yaml.safe_dump({"format": 1, "name": "taken", **keys, "system": system}))
 
 
+@pytest.mark.slow
 def test_commands_that_take_long_exist():
     commands = [shlex.split(line, comments=True) for line in "".join(blocks("comparison", "sh")).splitlines()]
     make, python = commands

@@ -296,6 +296,7 @@ def test_no_drive_within_the_budget_beats_it() -> None:
     assert tried > 20
 
 
+@pytest.mark.slow
 def test_no_angles_say_more_than_one_input_that_turns_round() -> None:
     # All sequences of corners of what two inputs may be, and random ones, within their steps.
     rng = np.random.default_rng(0)

@@ -60,6 +60,7 @@ def failures(one: JudgedTrial, **said: Any) -> set[str]:
     return {verdict.asked for verdict in one.verdicts() if verdict.wrong}
 
 
+@pytest.mark.slow
 def test_all_is_well_with_a_decay() -> None:
     limits = [{"kind": "always", "name": "low", "of": "x", "range": [0.0, 1.9]}]
     assert not failures(judged())

@@ -52,6 +52,7 @@ def data(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict
     return code, json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_all_are_listed_with_their_names(folder: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["examples"]) == 0
     said = capsys.readouterr()

@@ -128,6 +128,7 @@ def test_algebraic_states_are_idas_and_say_the_same():
         assert max(one.sensitivities.values()) < 1e-3
 
 
+@pytest.mark.slow
 def test_rates_in_periods_and_several_runs():
     """What is read in the middle of periods, of two runs, each from its own start."""
     inputs = np.array([1.0, 0.0, 2.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0])

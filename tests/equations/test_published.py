@@ -99,6 +99,7 @@ def test_rooney_and_biegler(criterion: Criterion, value: float):
     assert found.objective == pytest.approx(value, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_state_is_what_its_response_is():
     """One reaction after the other as differential equations says the same as their solution."""
     rates = {"k1": "0.7 1/min", "k2": "0.2 1/min"}

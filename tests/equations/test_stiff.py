@@ -34,6 +34,7 @@ def followed(
 
 
 class TestAgainstSundials:
+    @pytest.mark.slow
     def test_robertson(self):
         own = system(ROBERTSON)
         states, slopes = followed(own, [1.0, 0.0, 0.0], [], EVERY)
@@ -50,6 +51,7 @@ class TestAgainstSundials:
         rest = signaller(own)(states, [], own.nominal, 0.0)
         assert float(rest) == pytest.approx(exact[2], rel=1e-8)
 
+    @pytest.mark.slow
     def test_a_stirred_tank(self):
         own = system(CSTR, substeps=16)
         states, slopes = followed(own, [500.0, 350.0], [345.0], np.array([0.0, 30.0]))

@@ -262,6 +262,7 @@ def test_where_to_begin_may_be_all_that_is_chosen():
     assert found.trajectory.starts.item() == pytest.approx(3.0, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_solution_is_shown_in_the_units_of_its_parameters():
     """And has no path, as the system does not move through space."""
     system = oed.Equations(inputs={"t": "s"}, parameters={"k": "0.7 1/min"}, outputs={"left": "exp(-k * t)"})

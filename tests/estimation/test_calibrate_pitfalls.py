@@ -90,6 +90,7 @@ def test_a_short_log_that_drifts_has_error_bars_of_drift():
     assert np.all(drift.deviations[:3] > 1.3 * information.deviations[:3])
 
 
+@pytest.mark.slow
 def test_of_few_windows_drift_is_judged_by_what_is_usual():
     chosen = options(method="two_stage", block=5.0, clock_offset=False, sensor_place=())
     logs = [log_of(course(seconds=seconds), noise=(0.0002, 0.0005)) for seconds in (10.0, 80.0)]

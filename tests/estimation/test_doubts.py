@@ -107,6 +107,7 @@ def test_whole_logs_of_wheels_half_as_large_are_fitted_all_the_same(seconds: flo
     assert all("check ticks_per_turn, gear and units" in one.message for one in found.doubts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("share", "said", "segment"),
     [

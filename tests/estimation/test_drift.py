@@ -274,6 +274,7 @@ def said(fit: Fit) -> Covariance:
     return ways[most_trusted(ways, blocks_of(fit, None), rates, False, len(TRUE))]
 
 
+@pytest.mark.slow
 def test_whole_logs_say_how_large_errors_are_and_drift_in_what_proportions():
     # Where drift is overrated, as by what passes within seconds, eight logs are not made as unsure.
     fit = fit_of([driven(seed, 5.0) for seed in range(8)], seconds=np.inf)
@@ -334,6 +335,7 @@ class TestFewBlocks:
         logs = [driven(seed, 10.0) for seed in (29007, 29008)]
         return calibrate(logged_problem(), logs, options(method="gls", **keys))
 
+    @pytest.mark.slow
     def test_a_bootstrap_that_is_trusted_is_nowhere_surer_than_drift(self):
         found = self.found()
         ways = {one.name: one for one in found.covariances}

@@ -68,6 +68,7 @@ class TestTimesWithoutReadings:
         for test, before in zip(*(diagnostics(fit, one.noises) for fit in (other, one)), strict=True):
             assert test.statistic == pytest.approx(before.statistic, rel=1e-6)
 
+    @pytest.mark.slow
     def test_change_no_fit_of_windows(self):
         windows = windows_of(LOGS, seconds=1.0)
         other = replace(windows, layout=finer(windows.layout))

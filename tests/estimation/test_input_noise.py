@@ -88,6 +88,7 @@ def test_where_the_poses_own_noise_explains_the_residuals_there_is_none(make):
     assert dilution_doubts(fit, found, fit.inverse) == ()
 
 
+@pytest.mark.slow
 def test_bias_of_more_than_noise_is_bounded_by_the_parameters_size():
     # Of a robot that does not turn at all its wheels' noise alone says how wide it is.
     still = course(seconds=8.0, inputs=np.full((80, 2), 4.0))

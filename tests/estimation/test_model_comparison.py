@@ -330,6 +330,7 @@ class TestErrors:
         assert open_.scores == {}
         assert (fixed.reason, fixed.parameters) == ("", ("track",))
 
+    @pytest.mark.slow
     def test_readings_that_it_has_not(self):
         from oed.robots.models import TractorTrailer
 
@@ -462,6 +463,7 @@ class TestStudy:
             assert "differential drive is the best by" in " ".join(text.split())
 
 
+@pytest.mark.slow
 def test_none_are_compared_where_none_are_named():
     found = calibrate(logged_problem(), FEW, options(segment="log", sensor_place=(), clock_offset=False))
     assert found.comparison is None

@@ -533,6 +533,7 @@ class TestMonteCarlo:
         assert together.searches == 0
         assert alone.searches == 10
 
+    @pytest.mark.slow
     def test_those_that_need_smaller_steps_go_alone(self, monkeypatch):
         noisy = sensed_problem(measurement=Poses(noise={"position": 0.2, "heading": 0.5}))
         estimator = Nonlinear(noisy, PLAIN.drive)

@@ -204,6 +204,7 @@ class TestSlipLaws:
         assert ambiguities(problem) == ()
         require_identifiable(problem)
 
+    @pytest.mark.slow
     def test_slip_on_straights_too_is_not(self):
         assert names_of(posed_problem(model=SKID)) == [
             ("wheel_radius_right", "wheel_radius_left", "slip_outer", "slip_inner")
@@ -468,6 +469,7 @@ class TestWords:
             require_identifiable(posed_problem(model=SKID, estimate=estimate))
         assert [issue.key for issue in raised.value.issues] == [(key,)]
 
+    @pytest.mark.slow
     def test_the_first_parameter_is_the_yardstick(self):
         for problem in (
             posed_problem(model=SKID),

@@ -122,6 +122,7 @@ def test_poses_say_what_generalised_least_squares_would(every):
     assert np.all(np.linalg.eigvalsh(information_of(blind, drive) - expected) > 0)
 
 
+@pytest.mark.slow
 def test_precision_over_time_is_that_of_the_readings_so_far():
     problem = problem_of(measurement=POSES, criterion=E())
     drive = random_drive(problem, 1)
@@ -160,6 +161,7 @@ def test_drift_of_nothing_is_none_and_the_filter_without_errors_is_least_squares
     assert_close(information_of(faint, drive), expected, 1e-9)
 
 
+@pytest.mark.slow
 def test_a_gyroscope_sees_the_turns_that_drift_adds():
     sensors = [POSES.model_copy(update={"every": 5}), YawRate(noise=0.03)]
     problem = problem_of(measurement=sensors, criterion=E())
@@ -316,6 +318,7 @@ def test_readings_are_weighted_by_the_walk_and_the_walk_is_what_is_simulated(sen
     assert np.all(np.abs(found.paired_ratio - 1) < 0.01)
 
 
+@pytest.mark.slow
 def test_readings_of_a_drive_that_drifts_are_estimated_from():
     problem = problem_of(measurement=POSES, criterion=E())
     estimator = Nonlinear(problem, random_drive(problem, 3))

@@ -101,6 +101,7 @@ class TestKeys:
             replace(problem, selection=Selection(readings=5))
 
 
+@pytest.mark.slow
 def test_of_three_drives_each_is_repeated_as_often_as_is_best():
     """Ten drives of three kinds: the split by exchange is that of all splits."""
     study = oed.load_study(PROBLEMS / "three_runs.yaml")

@@ -108,6 +108,7 @@ def short_drive(length: float, steering: float) -> Trajectory:
 class TestExactly:
     """Against rational numbers: nothing is squared, and no ridge added, on the way."""
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(("length", "steering"), [(0.2, 0.3), (0.02, 0.05), (0.02, 2e-4)])
     def test_a_short_drive_with_its_lever_arm_and_start_unknown(self, length: float, steering: float):
         problem, drive = tricycle(), short_drive(length, steering)

@@ -275,6 +275,7 @@ def test_genetic_candidates_that_are_not_finite_make_room_for_others(monkeypatch
     assert solution.evaluation.feasible
 
 
+@pytest.mark.slow
 def test_a_start_that_fewer_samples_see_as_worth_less_is_scored():
     problem = problem_of(
         samples=200,

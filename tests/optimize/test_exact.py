@@ -56,6 +56,7 @@ def test_it_is_the_best_of_all(criterion: Criterion, seed: int, *, repeated: boo
     assert found.weights.values.sum() == count
 
 
+@pytest.mark.slow
 def test_the_bound_holds_wherever_it_ends():
     """With fewer relaxations it is looser, and true."""
     parts, criterion = regression(np.random.default_rng(7).normal(size=(12, 4))), CRITERIA[1]

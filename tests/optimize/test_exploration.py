@@ -187,6 +187,7 @@ def test_on_coarse_grids_limits_hold_at_all_samples_at_once():
         assert np.abs(path).max() == pytest.approx(0.3, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_cut_short_it_hands_back_a_drive_met_on_the_way(monkeypatch):
     asked = iter([False, False, False])
     monkeypatch.setattr("oed.optimize.multi_start.MultiStart._out_of_time", lambda _: next(asked, True))
@@ -244,6 +245,7 @@ def test_the_result_is_the_same_for_any_number_of_workers(monkeypatch):
     assert "iterations" in one.message
 
 
+@pytest.mark.slow
 def test_few_starts_are_begun_as_long_as_a_compiler_is_at_work(monkeypatch):
     # What it makes is for those that are begun after it.
     sizes, asked = [], iter([False, True, True])

@@ -178,6 +178,7 @@ class TestProgram:
         assert outcome.return_status == "Solve_Succeeded"
         assert float(reached(outcome.unknowns)) == pytest.approx(0.4, abs=1e-5)
 
+    @pytest.mark.slow
     def test_no_limit_is_exceeded_at_the_instants_chosen(self):
         program, reached = self.program(limits=(SPEED, BOX))
         terms, start = program.design.terms, np.full(program.design.terms.size, 0.1)

@@ -113,6 +113,7 @@ class TestTermsOfSignals:
         problem = replace(problem, measurement=unknown, estimate=("k1", "k2"))
         same_as_whole(problem, [True] * 3)
 
+    @pytest.mark.slow
     def test_derivatives_are_those_of_differences(self, signals: tuple[Signal, ...]):
         terms = in_pieces(problem_of(signals))
         z = np.random.default_rng(1).uniform(0.1, 1.0, terms.size)
@@ -423,6 +424,7 @@ criterion: D
 """
 
 
+@pytest.mark.slow
 def test_limits_that_no_input_moves_are_no_obstacle():
     """Their second derivatives are nothing at all, which was taken for zeros."""
     problem = oed.parse_study(STILL, "still.yaml").problem

@@ -188,6 +188,7 @@ class TestPublished:
         assert found.values[found.values > 1e-4] == pytest.approx([1 / 4, 1 / 2, 1 / 4], abs=1e-6)
         assert found.value == pytest.approx(np.log(1 / 4), rel=1e-6)
 
+    @pytest.mark.slow
     def test_the_volume_of_what_is_nearly_the_same(self):
         """A third at the ends and in the middle, as of the parabola, from which it differs by a factor."""
         apart = 1e-5
@@ -219,6 +220,7 @@ class TestPublished:
         assert found.value == pytest.approx(np.log(1 / 4), rel=1e-6)
         assert 0 <= bound - found.value < 1e-7
 
+    @pytest.mark.slow
     def test_the_least_information_beside_far_more(self):
         """What readings say of one parameter, a million times as much, is all that helps with another."""
         known = np.array([[3.1, -7.6], [-7.6, 136.0]])
@@ -253,6 +255,7 @@ class TestPublished:
             bound = weight_bound(criterion, parts, found.values, found.gradient, budgets)
             assert found.value == pytest.approx(bound, rel=1e-7)
 
+    @pytest.mark.slow
     def test_predictions_at_all_points_are_best_where_the_volume_is(self):
         """The equivalence theorem: the largest variance of what is predicted is the number of parameters
         [Kiefer and Wolfowitz, The equivalence of two extremum problems, 1960].
@@ -276,6 +279,7 @@ class TestPublished:
         expected = -np.mean(np.einsum("na,ab,nb->n", table, np.linalg.inv(parts.whole(found.values)), table))
         assert found.value == pytest.approx(expected, rel=1e-9)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("kind", [G, I])
     @pytest.mark.parametrize("units", [(1e-6, 1.0, 1e6), (1e3, 1e-4, 1.0)])
     def test_predictions_are_in_no_units_of_parameters(self, kind: type[G | I], units: tuple[float, ...]):
@@ -290,6 +294,7 @@ class TestPublished:
         bound = weight_bound(criterion, scaled, found.values, found.gradient, one)
         assert -1e-9 * abs(found.value) <= bound - found.value < 1e-6 * abs(found.value)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("kind", [G, I])
     def test_predictions_of_any_size(self, kind: type[G | I]):
         """Variances of 1e-10 were below a solver's tolerance."""

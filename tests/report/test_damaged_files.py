@@ -246,6 +246,7 @@ class TestWhatIsSaid:
         assert capsys.readouterr().err == f"{tmp_path / 'record.json'}: results.0.feasible: missing\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_records_are_read_as_they_are(name: str):
     data = json.loads((REPORTS / name / "record.json").read_text(encoding="utf-8"))

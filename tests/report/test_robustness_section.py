@@ -82,6 +82,7 @@ def text_of(**changes: Any) -> str:
 
 
 class TestWords:
+    @pytest.mark.slow
     def test_limits_checked_at_points_only_are_named(self):
         entry = result("ipopt", reserve=2.576, checked_at_points=["workspace"])
         assert "Of workspace this was checked at points only" in text_of(results=[entry])
@@ -102,6 +103,7 @@ class TestWords:
     def test_without_any_drive_there_is_no_section(self):
         assert robustness(made(results=[], bundles=[])) is None
 
+    @pytest.mark.slow
     def test_what_may_differ_is_said(self):
         assert "track ± 9 mm (5 % of nominal)" in text_of()
         assert "track 170 mm to 200 mm" in text_of(uncertain=[ONE_SIDED])

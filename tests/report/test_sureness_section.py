@@ -61,6 +61,7 @@ def test_bound_gap_and_assumptions_are_said():
     assert section_of().notices == ()
 
 
+@pytest.mark.slow
 def test_what_every_bound_is_about_is_said_once_of_old_records_and_new():
     for saved in (FOUND["assumptions"], [*OF_ALL, *FOUND["assumptions"]]):
         record = record_of({**FOUND, "assumptions": saved})

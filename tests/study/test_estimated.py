@@ -39,6 +39,7 @@ def with_discrepancy(text: str) -> str:
     return STUDY.replace(NOISE, NOISE.replace("1 deg}", f"1 deg, {text}}}"))
 
 
+@pytest.mark.slow
 def test_numbers_are_the_same_as_noise_that_grows_so():
     found = parse_study(with_discrepancy(NUMBERS)).problem
     grown = parse_study(STUDY.replace(NOISE, NOISE.replace("1 deg}", f"1 deg, {NUMBERS[14:-1]}}}"))).problem
@@ -142,6 +143,7 @@ def test_an_estimate_of_logs_gives_their_drift(estimated: Path):
     assert echo["sideways_per_metre"] == pytest.approx(reported.sideways)
 
 
+@pytest.mark.slow
 def test_drift_is_numbers_a_record_or_usual(tmp_path: Path):
     usual = parse_study(with_drift("usual")).problem
     plain = parse_study(STUDY).problem

@@ -228,6 +228,7 @@ class TestStartsAlone:
 
 
 class TestCandidates:
+    @pytest.mark.slow
     def test_a_file_s_rows_are_the_trials(self, tmp_path: Path):
         rows = "\n".join(f"{x:.2f} m" for x in np.linspace(-1, 1, 41))
         (tmp_path / "trials.csv").write_text(f"x\n{rows}\n")

@@ -71,6 +71,7 @@ def test_what_cannot_be_read_is_named_by_file_line_and_key(folder: Path, name: s
         load_study(folder / "study.yaml")
 
 
+@pytest.mark.slow
 def test_a_study_that_stands_on_its_own_opens_no_files(folder: Path):
     study = load_study(folder / "study.yaml")
     named = {**study.echo(), "criterion": {"kind": "I", "task": ["circle.csv"]}}

@@ -159,6 +159,7 @@ def straight(distance: float, start=(0.0, 0.0, 0.0), samples: int = 4) -> Trajec
     return Trajectory.from_samples(speeds, 10.0, start, rest_to_rest=False)
 
 
+@pytest.mark.slow
 def test_an_obstacle_between_the_samples_is_met():
     # Samples every 0.5 m, a post 2 cm thick halfway between two of them.
     post = {"kind": "polygon", "points": [[0.74, -0.1], [0.76, -0.1], [0.76, 0.1], [0.74, 0.1]]}

@@ -294,6 +294,7 @@ def test_steering_of_a_spline(name: str):
     assert slack(named, numbers) == pytest.approx(0.7 - np.abs(rates).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["trailer", "trailer_on_axle"])
 def test_trailer_angle(name: str):
     example = BY_NAME[name]

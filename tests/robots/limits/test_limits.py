@@ -105,6 +105,7 @@ def test_wrong_workspaces_are_refused(wrong, reason: str):
         limit_of("workspace", wrong)
 
 
+@pytest.mark.slow
 @given(
     right=st.floats(-20, 20),
     left=st.floats(-20, 20),

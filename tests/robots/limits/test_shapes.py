@@ -59,6 +59,7 @@ def pieces_of(outline) -> tuple[ConvexShape, ...]:
     return convex_pieces(shapely.Polygon(outline))
 
 
+@pytest.mark.slow
 @given(outline=convex_outlines())
 def test_distance_from_a_convex_shape(outline: np.ndarray):
     points = grid_around(outline, 15, 0.8)
