@@ -40,6 +40,7 @@ def test_what_is_said_to_be_refused_is_refused(keys: dict[str, Any], said: str):
     assert said in " ".join(str(caught.value).split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "smooth",
     [

@@ -62,6 +62,7 @@ def _home(function: Any, name: str) -> str:
     return "oed" if alias else home
 
 
+@pytest.mark.slow
 def test_what_is_raised_is_public():
     missing = {
         f"{name}: {error}"

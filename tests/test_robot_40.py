@@ -34,6 +34,7 @@ def test_study_is_the_task_of_the_benchmark(study):
     np.testing.assert_array_equal(problem.input_bounds, [[0.0, task.FASTEST]] * 2)
 
 
+@pytest.mark.slow
 def test_scorer_agrees_with_evaluate(study):
     inputs = np.random.default_rng(40).uniform(0.0, task.FASTEST, (task.INTERVALS, 2))
     # A straight line among the bends, where the arc's formula has its limit.

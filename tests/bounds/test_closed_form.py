@@ -253,6 +253,7 @@ def test_the_same_bound_on_the_track_of_the_paper() -> None:
     assert upper_bound(10) == pytest.approx(20 * (TRACK / RADIUS) ** 2)
 
 
+@pytest.mark.slow
 def test_a_path_budget_is_spent_in_the_longest_segments() -> None:
     # Per sample 2 T wmax L / r, for L shorter than what the top speed allows. [F++ = 2 T^2 sum V^2 / r^2]
     space = DesignSpace(duration=10, samples=100, rest_to_rest=False)
@@ -332,6 +333,7 @@ def test_angles_of_another_size_say_as_much_more_as_their_squares(scale: float) 
         assert most_turning(scale * reach, scale * steps, edges) == pytest.approx(scale**2 * most, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_headings_are_bounded_by_an_input_that_turns_round() -> None:
     problem = load_study(PROBLEMS / "heading.yaml").problem
     by_method = {one.method: one.value for one in regression_bounds(problem)}

@@ -130,6 +130,7 @@ def test_no_design_is_better_than_the_bound(seed, segments):
     assert best <= certificate.upper_bound * (1 + 1e-9)
 
 
+@pytest.mark.slow
 def test_a_way_takes_the_robot_forward_unless_it_turns():
     # g' = v + Omega p'N, against poses that `evaluate` gives.
     rng = np.random.default_rng(1)

@@ -101,6 +101,7 @@ def test_a_bound_of_slightly_wider_limits_by_the_same_parts():
         assert value >= found.lower
 
 
+@pytest.mark.slow
 def test_the_certificate_states_its_nodes():
     certificate = bound(sampled(), nodes=5)
     assert 5 <= certificate.nodes <= 8

@@ -259,6 +259,7 @@ def test_further_limits_are_left_out_in_words() -> None:
     assert without.upper_bound == whole.upper_bound
 
 
+@pytest.mark.slow
 def test_systems_with_states_have_none() -> None:
     decay = Equations(
         parameters={"k": "1 1/s"}, states={"x": ""}, derivatives={"x": "-k * x + u"}, inputs={"u": "1/s"},
@@ -285,6 +286,7 @@ def test_systems_with_states_have_none() -> None:
         sensitivity_function(problem, np.eye(1))
 
 
+@pytest.mark.slow
 def test_what_cannot_be_drawn_is_refused_in_words() -> None:
     with pytest.raises(UserMistake, match="one input, got 2"):
         sensitivity_function(polynomial(SURFACE, 6), np.eye(6))

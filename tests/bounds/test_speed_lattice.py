@@ -126,6 +126,7 @@ def test_few_nodes_leave_a_gap() -> None:
     assert found.upper / found.lower - 1 < 0.06
 
 
+@pytest.mark.slow
 def test_no_time_at_all_still_gives_a_bound() -> None:
     allowed = limits(30, ends=1.0)
     hurried = lattice_bound(allowed, BOTH, NOTHING, time_limit=0.0)
@@ -178,6 +179,7 @@ def test_the_largest_trace_is_that_of_enumeration(allowed: SpeedLimits) -> None:
         assert_keeps(path / weights, allowed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("bounds", "step", "ends", "constant"),
     [
@@ -256,6 +258,7 @@ def test_the_certificate_hands_back_a_drive_of_its_own_value(integration: Any, l
     assert not certificate.loose(found.objective)
 
 
+@pytest.mark.slow
 def test_the_lattices_drive_of_a_robot_with_further_states() -> None:
     problem = problem_of(
         model=TractorTrailer(wheel_radius=0.05, track=0.2, trailer_length=0.4),

@@ -105,6 +105,7 @@ def driven(speeds: Array, turns: Array) -> Array:
     return np.cumsum(moves, axis=1)
 
 
+@pytest.mark.slow
 def test_no_robot_is_where_turning_leaves_it_no_time_to_come_to() -> None:
     # Robots that shunt, too; those nearest to the limit are varied.
     rng, samples, runs = np.random.default_rng(0), 24, 400

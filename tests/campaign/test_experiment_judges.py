@@ -72,6 +72,7 @@ def test_a_score_that_is_a_little_off_is_seen() -> None:
     assert failures(one, objective=one.said.objective * (1 + 3e-6)) == {SCORED}
 
 
+@pytest.mark.slow
 def test_a_margin_on_the_wrong_side_is_seen() -> None:
     limits = [{"kind": "always", "name": "low", "of": "x", "range": [0.0, 1.9]}]
     one = judged(limits=limits)

@@ -95,6 +95,7 @@ class TestHelp:
         assert (code, out) == (2, "")
         assert "usage: oed" in err
 
+    @pytest.mark.slow
     def test_help_imports_nothing_heavy(self):
         program = (
             "import sys\n"
@@ -107,6 +108,7 @@ class TestHelp:
         assert "usage: oed" in done.stdout
         assert done.stderr == "[]\n"
 
+    @pytest.mark.slow
     def test_as_a_module(self):
         done = subprocess.run(
             [sys.executable, "-m", "oed", "--version"], capture_output=True, text=True, check=False
@@ -577,6 +579,7 @@ class TestValidate:
             for key in ("mean", "sampled_covariance", "promised_covariance"):
                 np.testing.assert_allclose(found[key], kept[key], rtol=1e-9)
 
+    @pytest.mark.slow
     def test_an_interrupt_leaves_everything_as_it_was(self, folder: Path, monkeypatch, capsys):
         def strike(*_: object, **__: object) -> None:
             raise KeyboardInterrupt
@@ -780,6 +783,7 @@ def test_counts_are_refused_in_the_words_of_python(capsys, folder: Path, argumen
     assert words in err, err
 
 
+@pytest.mark.slow
 def test_a_seed_of_many_digits_is_taken_by_all(capsys, folder: Path):
     seed = "123456789012345678901234567890123456789012345678"
     drives = []

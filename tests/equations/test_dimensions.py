@@ -91,6 +91,7 @@ def test_a_dimensions_text_is_a_unit_of_it(dimension: Dimension):
     assert found == dimension
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(one=UNITS, other=UNITS)
 def test_products_and_quotients_of_units(one: str, other: str):

@@ -59,6 +59,7 @@ def lagged(inputs: np.ndarray, start: float, rate: float) -> np.ndarray:
     return np.array(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["runge_kutta", "radau"])
 def test_the_information_is_that_of_the_closed_form(integrator: str):
     inputs = np.array([1.0, 0.0, 2.0, 0.0, 0.0, 1.0])

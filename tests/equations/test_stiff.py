@@ -42,6 +42,7 @@ class TestAgainstSundials:
         np.testing.assert_allclose(states, exact, rtol=1e-8)
         np.testing.assert_allclose(slopes, exact_slopes, rtol=1e-7)
 
+    @pytest.mark.slow
     def test_robertson_with_its_conservation_as_an_equation(self):
         own = system(CONSERVED)
         states, slopes = followed(own, [1.0, 0.0], [], EVERY)

@@ -77,6 +77,7 @@ class TestStep:
     def test_of_no_time_changes_nothing(self):
         assert np.array(stepper(tank())(STATE, FLOW, tank().nominal, 0.0)).ravel() == pytest.approx(STATE)
 
+    @pytest.mark.slow
     def test_is_of_fourth_order(self):
         exact = self.exact(20.0, np.array([2e-4, 1500.0]))
         off = [np.abs(self.stepped(20.0, count) - exact)[0] for count in (20, 40)]
@@ -244,6 +245,7 @@ def test_a_system_without_inputs_is_at_rest():
     assert found.feasible
 
 
+@pytest.mark.slow
 def test_where_to_begin_may_be_all_that_is_chosen():
     """An unknown by itself is both a row and a column: that ended in a mismatch of dimensions."""
     system = Equations(

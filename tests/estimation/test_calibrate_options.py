@@ -262,6 +262,7 @@ class TestOddLogs:
         assert "track separately" in " ".join(found.weak_directions)
         assert found.cross_validation == ()
 
+    @pytest.mark.slow
     def test_dead_reckoning_apart_needs_positions(self):
         heading = log_of(course(seed=1), quantities=("heading",), name="apart")
         with pytest.raises(LogError, match=r"apart\.csv: dead reckoning needs positions"):

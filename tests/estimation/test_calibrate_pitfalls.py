@@ -42,6 +42,7 @@ def test_wheels_of_other_sizes_on_a_gentle_turn_are_not_exchanged_wheels():
     preprocess(ROBOT, [log_of(drive, noise=NOISE)], compare_clocks=True)
 
 
+@pytest.mark.slow
 def test_too_few_poses_for_the_unknowns():
     log = log_of(course(seconds=10.0))
     few = replace(log, pose_times=log.pose_times[[0, 100]], poses=log.poses[[0, 100]])
@@ -213,6 +214,7 @@ def test_a_coordinate_may_stand_still_on_a_straight_line(heading: float, ratio: 
     assert frozen(moves) is None
 
 
+@pytest.mark.slow
 def test_poses_too_small_for_their_squares_stand_still():
     log = log_of(course(seconds=10.0), noise=NOISE)
     for scale in (1e-300, 1e-160, 1e-20):

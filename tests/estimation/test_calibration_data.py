@@ -116,6 +116,7 @@ class TestData:
             "position" if quantities == ("x", "y") else "heading"
         ]
 
+    @pytest.mark.slow
     def test_of_a_robot_at_rest(self):
         log = log_of(course(inputs=np.zeros((50, 2)), seconds=5))
         assert plain(estimate_of(calibrate(logged_problem(), [log, log], options(segment="log"))).plain())

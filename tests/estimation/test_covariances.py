@@ -114,6 +114,7 @@ class TestSandwich:
 
 
 class TestBootstrap:
+    @pytest.mark.slow
     @pytest.mark.parametrize("seconds", [None, 4.0])
     def test_is_that_of_segments_drawn_by_hand(self, fit: Fit, seconds):
         blocks, rng = blocks_of(fit, seconds), np.random.default_rng(3)
@@ -295,6 +296,7 @@ class TestSegmenting:
 
         return longest_without_drift(layout, found)
 
+    @pytest.mark.slow
     def test_white_noise_leaves_logs_whole(self):
         found = self.chosen(LOGS)
         assert found.seconds == np.inf
@@ -428,6 +430,7 @@ class TestDiagnostics:
             assert found["stated_noise", about].passed is passes
             assert found["stated_noise", about].statistic == pytest.approx(factor, rel=0.06)
 
+    @pytest.mark.slow
     def test_logs_that_agree_and_logs_that_do_not(self):
         assert verdicts(fit_of(LOGS))["logs_agree", "logs"].passed
         other = course(ROBOT, truth_of(ROBOT, **{**TRUTH, "track": 0.217}), seconds=12.0)

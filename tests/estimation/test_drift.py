@@ -131,6 +131,7 @@ def require_dense(fit: Fit, sits: Sequence[float]) -> None:
         assert found.half_width == pytest.approx(1.96, abs=0.001)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantities", [("x", "y", "heading"), ("x", "y")], ids=len)
 @pytest.mark.parametrize("sits", [ORIGIN, SITS], ids=["centred", "off"])
 def test_is_what_full_matrices_say(quantities: tuple[str, ...], sits: tuple[float, float, float]):
@@ -197,6 +198,7 @@ class TestRates:
         assert found.seconds == alone.seconds
         np.testing.assert_allclose(found.values, alone.values, rtol=0.1)
 
+    @pytest.mark.slow
     def test_are_those_that_the_robot_drifts_with(self):
         logs = [driven(seed, 30.0, 3.0) for seed in range(3)]
         found = drift_rates(fit_of(logs, seconds=2.0))

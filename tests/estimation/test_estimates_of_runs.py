@@ -172,6 +172,7 @@ class TestNonlinear:
             with pytest.raises(AttributeError, match=f"it is now '{new}'"):
                 getattr(estimator, old)
 
+    @pytest.mark.slow
     @sensors
     def test_side_by_side_estimates_are_those_of_one_after_another(self, measurement, monkeypatch):
         estimator = Nonlinear(runs_problem(measurement=measurement), drive_of())

@@ -50,6 +50,7 @@ def same(one: Fit, other: Fit) -> None:
 
 
 class TestTimesWithoutReadings:
+    @pytest.mark.slow
     @pytest.mark.parametrize("keys", [{"grows": True}, {"loss": "huber"}])
     def test_change_no_joint_fit(self, keys: dict):
         search = search_of(LOGS, seconds=2.0, **keys)

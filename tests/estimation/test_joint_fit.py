@@ -150,6 +150,7 @@ class TestRecovery:
         own = np.array([TRUTH["wheel_radius_right"], TRUTH["wheel_radius_left"]]) / TRUTH["track"]
         assert fit.values / 0.2 == pytest.approx(own, rel=1e-6)
 
+    @pytest.mark.slow
     def test_whatever_the_segments_length(self):
         logs = several(2, place=SITS)
         for seconds in (0.25, 1.0, 3.7, np.inf):

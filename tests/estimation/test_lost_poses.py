@@ -43,6 +43,7 @@ def drives(of: Callable[[int], Course], seeds: range) -> list[Log]:
     return [log_of(of(seed), noise=NOISE, seed=seed, name=f"drive {seed}") for seed in seeds]
 
 
+@pytest.mark.slow
 def test_hardly_change_the_estimate():
     (log,) = drives(drive, range(1))
     lost = with_losses(log)
@@ -56,6 +57,7 @@ def test_hardly_change_the_estimate():
     assert np.all(np.sqrt(np.diag(found.inverse)) < 1.25 * sizes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [0.0, 0.31])
 def test_hide_neither_clocks_nor_crossed_wires(offset: float):
     log = with_losses(log_of(drive(1), noise=NOISE, offset=offset))

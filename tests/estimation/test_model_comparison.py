@@ -148,6 +148,7 @@ class TestLikelihood:
         assert found.each.sum() == pytest.approx(wanted)
         assert found.unknowns == pytest.approx(3, abs=1e-3)
 
+    @pytest.mark.slow
     def test_noise_grows_for_all_where_it_grows_for_one(self):
         logs = several(2, seconds=6.0, noise=NOISE, per_yaw_rate=(0.01, 0.02))
         growing, constant = (fit_of(logs, grows=grows) for grows in (True, False))

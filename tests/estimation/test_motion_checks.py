@@ -160,6 +160,7 @@ class TestNamed:
         text = suspected(negated(log, *driving), robot.model)
         assert "wrong sign" in (text or "")
 
+    @pytest.mark.slow
     def test_two_of_four_wheels_of_the_wrong_sign(self):
         robot = Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.35)
         log = log_of(course(robot, np.array(robot.nominal)), noise=NOISE)
@@ -231,6 +232,7 @@ class TestNamed:
         with pytest.raises(LogError, match=text):
             calibrate(logged_problem(), [log])
 
+    @pytest.mark.slow
     def test_headings_in_degrees_that_were_unwrapped_as_radians(self):
         found = replace(LOG, findings=(Finding(IN_DEGREES, "say `unit: deg`"),))
         random = np.random.default_rng(0).normal(size=len(LOG.poses)).cumsum()
@@ -277,6 +279,7 @@ class TestPositionsAlone:
         assert all(one in text for one in self.MIRROR_IMAGES)
         assert "of the path's bends unexplained" in text
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(("model", "log"), LOGS, ids=("differential", "skid steer"))
     @pytest.mark.parametrize(("place", "side"), [(0, "right"), (1, "left")])
     def test_which_of_two_signs_is_wrong(self, model, log: Log, place: int, side: str):
@@ -288,6 +291,7 @@ class TestPositionsAlone:
     def test_true_ones(self, model, log: Log):
         assert suspected(log, model) is None
 
+    @pytest.mark.slow
     def test_are_refused_with_the_files_name(self):
         (_, log), _ = self.LOGS
         with pytest.raises(LogError, match=rf"drive\.csv: {SWAPPED}.*bends unexplained instead of all"):
@@ -399,6 +403,7 @@ class TestNoise:
         log = as_driven(model, inputs, noise=noise)
         assert preprocess(model, [log], compare_clocks=True).logs == (log,)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("inputs", "sizes"),
         [
@@ -428,6 +433,7 @@ class TestNoise:
         log = as_driven(ROBOT, inputs, noise=noise)
         assert preprocess(ROBOT, [log], compare_clocks=True).logs == (log,)
 
+    @pytest.mark.slow
     def test_turns_beyond_it_have_to_be_explained(self):
         # One column for both wheels: ways are explained, turns are not.
         log = log_of(DRIVE, noise=(0.005, 0.1))

@@ -459,6 +459,7 @@ class TestFit:
         np.testing.assert_allclose(found.residuals, expected, atol=2e-3)
         assert 0.6 < np.linalg.norm(found.residuals) / math.sqrt(len(readings)) < 1.4
 
+    @pytest.mark.slow
     def test_what_is_known_from_before_draws_the_estimate(self):
         (case,) = [case for case in CASES if case.name == "much_known_before"]
         readings, other = noisy(case, 4), case.nominal.copy()
@@ -677,6 +678,7 @@ class TestRobust:
         result = validate(PLAIN.problem, PLAIN.drive, replicates=100, loss="cauchy", seed=2)
         assert result.passed
 
+    @pytest.mark.slow
     @losses
     def test_knowledge_from_before_has_no_outliers(self, loss: Loss):
         # A prior that contradicts the readings keeps its full weight, by SciPy with a loss for each row.

@@ -346,6 +346,7 @@ class TestOwnFormula:
             )
 
     # One rule after the other: neither knows of robots.
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("example", "rule"),
         list(zip(COEFFICIENT_ROBOTS, cycle(["arc", "midpoint"]), strict=False)),
@@ -381,6 +382,7 @@ class TestNegativeControls:
         # The others' errors cancel in part: it promises more than twice the variance there is.
         assert result.paired_ratio.max() < 0.5
 
+    @pytest.mark.slow
     def test_the_naive_formula_where_predicted_headings_err(self):
         result = validated("ols", "predicted", "increments", "0.01 mm", "0.05 deg")
         assert not result.passed

@@ -95,6 +95,7 @@ class TestEstimates:
         assert found.fit.unknowns.place == ()
         np.testing.assert_allclose(found.fit.values[:3], TRUE[:3], rtol=1e-5)
 
+    @pytest.mark.slow
     def test_a_search_begins_from_a_mounting_that_the_study_has_right(self, tmp_path: Path):
         sensor = RelativePoses(noise=PROBLEM.measurement.noise, mounting={"heading": MOUNTED[2]})
         problem = problem_of(model=NOMINAL, limits=input_limits, criterion=E(), measurement=sensor)
@@ -215,6 +216,7 @@ class TestEstimates:
         found = estimated(logs_of(tmp_path, matched(noise=exact, seconds=60)), problem, clock_offset=False)
         assert found.fit.starts.shape[1] == len(robot.states) - 3
 
+    @pytest.mark.slow
     def test_matches_without_wheels_are_counted(self, tmp_path: Path):
         drive = matched(noise=exact, seconds=60)
         gone = np.r_[0:200, 230:500]
@@ -271,6 +273,7 @@ class TestBadMatches:
         moves = Moves.of(NOMINAL, [without_strays(NOMINAL, log)])
         assert motion_fault(moves, [log]) is None
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(("loss", "said"), [("linear", True), ("cauchy", False)])
     def test_so_many_that_they_decide_a_plain_fit_are_its_first_doubt(
         self, tmp_path: Path, loss: str, said: bool
@@ -386,6 +389,7 @@ class TestRefused:
         with pytest.raises(LogError, match="exchange their columns"):
             estimated(logs_of(tmp_path, replace(drive, turned=drive.turned[:, ::-1])), clock_offset=False)
 
+    @pytest.mark.slow
     def test_backwards_motions_are_read_when_the_study_says_so(self, tmp_path: Path):
         drive = matched(noise=exact, seconds=60)
         logs = logs_of(tmp_path, replace(drive, motions=backwards(drive.motions)), inverse=True)

@@ -63,6 +63,7 @@ def test_half_a_turn_is_the_same_to_a_car_but_beyond_what_it_steers():
     assert "`zero`" in doubted(CAR, 180.0)["steered_beyond"]
 
 
+@pytest.mark.slow
 def test_a_missing_zero_is_named_where_clocks_are_apart():
     with pytest.raises(LogError, match=r"steering_angle: its zero seems to be \S+ deg off straight ahead"):
         calibrate(logged_problem(model=TRUCK), [steered(TRUCK, 60.0, clock=0.4)])

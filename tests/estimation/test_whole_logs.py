@@ -136,6 +136,7 @@ def dense(fit: Fit, sits: tuple[float, float, float], sizes: dict[str, float]) -
     return np.linalg.inv(columns.T @ np.linalg.solve(whole, columns))[:3, :3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sits", [ORIGIN, SITS], ids=["centred", "off"])
 @pytest.mark.parametrize("some", ["all", *("passing", "lasting", "drift")])
 def test_information_is_what_full_matrices_say(sits: tuple[float, float, float], some: str):
@@ -224,6 +225,7 @@ def test_means_see_of_a_steps_drift_what_a_random_walk_has_of_it():
     np.testing.assert_allclose(besides, np.std(means - wanted * ends), rtol=0.02)
 
 
+@pytest.mark.slow
 def test_many_readings_taken_together_say_no_more_than_each():
     # Of 50 in a second the robot drifts by more within a step than what their mean is sure of.
     drift = {**dict.fromkeys((*PASSING[:3], *LASTING[:2]), 1e-9), **dict(zip(DRIFT, USUALLY, strict=True))}

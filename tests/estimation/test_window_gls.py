@@ -141,6 +141,7 @@ def test_volumes_are_log_determinants_of_the_noise():
     np.testing.assert_allclose(other.volumes - one.volumes, 3 * np.log(9.0), rtol=0.03)
 
 
+@pytest.mark.slow
 def test_noise_that_is_stated_is_taken_as_it_is():
     log = log_of(course(seconds=30), noise=(0.001, 0.005))
     specified = {"position": Noise(0.002, 0.01), "heading": Noise(0.01)}
@@ -150,6 +151,7 @@ def test_noise_that_is_stated_is_taken_as_it_is():
     np.testing.assert_allclose(fit.values, TRUE, rtol=0.01)
 
 
+@pytest.mark.slow
 def test_nothing_need_be_known_beforehand():
     log = log_of(course(), noise=(0.001, 0.005))
     unknowns = unknowns_of()

@@ -58,6 +58,7 @@ def test_derivatives_are_difference_quotients(model, place):
     np.testing.assert_allclose(slopes, np.stack(quotients, axis=-1), rtol=1e-5, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_order_of_the_quantities_does_not_matter():
     drive = course()
     one = log_of(drive)

@@ -155,6 +155,7 @@ def test_its_derivatives_are_difference_quotients(part):
     assert found == pytest.approx(quotient / (2 * step[part]), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_variances_are_known_as_well_as_the_likelihood_is_curved():
     deviation = np.full(len(SOME), 1.5)
     likelihood = replace(some_likelihood(), prior=(np.log(SOME), deviation))

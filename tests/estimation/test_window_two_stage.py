@@ -67,6 +67,7 @@ def test_it_is_the_papers_least_squares():
     assert fit.misfit == pytest.approx(1 - 4 / (3 * rows), rel=0.01)
 
 
+@pytest.mark.slow
 def test_without_noise_everything_is_exact():
     log = log_of(course(seconds=40), place=SITS, offset=0.1)
     fit = two_stage([log], unknowns_of(place=PLACE, clocks=1))
@@ -74,11 +75,13 @@ def test_without_noise_everything_is_exact():
     np.testing.assert_allclose(fit.values, [*TRUE, *SITS, 0.1], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_three_rows_of_coefficients():
     fit = two_stage([log_of(course(ICR, ICR_TRUTH, seconds=40))], unknowns_of(ICR, clocks=1))
     np.testing.assert_allclose(fit.values, [*ICR_TRUTH, 0.0], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_place_that_is_known_is_taken_off():
     log = log_of(course(seconds=40), place=(0.05, 0.04, 0.0))
     fit = two_stage([log], unknowns_of(place=("sensor_heading",), sits=(0.05, 0.04, 0.0)))
@@ -110,6 +113,7 @@ def test_a_sensor_to_the_side_shifts_the_coefficients_along_each_other():
     np.testing.assert_allclose(fit.values, [*true[:2], *(true[2:] - 0.03 * true[:2])], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_parameters_are_the_coefficients_best_fit():
     # Three parameters for four coefficients: the misfit weighted by their covariance is least.
     log = log_of(course(), noise=(0.002, 0.01))
@@ -128,6 +132,7 @@ def test_parameters_are_the_coefficients_best_fit():
     np.testing.assert_allclose(fit.scores.sum(axis=0) / sizes, 0.0, atol=0.02)
 
 
+@pytest.mark.slow
 def test_scores_say_what_a_log_does_to_the_estimate():
     logs = [
         log_of(course(seed=seed), noise=(0.001, 0.005), seed=seed, name=f"drive {seed}") for seed in range(6)

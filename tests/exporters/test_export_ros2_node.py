@@ -133,6 +133,7 @@ class TestFile:
         assert f"x from {poses[:, 0].min():.2f} m to {poses[:, 0].max():.2f} m" in text
         assert "Ramps" not in text
 
+    @pytest.mark.slow
     def test_the_hash_is_the_designs(self, tmp_path: Path):
         def digest(folder: str, study: Study) -> str:
             text = export(saved(tmp_path / folder, study), "ros2_node", rate=30).read_text()
@@ -141,6 +142,7 @@ class TestFile:
         assert digest("a", study_of()) == digest("b", study_of())
         assert digest("a", study_of()) != digest("c", study_of(MECANUM))
 
+    @pytest.mark.slow
     def test_names_are_no_code(self, tmp_path: Path, plain: Path):
         folder = saved(tmp_path, study_of())
         data = json.loads((folder / "record.json").read_text())

@@ -38,6 +38,7 @@ def nanoseconds(header: Any) -> int:
 
 @each_storage
 class TestContent:
+    @pytest.mark.slow
     def test_topics(self, tmp_path: Path, storage: str):
         bag = export(saved(tmp_path, study_of()), "rosbag2", storage=storage)
         assert bag == tmp_path / "my_drive_bag"
@@ -49,6 +50,7 @@ class TestContent:
         counts = {PLAN: 1, COMMAND: 9, JOINTS: 9}
         assert found == {topic: (kind, counts[topic]) for topic, kind in TOPICS.items()}
 
+    @pytest.mark.slow
     def test_a_robot_on_commands_gets_those_of_the_design(self, tmp_path: Path, storage: str):
         """Not the motion that it makes of them; and it has no joints that anybody knows."""
         study = study_of(UNICYCLE, COMMANDED)
@@ -73,6 +75,7 @@ class TestContent:
         assert forward == pytest.approx([*((0.051 * right + 0.049 * left) / 2), 0.0])
         assert yaw_rates == pytest.approx([*((0.051 * right - 0.049 * left) / 0.2), 0.0])
 
+    @pytest.mark.slow
     def test_joints_turn_as_commanded(self, tmp_path: Path, storage: str):
         study = study_of()
         bag = export(saved(tmp_path, study), "rosbag2", storage=storage, rate=10.0)
@@ -128,6 +131,7 @@ def test_every_run_is_a_bag_of_its_own(tmp_path: Path, storage: str):
         assert (plan.poses[0].pose.position.x, plan.poses[0].pose.position.y) == pytest.approx(run.start[:2])
 
 
+@pytest.mark.slow
 def test_old_releases_can_read_the_metadata(tmp_path: Path):
     bag = export(saved(tmp_path, study_of()), "rosbag2")
     data = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]

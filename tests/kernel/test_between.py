@@ -73,6 +73,7 @@ def test_a_post_between_two_points_is_hit():
     assert margin(problem, beside, "obstacles").margin == pytest.approx(0.001, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_wall_of_millimetres_is_not_crossed():
     wall = {"kind": "polygon", "points": [[1.01, -2], [1.015, -2], [1.015, 2], [1.01, 2]]}
     problem = moving(Obstacles.model_validate([wall]), Rectangle(x=(-1, 6), y=(-2, 2)))
@@ -218,6 +219,7 @@ def test_limits_are_on_the_motion_that_a_lagging_robot_has():
         assert found.margin == pytest.approx(expected, abs=1e-4), name
 
 
+@pytest.mark.slow
 def test_motion_between_the_samples_counts():
     problem = moving(
         LateralAcceleration(bounds=0.1),

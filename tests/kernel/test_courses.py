@@ -30,6 +30,7 @@ def growing(rate: float = RATE, most: float = MOST) -> oed.Problem:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("courses", [state_courses, reading_courses])
 @pytest.mark.parametrize("finer", [1, 3])
 def test_slopes_are_those_of_the_parameters(courses, finer: int):

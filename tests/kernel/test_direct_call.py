@@ -40,6 +40,7 @@ def called(call: DirectCall) -> list[np.ndarray]:
     return call(rng.normal(size=(2, 3)), rng.normal(size=2))
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_what_is_called_for_long_is_compiled_to_the_same_bits(cache: Path):
     call = DirectCall(example())
@@ -89,6 +90,7 @@ def test_calls_of_what_is_called_once_are_not_compiled(cache: Path):
     assert not cache.exists()
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_what_is_compiled_already_stays_as_it_is(cache: Path):
     call = DirectCall(compiled(example()).map(4))
@@ -119,6 +121,7 @@ def test_a_library_cut_short_is_cleared_away_and_made_again(share: float, cache:
     assert making.binary.exists()
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_a_library_of_which_a_byte_has_changed_is_not_used(cache: Path):
     making = Making([example()])
@@ -131,6 +134,7 @@ def test_a_library_of_which_a_byte_has_changed_is_not_used(cache: Path):
     assert not making.binary.exists()
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_what_was_left_of_a_compiler_that_was_killed_is_cleared_away(
     cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -216,6 +220,7 @@ def test_a_program_that_ends_leaves_no_compiler_at_work(cache: Path, endless: Pa
     assert not list(folder.iterdir())
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_what_a_compiler_made_is_there_for_all_processes_once_it_has_ended(cache: Path):
     making = Making([example()])
@@ -224,6 +229,7 @@ def test_what_a_compiler_made_is_there_for_all_processes_once_it_has_ended(cache
     assert making.binary.exists()
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
 def test_a_forked_process_leaves_the_compiler_to_its_parent(cache: Path):

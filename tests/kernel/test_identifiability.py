@@ -451,6 +451,7 @@ class TestWords:
             "c22 changes nothing that is measured",
         ]
 
+    @pytest.mark.slow
     def test_the_refusal_names_all_of_them_and_what_to_do(self):
         problem = posed_problem(model=TwoRadii())
         with pytest.raises(ProblemError) as raised:
@@ -480,6 +481,7 @@ class TestWords:
                 first = next(iter(found.changes))
                 assert found.relative[first] == pytest.approx(STEP, rel=1e-9)
 
+    @pytest.mark.slow
     def test_it_is_the_same_every_time(self):
         first, again = ambiguities(posed_problem(model=SKID)), ambiguities(posed_problem(model=SKID))
         assert first == again
@@ -608,10 +610,12 @@ class TestPrior:
         assert ambiguities(problem) == ()
         require_identifiable(problem)
 
+    @pytest.mark.slow
     def test_of_another_parameter_does_not_help(self):
         problem = posed_problem(model=SKID, prior=Prior(standard_deviations={"track": "1 %"}))
         assert names_of(problem) == names_of(posed_problem(model=SKID))
 
+    @pytest.mark.slow
     def test_one_for_each_combination(self):
         for known, left in (
             (("slip_right",), [("radius_left", "slip_left")]),
@@ -643,6 +647,7 @@ class TestSolve:
         with pytest.raises(AssertionError, match="the search has begun"):
             oed.solve(posed_problem(model=DIFFERENTIAL), Untouched())
 
+    @pytest.mark.slow
     def test_the_solvers_own_criterion_counts(self):
         alone = E(subset=("track",))
         with pytest.raises(AssertionError, match="the search has begun"):

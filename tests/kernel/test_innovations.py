@@ -112,6 +112,7 @@ def assert_close(found: np.ndarray, expected: np.ndarray, share: float = 1e-8) -
     np.testing.assert_allclose(found / np.outer(sizes, sizes), expected / np.outer(sizes, sizes), atol=share)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 4])
 def test_poses_say_what_generalised_least_squares_would(every):
     problem = problem_of(measurement=POSES.model_copy(update={"every": every}), criterion=E())
@@ -136,6 +137,7 @@ def test_precision_over_time_is_that_of_the_readings_so_far():
     assert np.all(np.isinf(precision_over_time(problem, drive, np.array([0.0]))))
 
 
+@pytest.mark.slow
 def test_a_sensor_that_does_not_read_at_the_end_says_nothing_there():
     seldom = POSES.model_copy(update={"every": 3})
     problem = problem_of(measurement=[seldom, POSES.model_copy(update={"every": 2})], criterion=E())
@@ -149,6 +151,7 @@ def test_a_sensor_that_does_not_read_at_the_end_says_nothing_there():
     assert_close(information_of(problem, drive), dense(readings, drive, DRIFT, 0))
 
 
+@pytest.mark.slow
 def test_drift_of_nothing_is_none_and_the_filter_without_errors_is_least_squares():
     silent = problem_of(measurement=POSES.model_copy(update={"drift": Drift()}), criterion=E())
     blind = problem_of(measurement=POSES.model_copy(update={"drift": None}), criterion=E())
@@ -188,6 +191,7 @@ def motions_read(drive: Trajectory, every: int) -> Callable[[np.ndarray, np.ndar
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 3])
 def test_relative_poses_see_the_motion_as_it_was(every):
     problem = problem_of(measurement=MOTIONS.model_copy(update={"every": every}), criterion=E())
@@ -209,6 +213,7 @@ def test_motions_over_different_times_are_remembered_beside_poses():
     assert_close(information_of(problem, drive), dense(readings, drive, DRIFT, 0))
 
 
+@pytest.mark.slow
 def test_a_marker_beside_the_origin_is_a_nuisance():
     arm = LeverArm(x=0.0, y=0.0, known=False)
     problem = problem_of(measurement=POSES.model_copy(update={"lever_arm": arm}), criterion=E())
@@ -223,6 +228,7 @@ def test_a_marker_beside_the_origin_is_a_nuisance():
     assert_close(information_of(problem, drive), dense(readings, drive, DRIFT, 2), 1e-7)
 
 
+@pytest.mark.slow
 def test_runs_drift_each_for_itself():
     problem = problem_of(measurement=POSES, criterion=E(), runs=2)
     drive = random_drive(problem, 6)
@@ -230,6 +236,7 @@ def test_runs_drift_each_for_itself():
     assert_close(information_of(problem, drive), each[0] + each[1])
 
 
+@pytest.mark.slow
 def test_a_correlated_rate_of_drift_is_that_of_its_matrix():
     matrix = np.array([[4e-4, 1e-4, 0.0], [1e-4, 1e-4, 1e-4], [0.0, 1e-4, 9e-4]])
     drift = Drift(covariance_rate=tuple(map(tuple, matrix)))

@@ -173,6 +173,7 @@ def test_no_choice_is_best_of_readings_that_leave_parameters_undetermined():
     assert selection_of(problem, chosen) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("readings", [1, 2])
 def test_fewer_readings_than_parameters_leave_them_undetermined(readings: int):
     text = UNDETERMINED.replace("subset: [out]", "subset: [out, fed]").replace("samples: 30", "samples: 12")

@@ -308,6 +308,7 @@ def test_a_prior_however_good_makes_nothing_singular(criterion: Criterion, share
         assert found.objective == pytest.approx(evaluate(known, drive).objective, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "criterion", [E(scaling="none"), D(scaling="none"), A(scaling="none")], ids=lambda one: one.kind
 )

@@ -278,6 +278,7 @@ class Heat(oed.Limit):
         return Rows(heat, np.full(count, -np.inf), np.full(count, 0.9), 0.9, "V^2")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("whole", [False, True])
 @pytest.mark.parametrize("when", ["at samples", "in periods"])
 def test_it_is_put_together_from_pieces(when: str, whole: bool, monkeypatch: pytest.MonkeyPatch):

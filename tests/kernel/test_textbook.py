@@ -174,6 +174,7 @@ CHEBYSHEV = (-0.7946544722917661, -0.1875924740850799, 0.1875924740850799, 0.794
 """Nodes of equal weight that integrate polynomials of degree 5 over [-1, 1] exactly."""
 
 
+@pytest.mark.slow
 def test_best_mean_prediction_over_an_interval():
     # Weights 1/4, 1/2, 1/4; the mean variance 8/15 counts half, for the legs back have none.
     criterion = I(scaling="none", test_drive=there_and_back(CHEBYSHEV))

@@ -82,11 +82,13 @@ def enlarged(problem: Problem) -> Problem:
     return replace(problem, model=problem.model.with_values(values), robust=None)
 
 
+@pytest.mark.slow
 def test_a_back_off_is_taken_from_the_margin(drive: Trajectory):
     expected = margin(tight_problem(robust=None), drive) - 0.3
     assert margin(tight_problem(robust=Fixed(distance=0.3)), drive) == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [0.0, 0.05])
 def test_scenarios_keep_limits_as_they_stand(drive: Trajectory, distance: float):
     plain = tight_problem(robust=None)

@@ -62,6 +62,7 @@ def test_cells_of_a_sound_log_are_spoilt(log_form: LogForm, spoilt: list[tuple[i
     require_sound(read("\n".join(",".join(row) for row in rows), log_form))
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.sampled_from(FORMS), st.permutations(ROWS), st.integers(0, 13))
 def test_lines_of_a_sound_log_are_shuffled_and_lost(log_form: LogForm, lines: list[str], count: int):

@@ -99,6 +99,7 @@ class TestRoundTrip:
         (storage,) = [file for file in path.iterdir() if file.suffix in (".mcap", ".db3")]
         require_alike(read(storage))
 
+    @pytest.mark.slow
     def test_ros_1(self, tmp_path: Path):
         store = STORES["ros1"]
         messages = [*joints(TABLE[:, 0], ANGLES, types=store.types), *poses(ODOMETRY, types=store.types)]

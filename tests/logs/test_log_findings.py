@@ -85,6 +85,7 @@ class TestClocks:
         assert found(log) == {"duplicate_rows": "1 row(s) repeat the one before, time and all; left out"}
         np.testing.assert_array_equal(log.input_times, TABLE[:, 0])
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("keys", [{}, {"inputs": ANGLES}], ids=["speeds", "angles"])
     def test_a_time_that_is_there_twice_among_many(self, tmp_path: Path, keys: dict[str, Any]):
         times = np.arange(2000) / 100

@@ -234,6 +234,7 @@ class TestColumns:
         with pytest.raises(ValidationError, match=r"keep\.x.*\n.*expected \[low, high\], got \[2, 1\]"):
             form(keep={"x": [2, 1]})
 
+    @pytest.mark.slow
     def test_runs_that_are_none(self, file: Path, rows: list[list[str]]):
         issue = issue_of(write(file, rows), runs="x")
         assert issue.message == "none of its 200 runs has 3 rows; does another column tell them apart?"

@@ -96,6 +96,7 @@ def test_derivatives_are_finite_differences(overrides: dict):
     check(*make_chain(overrides))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["E", "A, both regressions"])
 def test_so_are_those_of_an_objective_that_bends_with_the_information(name: str):
     check(*make_chain(VARIANTS[name], bent=True))

@@ -53,6 +53,7 @@ def exploration(design: DesignExpressions, budget: int = 10**6, pace: Pace = QUI
     return Exploration(design, fresh, np.random.default_rng(2), budget, pace)
 
 
+@pytest.mark.slow
 def test_starts_and_perturbed_designs_keep_to_one_sided_ranges(design):
     screened, rng = screen(design, np.random.default_rng(0)), np.random.default_rng(1)
     low, high = design.coefficient_bounds.T
@@ -198,6 +199,7 @@ def test_cut_short_it_hands_back_a_drive_met_on_the_way(monkeypatch):
     assert found.evaluation.feasible
 
 
+@pytest.mark.slow
 def test_cut_short_in_a_round_it_hands_back_the_best_that_had_ended(monkeypatch):
     asked, ended = iter([False, False]), []
     monkeypatch.setattr("oed.optimize.multi_start.MultiStart._out_of_time", lambda _: next(asked, True))

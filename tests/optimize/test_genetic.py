@@ -273,6 +273,7 @@ class TestPolish:
         polished = self.polish(problem, earlier)
         assert polished.evaluation.objective >= earlier.evaluation.objective * (1 - 1e-9)
 
+    @pytest.mark.slow
     def test_an_unknown_search(self, genetic: Solution):
         options = Ipopt(starts=1, start_from="nobody")
         with pytest.raises(ProblemError, match=r"earlier search \(genetic\), got 'nobody'"):

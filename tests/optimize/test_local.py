@@ -68,6 +68,7 @@ def test_of_the_first_instants_alone_hardly_a_search_would_end_inside(coarse: Pr
     assert feasible_starts(solve(coarse, OPTIONS, seed=0, workers=1)) <= 1
 
 
+@pytest.mark.slow
 def test_a_search_in_use_is_not_the_first_to_go(monkeypatch):
     monkeypatch.setattr("oed.optimize.local._CACHE", OrderedDict())
     problem, settings = problem_of(), Settings(10, 1e-6, None, "none")

@@ -326,6 +326,7 @@ def test_pieces_say_what_the_whole_drive_says(overrides: dict[str, Any]):
     agree(problem, Pieces(problem, short(problem)), Unrolled(problem))
 
 
+@pytest.mark.slow
 def test_a_slope_that_is_not_finite_spoils_no_other_limit():
     problem = small_problem(limits=(Step(), SPEED, Mean()), design=space(rest_to_rest=False))
     pieces, whole = Pieces(problem, short(problem)), Unrolled(problem)
@@ -406,6 +407,7 @@ def test_second_derivatives_by_directions_are_those_of_all_at_once(monkeypatch: 
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [Pieces, Unrolled])
 @pytest.mark.parametrize(
     ("limits", "crossing"), [((Lagging(),), True), ((BodySpeed(bounds=0.4), BOX), False)]
@@ -459,6 +461,7 @@ def test_a_limit_on_whole_runs_leaves_the_rest_to_pieces(limit: Limit):
     assert isinstance(terms_of(small_problem(limits=(SPEED, BOX, limit))), Pieces)
 
 
+@pytest.mark.slow
 def test_scores_and_bounded_unknowns_agree():
     problem = small_problem(limits=(*EVERYTHING, *WHOLE_RUNS[::2]))
     pieces, whole = terms_of(problem), Unrolled(problem)
@@ -518,6 +521,7 @@ def test_building_does_not_grow_with_the_samples(measurement, more):
     assert (len(terms.rows[2].lower), terms.instants.count) == (0, 2 if not more else terms.instants.count)
 
 
+@pytest.mark.slow
 def test_wheels_that_cannot_reach_full_speed_are_scaled_alike():
     problem = small_problem(limits=(WheelSpeed(bounds=(-2, 8)), BOX))
     z = np.random.default_rng(2).uniform(-1, 1, Unrolled(problem).size)

@@ -172,6 +172,7 @@ class TestProgram:
         assert outcome.return_status == "Solve_Succeeded"
         assert float(reached(outcome.unknowns)) == pytest.approx(1 - backoff, abs=1e-3)
 
+    @pytest.mark.slow
     def test_floors_are_kept(self):
         program, reached = self.program(sign=-1, floors=True)
         outcome = program.solve(np.full(program.design.terms.size, 0.1), np.zeros(0), floors=np.array([0.4]))

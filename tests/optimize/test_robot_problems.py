@@ -48,6 +48,7 @@ def solved(name: str, share: int = 8, coefficients: int = 8) -> tuple[Study, Eva
     return study, found.evaluation
 
 
+@pytest.mark.slow
 def test_every_robot_has_a_problem():
     files = [yaml.safe_load(file.read_text()) for file in PROBLEMS.glob("*.yaml")]
     kinds = {one["robot"].get("kind") for one in files if "robot" in one}

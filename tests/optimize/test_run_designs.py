@@ -147,6 +147,7 @@ class TestProgram:
         np.testing.assert_allclose(again.coefficients, random_drive(problem, 2).coefficients, rtol=1e-14)
         np.testing.assert_array_equal(again.start, random_drive(problem, 2).start)
 
+    @pytest.mark.slow
     @starts
     @pytest.mark.parametrize("degree", [0, 1, 3])
     def test_it_scores_as_evaluate(self, start: str, degree: int):

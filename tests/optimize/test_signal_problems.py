@@ -159,6 +159,7 @@ class TestTermsOfSignals:
             assert np.all((held >= low - 1e-12) & (held <= high + 1e-12))
 
 
+@pytest.mark.slow
 def test_rows_that_repeat_are_bounds_of_one_unknown():
     terms = in_pieces(problem_of())
     # Of two runs: five values each, a constant each, and what a wave is at 24 times.
@@ -267,6 +268,7 @@ class TestFurtherLimits:
         # Between five pieces of two runs there are four steps each; of each the jerk rises and falls.
         assert (rows["slew"], rows["jolt"], rows["together"]) == (8, 16, 10)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("signals", MIXED, ids=["steps", "smooth"])
     def test_are_those_of_the_drive_as_scored(self, signals: tuple[Signal, ...]):
         problem = problem_of(signals)

@@ -94,6 +94,7 @@ def test_starts_are_reproducible(count: int):
     assert len({start.tobytes() for start in first}) == count
 
 
+@pytest.mark.slow
 def test_screened_starts_are_better_than_random_ones():
     design = DesignExpressions(problem_of(limits=(WheelSpeed(bounds=10), TIGHT)))
     rng = np.random.default_rng(0)

@@ -305,6 +305,7 @@ class TestPublished:
         found = best_weights(small, parts, one)
         assert found.value == pytest.approx(1e-12 * known, rel=1e-7, abs=0)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("kind", [G, I])
     @pytest.mark.parametrize("size", [1.0, 1e-3])
     def test_what_readings_of_predictions_are_worth_is_in_their_units(self, kind: type[G | I], size: float):
@@ -316,6 +317,7 @@ class TestPublished:
         slopes = directional_derivatives(parts, found.values, found.gradient)
         assert slopes @ found.values == pytest.approx(-found.value, rel=1e-6)
 
+    @pytest.mark.slow
     def test_one_prediction_needs_one_combination(self):
         """The middle of a parabola is best predicted by reading it there alone, at which F is singular."""
         for kind in (G, I):
@@ -432,6 +434,7 @@ class TestCertificates:
         assert criterion.value([parts.information(even)]) < chosen.value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("count", "taken"),
     [(5, [1, 3, 1]), (10, [2, 6, 2]), (4, None)],
@@ -499,6 +502,7 @@ weights: {total: 3, of: trials}
 """
 
 
+@pytest.mark.slow
 def test_units_of_what_is_eliminated_are_of_no_matter():
     problem = oed.parse_study(TRIALS, "trials.yaml").problem
     found = select(problem, problem.design.only)
@@ -562,6 +566,7 @@ def test_nuisances_of_trials_that_nearly_depend_on_common_ones(slow: float, tria
     assert found.chosen.value == pytest.approx(scored, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_nuisance_that_nothing_sees_changes_nothing():
     output = "curvature * x^2 + constant + slope * (1 + x * 1e-6)"
     parts = quadratic(output, ("curvature",), unseen="1")
@@ -570,6 +575,7 @@ def test_a_nuisance_that_nothing_sees_changes_nothing():
     assert found.value == pytest.approx(np.log(1 / 4), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_no_plane_bounds_weights_that_leave_something_undetermined():
     """It was a bound of 0, and proved what was wrong."""
     parts, one = quadratic(), budgets_of(quadratic(), 1.0)

@@ -86,6 +86,7 @@ class TestRoundTrip:
         # From 0 to 4 rad/s in half a second, then down by 0.4 rad/s^2.
         assert [one.violations["wheel_jerk"] for one in found] == pytest.approx([3.4, 3.4])
 
+    @pytest.mark.slow
     def test_another_robots_slip_is_not_in_the_file(self, tmp_path: Path):
         robot = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.1)
         problem = problem_of(model=robot)

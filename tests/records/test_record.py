@@ -79,6 +79,7 @@ def entry(made: Record, name: str) -> dict[str, Any]:
 
 
 class TestJson:
+    @pytest.mark.slow
     def test_there_is_no_nan_nor_infinity(self, made: Record):
         assert json.loads(made.to_json(), parse_constant=refuse) == made.data
 
@@ -250,6 +251,7 @@ class TestBest:
 
 
 class TestDrive:
+    @pytest.mark.slow
     @given(seed=st.integers(0, 2**32 - 1), amplitude=st.floats(1e-3, 100))
     def test_a_drive_is_kept_exactly(self, seed: int, amplitude: float):
         drive = random_drive(PROBLEM, seed, amplitude)

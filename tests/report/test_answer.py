@@ -250,6 +250,7 @@ def test_passed_simulations_say_how_far_they_tell(replicates: int, said: str):
     assert said in found.verdict(own)
 
 
+@pytest.mark.slow
 def test_of_several_estimators_the_one_that_says_least_counts():
     record = sample_records.absolute()
     own = [one for one in record.validation.results if one.name == record.best.name]
@@ -260,6 +261,7 @@ def test_of_several_estimators_the_one_that_says_least_counts():
     assert "to within a factor of 2." in answer_of(record.with_validation(found)).sentences[-1]
 
 
+@pytest.mark.slow
 def test_nothing_that_can_be_driven_is_no_answer_but_reasons():
     record = sample_records.without_drive()
     assert answer_of(record) is None

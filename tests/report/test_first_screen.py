@@ -43,6 +43,7 @@ def designed() -> Record:
     return record_from({**data, "best": "ipopt"})
 
 
+@pytest.mark.slow
 def test_the_page_begins_with_the_drive_and_the_answer(designed: Record) -> None:
     first, *others = sections_of(designed)
     assert first.first
@@ -113,6 +114,7 @@ def test_the_full_table_says_why_a_drive_cannot_be_driven(designed: Record) -> N
     assert why["Designed drive"] is None
 
 
+@pytest.mark.slow
 def test_methods_come_last_and_folded(designed: Record) -> None:
     folded = [one.folded for one in sections_of(designed)]
     assert folded == sorted(folded)

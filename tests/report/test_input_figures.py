@@ -125,6 +125,7 @@ def test_many_limits_name_only_those_that_are_touched() -> None:
         assert named + int(str(row[3])) == len(entry.margins)
 
 
+@pytest.mark.slow
 def test_few_limits_are_told_one_by_one() -> None:
     table = section(many(), "What limits it").tables[1]
     assert "wheel speed" in [column.title for column in table.columns]

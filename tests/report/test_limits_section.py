@@ -30,6 +30,7 @@ def said(record: Record) -> str:
     return section(record, "What limits it").paragraphs[0]
 
 
+@pytest.mark.slow
 def test_the_limits_that_matter_are_said_with_a_small_step_the_most_important_first():
     record = with_gains(sample_records.full(), wheel_speed=0.0468, workspace=1.54)
     assert said(record) == (
@@ -43,6 +44,7 @@ def test_the_limits_that_matter_are_said_with_a_small_step_the_most_important_fi
     assert column(table, "a little looser")[3] is None
 
 
+@pytest.mark.slow
 def test_margins_are_in_the_unit_of_the_step():
     data = with_gains(sample_records.full(), workspace=1.54).data
     for margin in data["results"][0]["margins"]:
@@ -53,6 +55,7 @@ def test_margins_are_in_the_unit_of_the_step():
     assert column(table, "margin")[0] == "10.2 mm"
 
 
+@pytest.mark.slow
 def test_a_range_that_is_not_the_same_both_ways_is_wider_at_both_ends():
     """More speed alone would be half of what the gain is of."""
     data = with_gains(sample_records.full(), wheel_speed=0.0468).data
@@ -60,6 +63,7 @@ def test_a_range_that_is_not_the_same_both_ways_is_wider_at_both_ends():
     assert said(record_from(data)).startswith("Wheel speed 0.1 rad/s wider at both ends would make")
 
 
+@pytest.mark.slow
 def test_limits_that_hardly_matter_are_in_the_table_only():
     record = with_gains(sample_records.full(), wheel_speed=0.002, workspace=1.54)
     assert said(record).endswith("would make the best drive 1.5 % better. Other limits matter less.")
@@ -67,6 +71,7 @@ def test_limits_that_hardly_matter_are_in_the_table_only():
     assert shown[:2] == [pytest.approx(1.54), pytest.approx(0.02)]
 
 
+@pytest.mark.slow
 def test_a_limit_without_a_size_has_no_step():
     data = with_gains(sample_records.full(), workspace=1.54).data
     for margin in data["results"][0]["margins"]:
@@ -74,12 +79,14 @@ def test_a_limit_without_a_size_has_no_step():
     assert said(record_from(data)).startswith("What looser limits would gain is not known")
 
 
+@pytest.mark.slow
 def test_limits_that_do_not_matter():
     assert said(with_gains(sample_records.full(), wheel_speed=1e-9)).startswith(
         "No limit holds this drive back"
     )
 
 
+@pytest.mark.slow
 def test_what_is_not_known_is_said_in_one_line():
     record = sample_records.full()
     assert said(record).startswith("What looser limits would gain is not known")

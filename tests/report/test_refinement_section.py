@@ -36,6 +36,7 @@ def bound_of(value: float, best: float) -> dict[str, Any]:
     return {**FOUND, "upper_bound": value, "best": best, "gap": value / best - 1, "drive": None}
 
 
+@pytest.mark.slow
 def test_gains_and_the_gap_that_they_leave_are_said():
     _, best = refined(1.0)
     record, best = refined(0.9, 0.98, 1.0, certificate=bound_of(1.1 * best, best))

@@ -157,6 +157,7 @@ def test_paper_table_holds_the_records_numbers() -> None:
     assert table.columns[5].heading == "|y| [cm]"
 
 
+@pytest.mark.slow
 def test_heading_response_is_in_radians_and_a_mixed_one_is_left_out() -> None:
     heading = section(sample_records.full(regressor="heading"), "The paper's figures").tables[0]
     assert "|y| [rad]" in [entry.heading for entry in heading.columns]

@@ -96,6 +96,7 @@ class TestWords:
         assert "the worst has no finite path" in " ".join(section.paragraphs)
         assert section.tables[0].rows[1][4] is None
 
+    @pytest.mark.slow
     def test_a_study_that_is_not_robust_has_no_section(self):
         assert robustness(full()) is None
         assert robustness(record_from({**full().data, "robustness": None})) is None

@@ -25,6 +25,7 @@ def test_paths_are_split_where_runs_begin() -> None:
     assert [list(run.edges) for run in path.runs] == [[10, 20, 30]] * 3
 
 
+@pytest.mark.slow
 def test_no_line_joins_two_runs() -> None:
     record = sample_rooms.crab()
     drives = [path_of(record, one) for one in record.results]
@@ -126,6 +127,7 @@ def test_player_plays_runs_one_by_one() -> None:
         assert np.abs(np.diff(drive["heading"])).max() <= TURN + 1e-4
 
 
+@pytest.mark.slow
 def test_texts_count_the_runs() -> None:
     crab, steered = sample_rooms.crab(), sample_rooms.steered()
     question = section(crab, "Question and search").paragraphs[0]

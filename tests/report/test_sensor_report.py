@@ -65,6 +65,7 @@ def changed(kind: str, **study: object) -> Record:
 
 
 class TestCriteria:
+    @pytest.mark.slow
     def test_efficiencies_are_those_of_the_covariances(self):
         # Recomputed from the covariances predicted, relative to the nominal values.
         (table,) = criteria(record("sensors")).tables
@@ -355,6 +356,7 @@ class TestSummary:
         assert "is the most informative about track of this" in text
         assert "Wheel radius right and wheel radius left: estimated too, but not judged." in text
 
+    @pytest.mark.slow
     def test_a_drive_on_the_spot_has_no_length(self):
         data = record("sensors").data
         entry = data["results"][0]

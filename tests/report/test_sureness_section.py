@@ -47,6 +47,7 @@ def test_without_a_certificate_there_is_no_section():
     assert sureness(record_from({"results": []})) is None
 
 
+@pytest.mark.slow
 def test_bound_gap_and_assumptions_are_said():
     text = " ".join(section_of().paragraphs)
     for words in (
@@ -72,6 +73,7 @@ def test_what_every_bound_is_about_is_said_once_of_old_records_and_new():
         assert " ".join(fold.paragraphs).count("; ".join(OF_ALL)) == 1
 
 
+@pytest.mark.slow
 def test_of_other_criteria_shares_are_in_efficiency():
     numbers = {"upper_bound": 2.002, "best": 2.0, "spline_objective": 1.9}
     text = " ".join(section_of("D", **numbers).paragraphs)
@@ -170,6 +172,7 @@ def test_a_design_below_its_best_start_says_why():
     assert "gave up" not in picture.caption
 
 
+@pytest.mark.slow
 def test_starts_by_another_criterion_are_left_out_and_named():
     _, picture, ax = strip_of("sensors")
     assert len(dots(ax, STARTS)) == 2

@@ -186,6 +186,7 @@ def test_a_response_is_drawn_over_its_input():
     np.testing.assert_allclose(dots.y, np.interp(dots.x, over, read(k1, k2)), rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_settings_of_two_inputs_are_dots_in_their_plane():
     """Those that are made twice are one dot that says so."""
     made = section(sample_systems.gas(), "Summary")
@@ -197,6 +198,7 @@ def test_settings_of_two_inputs_are_dots_in_their_plane():
     np.testing.assert_allclose(np.array(column(made.tables[1], "pressure"), dtype=float), [1.0, 1.0, 10.0])
 
 
+@pytest.mark.slow
 def test_weights_of_settings_stand_over_the_input():
     """Not over numbers of settings, where there is one input."""
     record = sample_systems.parabola()

@@ -179,6 +179,7 @@ def test_readings_are_told_by_their_outputs():
     ) in assumed.paragraphs
 
 
+@pytest.mark.slow
 def test_code_is_not_run_for_a_page(tmp_path: Path):
     """Of a system of one's own, inputs and states are drawn as the record has them, without bands."""
     (tmp_path / "own_reactor.py").write_text(CODE)

@@ -44,6 +44,7 @@ def test_of_a_single_parameter_the_limit_is_exact(ratio: float):
     assert share == pytest.approx(CONFIDENCE, abs=3 * math.sqrt(CONFIDENCE * (1 - CONFIDENCE) / DRAWS))
 
 
+@pytest.mark.slow
 def test_many_experiments_say_more_than_few():
     few, many, most = (float(np.median(limits([1.0, 1.0], count))) for count in (100, 10_000, 10**8))
     assert few > 1.1 > 1.03 > many > 1.01

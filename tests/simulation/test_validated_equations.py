@@ -106,6 +106,7 @@ class TestLinearisation:
         assert np.abs(found.ratio - 1).max() < 1e-9
         assert found.small_enough is True
 
+    @pytest.mark.slow
     def test_few_experiments_do_not_say(self):
         found = validated(rooney_and_biegler(1.0), 50).linearisation
         assert found.small_enough is None

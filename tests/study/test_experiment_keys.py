@@ -290,6 +290,7 @@ class TestCandidates:
         with pytest.raises(StudyError, match="expected at most 100000 candidates, got 1000000"):
             oed.parse_study(text)
 
+    @pytest.mark.slow
     def test_settings_may_share_a_budget(self):
         """Two points whose sum is limited: of a line through 0 both at their most."""
         study = oed.parse_study(
@@ -311,6 +312,7 @@ class TestCandidates:
         assert points == pytest.approx([1, 3], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_rates_are_integrals_of_what_is_read():
     """F of x = exp(p t), read all the time: the integral of its squared sensitivity."""
     study = oed.load_study(PROBLEMS / "published" / "decay_weights.yaml")

@@ -79,6 +79,7 @@ def test_a_pilot_drive_stays_in_the_room_for_every_track(robot: str):
     assert violation_probability(study.problem, found.trajectory, draws=3000, seed=1).surely_below(0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", SKIDDING)
 def test_a_pilot_drive_is_for_all_tracks_that_skidding_makes(robot: str):
     spread = given_spread(parse_study(starter(Choice(robot))).problem.uncertain_system)

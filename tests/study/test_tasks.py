@@ -54,6 +54,7 @@ def test_files_are_found_beside_the_study_and_their_drives_are_saved_with_it(fol
     assert values[0] == pytest.approx(values[1], rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "message"),
     [

@@ -99,6 +99,7 @@ DESIGNING = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", DESIGNING, ids=lambda one: one[0])
 def test_what_designs_says_what_is_missing(capsys, file: Path, monkeypatch, arguments: list[str]):
     monkeypatch.chdir(file.parent)

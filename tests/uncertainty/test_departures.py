@@ -256,6 +256,7 @@ class TestPaths:
         np.testing.assert_allclose(paths(problem, drive, values), expected, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_post_between_the_samples_counts():
     # Straight through a post of 1 cm that no robot has a point of its grid in, whatever its radii.
     post = Obstacles.model_validate([{"kind": "circle", "x": 0.76, "y": 0, "radius": 0.01}])
@@ -302,6 +303,7 @@ class Pointwise(Curved):
     looks_at: ClassVar = None
 
 
+@pytest.mark.slow
 def test_a_drive_that_is_not_a_number_anywhere_leaves():
     room = Rectangle(x=(-99, 99), y=(-99, 99))
     space = DesignSpace(duration=10, samples=10, rest_to_rest=False)

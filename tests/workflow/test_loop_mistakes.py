@@ -85,6 +85,7 @@ class TestMistakes:
         assert error.endswith(": pip install 'oed[ros]'\n")
         assert sorted(file.parent.rglob("*")) == before
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("flags", "said"),
         [

@@ -172,6 +172,7 @@ def test_an_obstacle_between_the_samples_is_met():
     assert evaluate(problem, straight(0.7)).feasible
 
 
+@pytest.mark.slow
 def test_a_pillar_of_the_room_between_the_samples_is_met():
     room = ((-1, -1), (3, -1), (3, 1), (0.76, 1), (0.75, -0.2), (0.74, 1), (-1, 1))
     problem = limited(ROBOT, Polygon(points=room), duration=10, rest_to_rest=False)
@@ -182,6 +183,7 @@ def test_a_pillar_of_the_room_between_the_samples_is_met():
     assert evaluate(problem, straight(0.7)).feasible
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("distance", "expected"), [(0.5, 0.35), (0.9, -0.05)])
 def test_a_body_counts_along_a_drive(distance: float, expected: float):
     shelf = {"kind": "polygon", "points": [[1, -1], [2, -1], [2, 1], [1, 1]]}

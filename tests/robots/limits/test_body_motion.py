@@ -154,6 +154,7 @@ def test_rest_is_no_turn():
         assert slack(limit, values) >= 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["differential", "ackermann", "omni"])
 def test_margins_of_the_motion_are_between_the_samples_too(name: str):
     example = BY_NAME[name]

@@ -239,6 +239,7 @@ def turning(angles, begins=None) -> Trajectory:
     return Trajectory.from_samples(inputs, 2.0 * runs, starts, rest_to_rest=False, runs=runs)
 
 
+@pytest.mark.slow
 @given(
     begin=st.floats(-3, 3),
     off=st.floats(-3.1, 3.1),

@@ -143,6 +143,7 @@ def test_there_are_few_pieces(outline, most: int):
     assert len(pieces_of(outline)) <= most
 
 
+@pytest.mark.slow
 @given(outline=convex_outlines(), share=st.floats(0.1, 0.9))
 def test_a_convex_shape_is_one_piece_without_pockets(outline: np.ndarray, share: float):
     between = share * outline[0] + (1 - share) * outline[-1]

@@ -175,6 +175,7 @@ def study(**parts):
     return problem_of(**given)
 
 
+@pytest.mark.slow
 def test_all_its_parameters_are_identifiable_from_poses():
     names = tuple(one.name for one in FULL.parameters)
     problem = study(model=FULL, estimate=names, duration=6.0, samples=60)

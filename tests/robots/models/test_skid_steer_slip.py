@@ -44,6 +44,7 @@ def after(model: Model, state, inputs, period: float, parameters=None) -> np.nda
 
 
 class TestEffects:
+    @pytest.mark.slow
     @given(right=speeds, left=speeds)
     def test_none_is_the_differential_drive(self, right: float, left: float):
         bare = SkidSteerSlip(**SIZES)

@@ -93,6 +93,7 @@ def saved(folder: Path, **options: Any) -> Path:
 
 
 class TestCode:
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         "command",
         [
@@ -112,6 +113,7 @@ class TestCode:
         assert "give --trust" in said
         assert not (folder / "was_run").exists()
 
+    @pytest.mark.slow
     def test_is_run_for_who_trusts_it_and_that_is_not_remembered(self, folder: Path):
         saved(folder)
         assert main(["export", str(folder), "--to", "csv", "--trust"]) == 0
@@ -145,6 +147,7 @@ class TestCode:
         options = validation_options(fresh, replicates=100)
         assert validated(fresh, options, workers=1).data["validation"]["results"]
 
+    @pytest.mark.slow
     def test_api(self, folder: Path):
         record = load_record(saved(folder))
         for use in (
@@ -158,6 +161,7 @@ class TestCode:
 
 
 class TestExportOfSomebodysRobot:
+    @pytest.mark.slow
     def test_a_node_is_written_without_the_code(self, folder: Path):
         file = export(saved(folder), "ros2_node")
         assert not (folder / "was_run").exists()
@@ -169,6 +173,7 @@ class TestExportOfSomebodysRobot:
         assert played == pytest.approx(trusted, abs=1e-7)
 
     # Each with each other once.
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("rule", "sideways", "rate"),
         [("arc", 0.0, None), ("arc", 0.4, 6.0), ("midpoint", 0.4, None), ("midpoint", 0.0, 6.0)],

@@ -43,6 +43,7 @@ def covariance(problem: Problem, *names: str) -> np.ndarray:
     return found.covariances["joint"][np.ix_(places, places)]
 
 
+@pytest.mark.slow
 def test_they_are_as_precise_as_they_were_as_nuisances():
     both = asking(estimate=("sensor_y", *WHEELS, "sensor_heading", "sensor_x"))
     np.testing.assert_allclose(covariance(both, *WHEELS), covariance(asking(), *WHEELS), rtol=1e-8)

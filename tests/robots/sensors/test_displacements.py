@@ -176,6 +176,7 @@ def test_no_drive_with_unequal_radii_exceeds_the_cap(seed: int, radii: tuple[flo
     assert smallest <= 4 * 4 * TRACK**2 / (right**2 + left**2) * (1 + 1e-12)
 
 
+@pytest.mark.slow
 @rules
 @given(seed=seeds, x=st.floats(-50, 50), y=st.floats(-50, 50), heading=st.floats(-10, 10))
 def test_information_does_not_depend_on_the_start(rule: str, seed: int, x: float, y: float, heading: float):

@@ -595,6 +595,7 @@ class TestNoise:
         expected = told(Poses(noise=quiet), some_inputs())
         np.testing.assert_allclose(told(Poses(noise=loud), some_inputs()) * factor**2, expected, rtol=1e-9)
 
+    @pytest.mark.slow
     def test_a_diagonal_covariance_is_the_deviations(self):
         inputs, sizes = some_inputs(), np.array([1e-3, 2e-3, 0.01])
         apart = told(Poses(noise=dict(zip(("x", "y", "heading"), sizes, strict=True))), inputs)
