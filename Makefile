@@ -35,11 +35,11 @@ lint: .venv/installed-dev
 	$(PYTHON) -m venv .venv
 
 # uv installs in a seventh of pip's time, by the index that pip is set to and the system's certificates; where it
-# fails, pip does it all.
-# Modules are compiled when they are first imported: most never are.
+# fails, pip does it all. Modules are compiled when they are first imported: most never are.
 INDEX = $$($(BIN)/python -m pip config list | sed -n "s/^[^=]*\.index-url='\(.*\)'$$/\1/p" | head -n 1)
 install = { $(BIN)/python -m pip install --quiet uv && \
-	UV_SYSTEM_CERTS=1 UV_DEFAULT_INDEX="$${UV_DEFAULT_INDEX:-$(INDEX)}" $(BIN)/uv pip install --quiet --python $(1)/bin/python $(2); } \
+	UV_SYSTEM_CERTS=1 UV_DEFAULT_INDEX="$${UV_DEFAULT_INDEX:-$(INDEX)}" \
+	$(BIN)/uv pip install --quiet --python $(1)/bin/python $(2); } \
 	2>/dev/null || $(1)/bin/python -m pip install --quiet --no-compile $(2)
 
 .venv/installed: pyproject.toml | .venv/bin/python
