@@ -56,13 +56,16 @@ def test_a_worker_killed_loses_nothing(tmp_path: Path):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_workers_end_with_their_parent_and_say_nothing(tmp_path: Path, number: int):
     program = (
-        "import signal, sys, pathlib; from oed.foundation.work.signals import ending_alike\n"
-        "from oed.foundation.work.parallel import run_tasks; from worker_tasks import sleeping\n"
+        "import signal, sys, pathlib, time; from oed.foundation.work.signals import ending_alike\n"
+        "from oed.foundation.work.parallel import run_tasks\n"
+        "from worker_tasks import sleeping, with_a_slow_feeder\n"
+        "with_a_slow_feeder()\n"
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "try:\n"
         "    with ending_alike():\n"
         "        run_tasks(sleeping, [pathlib.Path(sys.argv[1])] * 4, 2, print)\n"
         "except KeyboardInterrupt:\n"
+        "    time.sleep(0.2)\n"
         "    sys.exit(7)\n"
     )
     paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])

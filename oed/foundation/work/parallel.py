@@ -32,6 +32,10 @@ IDLE = 300
 """Time [s] after which processes that have nothing to do end."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables by which libraries of linear algebra learn how many threads to use."""
+FEEDER = "QueueFeederThread"
+"""Name of the threads by which tasks are sent to processes."""
+PATIENCE = 1.0
+"""Time [s] for such a thread to end when the processes have; that of another queue goes on."""
 BREAKDOWNS = 3
 """Times in a row that worker processes may die before any task is done."""
 BROKEN = (
@@ -149,6 +153,11 @@ def _end(executor: Any) -> None:
     global _waiting
     _waiting = 1
     executor.shutdown(kill_workers=True)
+    # Nothing else waits for the thread that has sent the tasks. It signs semaphores off: a program that ends
+    # in the middle of that is warned of one that is left.
+    for one in threading.enumerate():
+        if one.name == FEEDER:
+            one.join(PATIENCE)
 
 
 def _processes(count: int) -> Any:
