@@ -102,7 +102,7 @@ def stencil(radius_x: float, radius_y: float) -> Stencil:
     pieces = np.concatenate([np.abs(np.diff(side, axis=0)) for side in sides])
     half_side = float(radii.min()) * np.tan(np.pi / SIDES)
     return Stencil(
-        np.unique(np.concatenate(sides), axis=0),
+        _mirrored(np.concatenate(sides)),
         _columns(radii),
         float(pieces.prod(axis=1).max()),
         (float(radii[0]), float(radii[1])),
@@ -119,10 +119,17 @@ def _crossed(one: Array, other: Array) -> Array:
             lines = np.arange(np.ceil(low), np.floor(high) + 1)
             shares.append((lines - one[axis]) / (other[axis] - one[axis]))
     share = np.unique(np.clip(np.concatenate(shares), 0.0, 1.0))
-    points = one + np.outer(share, other - one)
+    points = np.where(share[:, None] < 1, one + np.outer(share, other - one), other)
     near = np.rint(points)
     # What is on a line must not ask for the cell beyond it.
     return np.asarray(np.where(np.abs(points - near) < ON_LINE, near, points))
+
+
+def _mirrored(points: Array) -> Array:
+    # Those of one quarter on all sides: of points in one column, or on one row, rounding makes no two.
+    own = points[(points >= 0).all(axis=1)]
+    signs = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
+    return np.unique((own * signs[:, None]).reshape(-1, 2) + 0.0, axis=0)
 
 
 def _columns(radii: Array) -> Places:

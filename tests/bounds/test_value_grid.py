@@ -7,6 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from oed.bounds.starts import Start
+from oed.bounds.stencils import stencil
 from oed.bounds.value_grid import NOWHERE, ValueGrid, dilated
 
 Array = npt.NDArray[np.float64]
@@ -71,6 +72,14 @@ def test_nothing_within_reach_is_larger_where_cells_are_twisted_and_their_neighb
     for angle in np.linspace(0, 2 * np.pi, 73):
         there = places + reach * np.array([np.cos(angle), np.sin(angle)])
         assert np.all(bilinear(grid, values, there) <= bounds + 1e-4)
+
+
+@pytest.mark.parametrize("radii", [(6.66, 6.66), (8.88, 5.1), (1.3, 0.4)])
+def test_points_that_mirror_one_another_share_their_column(radii: tuple[float, float]) -> None:
+    # One column is mixed for both, and no point counts twice.
+    points = {tuple(point) for point in stencil(*radii).points}
+    assert all({(-x, y), (x, -y)} <= points for x, y in points)
+    assert len({tuple(np.round(point, 6) + 0.0) for point in points}) == len(points)
 
 
 def test_a_convex_function_is_exact_along_the_axes() -> None:
