@@ -49,12 +49,15 @@ SLIP = Alternative(robot=WIDE)
 
 
 @cache
-def compared(growth: float, seed: int = 0, logs: int = 4, **keys) -> Comparison:
+def compared(growth: float, seed: int = 0, logs: int = 4, seconds: float = 5.0, **keys) -> Comparison:
     """A differential drive and one whose track grows with the yaw rate, where that is what it does."""
     true = truth_of(WIDE, **TRUTH, track_per_yaw_rate=growth)
     made = [
         log_of(
-            course(WIDE, true, seconds=5.0, seed=10 * seed + k), noise=NOISE, seed=10 * seed + k, name=f"{k}"
+            course(WIDE, true, seconds=seconds, seed=10 * seed + k),
+            noise=NOISE,
+            seed=10 * seed + k,
+            name=f"{k}",
         )
         for k in range(logs)
     ]
@@ -79,7 +82,7 @@ class TestChoice:
 
     @pytest.mark.slow
     def test_the_narrower_one_is_preferred_where_it_is_true(self):
-        few = {"logs": 3, "sensor_place": (), "clock_offset": False}
+        few = {"logs": 3, "seconds": 2.0, "sensor_place": (), "clock_offset": False}
         each = [compared(0.0, seed, **few) for seed in range(4)]
         assert sum(one.best["bic"] == NARROW for one in each) >= 3
         assert sum(one.favourites[:1] == (NARROW,) for one in each) >= 3
@@ -106,7 +109,7 @@ class TestChoice:
 
     @pytest.mark.slow
     def test_a_robust_loss_is_compared_by_prediction_alone(self):
-        found = compared(0.02, loss="huber")
+        found = compared(0.02, logs=3, loss="huber", sensor_place=(), clock_offset=False)
         assert found.best == {"held_out": WIDER}
         assert found.agree is None
         assert found.models[0].likelihood is None
@@ -114,7 +117,8 @@ class TestChoice:
     def test_what_was_known_before_is_left_out(self):
         logs = several(2, seconds=4.0, noise=NOISE)
         problem = logged_problem(prior=Prior(standard_deviations={"track": "1 um"}))
-        found = calibrate(problem, logs, options(segment="log", clock_offset=False, models=[SLIP])).comparison
+        asked = options(segment="log", sensor_place=(), clock_offset=False, models=[SLIP])
+        found = calibrate(problem, logs, asked).comparison
         assert found.models[0].fit.values[2] == pytest.approx(TRUTH["track"], rel=0.02)
 
 
@@ -226,7 +230,7 @@ def with_loose_ones() -> Calibration:
         Alternative(robot=loose, name="fixed", estimate=["track"]),
     ]
     logs = several(3, seconds=2.0, noise=NOISE)
-    asked = options(segment="log", clock_offset=False, models=alternatives)
+    asked = options(segment="log", sensor_place=(), clock_offset=False, models=alternatives)
     return calibrate(logged_problem(), logs, asked)
 
 
@@ -373,7 +377,7 @@ class Swapped(DifferentialDrive):
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["joint", "gls", "two_stage"])
 def test_the_same_robot_is_equal_whatever_its_start_and_its_inputs_order(method: str):
-    logs = several(3, seconds=6.0, noise=NOISE)
+    logs = several(3, seconds=3.0, noise=NOISE)
     same = Alternative(robot=Swapped(wheel_radius=0.055, track=0.22), name="same")
     chosen = options(segment=0.5, method=method, noise="constant", models=[same], clock_offset=False)
     found = calibrate(logged_problem(), logs, chosen).comparison
@@ -406,6 +410,9 @@ def test_a_record_holds_it():
 STUDY = PROBLEMS / "room_robot.yaml"
 LOG = STUDY.parent / "logs" / "room_robot.csv"
 MODELS = """calibration:
+  segment: log
+  sensor_place: []
+  clock_offset: false
   models:
     - {kind: skid_steer_slip, wheel_radius: 33 mm, track: 16 cm, track_per_yaw_rate: 5 mm*s/rad}
     - {name: half known, kind: differential_drive, wheel_radius: 33 mm, track: 16 cm, estimate: [track]}
