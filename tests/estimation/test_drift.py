@@ -202,9 +202,9 @@ class TestRates:
 
     @pytest.mark.slow
     def test_hang_on_no_more_than_the_residuals(self):
-        # Of eight logs with a clock each, hardly known before, what a search left of its scores once pulled
+        # Of several logs with a clock each, hardly known before, what a search left of its scores once pulled
         # rates to thousands of times the usual ones.
-        found = calibrate(logged_problem(), [driven(31007 + number, 10.0) for number in range(8)]).drift
+        found = calibrate(logged_problem(), [driven(31007 + number, 10.0) for number in range(4)]).drift
         assert found.shown
         assert np.abs(np.log(found.values / USUAL)).max() < np.log(3)
 
