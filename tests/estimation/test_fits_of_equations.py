@@ -207,7 +207,7 @@ class TestWhatIsFitted:
             [0.5, 1.0, 2.0, 4.0],
             4.0,
         )
-        found = oed.validate(one.problem, one.trajectory, replicates=30, seed=0)
+        found = oed.validate(one.problem, one.trajectory, replicates=10, seed=0)
         assert np.all(np.isfinite(found.estimates))
         assert found.linearisation.small_enough is False
 
