@@ -22,6 +22,8 @@ LEVEL = 0.95
 """Of intervals."""
 ROUNDING = 1e-14
 """Share of the largest variance below which a covariance's variances are rounding."""
+AT_ONCE = 100
+"""Replicates whose draws are in memory together."""
 
 
 @dataclass(frozen=True)
@@ -210,9 +212,9 @@ def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generato
     # At the solution what was known before pulls as hard as all scores together.
     pull = -fit.scores.sum(axis=0)
     found = np.empty((replicates, fit.scores.shape[1]))
-    for index in range(replicates):
-        chosen = rng.integers(len(blocks.ranges), size=max(draws, 1))
-        found[index] = fit.response @ (scores[chosen].sum(axis=0) + pull)
+    for some in np.array_split(found, range(AT_ONCE, replicates, AT_ONCE)):
+        chosen = rng.integers(len(blocks.ranges), size=(len(some), max(draws, 1)))
+        some[:] = (fit.response @ (scores[chosen].sum(axis=1) + pull)[..., None])[..., 0]
     few = blocks.independent / max(blocks.independent - 1, 1)
     # What was known before is as uncertain as it says; no drawing of blocks shows that.
     before = fit.response @ fit.knowledge @ fit.response
