@@ -28,7 +28,7 @@ TRUE = np.array([*TRUTH.values()])
 
 @pytest.mark.slow
 def test_a_sensor_that_looks_backwards():
-    log = log_of(course(), noise=NOISE, place=(0.1, -0.05, np.pi - 0.1))
+    log = log_of(course(seconds=8.0), noise=NOISE, place=(0.1, -0.05, np.pi - 0.1))
     found = calibrate(logged_problem(), [log], options(segment="log", clock_offset=False))
     np.testing.assert_allclose(found.values, TRUE, rtol=0.01)
     assert by_name(found.fit)["sensor_heading"] == pytest.approx(np.pi - 0.1, abs=0.01)
@@ -60,7 +60,7 @@ def test_logs_apart_have_to_be_alike():
 @pytest.mark.slow
 def test_one_log_that_drifts_has_wide_error_bars():
     # How wide they have to be no single log can tell: drift that lasts as long as the log looks like a wheel.
-    log = log_of(course(seconds=60.0, drift=0.001), noise=NOISE)
+    log = log_of(course(seconds=60.0, period=0.2, drift=0.001), noise=NOISE)
     found = calibrate(logged_problem(), [log], options(sensor_place=(), clock_offset=False))
     errors = {one.name: one.deviations[:3] for one in found.covariances}
     assert next(iter(errors)) in ("drift", "bootstrap")
@@ -72,7 +72,7 @@ def test_one_log_that_drifts_has_wide_error_bars():
 def test_logs_are_blocks_by_themselves_where_there_are_enough():
     scores, asked = [], options(segment=2.0, replicates=100, sensor_place=(), clock_offset=False)
     for seed in range(5):
-        logs = several(10, seconds=10.0, noise=NOISE, seed=100 * seed, drift=0.003)
+        logs = several(10, seconds=6.0, noise=NOISE, seed=100 * seed, drift=0.003)
         found = calibrate(logged_problem(), logs, asked)
         bootstrap = next(one for one in found.covariances if one.name == "bootstrap")
         assert bootstrap.degrees == 9
@@ -124,7 +124,7 @@ def test_an_arm_roughly_known_is_estimated_from_there():
         noise=AbsoluteNoise(position=0.002, heading=0.005),
         lever_arm=LeverArm(x=0.08, y=-0.05, known=False, deviation=0.05),
     )
-    log = log_of(course(seconds=10.0), noise=NOISE, place=(0.1, -0.05, 0.0))
+    log = log_of(course(seconds=6.0), noise=NOISE, place=(0.1, -0.05, 0.0))
     asked = options(segment="log", clock_offset=False)
     found = calibrate(logged_problem(measurement=measurement), [log], asked)
     assert by_name(found.fit)["sensor_x"] == pytest.approx(0.1, abs=0.003)
@@ -132,7 +132,7 @@ def test_an_arm_roughly_known_is_estimated_from_there():
 
 @pytest.mark.slow
 def test_error_bars_of_a_robust_loss_agree_where_the_noise_is_white():
-    logs = several(10, seconds=6.0, noise=NOISE)
+    logs = several(10, seconds=3.0, noise=NOISE)
     asked = options(segment="log", loss="cauchy", replicates=500, sensor_place=(), clock_offset=False)
     found = calibrate(logged_problem(), logs, asked)
     errors = {one.name: one.deviations[:3] for one in found.covariances}
@@ -149,8 +149,9 @@ def test_what_only_the_prior_tells_stays_as_open_as_the_prior():
 
 @pytest.mark.slow
 def test_noise_grows_only_where_it_is_looked_for():
-    log = log_of(course(), noise=NOISE)
-    found = calibrate(logged_problem(), [log], options(segment="log", noise="constant", clock_offset=False))
+    log = log_of(course(seconds=5.0), noise=NOISE)
+    asked = options(segment="log", noise="constant", sensor_place=(), clock_offset=False)
+    found = calibrate(logged_problem(), [log], asked)
     assert all(isinstance(one, Noise) and one.per_speed == 0 for one in found.fit.noises.values())
 
 
@@ -164,7 +165,7 @@ def test_what_is_known_of_the_sensors_place_counts_once(method):
         place = found.fit.unknowns.names.index("sensor_x")
         return found.fit.values[place], float(np.sqrt(found.fit.inverse[place, place]))
 
-    logs = several(3, seconds=12.0, noise=NOISE)
+    logs = several(2, seconds=8.0, noise=NOISE)
     value, error = sensor_x(LeverArm(x=0.001, known=False))
     # Knowledge as sure as the logs, and one standard error away, moves the estimate by half of it.
     moved, narrower = sensor_x(LeverArm(x=value + error, known=False, deviation=error))
@@ -233,7 +234,7 @@ def test_a_single_log_is_reckoned_by_its_own_estimate():
 
 @pytest.mark.slow
 def test_a_coefficient_that_is_0_by_the_geometry_is_no_estimate_of_0_without_error():
-    log = log_of(course(OMNI, np.array([0.041, 0.19]), seconds=10.0), noise=NOISE)
+    log = log_of(course(OMNI, np.array([0.041, 0.19]), seconds=10.0, period=0.2), noise=NOISE)
     asked = options(segment="log", clock_offset=False)
     names, values, errors = calibrate(logged_problem(model=OMNI), [log], asked).coefficients
     assert len(names) == 8

@@ -24,8 +24,8 @@ def plain(value) -> bool:
 
 @pytest.fixture(scope="module")
 def calibration() -> Calibration:
-    logs = several(3, seconds=8.0, noise=NOISE, place=(0.1, 0.0, 0.0))
-    apart = [log_of(course(seed=9, seconds=8.0), noise=NOISE, place=(0.1, 0.0, 0.0), name="apart")]
+    logs = several(3, seconds=6.0, noise=NOISE, place=(0.1, 0.0, 0.0))
+    apart = [log_of(course(seed=9, seconds=6.0), noise=NOISE, place=(0.1, 0.0, 0.0), name="apart")]
     return calibrate(logged_problem(), logs, options(segment=2.0, replicates=100, block=2.0), test_logs=apart)
 
 
@@ -77,7 +77,7 @@ class TestData:
     def test_sizes_are_bounded(self, monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr("oed.records.calibration_outcome.POINTS", 10)
         monkeypatch.setattr("oed.records.calibration_outcome.RESIDUALS", 50)
-        logs = several(14, seconds=2.5, noise=NOISE)
+        logs = several(14, seconds=1.5, noise=NOISE)
         asked = options(segment="log", replicates=100, sensor_place=(), clock_offset=False)
         found = estimate_of(calibrate(logged_problem(), logs, asked)).plain()
         assert len(found["paths"]) == PATHS

@@ -25,6 +25,7 @@ log:
     steering_angle: {column: steering, form: ticks, ticks_per_turn: 4096, cumulative: true, wrap: 4096,
       zero: 4000, sign: -1}
   poses: {file: "{stem}_gnss.csv", time: t, x: x, y: y, heading: {column: yaw, unit: deg}}
+calibration: {segment: log, sensor_place: []}
 """
 CAR_TRUTH = {"wheel_radius": 0.3124, "wheelbase": 1.662, "steering_offset": 0.021, "steering_gain": 0.93}
 
@@ -85,6 +86,7 @@ log:
     wheel_speed_rear_left: {column: rpm, form: speed, unit: rpm, held: between}
     wheel_speed_rear_right: {column: angle, form: angle, unit: deg, wrap: 360, sign: -1}
   poses: {heading: yaw}
+calibration: {segment: log, sensor_place: []}
 """
 MECANUM_TRUTH = {
     "wheel_radius_front_left": 0.0507,

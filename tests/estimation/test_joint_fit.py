@@ -263,7 +263,7 @@ def test_a_search_leaves_nothing_behind():
 class TestStarts:
     @pytest.mark.slow
     def test_a_sensor_turned_by_a_right_angle_is_found(self):
-        log = log_of(course(), place=(0.1, 0.0, np.pi / 2), noise=(0.001, 0.002))
+        log = log_of(course(seconds=8.0), place=(0.1, 0.0, np.pi / 2), noise=(0.001, 0.002))
         found = calibrate(logged_problem(), [log], options(segment="log", clock_offset=False))
         assert by_name(found.fit)["sensor_heading"] == pytest.approx(np.pi / 2, abs=0.01)
         assert np.all(found.values > 0)

@@ -25,7 +25,10 @@ def agreement(logs: list[Log], expected: Expected) -> Diagnostic:
 def pair(seed: int) -> list[Log]:
     """Two logs of a robot that drifts as robots usually do."""
     numbers = (2 * seed, 2 * seed + 1)
-    drives = [drifting(course(seconds=10.0, seed=one), TRUE, np.sqrt(USUAL), seed=one) for one in numbers]
+    drives = [
+        drifting(course(seconds=10.0, period=0.2, seed=one), TRUE, np.sqrt(USUAL), seed=one)
+        for one in numbers
+    ]
     return [log_of(one, noise=FINE, seed=k, name=str(k)) for k, one in zip(numbers, drives, strict=True)]
 
 

@@ -96,7 +96,8 @@ class TestThinned:
 @pytest.mark.slow
 def test_averages_tell_what_all_poses_tell():
     # Of independent noise: the same estimates within a share of their standard errors, which are the same.
-    log, chosen = fast(3.0), options(segment="log", covariance="information", clock_offset=False)
+    log = fast(3.0)
+    chosen = options(segment="log", covariance="information", sensor_place=(), clock_offset=False)
     whole, means = (calibrate(logged_problem(), logs, chosen) for logs in ([log], thinned([log], most=300)))
     assert means.fit.layout.logs[0].averaged == 6
     sizes, own = (np.array(list(one.standard_deviations.values())) for one in (whole, means))
@@ -109,7 +110,8 @@ def test_averages_tell_what_all_poses_tell():
 def test_a_long_log_is_fitted_by_few_poses_and_says_so(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(preprocess, "LEAST", 20)
     monkeypatch.setattr(thinned, "__defaults__", (400,))
-    found = calibrate(logged_problem(), [LONG], options(segment="log", noise="specified"))
+    asked = options(segment="log", noise="specified", sensor_place=(), clock_offset=False)
+    found = calibrate(logged_problem(), [LONG], asked)
     assert found.fit.layout.valid.sum() == 3 * 400
     assert "averaged 10 at a time, 400 kept in pieces" in found.notes[0]
     assert {one.name for one in found.logs[0].findings} >= {"averaged_poses", "sampled_poses"}

@@ -20,7 +20,7 @@ KNOWN = np.array([5e-5, 5e-5, 2.5e-4])
 
 
 def drifted(seed: int) -> Log:
-    drive = drifting(course(seconds=10.0, seed=seed), TRUE, np.sqrt(USUAL), seed)
+    drive = drifting(course(seconds=10.0, period=0.2, seed=seed), TRUE, np.sqrt(USUAL), seed)
     return log_of(drive, noise=(0.0005, 0.003), seed=seed)
 
 
