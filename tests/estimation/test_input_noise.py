@@ -28,7 +28,7 @@ def straight(seed: int) -> Course:
 
 
 def clean(seed: int) -> Log:
-    return log_of(straight(seed), noise=NOISE, seed=seed, every=2)
+    return log_of(straight(seed), noise=NOISE, seed=seed)
 
 
 def ticked(seed: int) -> Log:
@@ -50,7 +50,7 @@ def commanded(seed: int) -> Log:
     for row in range(1, len(wanted)):
         driven[row] = kept * driven[row - 1] + (1 - kept) * wanted[row]
     drive = course(seconds=SECONDS, period=PERIOD, inputs=driven)
-    return log_of(replace(drive, inputs=wanted), noise=NOISE, seed=seed, every=2)
+    return log_of(replace(drive, inputs=wanted), noise=NOISE, seed=seed)
 
 
 def turning(seed: int) -> Log:
@@ -122,7 +122,7 @@ def test_it_is_said_beside_the_number():
 @pytest.mark.parametrize("make", [ticked, unsteady, commanded])
 def test_intervals_of_straight_blocks_cover(make):
     held = []
-    for seed in range(3):
+    for seed in range(4):
         asked = options(segment=2.0, replicates=100, clock_offset=False, sensor_place=())
         found = calibrate(logged_problem(), [make(seed)], asked)
         reach = found.covariances[0].half_width * np.sqrt(np.diag(found.covariance))
