@@ -442,7 +442,7 @@ class TestDiagnostics:
     @pytest.mark.slow
     def test_logs_agree_as_often_as_they_should(self):
         p_values = [
-            verdicts(fit_of(several(4, seconds=3.0, noise=NOISE, seed=10 * seed)))[
+            verdicts(fit_of(several(4, seconds=6.0, noise=NOISE, seed=10 * seed)))[
                 "logs_agree", "logs"
             ].p_value
             for seed in range(20)
