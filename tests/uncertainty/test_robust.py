@@ -272,11 +272,11 @@ class TestBackOff:
     @pytest.mark.slow
     def test_more_uncertainty_leaves_less_room(self):
         margins = []
-        for percent in (1, 2, 4, 8):
+        for percent in (1, 3, 9):
             problem = robust_problem(robust=Robust(), within={"track": f"{percent} %"}, also=(BOX,))
             margins.append(evaluate(problem, random_drive(problem, 2, 7.0)).margins[2].margin)
         assert margins == sorted(margins, reverse=True)
-        assert len(set(margins)) == 4
+        assert len(set(margins)) == 3
 
 
 def other(problem: Problem, drive: Trajectory, values: np.ndarray) -> tuple[Problem, Trajectory]:
@@ -295,7 +295,7 @@ def workspace_margin(problem: Problem, drive: Trajectory) -> float:
 
 class TestScenarios:
     @pytest.mark.slow
-    @pytest.mark.parametrize("name", ["rectangle", "circle", "two_runs"])
+    @pytest.mark.parametrize("name", ["rectangle", "two_runs"])
     def test_limits_are_kept_by_the_robots_at_the_corners(self, name: str):
         problem, drive = made(CASES[name], Robust(kind="scenarios"))
         corners = spread_of(problem.uncertain_system).extremes(1.0)
@@ -330,9 +330,7 @@ class TestObjective:
 
     def problem(self, objective: str, criterion: Any, within: dict[str, str]) -> tuple[Problem, Trajectory]:
         robust = Robust(objective=objective)
-        problem = robust_problem(
-            robust=robust, within=within, also=(BOX,), criterion=criterion(scaling="relative")
-        )
+        problem = robust_problem(robust=robust, within=within, criterion=criterion(scaling="relative"))
         return problem, random_drive(problem, 2, 7.0)
 
     @pytest.mark.slow
