@@ -75,11 +75,11 @@ class TestClocks:
         ]
         assert clock_offsets(moves_of(*logs)) == pytest.approx([0.5, -0.25], abs=0.08)
 
-    @pytest.mark.parametrize("speeds", [(4.0, 4.0), (4.0, 2.0), (0.0, 0.0)])
     @pytest.mark.parametrize("noise", [NOISE, (0.0, 0.0)])
-    def test_are_left_alone_where_motion_is_steady(self, speeds, noise):
-        log = log_of(course(inputs=np.tile(speeds, (200, 1))), noise=noise)
-        assert clock_offsets(moves_of(log)) == pytest.approx([0.0])
+    def test_are_left_alone_where_motion_is_steady(self, noise):
+        for speeds in ((4.0, 4.0), (4.0, 2.0), (0.0, 0.0)):
+            log = log_of(course(inputs=np.tile(speeds, (200, 1))), noise=noise)
+            assert clock_offsets(moves_of(log)) == pytest.approx([0.0]), speeds
 
     def test_are_not_guessed_from_a_few_moves(self):
         log = log_of(DRIVE, rows=np.array([0, 200, 400]))
@@ -132,9 +132,10 @@ class TestUnexplained:
 
 
 class TestNamed:
-    @pytest.mark.parametrize(
-        ("log", "text"),
-        [
+    @pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (0.15, -0.1, 0.4)])
+    def test_each_mistake(self, place):
+        own = log_of(DRIVE, noise=NOISE, place=place)
+        for log, text in (
             (exchanged(LOG), SWAPPED),
             (negated(LOG, 0), "wheel_speed_right has the wrong sign"),
             (negated(LOG, 1), "wheel_speed_left has the wrong sign"),
@@ -142,13 +143,9 @@ class TestNamed:
             (heading_times(LOG, -1.0), "the heading has the wrong sign"),
             (heading_times(LOG, 180 / math.pi), "the heading is in degrees"),
             (heading_times(LOG, math.pi / 180), "the heading is in radians"),
-        ],
-    )
-    @pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (0.15, -0.1, 0.4)])
-    def test_each_mistake(self, log: Log, text: str, place):
-        own = log_of(DRIVE, noise=NOISE, place=place)
-        moved = replace(log, poses=own.poses * (log.poses / LOG.poses))
-        assert text in (suspected(moved) or "")
+        ):
+            moved = replace(log, poses=own.poses * (log.poses / LOG.poses))
+            assert text in (suspected(moved) or "")
 
     def test_wheels_exchanged_where_only_headings_are_read(self):
         log = log_of(DRIVE, noise=NOISE, quantities=("heading",))
@@ -201,13 +198,13 @@ class TestNamed:
             else:
                 assert found == "", text
 
-    @pytest.mark.parametrize("axes", [[[0, 1], [1, 0]], [[-1, 0], [0, 1]], [[1, 0], [0, -1]]], ids=str)
     @pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (0.15, -0.1, 0.4)])
-    def test_mirrored_positions(self, axes, place):
-        log = log_of(DRIVE, noise=NOISE, place=place)
-        mirrored = np.column_stack([log.poses[:, :2] @ np.array(axes), log.poses[:, 2]])
-        found = suspected(replace(log, poses=mirrored)) or ""
-        assert found.startswith("positions are mirrored: are x and y exchanged, or has one of them the wrong")
+    def test_mirrored_positions(self, place):
+        log, text = log_of(DRIVE, noise=NOISE, place=place), "positions are mirrored: are x and y exchanged, "
+        for axes in ([[0, 1], [1, 0]], [[-1, 0], [0, 1]], [[1, 0], [0, -1]]):
+            mirrored = np.column_stack([log.poses[:, :2] @ np.array(axes), log.poses[:, 2]])
+            found = suspected(replace(log, poses=mirrored)) or ""
+            assert found.startswith(f"{text}or has one of them the wrong"), axes
 
     @pytest.mark.parametrize(
         ("wrong", "text", "seed"),
@@ -322,10 +319,10 @@ class TestTrueLogs:
             assert unit_fault(moves) is None
             assert poorly_explained(moves) is None
 
-    @pytest.mark.parametrize("factors", [(1.2, 1.2), (0.8, 0.8), (1.2, 1.0), (1.0, 0.8)])
-    def test_of_wheels_of_another_size(self, factors):
-        own = truth_of(ROBOT, wheel_radius_right=0.05 * factors[0], wheel_radius_left=0.05 * factors[1])
-        assert suspected(log_of(course(ROBOT, own), noise=NOISE)) is None
+    def test_of_wheels_of_another_size(self):
+        for right, left in ((1.2, 1.2), (0.8, 0.8), (1.2, 1.0), (1.0, 0.8)):
+            own = truth_of(ROBOT, wheel_radius_right=0.05 * right, wheel_radius_left=0.05 * left)
+            assert suspected(log_of(course(ROBOT, own), noise=NOISE)) is None, (right, left)
 
     def test_of_a_skid_steer_that_turns_half_as_much(self):
         model = SkidSteer(wheel_radius=0.05, track=0.2)
@@ -333,20 +330,20 @@ class TestTrueLogs:
         assert suspected(log, model) is None
         assert doubted(log, model) is None
 
-    @pytest.mark.parametrize("speeds", [(4.0, 2.0), (2.0, 4.0), (3.0, -3.0)])
-    def test_of_circles_in_one_direction(self, speeds):
+    def test_of_circles_in_one_direction(self):
         own = truth_of(ROBOT, wheel_radius_right=0.052)
-        inputs = speeds * (1 + 0.2 * np.sin(0.05 * np.arange(200)))[:, None]
-        log = log_of(course(ROBOT, own, inputs=inputs), noise=NOISE)
-        assert suspected(log) is None
-        assert doubted(log) is None
+        for speeds in ((4.0, 2.0), (2.0, 4.0), (3.0, -3.0)):
+            inputs = speeds * (1 + 0.2 * np.sin(0.05 * np.arange(200)))[:, None]
+            log = log_of(course(ROBOT, own, inputs=inputs), noise=NOISE)
+            assert suspected(log) is None, speeds
+            assert doubted(log) is None, speeds
 
-    @pytest.mark.parametrize("ratio", [1.0, 0.96])
-    def test_of_straight_lines(self, ratio: float):
-        own = truth_of(ROBOT, wheel_radius_right=0.05 / ratio)
-        log = log_of(course(ROBOT, own, inputs=np.tile([4.0 * ratio, 4.0], (200, 1))), noise=NOISE)
-        assert suspected(log) is None
-        assert doubted(log) is None
+    def test_of_straight_lines(self):
+        for ratio in (1.0, 0.96):
+            own = truth_of(ROBOT, wheel_radius_right=0.05 / ratio)
+            log = log_of(course(ROBOT, own, inputs=np.tile([4.0 * ratio, 4.0], (200, 1))), noise=NOISE)
+            assert suspected(log) is None, ratio
+            assert doubted(log) is None, ratio
 
     @pytest.mark.parametrize("noise", [NOISE, (0.0, 0.0)])
     def test_of_a_robot_that_stands_still(self, noise):
@@ -442,10 +439,11 @@ class TestNoise:
 
 class TestOutliers:
     @pytest.mark.parametrize("quantities", [("x", "y", "heading"), ("x", "y"), ("heading",)])
-    @pytest.mark.parametrize(("share", "lasting"), [(0.026, 1), (0.1, 1), (0.05, 6)])
-    def test_are_neither_doubt_nor_fault(self, quantities, share: float, lasting: int):
-        log = with_outliers(log_of(DRIVE, noise=NOISE, quantities=quantities), share, lasting)
-        assert preprocess(ROBOT, [log], compare_clocks=True).logs == (log,)
+    def test_are_neither_doubt_nor_fault(self, quantities):
+        plain = log_of(DRIVE, noise=NOISE, quantities=quantities)
+        for share, lasting in ((0.026, 1), (0.1, 1), (0.05, 6)):
+            log = with_outliers(plain, share, lasting)
+            assert preprocess(ROBOT, [log], compare_clocks=True).logs == (log,), (share, lasting)
 
     @pytest.mark.parametrize(
         ("wrong", "text"),

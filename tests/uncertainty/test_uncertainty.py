@@ -62,41 +62,41 @@ class TestForms:
         one = Uncertainty(within={"track": ("17 cm", 0.2), RIGHT: "5 %"})
         assert Uncertainty.model_validate(one.model_dump(mode="json")) == one
 
-    @pytest.mark.parametrize(
-        ("amount", "low", "high"),
-        [
+    def test_half_widths_and_ranges(self):
+        for amount, low, high in (
             ("5 %", 0.171, 0.189),
             ("5%", 0.171, 0.189),
             ("1 cm", 0.17, 0.19),
             (0.01, 0.17, 0.19),
             (("17 cm", "20 cm"), 0.17, 0.2),
             ((0.18, 0.2), 0.18, 0.2),
-        ],
-    )
-    def test_half_widths_and_ranges(self, amount, low: float, high: float):
-        spread = spread_of({"track": amount})
-        np.testing.assert_allclose([spread.low[0], spread.high[0]], [low, high], rtol=1e-12)
+        ):
+            spread = spread_of({"track": amount})
+            found = [spread.low[0], spread.high[0]]
+            np.testing.assert_allclose(found, [low, high], rtol=1e-12, err_msg=str(amount))
 
     def test_shares_of_negative_values_are_positive(self):
         robot = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=-0.1, slip_inner=0.2)
         spread = spread_of({"slip_outer": "10 %"}, model=robot, estimate=("track",))
         np.testing.assert_allclose([spread.low[0], spread.high[0]], [-0.11, -0.09], rtol=1e-12)
 
-    @pytest.mark.parametrize("value", [{}, {"within": {}}, {"distribution": "normal"}])
-    def test_nothing_named_is_refused(self, value):
-        with pytest.raises(ValidationError):
-            Uncertainty.model_validate(value)
-
-    @pytest.mark.parametrize("value", [{"track": [1, 2, 3]}, {"track": 0.1, "distribution": "triangular"}])
-    def test_other_shapes_are_refused(self, value):
-        with pytest.raises(ValidationError):
-            Uncertainty.model_validate(value)
+    @pytest.mark.parametrize(
+        "values",
+        [
+            ({}, {"within": {}}, {"distribution": "normal"}),
+            ({"track": [1, 2, 3]}, {"track": 0.1, "distribution": "triangular"}),
+        ],
+        ids=["nothing named", "other shapes"],
+    )
+    def test_what_says_nothing_is_refused(self, values):
+        for value in values:
+            with pytest.raises(ValidationError):
+                Uncertainty.model_validate(value)
 
 
 class TestIssues:
-    @pytest.mark.parametrize(
-        ("name", "amount", "words"),
-        [
+    def test_wrong_ones_are_named(self):
+        for name, amount, words in (
             ("width", "1 cm", "expected one of wheel_radius_right, wheel_radius_left, track, x, y, heading"),
             ("wheel_base", "5 %", "got 'wheel_base'"),
             ("track", "-1 cm", "expected a positive amount, got '-1 cm'"),
@@ -114,12 +114,10 @@ class TestIssues:
             ("heading", "5 %", "a share of a nominal value of 0 is nothing; give an amount in rad"),
             ("x", "1 deg", "expected a length [m]"),
             ("heading", "1 cm", "expected an angle"),
-        ],
-    )
-    def test_wrong_ones_are_named(self, name: str, amount, words: str):
-        found = issues_of({RIGHT: "5 %", name: amount})
-        assert list(found) == [f"uncertainty.{name}"]
-        assert words in found[f"uncertainty.{name}"]
+        ):
+            found = issues_of({RIGHT: "5 %", name: amount})
+            assert list(found) == [f"uncertainty.{name}"], amount
+            assert words in found[f"uncertainty.{name}"]
 
     def test_a_range_has_no_standard_deviation(self):
         found = issues_of({"track": ("17 cm", "19 cm")}, "normal")
