@@ -28,7 +28,7 @@ limits: {commanded_speed: 1 m/s, commanded_yaw_rate: 2 rad/s}
 log:
   inputs: {form: poses, x: {column: odom_x, unit: cm}, y: {column: odom_y, unit: cm}, heading: odom_yaw}
   poses: {file: "{stem}_mocap.csv", time: t, x: x, y: y, heading: yaw}
-calibration: {segment: log, sensor_place: []}
+calibration: {segment: log, noise: constant, sensor_place: []}
 """
 ODOMETRY_TRUTH = {"gain_v": 1.034, "gain_omega": 0.962, "omega_per_v": 0.021}
 
@@ -83,7 +83,7 @@ trajectory: {duration: 60 s, samples: 60}
 measurement: {kind: poses, noise: {position: 2 mm, heading: 0.3 deg}}
 limits: {commanded_speed: 1 m/s, commanded_yaw_rate: 2 rad/s}
 log: {kind: rosbag, commands: /cmd_vel, poses: /mocap}
-calibration: {segment: log, sensor_place: []}
+calibration: {segment: log, noise: constant, sensor_place: []}
 """
 LAGGING_TRUTH = {"gain_v": 0.957, "gain_omega": 0.884, "lag_v": 0.163, "lag_omega": 0.287}
 COMMAND_RATE = 20.0

@@ -25,7 +25,7 @@ log:
     steering_angle: {column: steering, form: ticks, ticks_per_turn: 4096, cumulative: true, wrap: 4096,
       zero: 4000, sign: -1}
   poses: {file: "{stem}_gnss.csv", time: t, x: x, y: y, heading: {column: yaw, unit: deg}}
-calibration: {segment: log, sensor_place: []}
+calibration: {segment: log, noise: constant, sensor_place: []}
 """
 CAR_TRUTH = {"wheel_radius": 0.3124, "wheelbase": 1.662, "steering_offset": 0.021, "steering_gain": 0.93}
 
@@ -44,7 +44,7 @@ def car_drive(seed: int, seconds: float) -> Twin:
     return driven(inputs, twists, seconds)
 
 
-def car_log(folder: Path, seed: int, seconds: float = 20.0) -> Path:
+def car_log(folder: Path, seed: int, seconds: float = 15.0) -> Path:
     """Speeds of the rim as the car's computer has them, by 30 cm; steering ticks that begin anew; GNSS."""
     twin = car_drive(seed, seconds)
     rows, seen = twin.rows(40), twin.rows(10, 0.1)
@@ -86,7 +86,7 @@ log:
     wheel_speed_rear_left: {column: rpm, form: speed, unit: rpm, held: between}
     wheel_speed_rear_right: {column: angle, form: angle, unit: deg, wrap: 360, sign: -1}
   poses: {heading: yaw}
-calibration: {segment: log, sensor_place: []}
+calibration: {segment: log, noise: constant, sensor_place: []}
 """
 MECANUM_TRUTH = {
     "wheel_radius_front_left": 0.0507,
@@ -97,7 +97,7 @@ MECANUM_TRUTH = {
 }
 
 
-def mecanum_log(folder: Path, seed: int, seconds: float = 15.0) -> Path:
+def mecanum_log(folder: Path, seed: int, seconds: float = 10.0) -> Path:
     """Every wheel by an encoder of its own sort, at 50 Hz; mocap in the same rows."""
     radii, arm = np.array(list(MECANUM_TRUTH.values())[:4]), MECANUM_TRUTH["half_wheelbase_plus_half_track"]
     # Rolling of each wheel by forward speed, lateral speed and yaw rate: rollers that form an X from above.

@@ -33,7 +33,7 @@ robot: {kind: differential_drive, wheel_radius: 33 mm, track: 160 mm}
 trajectory: {duration: 20 s, samples: 40}
 measurement: {kind: poses, noise: {position: 1 mm, heading: 0.3 deg}}
 limits: {wheel_speed: 6 rad/s}
-calibration: {sensor_place: [], clock_offset: false}
+calibration: {noise: constant, sensor_place: [], clock_offset: false}
 """
 ROBOT = DifferentialDrive(wheel_radius=0.033, track=0.16)
 TRUE = np.array(ROBOT.nominal)
@@ -149,11 +149,11 @@ def test_errors_are_as_large_as_predicted_where_those_of_readings_last(study, tr
 @pytest.mark.slow
 def test_errors_are_as_large_as_predicted_where_logs_were_fitted_by_likelihood(tmp_path, trajectory):
     study = parse_study(STUDY.replace("calibration: {", "calibration: {method: likelihood, "))
-    drives = [course(ROBOT, TRUE, seconds=10.0, seed=seed) for seed in range(2)]
+    drives = [course(ROBOT, TRUE, seconds=12.0, period=2 * STEP, seed=seed) for seed in range(2)]
     logs = [as_csv(one, driven(one, seed), tmp_path / f"{seed}.csv") for seed, one in enumerate(drives)]
     found = estimate(study, logs)
     predicted = np.linalg.inv(planned_information(trajectory, found, study))
-    (planned,) = Logging(STEP).of_drive(ROBOT, trajectory)
+    (planned,) = Logging(2 * STEP).of_drive(ROBOT, trajectory)
     drive = as_course(planned)
     fits = [fit_of([driven(drive, seed)], unknowns_of(ROBOT), 2.0) for seed in range(10)]
     white = {one.about: one.at_rest for one in found.noise}

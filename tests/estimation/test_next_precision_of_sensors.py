@@ -27,7 +27,7 @@ trajectory: {{duration: 16 s, samples: 32}}
 measurement: [{sensors}]
 limits: {{wheel_speed: 6 rad/s}}
 log: {{poses: {poses}, sensors: {{{logged}}}}}
-calibration: {{segment: log, sensor_place: [], clock_offset: false, covariance: drift}}
+calibration: {{segment: log, noise: constant, sensor_place: [], clock_offset: false, covariance: drift}}
 """
 POINTS = np.array([[3.0, 0.0], [0.0, 3.0], [-3.0, -3.0]])
 PLACES = [[f"{value:g} m" for value in place] for place in POINTS.tolist()]

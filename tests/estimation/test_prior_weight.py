@@ -14,6 +14,7 @@ from oed.kernel.measurement.prior import Prior
 from oed.logs.log import Log
 
 TRUE = truth_of(ROBOT, **TRUTH)
+ASKED = options(segment="log", noise="constant", clock_offset=False, sensor_place=(), replicates=100)
 NAMES = tuple(one.name for one in ROBOT.parameters)
 KNOWN = np.array([5e-5, 5e-5, 2.5e-4])
 """Standard errors of what half a dozen drives showed before [m]."""
@@ -24,12 +25,11 @@ def drifted(seed: int) -> Log:
     return log_of(drive, noise=(0.0005, 0.003), seed=seed)
 
 
-def estimate(seed: int, values: np.ndarray, covariance: np.ndarray, **keys) -> Calibration:
+def estimate(seed: int, values: np.ndarray, covariance: np.ndarray) -> Calibration:
     robot = ROBOT.with_values(dict(zip(NAMES, map(float, values), strict=True)))
     prior = Prior(parameters=NAMES, covariance=tuple(tuple(map(float, row)) for row in covariance))
     problem = logged_problem(model=robot, prior=prior)
-    own = options(segment="log", clock_offset=False, sensor_place=(), replicates=100, **keys)
-    return calibrate(problem, [drifted(seed)], own)
+    return calibrate(problem, [drifted(seed)], ASKED)
 
 
 @pytest.mark.slow
@@ -54,7 +54,7 @@ def test_is_generalised_least_squares_of_both():
     alone = calibrate(
         logged_problem(),
         [drifted(3)],
-        options(segment="log", clock_offset=False, sensor_place=(), replicates=100, covariance="drift"),
+        ASKED.model_copy(update={"covariance": "drift"}),
     )
     logs, known = (np.linalg.inv(one) for one in (alone.covariances[0].matrix, np.diag(KNOWN**2)))
     wanted = np.linalg.solve(logs + known, logs @ alone.values + known @ (TRUE + KNOWN))
