@@ -311,7 +311,7 @@ def test_what_correlated_noise_does_not_suit(keys: dict, quantities: tuple[str, 
 def test_standard_errors_allow_for_the_correlation():
     errors, covariances = [], []
     for seed in range(6):
-        logs = [satellites(10 * seed + number, 25.0) for number in range(2)]
+        logs = [satellites(10 * seed + number) for number in range(2)]
         found = estimate(logs, segment="log", noise="correlated")
         errors.append(found.values - TRUE)
         covariances.append(found.covariance * (found.covariances[0].half_width / 1.96) ** 2)

@@ -39,8 +39,6 @@ ROBOT = DifferentialDrive(wheel_radius=0.033, track=0.16)
 TRUE = np.array(ROBOT.nominal)
 NOISE = (0.001, 0.005)
 STEP = 0.1
-FEW = 20
-"""Sets of logs where each takes long."""
 LASTS = (0.02, 4.0)
 
 
@@ -134,12 +132,12 @@ def test_errors_are_as_large_as_predicted_where_those_of_readings_last(study, tr
     (planned,) = Logging(STEP).of_drive(ROBOT, trajectory)
     drive, known = as_course(planned), GaussMarkov(sizes, {"position": size}, seconds)
     white = (sizes["position"], sizes["heading"])
-    logs = [lasting(log_of(drive, noise=white, seed=seed), size, seconds, seed) for seed in range(FEW)]
+    logs = [lasting(log_of(drive, noise=white, seed=seed), size, seconds, seed) for seed in range(SETS)]
     fits = [
         search_of([one], unknowns_of(ROBOT), specified=known.noises, correlated=known).fit() for one in logs
     ]
     errors = np.array([one.values - TRUE for one in fits])
-    require_pulls(errors, [predicted] * FEW)
+    require_pulls(errors, [predicted] * SETS)
     # By white noise alone the same drive would be thought far better than it is.
     alone = whole.model_copy(update={"lasting": FoundLasting(seconds=seconds)})
     short = np.linalg.inv(planned_information(trajectory, alone, study))
