@@ -31,9 +31,8 @@ TRUE = np.array([*TRUTH.values()])
 
 
 def found_by(logs=(LOG,), problem=None, **keys) -> Calibration:
-    return calibrate(
-        problem or logged_problem(), logs, options(**{"segment": "log", "clock_offset": False, **keys})
-    )
+    usual = {"segment": "log", "noise": "constant", "clock_offset": False}
+    return calibrate(problem or logged_problem(), logs, options(**{**usual, **keys}))
 
 
 @cache
@@ -137,7 +136,7 @@ class TestOptions:
 
     @pytest.mark.slow
     def test_sensor_place(self):
-        log = log_of(course(seconds=6.0), noise=NOISE)
+        log = log_of(course(seconds=4.0), noise=NOISE)
         found = found_by([log], sensor_place=[], clock_offset=True)
         assert found.fit.unknowns.names == (*TRUTH, "clock_offset")
         assert within(found)

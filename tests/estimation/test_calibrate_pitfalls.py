@@ -161,7 +161,7 @@ def test_noise_grows_only_where_it_is_looked_for():
 def test_what_is_known_of_the_sensors_place_counts_once(method):
     def sensor_x(arm: LeverArm) -> tuple[float, float]:
         measurement = Poses(noise=AbsoluteNoise(position=0.002, heading=0.005), lever_arm=arm)
-        asked = options(method=method, segment=2.0, clock_offset=False)
+        asked = options(method=method, segment=2.0, noise="constant", clock_offset=False)
         found = calibrate(logged_problem(measurement=measurement), logs, asked)
         place = found.fit.unknowns.names.index("sensor_x")
         return found.fit.values[place], float(np.sqrt(found.fit.inverse[place, place]))
@@ -233,7 +233,7 @@ def test_a_single_log_is_reckoned_by_its_own_estimate():
 @pytest.mark.slow
 def test_a_coefficient_that_is_0_by_the_geometry_is_no_estimate_of_0_without_error():
     log = log_of(course(OMNI, np.array([0.041, 0.19]), seconds=10.0, period=0.2), noise=NOISE)
-    asked = options(segment="log", clock_offset=False)
+    asked = options(segment="log", noise="constant", clock_offset=False)
     names, values, errors = calibrate(logged_problem(model=OMNI), [log], asked).coefficients
     assert len(names) == 8
     assert "c22" not in names

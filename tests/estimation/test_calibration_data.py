@@ -78,7 +78,7 @@ class TestData:
         monkeypatch.setattr("oed.records.calibration_outcome.POINTS", 10)
         monkeypatch.setattr("oed.records.calibration_outcome.RESIDUALS", 50)
         logs = several(14, seconds=1.5, noise=NOISE)
-        asked = options(segment="log", replicates=100, sensor_place=(), clock_offset=False)
+        asked = options(segment="log", noise="constant", replicates=100, sensor_place=(), clock_offset=False)
         found = estimate_of(calibrate(logged_problem(), logs, asked)).plain()
         assert len(found["paths"]) == PATHS
         for path in found["paths"]:

@@ -117,7 +117,7 @@ class TestChoice:
     def test_what_was_known_before_is_left_out(self):
         logs = several(2, seconds=4.0, noise=NOISE)
         problem = logged_problem(prior=Prior(standard_deviations={"track": "1 um"}))
-        asked = options(segment="log", sensor_place=(), clock_offset=False, models=[SLIP])
+        asked = options(segment="log", noise="constant", sensor_place=(), clock_offset=False, models=[SLIP])
         found = calibrate(problem, logs, asked).comparison
         assert found.models[0].fit.values[2] == pytest.approx(TRUTH["track"], rel=0.02)
 
@@ -230,7 +230,7 @@ def with_loose_ones() -> Calibration:
         Alternative(robot=loose, name="fixed", estimate=["track"]),
     ]
     logs = several(3, seconds=2.0, noise=NOISE)
-    asked = options(segment="log", sensor_place=(), clock_offset=False, models=alternatives)
+    asked = options(segment="log", noise="constant", sensor_place=(), clock_offset=False, models=alternatives)
     return calibrate(logged_problem(), logs, asked)
 
 
@@ -411,6 +411,7 @@ STUDY = PROBLEMS / "room_robot.yaml"
 LOG = STUDY.parent / "logs" / "room_robot.csv"
 MODELS = """calibration:
   segment: log
+  noise: constant
   sensor_place: []
   clock_offset: false
   models:
