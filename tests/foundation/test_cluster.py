@@ -10,10 +10,12 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import dask
 import distributed
 import numpy as np
 import pytest
 from builders import problem_of, random_drive
+from distributed.utils import get_mp_context
 from studies import small, without_seconds, write_study
 from worker_tasks import dying_once, refusing, slow
 
@@ -28,20 +30,25 @@ from oed.robots.sensors import Displacements
 from oed.simulation import monte_carlo
 from oed.workflow.sweep import parse_axis, sweep
 
-PROBLEM = problem_of()
-TINY = "{kind: genetic, population: 20, generations: 3}"
+PROBLEM = problem_of(samples=20, coefficients=6)
+TINY = small(solvers="{kind: genetic, population: 20, generations: 3}").replace("samples: 40", "samples: 12")
+LOADED = ["distributed", "oed.optimize", "oed.simulation.monte_carlo", "oed.workflow.sweep"]
 
 
 @pytest.fixture(scope="module")
 def local() -> Iterator[distributed.LocalCluster]:
     """Two processes of one thread, and their scheduler."""
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
-    ) as started:
-        yield started
-        # Before its scheduler goes: a connection that is lost is complained of.
-        cluster._connection(started.scheduler_address).client.close()
-        cluster._connection.cache_clear()
+    # Children of one process that has loaded all that they need: each would take a second of its own for it.
+    method = {"distributed.worker.multiprocessing-method": "forkserver"}
+    with dask.config.set(method):
+        get_mp_context().set_forkserver_preload(LOADED)
+        with distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
+        ) as started:
+            yield started
+            # Before its scheduler goes: a connection that is lost is complained of.
+            cluster._connection(started.scheduler_address).client.close()
+            cluster._connection.cache_clear()
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +79,7 @@ class TestRealCluster:
 
     def test_simulated_experiments_are_the_same(self, workers: Cluster, monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr(monte_carlo, "BATCH", 50)
-        noisy = problem_of(measurement=Displacements(segments=4, noise={"position": 0.01}))
+        noisy = problem_of(samples=12, measurement=Displacements(segments=4, noise={"position": 0.01}))
         drive = random_drive(noisy, 1)
         here, there = (
             monte_carlo.validate(noisy, drive, replicates=120, seed=2, workers=who) for who in (1, workers)
@@ -97,7 +104,7 @@ class TestRealCluster:
             run_tasks(refusing, [0, 1], workers, lambda index, result: None)
 
     def test_a_sweep_is_the_same(self, workers: Cluster, tmp_path: Path):
-        file = write_study(tmp_path, small(solvers=TINY))
+        file = write_study(tmp_path, TINY)
         axes = [parse_axis("limits.wheel_speed=5,10 rad/s")]
         here, there = (
             without_seconds(sweep(file, axes, tmp_path / side, workers=who).data)
@@ -111,7 +118,7 @@ class TestRealCluster:
     def test_from_the_command_line(
         self, workers: Cluster, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ):
-        file = str(write_study(tmp_path, small(solvers=TINY)))
+        file = str(write_study(tmp_path, TINY))
         assert main(["solve", file, "--quiet", "--cluster", workers.address]) == 0
         there = capsys.readouterr().out.splitlines()
         assert main(["solve", file, "--quiet", "--workers", "1"]) == 0
