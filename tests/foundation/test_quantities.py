@@ -27,121 +27,116 @@ from oed.foundation.quantities import (
     parse_quantity,
 )
 
-
-@pytest.mark.parametrize(
-    ("value", "unit", "expected"),
-    [
-        ("4.9 cm", "m", 0.049),
-        ("4.9cm", "m", 0.049),
-        ("49 mm", "m", 0.049),
-        ("1e3 um", "m", 1e-3),
-        ("2 in", "m", 0.0508),
-        ("-1 m", "m", -1.0),
-        ("+.5 km", "m", 500.0),
-        ("10 deg", "rad", math.radians(10)),
-        ("10°", "rad", math.radians(10)),
-        ("1 turn", "rad", 2 * math.pi),
-        ("2 min", "s", 120.0),
-        ("100 ms", "s", 0.1),
-        ("10 rad/s", "rad/s", 10.0),
-        ("60 rpm", "rad/s", 2 * math.pi),
-        ("180 deg/s", "rad/s", math.pi),
-        ("20 rad/s^2", "rad/s^2", 20.0),
-        ("20 rad/s**2", "rad/s^2", 20.0),
-        ("1 rev/s^2", "rad/s^2", 2 * math.pi),
-        ("3.6 km/h", "m/s", 1.0),
-        ("5 %", "", 0.05),
-        ("5%", "", 0.05),
-        ("0.05", "", 0.05),
-        ("0.5", "m", 0.5),
-        (0.049, "m", 0.049),
-        (2, "s", 2.0),
-    ],
-)
-@pytest.mark.slow
-def test_si_value(value, unit, expected):
-    assert parse_quantity(value, unit) == pytest.approx(expected, rel=1e-12)
+READ = [
+    ("4.9 cm", "m", 0.049),
+    ("4.9cm", "m", 0.049),
+    ("49 mm", "m", 0.049),
+    ("1e3 um", "m", 1e-3),
+    ("2 in", "m", 0.0508),
+    ("-1 m", "m", -1.0),
+    ("+.5 km", "m", 500.0),
+    ("10 deg", "rad", math.radians(10)),
+    ("10°", "rad", math.radians(10)),
+    ("1 turn", "rad", 2 * math.pi),
+    ("2 min", "s", 120.0),
+    ("100 ms", "s", 0.1),
+    ("10 rad/s", "rad/s", 10.0),
+    ("60 rpm", "rad/s", 2 * math.pi),
+    ("180 deg/s", "rad/s", math.pi),
+    ("20 rad/s^2", "rad/s^2", 20.0),
+    ("20 rad/s**2", "rad/s^2", 20.0),
+    ("1 rev/s^2", "rad/s^2", 2 * math.pi),
+    ("3.6 km/h", "m/s", 1.0),
+    ("5 %", "", 0.05),
+    ("5%", "", 0.05),
+    ("0.05", "", 0.05),
+    ("0.5", "m", 0.5),
+    (0.049, "m", 0.049),
+    (2, "s", 2.0),
+]
+"""Of the quantities of robots: what is given, and its size in SI units."""
 
 
-@pytest.mark.parametrize(
-    ("value", "unit"),
-    [
-        ("10 cm", "rad"),
-        ("10 rad", "m"),
-        ("10 Hz", "rad/s"),
-        ("10 1/s", "rad/s"),
-        ("10 rad/s", "rad/s^2"),
-        ("10 rad/s^2", "rad/s"),
-        ("5 %", "m"),
-        ("3 m", ""),
-    ],
-)
-def test_another_dimension_is_refused(value, unit):
-    with pytest.raises(ValueError, match="of another kind") as caught:
+OTHER_KINDS = [
+    ("10 cm", "rad"),
+    ("10 rad", "m"),
+    ("10 Hz", "rad/s"),
+    ("10 1/s", "rad/s"),
+    ("10 rad/s", "rad/s^2"),
+    ("10 rad/s^2", "rad/s"),
+    ("5 %", "m"),
+    ("3 m", ""),
+]
+
+
+def refusal(value: object, unit: str = "m") -> str:
+    """What is said of a value that is refused; nothing of one that is taken."""
+    try:
         parse_quantity(value, unit)
-    assert repr(value) in str(caught.value)
-    assert "expected" in str(caught.value)
+    except ValueError as error:
+        return str(error)
+    return ""
 
 
-@pytest.mark.parametrize("text", ["4.9 parsnips", "4.9 m)", "4.9 cm cm/", "1 2 m", "3 __import__"])
-def test_unknown_units_are_refused(text):
-    with pytest.raises(ValueError, match=r"is not known|another kind"):
-        parse_quantity(text, "m")
+def test_another_dimension_is_refused():
+    said = {pair: refusal(*pair) for pair in OTHER_KINDS}
+    words = ("of another kind", "expected")
+    assert [
+        pair for pair, text in said.items() if not all(word in text for word in (*words, repr(pair[0])))
+    ] == []
 
 
-@pytest.mark.parametrize(
-    ("text", "unit", "expected"),
-    [
-        ("0.5 mol/l", "mol/m^3", 500.0),
-        ("2 mM", "mol/m^3", 2.0),
-        ("3 µmol/L", "mol/m^3", 3e-3),
-        ("5 nM", "mol/m^3", 5e-6),
-        ("1 g/l/h", "kg/m^3/s", 1 / 3600),
-        ("3 1/min", "1/s", 0.05),
-        ("2 d", "s", 172800.0),
-        ("5 ds", "s", 0.5),
-        ("298.15 K", "K", 298.15),
-        ("8.314 J/mol/K", "kg*m^2/s^2/mol/K", 8.314),
-        ("8.314 J/(mol*K)", "J/mol/K", 8.314),
-        ("1.5 bar", "Pa", 1.5e5),
-        ("2 MPa", "Pa", 2e6),
-        ("1 mPa s", "kg/m/s", 1e-3),
-        ("3 kW", "kg m^2/s^3", 3e3),
-        ("1 kWh", "J", 3.6e6),
-        ("40 mNm/A", "V s", 0.04),
-        ("2 kohm", "V/A", 2e3),
-        ("4 mS", "A/V", 4e-3),
-        ("3 uF", "C/V", 3e-6),
-        ("1 mH", "V s/A", 1e-3),
-        ("3 mol^(1/2)/l^(1/2)/s", "mol^(1/2)/m^(3/2)/s", 3 * 1000**0.5),
-        ("1 (m/s)^2", "m^2/s^2", 1.0),
-    ],
-)
-def test_units_of_other_fields(text: str, unit: str, expected: float):
-    assert parse_quantity(text, unit) == pytest.approx(expected, rel=1e-12)
+def test_unknown_units_are_refused():
+    texts = ["4.9 parsnips", "4.9 m)", "4.9 cm cm/", "1 2 m", "3 __import__"]
+    assert [text for text in texts if not re.search(r"is not known|another kind", refusal(text))] == []
 
 
-@pytest.mark.parametrize(
-    ("text", "unit", "why"),
-    [
-        ("25 degC", "K", "unit 'degC' is no multiple of a unit; write temperatures in K: 298.15 K"),
-        ("-40 °C", "K", "unit '°C' is no multiple of a unit; write temperatures in K: 233.15 K"),
-        ("70 °F", "K", "unit '°F' is no multiple of a unit; write temperatures in K"),
-        ("3 J/degC", "J/K", "unit 'J/degC' is no multiple of a unit; write temperatures in K"),
-        ("1 Pas", "Pa s", "unit 'Pas' is not known; products are written with a space, as 'Pa s'"),
-        ("1 m^0.5", "m", "unit 'm^0.5' is not known; powers are whole numbers, or written as m^(1/2)"),
-        ("1 m^1/2", "m", "unit 'm^1/2' is not known; powers are whole numbers, or written as m^(1/2)"),
-        ("5 Mm", "m", "unit 'Mm' is not known"),
-        ("5 Ms", "s", "unit 'Ms' is not known; products are written with a space, as 'Pa s'"),
-        ("5 mol", "m", "unit is of another kind"),
-        ("5 N", "m", "unit is of another kind"),
-        ("5 M", "m", "unit is of another kind"),
-        ("1e13 1/s", "1/s", r"expected a rate [1/s] of at most 1e+12 in SI units, got '1e13 1/s'"),
-    ],
-)
-def test_what_is_wrong_with_a_unit_is_said(text: str, unit: str, why: str):
-    with pytest.raises(ValueError, match=rf"{re.escape(why)}$"):
-        parse_quantity(text, unit)
+OTHER_FIELDS = [
+    ("0.5 mol/l", "mol/m^3", 500.0),
+    ("2 mM", "mol/m^3", 2.0),
+    ("3 µmol/L", "mol/m^3", 3e-3),
+    ("5 nM", "mol/m^3", 5e-6),
+    ("1 g/l/h", "kg/m^3/s", 1 / 3600),
+    ("3 1/min", "1/s", 0.05),
+    ("2 d", "s", 172800.0),
+    ("5 ds", "s", 0.5),
+    ("298.15 K", "K", 298.15),
+    ("8.314 J/mol/K", "kg*m^2/s^2/mol/K", 8.314),
+    ("8.314 J/(mol*K)", "J/mol/K", 8.314),
+    ("1.5 bar", "Pa", 1.5e5),
+    ("2 MPa", "Pa", 2e6),
+    ("1 mPa s", "kg/m/s", 1e-3),
+    ("3 kW", "kg m^2/s^3", 3e3),
+    ("1 kWh", "J", 3.6e6),
+    ("40 mNm/A", "V s", 0.04),
+    ("2 kohm", "V/A", 2e3),
+    ("4 mS", "A/V", 4e-3),
+    ("3 uF", "C/V", 3e-6),
+    ("1 mH", "V s/A", 1e-3),
+    ("3 mol^(1/2)/l^(1/2)/s", "mol^(1/2)/m^(3/2)/s", 3 * 1000**0.5),
+    ("1 (m/s)^2", "m^2/s^2", 1.0),
+]
+
+
+WRONG = [
+    ("25 degC", "K", "unit 'degC' is no multiple of a unit; write temperatures in K: 298.15 K"),
+    ("-40 °C", "K", "unit '°C' is no multiple of a unit; write temperatures in K: 233.15 K"),
+    ("70 °F", "K", "unit '°F' is no multiple of a unit; write temperatures in K"),
+    ("3 J/degC", "J/K", "unit 'J/degC' is no multiple of a unit; write temperatures in K"),
+    ("1 Pas", "Pa s", "unit 'Pas' is not known; products are written with a space, as 'Pa s'"),
+    ("1 m^0.5", "m", "unit 'm^0.5' is not known; powers are whole numbers, or written as m^(1/2)"),
+    ("1 m^1/2", "m", "unit 'm^1/2' is not known; powers are whole numbers, or written as m^(1/2)"),
+    ("5 Mm", "m", "unit 'Mm' is not known"),
+    ("5 Ms", "s", "unit 'Ms' is not known; products are written with a space, as 'Pa s'"),
+    ("5 mol", "m", "unit is of another kind"),
+    ("5 N", "m", "unit is of another kind"),
+    ("5 M", "m", "unit is of another kind"),
+    ("1e13 1/s", "1/s", r"expected a rate [1/s] of at most 1e+12 in SI units, got '1e13 1/s'"),
+]
+
+
+def test_what_is_wrong_with_a_unit_is_said():
+    assert [text for text, unit, why in WRONG if not refusal(text, unit).endswith(why)] == []
 
 
 def test_sizes_may_be_others_than_a_robots():
@@ -151,51 +146,51 @@ def test_sizes_may_be_others_than_a_robots():
         parse_quantity(1e101, "1/s", sizes=(0.0, 1e100))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "5 m**(9**9**9)",
-        "5 m^9^9^9",
-        "5 m**99999999",
-        "5 m*(9**9**9)",
-        "5 (9**9**9) m",
-        "5 m**-(9**9)",
-        "5 ((m))",
-        "5 m^0.5*m^0.5",
-        "5 m⁹⁹⁹⁹",
-        "5 2*m",
-        "5 m.real",
-        "5 m[0]",
-        "5 m if s else m",
-        "5 " + "m*" * 20_000 + "m",
-        "5 " + "(" * 20_000 + "m" + ")" * 20_000,
-        "5 " + "m " * 20_000 + "!",
-        "5 " + "m" * 20_000 + "!",
-    ],
-    ids=lambda text: text[:20],
-)
-def test_arithmetic_is_no_unit(text: str):
-    with pytest.raises(ValueError, match=r"is not known"):
-        parse_quantity(text, "m")
+ARITHMETIC = [
+    "5 m**(9**9**9)",
+    "5 m^9^9^9",
+    "5 m**99999999",
+    "5 m*(9**9**9)",
+    "5 (9**9**9) m",
+    "5 m**-(9**9)",
+    "5 ((m))",
+    "5 m^0.5*m^0.5",
+    "5 m⁹⁹⁹⁹",
+    "5 2*m",
+    "5 m.real",
+    "5 m[0]",
+    "5 m if s else m",
+    "5 " + "m*" * 20_000 + "m",
+    "5 " + "(" * 20_000 + "m" + ")" * 20_000,
+    "5 " + "m " * 20_000 + "!",
+    "5 " + "m" * 20_000 + "!",
+]
 
 
-@pytest.mark.parametrize(
-    ("text", "unit", "expected"),
-    [
-        ("20 rad/s²", "rad/s^2", 20.0),
-        ("1 rad*s^-1", "rad/s", 1.0),
-        ("1 rad s**-1", "rad/s", 1.0),
-        ("36 km / h", "m/s", 10.0),
-        ("3 m per s", "m/s", 3.0),
-        ("2 rad/(s*s)", "rad/s^2", 2.0),
-        ("2 (m)/(s)", "m/s", 2.0),
-        ("3 mm*s/rad", "m*s/rad", 3e-3),
-        ("2 deg*s/m", "rad*s/m", math.radians(2)),
-        ("4 1/s", "Hz", 4.0),
-    ],
-)
-def test_products_and_small_powers_are_units(text: str, unit: str, expected: float):
-    assert parse_quantity(text, unit) == pytest.approx(expected, rel=1e-12)
+def test_arithmetic_is_no_unit():
+    assert [text[:20] for text in ARITHMETIC if "is not known" not in refusal(text)] == []
+
+
+PRODUCTS = [
+    ("20 rad/s²", "rad/s^2", 20.0),
+    ("1 rad*s^-1", "rad/s", 1.0),
+    ("1 rad s**-1", "rad/s", 1.0),
+    ("36 km / h", "m/s", 10.0),
+    ("3 m per s", "m/s", 3.0),
+    ("2 rad/(s*s)", "rad/s^2", 2.0),
+    ("2 (m)/(s)", "m/s", 2.0),
+    ("3 mm*s/rad", "m*s/rad", 3e-3),
+    ("2 deg*s/m", "rad*s/m", math.radians(2)),
+    ("4 1/s", "Hz", 4.0),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cases", [READ, OTHER_FIELDS, PRODUCTS], ids=["robots", "other fields", "products"])
+def test_si_value(cases):
+    found = {(value, unit): parse_quantity(value, unit) for value, unit, _ in cases}
+    expected = {(value, unit): size for value, unit, size in cases}
+    assert found == pytest.approx(expected, rel=1e-12)
 
 
 def test_whole_numbers_beyond_all_floats_are_refused():
@@ -203,39 +198,33 @@ def test_whole_numbers_beyond_all_floats_are_refused():
         parse_quantity(10**400, "m")
 
 
-@pytest.mark.parametrize("text", ["", "cm", "about 3 cm", "4,9"])
-def test_text_that_is_no_quantity_is_refused(text):
-    with pytest.raises(ValueError, match=r"expected a length \[m\]"):
-        parse_quantity(text, "m")
+def test_text_that_is_no_quantity_is_refused():
+    texts = ["", "cm", "about 3 cm", "4,9"]
+    assert [text for text in texts if "expected a length [m]" not in refusal(text)] == []
 
 
-@pytest.mark.parametrize("value", [True, None, [1, "m"], {"value": 1}, 1j])
-def test_other_types_are_refused(value):
-    with pytest.raises(ValueError, match=r"expected a length \[m\], got"):
-        parse_quantity(value, "m")
+def test_other_types_are_refused():
+    values = [True, None, [1, "m"], {"value": 1}, 1j]
+    assert [value for value in values if "expected a length [m], got" not in refusal(value)] == []
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "1e999 m"])
-def test_values_that_are_not_finite_are_refused(value):
-    with pytest.raises(ValueError, match="finite"):
-        parse_quantity(value, "m")
+def test_values_that_are_not_finite_are_refused():
+    values = [math.nan, math.inf, -math.inf, "1e999 m"]
+    assert [value for value in values if "finite" not in refusal(value)] == []
 
 
 TOO_LARGE = ["1.1e12 m", "1e300 m", "1e300 km", "-1e10 km", 1e13, -1e29, 10**13, 10**5000]
 
 
-@pytest.mark.parametrize("value", TOO_LARGE, ids=range(len(TOO_LARGE)))
-def test_what_no_robot_has_is_refused(value):
-    with pytest.raises(
-        ValueError, match=r"expected a length \[m\] of at most 1e\+12 in SI units, got"
-    ) as caught:
-        parse_quantity(value, "m")
-    assert len(str(caught.value)) < 150
+def test_what_no_robot_has_is_refused():
+    said = [refusal(value) for value in TOO_LARGE]
+    words = "expected a length [m] of at most 1e+12 in SI units, got"
+    assert [number for number, text in enumerate(said) if words not in text or len(text) >= 150] == []
 
 
-@pytest.mark.parametrize("value", ["1e-13 m", "1e-300 m", "-9e-10 mm", 6.1e-17, -5e-324])
-def test_what_rounding_leaves_is_nothing(value):
-    assert parse_quantity(value, "m") == 0
+def test_what_rounding_leaves_is_nothing():
+    values = ["1e-13 m", "1e-300 m", "-9e-10 mm", 6.1e-17, -5e-324]
+    assert [value for value in values if parse_quantity(value, "m") != 0] == []
 
 
 def test_nothing_is_refused_where_a_size_is_needed_and_said_why():
@@ -301,12 +290,9 @@ def test_common_units_are_pints():
             assert known == _factor(name, name + quotient, own + quotient if own else "", "")
 
 
-@pytest.mark.parametrize(
-    "text", ["m/", "/s", "m/s^", "m/s^4", "m/s/s", "m^2", "M", "m /s", "mm/ms", "1/s", ""]
-)
-def test_other_texts_are_left_to_pint(text: str):
-    assert _common_factor(text, "m") is None
-    assert _common_factor(text, "") is None
+def test_other_texts_are_left_to_pint():
+    texts = ["m/", "/s", "m/s^", "m/s^4", "m/s/s", "m^2", "M", "m /s", "mm/ms", "1/s", ""]
+    assert [text for text in texts for unit in ("m", "") if _common_factor(text, unit) is not None] == []
 
 
 def test_a_common_unit_of_another_dimension_is_left_to_pint():
