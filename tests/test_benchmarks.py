@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -26,8 +27,15 @@ SAMPLES = 620
 """So many that a search looks at fewer unless it is told otherwise."""
 
 
-@pytest.fixture
-def searched(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+@pytest.fixture(scope="module")
+def patch() -> Iterator[pytest.MonkeyPatch]:
+    """What is changed for all tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        yield patch
+
+
+@pytest.fixture(scope="module")
+def searched(patch: pytest.MonkeyPatch) -> list[int]:
     """Samples of the searches that were built."""
     found: list[int] = []
 
@@ -36,19 +44,19 @@ def searched(monkeypatch: pytest.MonkeyPatch) -> list[int]:
             super().__init__(*args)
             found.append(self.design.problem.design.samples)
 
-    monkeypatch.setattr(solve, "LocalSearch", Recorded)
+    patch.setattr(solve, "LocalSearch", Recorded)
     return found
 
 
-@pytest.fixture
-def shown(monkeypatch: pytest.MonkeyPatch, searched: Sequence[int]) -> list[Figure]:
+@pytest.fixture(scope="module")
+def shown(patch: pytest.MonkeyPatch, searched: Sequence[int]) -> list[Figure]:
     """The table of one form, measured for as short a time as can be."""
     shortest = {"COMPARED": (SAMPLES,), "LONGER": (), "ITERATIONS": 1, "ENOUGH": 1, "REPEATED": 1}
     for name, value in shortest.items():
-        monkeypatch.setattr(solve, name, value)
-    monkeypatch.setattr(solve, "FORMS", {"segment": solve.FORMS["segment"]})
-    monkeypatch.setattr(solve, "single_shooting", _immediate)
-    monkeypatch.setattr(solve, "multiple_shooting", _immediate)
+        patch.setattr(solve, name, value)
+    patch.setattr(solve, "FORMS", {"segment": solve.FORMS["segment"]})
+    patch.setattr(solve, "single_shooting", _immediate)
+    patch.setattr(solve, "multiple_shooting", _immediate)
     return solve.figures()
 
 
@@ -83,12 +91,10 @@ def test_what_a_coarse_grid_brings_has_a_row_of_its_own(shown, searched):
     assert "shooting" not in saved.against
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("way", ["by_ipopt", "by_fatrop"])
-def test_stages_reach_the_optimum_of_the_condensed_program(way: str):
-    if way == "by_fatrop" and not ca.has_nlpsol("fatrop"):
-        pytest.skip("this CasADi has no fatrop")
-    problem = problem_of("segment", 100)
+@cache
+def staged_and_condensed() -> tuple[Staged, ca.DM, float]:
+    """The program of stages, where it starts, and the optimum of the condensed one."""
+    problem = problem_of("segment", 40)
     search = LocalSearch(problem, Settings(transcriptions.MOST, 1e-8, None, "none", 100))
     z, known = transcriptions.start_of(search, 0), search.exchange.begun()
     chosen = search.exchange.chosen(known, search.grid.trajectory(z))
@@ -97,23 +103,33 @@ def test_stages_reach_the_optimum_of_the_condensed_program(way: str):
     staged = Staged(Stages(problem, instants, search.scale))
     # As many rows of the room as the condensed program has.
     assert staged.sides * sum(map(len, staged.stages.instants)) == len(known)
+    return staged, z, condensed.maximised
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["by_ipopt", "by_fatrop"])
+def test_stages_reach_the_optimum_of_the_condensed_program(way: str):
+    if way == "by_fatrop" and not ca.has_nlpsol("fatrop"):
+        pytest.skip("this CasADi has no fatrop")
+    staged, z, optimum = staged_and_condensed()
     for plain in (
         getattr(staged, way)(staged.unrolled(), z, transcriptions.MOST),
         getattr(Mapped(staged, machine=False), way)(z, transcriptions.MOST),
     ):
         found = plain.solver(**plain.arguments)
-        assert -float(found["f"]) == pytest.approx(condensed.maximised, rel=1e-6)
+        assert -float(found["f"]) == pytest.approx(optimum, rel=1e-6)
 
 
 @pytest.mark.slow
 def test_interior_points_and_classical_methods_agree(monkeypatch: pytest.MonkeyPatch):
-    """To the gaps that the classical ones end at, on few candidates."""
-    monkeypatch.setattr(weights, "CANDIDATES", 41)
+    """To the gaps that the classical ones end at, on few candidates and after few steps."""
+    monkeypatch.setattr(weights, "CANDIDATES", 21)
+    monkeypatch.setattr(weights, "MOST", 1_000)
     shown = weights.figures()
     assert [one.what for one in shown] == [
-        "D-optimal weights of 41 candidates, cubic regression: interior point"
+        "D-optimal weights of 21 candidates, cubic regression: interior point"
     ] * len(weights.METHODS)
-    parts = weights.candidates(41)
+    parts = weights.candidates(21)
     best = best_weights(D(scaling="none"), parts, budgets_of(parts, 1.0))
     for method in weights.METHODS.values():
         assert 0 <= method(parts.rows) < 1e-2

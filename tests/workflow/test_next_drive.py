@@ -14,14 +14,16 @@ from oed.cli import main
 from oed.cli.terminal.console import print_next
 from oed.foundation.errors import Failure, StudyError, UserMistake
 from oed.records.record import Record, load_estimate, load_record, save_record
+from oed.robots.baselines import baselines
 from oed.study.study import Study
+from oed.workflow.aims import aims_of
 from oed.workflow.estimate_logs import estimate
 from oed.workflow.next_drive import next_drive
 from oed.workflow.runner import run
 from oed.workflow.studies import load_study, parse_study
 
 SEARCH = "solvers: [{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}]"
-STUDY = f"{ROOM_STUDY}{SEARCH}\nbaselines: [square]\n{QUICKLY}"
+STUDY = f"{ROOM_STUDY}{SEARCH}\n{QUICKLY}"
 STUDY = STUDY.replace("samples: 40", "samples: 20").replace("coefficients: 10", "coefficients: 8")
 TRUTH = {"wheel_radius_right": 0.0325, "wheel_radius_left": 0.0334, "track": 0.1635}
 TARGETS = {"wheel_radius_right": "0.3 %", "wheel_radius_left": "0.3 %", "track": "0.45 %"}
@@ -42,14 +44,13 @@ def designed(study: Study) -> Record:
 def following(study: Study, designed: Record, tmp_path_factory: pytest.TempPathFactory):
     """The log of the design, what is to be driven after it, and the folder that this is in."""
     folder = tmp_path_factory.mktemp("following")
-    first = drive(study, designed, None, folder / "first.csv", np.random.default_rng(3))
+    first = drive(study, designed, folder / "first.csv", np.random.default_rng(3))
     found = next_drive(designed, [first], targets=TARGETS, least_gain=0.0, out=folder / "next", workers=1)
     return first, found, folder / "next"
 
 
-def drive(study: Study, record: Record, name: str | None, path: Path, rng: np.random.Generator) -> Path:
-    trajectory = record.result(name).drive.trajectory
-    return write_log(path, study.problem, trajectory, TRUTH, rng)
+def drive(study: Study, record: Record, path: Path, rng: np.random.Generator) -> Path:
+    return write_log(path, study.problem, record.best.drive.trajectory, TRUTH, rng)
 
 
 def errors(found) -> dict[str, float]:
@@ -81,7 +82,7 @@ class TestInterrupted:
         def strike(*_: object, **__: object) -> None:
             raise error
 
-        log = drive(study, designed, None, tmp_path / "log.csv", np.random.default_rng(1))
+        log = drive(study, designed, tmp_path / "log.csv", np.random.default_rng(1))
         monkeypatch.setattr("oed.workflow.runner.solve", strike)
         before = all_files(old)
         if isinstance(error, Failure):
@@ -96,7 +97,7 @@ class TestInterrupted:
         assert load_estimate(tmp_path / "next.interrupted").values.keys() == TRUTH.keys()
 
     def test_another_takes_its_place(self, study, designed, old, tmp_path):
-        log = drive(study, designed, None, tmp_path / "log.csv", np.random.default_rng(1))
+        log = drive(study, designed, tmp_path / "log.csv", np.random.default_rng(1))
         found = next_drive(designed, [log], targets=dict.fromkeys(TRUTH, "50 %"), out=old, workers=1)
         assert found.stop
         assert found.folder == old
@@ -110,7 +111,7 @@ class TestPriorsLogs:
 
     def test_it_is_refused_by_its_content(self, study, designed, following, tmp_path, capsys):
         first, found, out = following
-        second = drive(study, designed, None, tmp_path / "second.csv", np.random.default_rng(6))
+        second = drive(study, designed, tmp_path / "second.csv", np.random.default_rng(6))
         assert list(found.record.study.prior.logs.values()) == [str(first)]
         copy = tmp_path / "copy.csv"
         copy.write_bytes(first.read_bytes())
@@ -137,7 +138,7 @@ class TestLoop:
         rng, found, logs = np.random.default_rng(3), following[1], []
         record = designed
         for runs in range(1, 6):
-            logs.append(drive(study, record, None, tmp_path / f"drive_{runs}.csv", rng))
+            logs.append(drive(study, record, tmp_path / f"drive_{runs}.csv", rng))
             if runs > 1:
                 found = next_drive(designed, logs, targets=TARGETS, least_gain=0.0, workers=1)
             if found.stop:
@@ -150,10 +151,9 @@ class TestLoop:
         for name, value in found.estimate.values.items():
             assert value == pytest.approx(TRUTH[name], rel=5 * SHARES[name])
 
-        rng = np.random.default_rng(3)
-        squares = [
-            drive(study, designed, "square", tmp_path / f"square_{n}.csv", rng) for n in range(3 * runs)
-        ]
+        rng, (square,) = np.random.default_rng(3), baselines(study.problem, "square")
+        files = [tmp_path / f"square_{number}.csv" for number in range(3 * runs)]
+        squares = [write_log(file, study.problem, square.trajectory, TRUTH, rng) for file in files]
         repeated = errors(estimate(study, squares))
         assert any(repeated[name] > share for name, share in SHARES.items())
 
@@ -169,7 +169,7 @@ class TestLoop:
         assert "standard errors after it: the next drive is thought to drift" in capsys.readouterr().out
         for entry in found.precision:
             assert entry.next < entry.now
-        second = drive(study, found.record, None, tmp_path / "second.csv", np.random.default_rng(6))
+        second = drive(study, found.record, tmp_path / "second.csv", np.random.default_rng(6))
         after = errors(estimate(study, [first, second]))
         for entry in found.precision:
             # The log estimates the sensor's place and the clocks along, which the design takes as known.
@@ -180,7 +180,7 @@ class TestLoop:
         assert again.problem.prior is not None
 
     def test_stops_where_another_drive_gains_little(self, study, designed, tmp_path):
-        log = drive(study, designed, None, tmp_path / "drive.csv", np.random.default_rng(7))
+        log = drive(study, designed, tmp_path / "drive.csv", np.random.default_rng(7))
         found = next_drive(designed, [log], least_gain=0.9, workers=1)
         assert found.stop
         assert "less than 90.0 %" in found.reason
@@ -189,20 +189,18 @@ class TestLoop:
 class TestMistakes:
     @pytest.mark.slow
     def test_target_for_what_is_not_estimated(self, study, designed, tmp_path):
-        log = drive(study, designed, None, tmp_path / "drive.csv", np.random.default_rng(7))
+        log = drive(study, designed, tmp_path / "drive.csv", np.random.default_rng(7))
         with pytest.raises(UserMistake, match="--target wheelbase: expected one of wheel_radius_right"):
             next_drive(designed, [log], targets={"wheelbase": "1 mm"})
 
     @pytest.mark.parametrize("size", ["1 deg", "0 mm", "-1 %", "much"])
-    @pytest.mark.slow
-    def test_target_that_is_no_size(self, study, designed, tmp_path, size):
-        log = drive(study, designed, None, tmp_path / "drive.csv", np.random.default_rng(7))
+    def test_target_that_is_no_size(self, study, size):
         with pytest.raises(UserMistake, match="--target track: expected"):
-            next_drive(designed, [log], targets={"track": size})
+            aims_of(study, {"track": size}, "--target")
 
     @pytest.mark.slow
     def test_an_impossible_duration_leaves_nothing_behind(self, study, designed, tmp_path):
-        log = drive(study, designed, None, tmp_path / "drive.csv", np.random.default_rng(7))
+        log = drive(study, designed, tmp_path / "drive.csv", np.random.default_rng(7))
         with pytest.raises(StudyError, match="needs at least 6 coefficients"):
             next_drive(designed, [log], duration=0.2, out=tmp_path / "next")
         assert not list(tmp_path.glob("next/*"))
