@@ -67,7 +67,7 @@ def test_the_pilot_stays_in_the_room_and_the_next_drive_knows_the_track(tmp_path
     motion = driven(best_drive(pilot))
     assert farthest(motion) < HALF_SIDE
     log = write_log(tmp_path / "pilot.csv", motion, np.random.default_rng(0))
-    found = next_drive(pilot, [log], duration=6.0, workers=1)
+    found = next_drive(pilot, [log], duration=5.0, workers=1)
     track = found.estimate.values["track"]
     # Skidding widens it; in a spin of rigid wheels with dry friction by 1 + (16/18)^2.
     assert 1.4 < track / WHEELS_APART < 2.4
@@ -76,7 +76,7 @@ def test_the_pilot_stays_in_the_room_and_the_next_drive_knows_the_track(tmp_path
     problem = found.study.problem
     assert problem.robust.kind == "chance"
     assert problem.uncertainty is None
-    assert problem.design.duration == 6.0
+    assert problem.design.duration == 5.0
     assert problem.design.period == pytest.approx(0.5)
     second = driven(best_drive(found.record))
     # What slip does beyond the model is not in the reserve: the room is kept to a few centimetres.
