@@ -369,7 +369,6 @@ class TestRefusedAtTheStart:
         monkeypatch.setattr("oed.workflow.experiments.validate", work)
         monkeypatch.setattr("oed.workflow.estimate_logs.calibrate", work)
 
-    @pytest.mark.parametrize("out", ["path.csv", "path.csv/deeper", "x" * 250], ids=lambda out: out[:15])
     @pytest.mark.parametrize(
         "command",
         [
@@ -381,13 +380,14 @@ class TestRefusedAtTheStart:
         ids=lambda command: command[0],
     )
     @pytest.mark.slow
-    def test_a_place_that_cannot_be_written_to(self, capsys, folder: Path, command: list[str], out: str):
+    def test_a_place_that_cannot_be_written_to(self, capsys, folder: Path, command: list[str]):
         before = sorted(folder.rglob("*"))
-        code, _, err = call(capsys, *command, "--out", out)
-        assert code == 2
-        assert err.startswith(f"{out}: cannot write there: ")
-        assert len(err.splitlines()) == 1
-        assert sorted(folder.rglob("*")) == before
+        for out in ("path.csv", "path.csv/deeper", "x" * 250):
+            code, _, err = call(capsys, *command, "--out", out)
+            assert code == 2, out
+            assert err.startswith(f"{out}: cannot write there: ")
+            assert len(err.splitlines()) == 1
+            assert sorted(folder.rglob("*")) == before
 
     @pytest.mark.slow
     def test_a_name_that_is_too_long(self, capsys, folder: Path):
@@ -652,12 +652,9 @@ class TestExport:
         assert "csv, json, rosbag2, ros2_node, ros2_yaml" in err
 
 
-@pytest.mark.parametrize(
-    ("share", "text"),
-    [(0.0531, "5.3 %"), (0.996, "100 %"), (1.2, "120 %"), (2e-5, "0.002 %"), (0.31, "31 %")],
-)
-def test_shares_in_percent(share, text):
-    assert percent(share) == text
+def test_shares_in_percent():
+    shares = {0.0531: "5.3 %", 0.996: "100 %", 1.2: "120 %", 2e-5: "0.002 %", 0.31: "31 %"}
+    assert {share: percent(share) for share in shares} == shares
 
 
 def test_an_interrupt_in_the_middle_of_a_compiled_call(capsys, monkeypatch):
@@ -724,30 +721,28 @@ def test_what_is_found_late_is_told_by_its_line(capsys, folder: Path, monkeypatc
     assert [issue["line"] for issue in data["flaws"]] == [7, 3]
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["check", "a\0b"],
-        ["estimate", "study.yaml", "a\0b"],
-        ["evaluate", "study.yaml", "a\0b"],
-        ["next", "a\0b", "log.csv"],
-        ["report", "a\0b"],
-        ["run", "study.yaml", "--out", "a\0b"],
-        ["init", "a\0b", "--robot", "jackal"],
-    ],
-    ids=lambda arguments: arguments[0],
-)
-def test_null_characters_are_in_no_name(capsys, arguments: list[str]):
-    assert main(arguments) == 2
-    assert capsys.readouterr().err == "no name of a file has the character '\\x00', got 'a\\x00b'\n"
+WITH_NULL = [
+    ["check", "a\0b"],
+    ["estimate", "study.yaml", "a\0b"],
+    ["evaluate", "study.yaml", "a\0b"],
+    ["next", "a\0b", "log.csv"],
+    ["report", "a\0b"],
+    ["run", "study.yaml", "--out", "a\0b"],
+    ["init", "a\0b", "--robot", "jackal"],
+]
 
 
-@pytest.mark.parametrize("given", ["0", "0%", "100%", "1.5", "-5%", "25 s", "a quarter", "nan"])
-def test_what_is_no_part_of_a_log_to_hold_out(capsys, folder: Path, given: str):
-    with pytest.raises(SystemExit) as caught:
-        main(["estimate", "study.yaml", "log.csv", f"--hold-out={given}"])
-    assert caught.value.code == 2
-    assert "--hold-out: " in capsys.readouterr().err
+def test_null_characters_are_in_no_name(capsys):
+    said = "no name of a file has the character '\\x00', got 'a\\x00b'\n"
+    for arguments in WITH_NULL:
+        assert call(capsys, *arguments) == (2, "", said), arguments
+
+
+def test_what_is_no_part_of_a_log_to_hold_out(capsys):
+    for given in ("0", "0%", "100%", "1.5", "-5%", "25 s", "a quarter", "nan"):
+        code, _, err = call(capsys, "estimate", "study.yaml", "log.csv", f"--hold-out={given}")
+        assert code == 2, given
+        assert "--hold-out: " in err, given
 
 
 @pytest.mark.parametrize(
@@ -761,15 +756,13 @@ def test_what_is_no_part_of_a_log_to_hold_out(capsys, folder: Path, given: str):
         ([], "oed: unrecognized arguments: --json"),
     ],
 )
-@pytest.mark.parametrize("option", ["--json", "--jso"])
-def test_mistakes_on_the_command_line_itself_as_json(
-    capsys, folder: Path, arguments: list[str], words: str, option: str
-):
-    code, out, err = call(capsys, *arguments, option)
-    data = json.loads(out)
-    assert (code, data["flaws"]) == (2, [])
-    assert words.replace("--json", option) in data["error"], data
-    assert data["error"] in err
+def test_mistakes_on_the_command_line_itself_as_json(capsys, arguments: list[str], words: str):
+    for option in ("--json", "--jso"):
+        code, out, err = call(capsys, *arguments, option)
+        data = json.loads(out)
+        assert (code, data["flaws"]) == (2, [])
+        assert words.replace("--json", option) in data["error"], data
+        assert data["error"] in err
 
 
 @pytest.mark.parametrize("arguments", [["check"], ["check", "--", "--json"], ["check", "--wrong", "--", "a"]])
@@ -779,21 +772,21 @@ def test_mistakes_on_the_command_line_without_json(capsys, folder: Path, argumen
     assert "usage" in err or "no such file" in err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["solve", "study.yaml", "--workers", "0"], "expected a whole number of at least 1, got '0'"),
-        (["bound", "study.yaml", "--nodes", "-1"], "expected a whole number of at least 1, got '-1'"),
-        (["solve", "study.yaml", "--seed", "-1"], "expected a whole number of at least 0, got '-1'"),
-        (["solve", "study.yaml", "--seed", "1.5"], "expected a whole number of at least 0, got '1.5'"),
-        (["solve", "study.yaml", "--seed", "9" * 101], "expected a whole number of at most 100 digits, got"),
-        (["solve", "study.yaml", "--seed", "9" * 5000], "expected a whole number of at most 100 digits, got"),
-    ],
-)
-def test_counts_are_refused_in_the_words_of_python(capsys, folder: Path, arguments: list[str], words: str):
-    code, _, err = call(capsys, *arguments)
-    assert code == 2
-    assert words in err, err
+COUNTS = [
+    (["solve", "study.yaml", "--workers", "0"], "expected a whole number of at least 1, got '0'"),
+    (["bound", "study.yaml", "--nodes", "-1"], "expected a whole number of at least 1, got '-1'"),
+    (["solve", "study.yaml", "--seed", "-1"], "expected a whole number of at least 0, got '-1'"),
+    (["solve", "study.yaml", "--seed", "1.5"], "expected a whole number of at least 0, got '1.5'"),
+    (["solve", "study.yaml", "--seed", "9" * 101], "expected a whole number of at most 100 digits, got"),
+    (["solve", "study.yaml", "--seed", "9" * 5000], "expected a whole number of at most 100 digits, got"),
+]
+
+
+def test_counts_are_refused_in_the_words_of_python(capsys):
+    for arguments, words in COUNTS:
+        code, _, err = call(capsys, *arguments)
+        assert code == 2, arguments
+        assert words in err, err
 
 
 @pytest.mark.slow
@@ -817,24 +810,24 @@ def test_few_replicates_are_refused_in_words(capsys, folder: Path, count: str):
     assert (code, err) == (2, f"replicates: expected at least 100, got {count}\n")
 
 
-@pytest.mark.parametrize("amount", ["nan", "inf", "-inf"])
 @pytest.mark.parametrize("option", ["--noise position={}", "--size track={}"])
-def test_a_first_study_of_no_number(capsys, folder: Path, option: str, amount: str):
+def test_a_first_study_of_no_number(capsys, folder: Path, option: str):
     """A number that is none was called a defect of the program."""
     given = ["init", "new.yaml", "--robot", "jackal", "--room", "4 m x 3 m", "--sensor", "poses"]
-    code, out, err = call(capsys, *given, *option.format(amount).split())
-    assert (code, out) == (2, "")
-    assert amount.lstrip("-") in err
-    assert "defect" not in err
-    assert not (folder / "new.yaml").exists()
+    for amount in ("nan", "inf", "-inf"):
+        code, out, err = call(capsys, *given, *option.format(amount).split())
+        assert (code, out) == (2, ""), amount
+        assert amount.lstrip("-") in err
+        assert "defect" not in err
+        assert not (folder / "new.yaml").exists()
 
 
-@pytest.mark.parametrize("size", ["#1", "[1", "a: b", "{"])
-def test_a_size_that_yaml_takes_for_something_else(capsys, folder: Path, size: str):
+def test_a_size_that_yaml_takes_for_something_else(capsys, folder: Path):
     given = ["init", "new.yaml", "--robot", "differential_drive", "--room", "4 m x 3 m", "--sensor", "poses"]
-    code, _, err = call(capsys, *given, "--size", f"track={size}")
-    assert code == 2
-    assert f"track: expected a quantity, got {size!r}" in err
+    for size in ("#1", "[1", "a: b", "{"):
+        code, _, err = call(capsys, *given, "--size", f"track={size}")
+        assert code == 2, size
+        assert f"track: expected a quantity, got {size!r}" in err
 
 
 def test_designs_to_compare_with_that_are_not_there(capsys, folder: Path):

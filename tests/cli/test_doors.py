@@ -58,16 +58,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("kind", ["pipe", "device"])
-@pytest.mark.parametrize("command", COMMANDS)
-def test_what_is_no_file_is_refused(
-    folder: Path, capsys: pytest.CaptureFixture[str], command: str, kind: str
-):
+def test_what_is_no_file_is_refused(folder: Path, capsys: pytest.CaptureFixture[str], kind: str):
     if kind == "pipe":
         os.mkfifo("odd")
     else:
         # It ends at once: a defect is seen, and fills no memory.
         Path("odd").symlink_to("/dev/null")
-    assert main(COMMANDS[command]) == 2
-    said = capsys.readouterr().err
-    expected = "no module" if command == "a code" else f"expected a file, got a {kind}"
-    assert expected in said, said
+    for command, arguments in COMMANDS.items():
+        assert main(arguments) == 2, command
+        said = capsys.readouterr().err
+        expected = "no module" if command == "a code" else f"expected a file, got a {kind}"
+        assert expected in said, (command, said)

@@ -51,7 +51,7 @@ limits:
   end_position: start
 criterion: {kind: D}
 prior: {standard_deviations: {c21: 5 %}}
-solvers: [{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}]
+solvers: [{kind: ipopt, starts: 1, perturbations: 0, second_stage: none, max_iterations: 5}]
 """,
 }
 """Studies whose records are damaged as well."""
@@ -131,7 +131,7 @@ TARGETS = (
 
 
 def make_material(folder: Path, seed: int) -> None:
-    """Write all sound files into a folder: searches of a second, and a log of one."""
+    """Write all sound files into a folder: of searches of less than a second, and a log."""
     for name, text in STUDIES.items():
         file = folder / f"{name}.yaml"
         file.write_text(text, encoding="utf-8")
