@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ UNICYCLE = "{kind: unicycle, gain_v: 0.8, gain_omega: 1.25}"
 COMMANDED = "commanded_speed: 10 m/s\n  commanded_yaw_rate: 10 rad/s"
 
 
+@cache
 def study_of(robot: str = DIFFERENTIAL, limits: str = "", runs: int = 1) -> Study:
     """A study of 8 periods of 0.25 s in each run."""
     text = TEXT.replace("ROBOT", robot).replace("RUNS", f"runs: {runs}")

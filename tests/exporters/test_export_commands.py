@@ -166,10 +166,10 @@ class TestMistakes:
         with pytest.raises(UserMistake, match="csv, json, rosbag2, ros2_node, ros2_yaml; got 'xml'"):
             export(tmp_path, "xml")
 
-    @pytest.mark.parametrize("to", EXPORTERS)
-    def test_no_record(self, tmp_path: Path, to: str):
-        with pytest.raises(RecordError, match="no record there"):
-            export(tmp_path, to)
+    def test_no_record(self, tmp_path: Path):
+        for to in EXPORTERS:
+            with pytest.raises(RecordError, match="no record there"):
+                export(tmp_path, to)
 
     @pytest.mark.parametrize("to", EXPORTERS)
     def test_unknown_result(self, tmp_path: Path, to: str):
@@ -192,10 +192,11 @@ class TestMistakes:
         with pytest.raises(RecordError, match="genetic holds no drive; those that do: arc"):
             export(folder, "json", result="genetic")
 
-    @pytest.mark.parametrize("rate", [0.0, -5.0, float("nan"), float("inf")])
-    def test_a_rate_that_is_none(self, tmp_path: Path, rate: float):
-        with pytest.raises(UserMistake, match="rate: expected more than 0 Hz"):
-            export(saved(tmp_path, study_of()), "csv", rate=rate)
+    def test_a_rate_that_is_none(self, tmp_path: Path):
+        folder = saved(tmp_path, study_of())
+        for rate in (0.0, -5.0, float("nan"), float("inf")):
+            with pytest.raises(UserMistake, match="rate: expected more than 0 Hz"):
+                export(folder, "csv", rate=rate)
 
     def test_a_mistyped_rate(self, tmp_path: Path):
         with pytest.raises(UserMistake, match="more than 1000000 commands in 2 s"):
