@@ -200,12 +200,15 @@ def test_installed_they_are_found_in_the_package(folder: Path, monkeypatch: pyte
     assert examples.examples_folder() == ROOT / "problems"
     # As in a wheel, with what Python has compiled there.
     package = folder / "site-packages" / "oed"
-    shutil.copytree(PROBLEMS, package / "problems", ignore=shutil.ignore_patterns("__pycache__"))
+    for name in (*PAIR, "own_robot.yaml", "own_robot.py"):
+        target = package / "problems" / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(PROBLEMS / name, target)
     (package / "problems" / "__pycache__").mkdir()
     (package / "problems" / "__pycache__" / "own_robot.pyc").write_bytes(b"")
     monkeypatch.setattr(examples, "__file__", str(package / "study" / "examples.py"))
     assert examples.examples_folder() == package / "problems"
-    assert sorted(examples.examples()) == STUDIES
+    assert sorted(examples.examples()) == ["own_robot", "room_robot"]
     shutil.rmtree(package / "problems")
     assert main(["examples"]) == 1
     assert "install oed again" in capsys.readouterr().err

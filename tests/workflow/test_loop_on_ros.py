@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven_robot import ROOM_STUDY
+from driven_robot import QUICKLY, ROOM_STUDY
 from fake_ros import Ros, play
 from looping import SEARCH, SOON, TARGETS, TRUTH
 
@@ -67,7 +67,7 @@ def commands(ros: Ros) -> np.ndarray:
 
 
 HELD = "{wheel_speed_right: {held: next}, wheel_speed_left: {held: next}}"
-LOG = f"log: {{kind: rosbag, poses: /mocap, inputs: {HELD}}}\n"
+LOG = f"log: {{kind: rosbag, poses: /mocap, inputs: {HELD}}}\n{QUICKLY}"
 
 
 @pytest.mark.slow

@@ -252,7 +252,7 @@ class TestUnreadable:
 
     @pytest.mark.slow
     def test_a_point_of_a_sweep_says_so(self, damaged, capsys):
-        again = ["--over", "robot.track=17,18 cm", "--workers", "1", "--quiet", "--out", "swept"]
+        again = ["--over", "robot.track=17 cm", "--workers", "1", "--quiet", "--out", "swept"]
         assert main(["sweep", "study.yaml", *again]) == 1
         told = "".join(capsys.readouterr())
         assert "could not be read again" in told
