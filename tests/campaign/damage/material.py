@@ -28,7 +28,7 @@ limits:
   wheel_acceleration: 20 rad/s^2
   workspace: {kind: rectangle, x: [-1 m, 1 m], y: [-1 m, 1 m]}
 solvers: [{kind: ipopt, starts: 1, perturbations: 0, second_stage: none}]
-baselines: [square]
+baselines: [random]
 validation: {replicates: 100}
 """,
     "runs": """\
