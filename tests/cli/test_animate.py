@@ -129,8 +129,13 @@ def test_interrupted(folder: Path, capsys: pytest.CaptureFixture[str], monkeypat
 
 @pytest.mark.slow
 def test_physics(folder: Path):
+    # Of a quarter of the drive's time, which is soon simulated.
+    data = json.loads((folder / "record.json").read_text())
+    (drive,) = (entry["drive"] for entry in data["results"] if entry["name"] == data["best"])
+    drive["knots"] = [time / 4 for time in drive["knots"]]
+    (folder / "record.json").write_text(json.dumps(data))
     # The graphics library is chosen when the engine is first imported: a process of its own.
-    command = [sys.executable, "-m", "oed", "animate", str(folder), "--physics", "--speed", "100", "--json"]
+    command = [sys.executable, "-m", "oed", "animate", str(folder), "--physics", "--speed", "25", "--json"]
     run = subprocess.run(command, capture_output=True, text=True)
     if "no way to draw" in run.stderr:
         assert run.returncode == 1
