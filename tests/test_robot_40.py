@@ -61,9 +61,11 @@ def test_scorer_sees_speeds_beyond_the_bounds(study):
 @pytest.mark.parametrize("criterion", [D(), A(), E()], ids=["D", "A", "E"])
 def test_search_reaches_the_best_known(study, criterion):
     (shipped,) = study.solvers
-    # The five starts that the peers have; of E, whose optima are many, what the study asks for.
-    options = shipped if criterion.kind == "E" else Ipopt(starts=5, perturbations=0, second_stage="none")
-    solution = solve(replace(study.problem, criterion=criterion), options, seed=study.seed, workers=1)
+    # One start of this seed; of E, whose optima are many, a small share of what the study asks for.
+    options = Ipopt(starts=1, perturbations=0, second_stage="none")
+    if criterion.kind == "E":
+        options = shipped.model_copy(update={"iterations": 200})
+    solution = solve(replace(study.problem, criterion=criterion), options, seed=0, workers=1)
     assert solution.trajectory is not None
     inputs = solution.trajectory.coefficients
     assert scorer.excess(inputs) == 0.0
