@@ -130,15 +130,15 @@ def flagship() -> Problem:
 
 @pytest.fixture(scope="session")
 def flagship_solution(flagship: Problem) -> Solution:
-    """Eight starts, nothing else."""
-    options = Ipopt(starts=8, perturbations=0, second_stage="none")
+    """Five starts, nothing else."""
+    options = Ipopt(starts=5, perturbations=0, second_stage="none")
     return solve(flagship, options, seed=0, workers=1)
 
 
 @pytest.fixture(scope="session")
 def three_segments() -> Problem:
-    # Half of the usual samples, in segments of equal length: searched by pieces, in an eighth of the time.
-    return make_flagship(design=DesignSpace(duration=20, samples=99), measurement=Displacements(segments=3))
+    # A third of the usual samples, in segments of equal length: searched by pieces, in a tenth of the time.
+    return make_flagship(design=DesignSpace(duration=20, samples=60), measurement=Displacements(segments=3))
 
 
 @pytest.fixture(scope="session")

@@ -26,7 +26,10 @@ from oed.robots.models import DifferentialDrive, SkidSteer
 from oed.robots.sensors import Displacements
 from oed.robots.space import DesignSpace
 
+pytestmark = pytest.mark.usefixtures("few_screened")
+
 QUICK = Ipopt(starts=2, perturbations=0, second_stage="none")
+ONE = QUICK.model_copy(update={"starts": 1})
 TOP_SPEED, TOP_ACCELERATION, HALF_SIDE = 10.0, 20.0, 1.0
 
 
@@ -60,8 +63,8 @@ class TestFlagship:
 
     def test_nearly_every_start_reaches_it(self, flagship_solution: Solution):
         objectives = [start.objective or 0.0 for start in flagship_solution.starts]
-        assert len(objectives) == 8
-        assert sum(objective >= 0.99 * max(objectives) for objective in objectives) >= 7
+        assert len(objectives) == 5
+        assert sum(objective >= 0.99 * max(objectives) for objective in objectives) >= 4
         assert max(objectives) <= upper_bound(10) * (1 + 1e-9)
 
     def test_the_oracle_agrees(self, flagship: Problem, flagship_solution: Solution):
@@ -81,18 +84,18 @@ class TestFlagship:
 
 def three_small_segments() -> Problem:
     return problem_of(
-        samples=51,
-        coefficients=10,
+        samples=24,
+        coefficients=8,
         measurement=Displacements(segments=3),
     )
 
 
 @pytest.fixture(scope="module")
 def settling() -> tuple[Problem, float, dict[str, Solution]]:
-    """A problem, its cap, and the same two starts settled each way."""
+    """A problem, its cap, and the same start settled each way."""
     problem = three_small_segments()
     settled = {
-        stage: solve(problem, Ipopt(starts=2, perturbations=0, second_stage=stage), seed=1, workers=1)
+        stage: solve(problem, Ipopt(starts=1, perturbations=0, second_stage=stage), seed=1, workers=1)
         for stage in ("none", "logdet", "shortest_path")
     }
     return problem, upper_bound(3), settled
@@ -154,21 +157,22 @@ def shared(monkeypatch: pytest.MonkeyPatch) -> list[Workers]:
 
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_design_whatever_the_workers(shared: list[Workers]):
-    problem, options = problem_of(samples=20, coefficients=6), Ipopt(starts=3, perturbations=1)
+    problem = problem_of(samples=8, coefficients=6)
+    options = Ipopt(starts=3, perturbations=1, second_stage="none", max_iterations=10)
     single = solve(problem, options, seed=3, workers=1)
     again = solve(problem, options, seed=3, workers=1)
     np.testing.assert_array_equal(single.trajectory.coefficients, again.trajectory.coefficients)
     assert 2 not in shared
     assert_same_design(single, solve(problem, options, seed=3, workers=2))
     assert 2 in shared
-    other = solve(problem, options, seed=4, workers=1)
+    other = solve(problem, ONE, seed=4, workers=1)
     assert np.abs(other.trajectory.coefficients - single.trajectory.coefficients).max() > 0.1
 
 
 @pytest.mark.slow
 def test_equal_optima_are_chosen_alike_whatever_the_workers(shared: list[Workers]):
     # All starts reach the cap to within rounding, which must not decide among them.
-    problem = make_flagship(design=DesignSpace(duration=20, samples=60))
+    problem = make_flagship(design=DesignSpace(duration=20, samples=40))
     options = Ipopt(starts=3, perturbations=0, second_stage="none")
     single, double = (solve(problem, options, seed=3, workers=workers) for workers in (1, 2))
     assert 2 in shared
@@ -184,8 +188,8 @@ def held_space(samples: int, coefficients: int) -> DesignSpace:
 
 
 FORWARD = WheelSpeed(bounds=(0, 10))
-SMALL = {"duration": 10, "samples": 51, "spline": Spline(coefficients=10)}
-UNEQUAL_SEGMENTS = {**SMALL, "samples": 50}
+SMALL = {"duration": 10, "samples": 24, "spline": Spline(coefficients=8)}
+UNEQUAL_SEGMENTS = {**SMALL, "samples": 25}
 """Drives that are written out as a whole, since their pieces differ."""
 THREE = Displacements(segments=3)
 UNEQUAL = DifferentialDrive(wheel_radius_right=0.05, wheel_radius_left=0.045, track=TRACK)
@@ -284,7 +288,7 @@ KNOWN_OPTIMA = {
 @pytest.mark.parametrize(("overrides", "optimum", "share"), KNOWN_OPTIMA.values(), ids=KNOWN_OPTIMA.keys())
 def test_known_optima(overrides, optimum: float, share: float):
     problem = problem_of(**overrides)
-    solution = solve(problem, QUICK.model_copy(update={"starts": 1}), seed=0, workers=1)
+    solution = solve(problem, ONE, seed=1, workers=1)
     assert solution.status is Status.CONVERGED
     assert solution.evaluation.feasible
     assert share * optimum <= solution.evaluation.objective <= optimum * (1 + 1e-9)
@@ -311,7 +315,7 @@ def test_per_sample_form_comes_near_its_proven_bound():
         measurement=Displacements(segments="samples"),
         limits=(SPEED, ACCELERATION),
     )
-    solution = solve(problem, Ipopt(starts=1, perturbations=0, second_stage="none"), seed=0, workers=1)
+    solution = solve(problem, ONE, seed=0, workers=1)
     assert 0.94 * 85.8 <= solution.evaluation.objective <= 85.823
     scores = rescored(problem, solution)
     assert scores["lambda_min"] == pytest.approx(solution.evaluation.objective, rel=1e-9)
@@ -325,7 +329,7 @@ class TestInterrupted:
     @pytest.mark.slow
     def test_the_best_so_far_is_kept(self, steps: int):
         listener = Listener(steps, interrupt)
-        problem, options = problem_of(), Ipopt(starts=3, perturbations=4)
+        problem, options = problem_of(samples=12, coefficients=6), Ipopt(starts=3, perturbations=4)
         solution = solve(problem, options, seed=0, workers=1, progress=listener)
         assert solution.status is Status.INTERRUPTED
         assert solution.status.usable
@@ -347,7 +351,7 @@ class TestInterrupted:
 
     @pytest.mark.slow
     def test_workers_are_stopped(self):
-        problem, listener = problem_of(samples=20, coefficients=6), Listener(2, interrupt)
+        problem, listener = problem_of(samples=8, coefficients=6), Listener(2, interrupt)
         solution = solve(problem, Ipopt(starts=6), seed=0, workers=2, progress=listener)
         assert solution.status is Status.INTERRUPTED
         assert len(solution.starts) == 2
@@ -373,11 +377,13 @@ class TestInterrupted:
 @pytest.mark.slow
 def test_infeasible_limits_are_named():
     problem = problem_of(
-        duration=5,
+        duration=4,
+        samples=16,
         rest_to_rest=False,
         limits=(WheelSpeed(bounds=(3, 10)), Rectangle(x=(-0.1, 0.1), y=(-0.1, 0.1))),
     )
-    solution = solve(problem, Ipopt(starts=1), seed=0, workers=1)
+    # How long Ipopt tries is not what tells it.
+    solution = solve(problem, Ipopt(starts=1, max_iterations=15), seed=0, workers=1)
     assert solution.status is Status.INFEASIBLE
     assert not solution.status.usable
     assert (solution.trajectory, solution.evaluation) == (None, None)
