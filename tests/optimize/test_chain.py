@@ -143,7 +143,7 @@ def test_bounds_of_an_unknown_that_contradict_each_other_stay_rows():
     assert (low <= high).all()
     assert (least <= most).all()
     assert np.isinf(low).sum() == 2
-    solution = solve(design.problem, Ipopt(starts=1, perturbations=0), seed=0, workers=1)
+    solution = solve(design.problem, Ipopt(starts=1, perturbations=0, max_iterations=15), seed=0, workers=1)
     assert solution.status is Status.INFEASIBLE
 
 

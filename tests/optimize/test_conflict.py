@@ -23,7 +23,8 @@ def make_cornered(lowest: float = 3.0, half_side: float = 0.1) -> Problem:
     """Wheels that must turn forward all the time, in a box too small to turn in."""
     return problem_of(
         duration=4,
-        samples=16,
+        samples=8,
+        coefficients=6,
         rest_to_rest=False,
         limits=(
             WheelSpeed(bounds=(lowest, 10)),
@@ -82,14 +83,18 @@ def test_a_limit_that_is_not_in_the_way_is_not_named():
 
 @pytest.mark.slow
 def test_limits_that_agree_do_not_conflict():
-    assert describe(problem_of(samples=12, limits=(SPEED, ACCELERATION, BOX))) == ""
+    assert describe(problem_of(samples=8, coefficients=6, limits=(SPEED, ACCELERATION, BOX))) == ""
 
 
 @pytest.mark.slow
 def test_an_end_out_of_reach_is_missed_by_metres_not_by_the_square_that_a_solver_sees():
     # 5 s at 10 rad/s of wheels of 49 mm reach 2.45 m at most: an end 4 m away is missed by 1.55 m and more.
     far = problem_of(
-        duration=5, limits=(SPEED, EndPosition(at={"x": 4, "y": 0})), start={"x": 0, "y": 0, "heading": 0}
+        duration=5,
+        samples=12,
+        coefficients=6,
+        limits=(SPEED, EndPosition(at={"x": 4, "y": 0})),
+        start={"x": 0, "y": 0, "heading": 0},
     )
     assert 1.5 < amount(describe(far), "end position") < 4.0
 
@@ -99,7 +104,7 @@ def test_an_angle_is_in_degrees():
     # Wheels that turn alike but for 0.1 rad/s turn a robot by a few degrees only.
     straight = problem_of(
         duration=5,
-        samples=12,
+        samples=8,
         coefficients=6,
         limits=(SPEED, YawRateLimit(bounds=0.01), EndHeading(at=1.5)),
         start={"x": 0, "y": 0, "heading": 0},
@@ -108,7 +113,10 @@ def test_an_angle_is_in_degrees():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("problem", "said"), [(make_cornered(), r"^$"), (problem_of(), r"^best by E: \d+")])
+@pytest.mark.parametrize(
+    ("problem", "said"),
+    [(make_cornered(), r"^$"), (problem_of(samples=8, coefficients=6), r"^best by E: \d+")],
+)
 def test_progress_says_nothing_of_a_best_until_there_is_one(problem: Problem, said: str):
     notes = []
 
