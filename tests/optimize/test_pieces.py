@@ -211,55 +211,48 @@ def space(**changes: Any) -> DesignSpace:
 
 
 QUICK = (
-    "position",
     "heading",
     "both",
-    "some coefficients",
     "coefficients from poses",
     "midpoint, no rest",
-    "trapezoids",
+    "trapezoids of one coefficient",
     "steps",
-    "whole runs",
     "a limit on what is fixed",
     "an end alone",
-    "runs",
 )
 """Those that are tried every time."""
 PROBLEMS: dict[str, dict[str, Any]] = {
-    "position": {},
     "heading": {"measurement": Displacements(segments=4, regressor="heading")},
     "both": {"measurement": Displacements(segments=4, regressor="both")},
-    "some coefficients": {"estimate": ("c21",)},
     "coefficients from poses": {"measurement": POSES, "estimate": ("c11", "c12", "c21", "c22")},
     "segments of several pieces": {"measurement": Displacements(segments=2), "design": space(samples=48)},
     "per sample, of runs": {"measurement": Displacements(segments="samples"), "design": FREE_RUNS},
-    "runs": {"design": space(runs=2)},
     "runs from free starts": {"design": space(runs=2, start="free"), "limits": EVERYTHING},
-    "free start": {"design": space(start="free"), "limits": (SPEED, Circle(radius=2), ROUND)},
     "midpoint, no rest": {"design": space(integration="midpoint", rest_to_rest=False)},
-    "trapezoids": {"design": space(spline=Spline(degree=1, coefficients=7))},
+    "trapezoids of one coefficient": {
+        "design": space(spline=Spline(degree=1, coefficients=7)),
+        "estimate": ("c21",),
+    },
     "steps": {"design": space(spline=Spline(degree=0, coefficients=8)), "limits": EVERYTHING[:4]},
     "own limits from free starts": {"limits": OWN, "design": FREE_RUNS, "measurement": POSES},
-    "whole runs": {"limits": WHOLE_RUNS, "measurement": POSES},
     "whole runs from free starts": {"limits": WHOLE_RUNS, "design": FREE_RUNS, "measurement": POSES},
     "a limit on what is fixed": {"limits": (SPEED, Begin())},
     "a limit on free starts": {"limits": (SPEED, Begin(), BOX), "design": FREE_RUNS},
     "an end alone": {"limits": (SPEED, EndPosition(at={"x": 0.5, "y": 0}))},
-    "lengths of runs": {"limits": (PathLength(bounds=3), SPEED), "design": FREE_RUNS},
     "other limits than they say": {"limits": (Steps(), SPEED, Splines(), Held(), Product(), BOX)},
     "sideways": {
         "model": Mecanum(wheel_radius=0.05, half_wheelbase_plus_half_track=0.35),
         "limits": EVERYTHING[:4],
     },
-    "poses, sometimes": {
-        "measurement": Poses(noise=NOISE, every=3),
+    "poses, sometimes, of a known start": {
+        "measurement": Poses(noise=NOISE, every=3, initial_pose="known"),
         "limits": EVERYTHING,
         "design": space(samples=12),
     },
-    "known start": {"measurement": Poses(noise=NOISE, initial_pose="known")},
     "start with a prior": {
         "measurement": Poses(noise=NOISE, initial_pose=PosePrior(position=0.02, heading=0.05)),
         "design": space(start="free"),
+        "limits": (SPEED, Circle(radius=2), ROUND),
     },
     "poses of runs": {
         "measurement": POSES,
@@ -346,18 +339,10 @@ def test_second_derivatives_with_more_entries_in_a_row_than_unknowns_are_not_col
     Pieces(problem, short(problem)).functions()
 
 
-BETWEEN = [
-    {"limits": EVERYTHING},
-    {"limits": EVERYTHING, "design": FREE_RUNS},
-    {"limits": (*OWN, Unsaid()), "design": FREE_RUNS},
-]
-
-
-@pytest.mark.parametrize(
-    "overrides", [BETWEEN[0], *(pytest.param(one, marks=pytest.mark.slow) for one in BETWEEN[1:])]
-)
-def test_so_do_pieces_limited_between_the_samples(overrides: dict[str, Any]):
-    problem = small_problem(**overrides)
+@pytest.mark.slow
+@pytest.mark.parametrize("limits", [EVERYTHING, (*OWN, Unsaid())])
+def test_so_do_pieces_limited_between_the_samples(limits: tuple[Limit, ...]):
+    problem = small_problem(limits=limits, design=FREE_RUNS)
     agree(problem, Pieces(problem, short(problem), 3), Unrolled(problem, 3))
 
 
@@ -499,7 +484,6 @@ def test_other_drives_are_written_out(overrides: dict[str, Any]):
     ("measurement", "more"),
     [
         (Displacements(segments=10), ()),
-        (POSES, ()),
         pytest.param(POSES, (Bend(),), marks=pytest.mark.slow),
         pytest.param(
             Displacements(segments=10),
@@ -507,7 +491,7 @@ def test_other_drives_are_written_out(overrides: dict[str, Any]):
             marks=pytest.mark.slow,
         ),
     ],
-    ids=["segments", "poses", "own limit", "whole runs"],
+    ids=["segments", "own limit", "whole runs"],
 )
 def test_building_does_not_grow_with_the_samples(measurement, more):
     counts = []
