@@ -11,15 +11,15 @@ import pytest
 from builders import BOX, SPEED, problem_of
 from some_instants import SLOTS, numbers_of
 
-from oed.kernel.criteria import E
 from oed.kernel.dynamics.compiled import MANY, Making, compiled, compiler
+from oed.kernel.dynamics.space import Spline
 from oed.kernel.problem import Problem
 from oed.optimize.local import LocalSearch
 from oed.optimize.local_results import Settings
 from oed.optimize.terms.layout import divisible
 from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
-from oed.robots.sensors import Poses
+from oed.robots.sensors import Displacements
 
 SETTINGS = Settings(200, 1e-8, None, "none")
 
@@ -89,11 +89,10 @@ def test_a_cache_that_cannot_be_written_is_done_without(monkeypatch: pytest.Monk
 
 def problem() -> Problem:
     return problem_of(
-        samples=6,
-        coefficients=6,
-        measurement=Poses(noise={"position": 0.01, "heading": 0.02}),
+        samples=4,
+        spline=Spline(degree=1, coefficients=4),
+        measurement=Displacements(segments=2),
         limits=(SPEED, BOX),
-        criterion=E(),
     )
 
 

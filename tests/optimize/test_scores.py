@@ -29,12 +29,10 @@ from oed.robots.space import DesignSpace
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
 
-SPACE: dict[str, Any] = {"duration": 6, "samples": 20, "spline": Spline(coefficients=6)}
+SPACE: dict[str, Any] = {"duration": 6, "samples": 8, "spline": Spline(coefficients=6)}
 NOISE = {"position": 0.01, "heading": 0.02}
 POSES = Poses(noise=NOISE)
 PROBLEMS: dict[str, dict[str, Any]] = {
-    "segments": {**SPACE, "measurement": Displacements(segments=4)},
-    "poses": {**SPACE, "measurement": POSES},
     "noise that grows": {**SPACE, "measurement": RelativePoses(noise={**NOISE, "position_per_speed": 0.05})},
     "limits": {
         "design": DesignSpace(**SPACE, runs=2, start="free", rest_to_rest=False),
