@@ -23,6 +23,8 @@ from oed.robots.space import DesignSpace
 from oed.uncertainty.robust import Robust
 from oed.uncertainty.uncertainty import Uncertainty
 
+pytestmark = pytest.mark.usefixtures("few_screened")
+
 POSES = Poses(noise={"position": 0.01, "heading": 0.02}, every=2)
 
 MEASUREMENTS = {
@@ -126,13 +128,13 @@ def test_what_needs_all_samples_gets_them(overrides: dict):
     ids=["samples", "poses, D"],
 )
 def test_a_search_on_few_samples_ends_where_one_on_all_does(measurement, criterion):
-    problem = fine_problem(80, measurement=measurement, criterion=criterion)
+    problem = fine_problem(48, measurement=measurement, criterion=criterion)
     whole = solve(problem, Ipopt(starts=1, perturbations=0, second_stage="none"), seed=0, workers=1)
     # From the same design, lest another of many optima is found.
     plain = {"perturbations": 0, "second_stage": "none"}
-    quick = Ipopt(starts=1, start_from="whole", search_samples=40, **plain)
+    quick = Ipopt(starts=1, start_from="whole", search_samples=24, **plain)
     few = solve(problem, quick, seed=0, workers=1, earlier={"whole": whole})
-    assert few.trajectory.samples == 80
+    assert few.trajectory.samples == 48
     assert few.evaluation.feasible
     assert few.evaluation.objective == evaluate(problem, few.trajectory).objective
     best = whole.evaluation.objective
@@ -160,9 +162,9 @@ def test_where_a_search_on_few_samples_ends_nothing_is_left_to_gain_on_all():
 @pytest.mark.slow
 def test_a_long_drive_is_designed_as_well_as_a_short_one():
     options = Ipopt(starts=1, perturbations=0, second_stage="none")
-    problem = fine_problem(samples=1200)
+    problem = fine_problem(samples=720)
     solution = solve(problem, options, seed=0, workers=1)
-    assert solution.trajectory.samples == 1200
+    assert solution.trajectory.samples == 720
     assert solution.evaluation.feasible
     short = replace(problem, design=problem.design.model_copy(update={"samples": 200}))
     again = solve(short, options, seed=0, workers=1)

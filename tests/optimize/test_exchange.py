@@ -170,7 +170,7 @@ def test_exchanges_end_when_the_time_is_up_and_say_so(problem: Problem, exchange
 
 @pytest.mark.slow
 def test_in_the_end_limits_hold_at_all_times(problem: Problem):
-    problem = replace(problem, design=problem_of(samples=20, coefficients=6).design)
+    problem = replace(problem, design=problem_of(samples=10, coefficients=6).design)
     searched = Ipopt(starts=1, perturbations=0, second_stage="shortest_path")
     found = solve(problem, searched, seed=1, workers=1)
     drive = found.trajectory

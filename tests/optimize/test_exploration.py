@@ -188,6 +188,7 @@ def test_on_coarse_grids_limits_hold_at_all_samples_at_once():
         assert np.abs(path).max() == pytest.approx(0.3, abs=1e-6)
 
 
+@pytest.mark.usefixtures("few_screened")
 @pytest.mark.slow
 def test_cut_short_it_hands_back_a_drive_met_on_the_way(monkeypatch):
     asked = iter([False, False, False])
@@ -199,6 +200,7 @@ def test_cut_short_it_hands_back_a_drive_met_on_the_way(monkeypatch):
     assert found.evaluation.feasible
 
 
+@pytest.mark.usefixtures("few_screened")
 @pytest.mark.slow
 def test_cut_short_in_a_round_it_hands_back_the_best_that_had_ended(monkeypatch):
     asked, ended = iter([False, False]), []
@@ -214,6 +216,7 @@ def test_cut_short_in_a_round_it_hands_back_the_best_that_had_ended(monkeypatch)
     assert found.evaluation.objective == pytest.approx(max(ended), rel=1e-6)
 
 
+@pytest.mark.usefixtures("few_screened")
 @pytest.mark.slow
 def test_an_earlier_design_stands_where_exploring_finds_none(monkeypatch):
     # On a coarse grid of its own, that is: there the ends are finished together, of none the first was asked.
@@ -247,6 +250,7 @@ def test_the_result_is_the_same_for_any_number_of_workers(monkeypatch):
     assert "iterations" in one.message
 
 
+@pytest.mark.usefixtures("few_screened")
 @pytest.mark.slow
 def test_few_starts_are_begun_as_long_as_a_compiler_is_at_work(monkeypatch):
     # What it makes is for those that are begun after it.

@@ -13,6 +13,8 @@ from oed.optimize.lifted import lifted, lowered
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.pieces import Pieces
 
+pytestmark = pytest.mark.usefixtures("few_screened")
+
 
 def decaying(measurement: oed.Rates | oed.Outputs, criterion: str | Criterion = "D") -> oed.Problem:
     """A state that decays while it is fed, for as long as is best."""
