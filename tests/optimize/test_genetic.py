@@ -73,9 +73,8 @@ class TestOptimum:
         assert history[-1].seconds <= searched.wall_seconds
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("seed", range(3))
     @pytest.mark.parametrize("space", ["free", "moving", "held"])
-    def test_other_design_spaces(self, space: str, seed: int):
+    def test_other_design_spaces(self, space: str):
         designs = {
             "free": DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), start="free"),
             "moving": DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), rest_to_rest=False),
@@ -83,7 +82,7 @@ class TestOptimum:
         }
         limits = (SPEED, Rectangle(x=(0, 1), y=(-1, 1)))
         problem = problem_of(design=designs[space], limits=limits)
-        solution = solve(problem, Genetic(population=40, generations=15), seed=seed, workers=1)
+        solution = solve(problem, Genetic(population=40, generations=15), seed=0, workers=1)
         assert solution.evaluation.feasible
         assert 0.3 * upper_bound(4) <= solution.evaluation.objective <= upper_bound(4) * (1 + 1e-9)
 
@@ -109,7 +108,7 @@ class TestOperators:
     @pytest.mark.parametrize("variant", ["DE/rand/1/bin", "DE/best/2/exp"])
     @pytest.mark.slow
     def test_variants_of_differential_evolution(self, variant: str):
-        options = DifferentialEvolution(population=40, generations=20, variant=variant)
+        options = DifferentialEvolution(population=20, generations=10, variant=variant)
         assert solve(PROBLEM, options, seed=0, workers=1).evaluation.feasible
 
     @pytest.mark.parametrize(
@@ -240,38 +239,41 @@ class TestSeed:
         np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
 
 
+def polish(problem: Problem, earlier: Solution) -> Solution:
+    solver = Ipopt(starts=1, perturbations=0, second_stage="none", start_from=earlier.name)
+    return solve(problem, solver, seed=0, workers=1, earlier={earlier.name: earlier})
+
+
+@pytest.fixture(scope="module")
+def polished(genetic: Solution) -> Solution:
+    return polish(PROBLEM, genetic)
+
+
 class TestPolish:
     """Ipopt from the genetic search's design: at least as good, with one start and nothing else."""
 
-    def polish(self, problem: Problem, earlier: Solution, **options) -> Solution:
-        solver = Ipopt(starts=1, perturbations=0, second_stage="none", start_from=earlier.name, **options)
-        return solve(problem, solver, seed=0, workers=1, earlier={earlier.name: earlier})
-
     @pytest.mark.slow
-    def test_it_ends_at_least_as_good(self, genetic: Solution):
-        polished = self.polish(PROBLEM, genetic)
+    def test_it_ends_at_least_as_good(self, genetic: Solution, polished: Solution):
         assert polished.evaluation.feasible
         assert polished.evaluation.objective >= genetic.evaluation.objective * (1 - 1e-9)
         assert polished.evaluation.objective >= 0.999 * upper_bound(4)
         assert len(polished.starts) == 1
 
     @pytest.mark.slow
-    def test_it_starts_there(self, genetic: Solution):
+    def test_it_starts_there(self, genetic: Solution, polished: Solution):
         # The unknowns of the design are those it was found with; one iteration does not lead far away.
         design = DesignExpressions(PROBLEM)
         again = design.trajectory(design.unknowns_of(genetic.trajectory))
         np.testing.assert_allclose(again.coefficients, genetic.trajectory.coefficients, atol=1e-12)
         free = solve(PROBLEM, Ipopt(starts=1, perturbations=0, second_stage="none"), seed=0, workers=1)
-        polished = self.polish(PROBLEM, genetic)
         assert np.abs(polished.trajectory.coefficients - free.trajectory.coefficients).max() > 1e-3
 
     @pytest.mark.slow
     def test_with_a_free_start(self):
-        space = DesignSpace(duration=10, samples=40, spline=Spline(coefficients=8), start="free")
-        problem = problem_of(design=space)
+        problem = problem_of(samples=12, coefficients=6, start="free")
         earlier = solve(problem, TINY["genetic"], seed=0, workers=1)
-        polished = self.polish(problem, earlier)
-        assert polished.evaluation.objective >= earlier.evaluation.objective * (1 - 1e-9)
+        again = polish(problem, earlier)
+        assert again.evaluation.objective >= earlier.evaluation.objective * (1 - 1e-9)
 
     @pytest.mark.slow
     def test_an_unknown_search(self, genetic: Solution):
@@ -288,10 +290,10 @@ class TestPolish:
 
 @pytest.mark.slow
 def test_a_drive_of_many_samples_is_searched_on_fewer():
-    space = DesignSpace(duration=6, samples=3000, spline=Spline(coefficients=7))
+    space = DesignSpace(duration=6, samples=720, spline=Spline(coefficients=7))
     problem = problem_of(design=space)
     found = solve(problem, Genetic(population=20, generations=5), seed=0, workers=1)
-    assert found.trajectory.samples == 3000
+    assert found.trajectory.samples == 720
     assert found.evaluation.feasible
     assert found.evaluation.objective == evaluate(problem, found.trajectory).objective
 

@@ -20,12 +20,14 @@ from oed.optimize.transcription.starting_points import random_starts, start_boun
 from oed.robots.sensors import Displacements, Poses
 from oed.robots.space import DesignSpace, StartPose
 
+pytestmark = pytest.mark.usefixtures("few_screened")
+
 RUNS, SEGMENTS, HALF_SIDE = 3, 2, 1.0
 LISTED = (StartPose(), StartPose(x=0.5, y=-0.5, heading=1.0), StartPose(x=-0.7, heading=-2.0))
 STARTS: dict[str, Any] = {"fixed": StartPose(x=0.2), "listed": LISTED, "free": "free"}
 SEARCHES = {
-    "ipopt": Ipopt(starts=1, perturbations=1, second_stage="none"),
-    "genetic": Genetic(population=40, generations=15),
+    "ipopt": Ipopt(starts=1, perturbations=0, second_stage="none"),
+    "genetic": Genetic(population=40, generations=10),
 }
 starts = pytest.mark.parametrize("start", STARTS)
 
@@ -33,7 +35,7 @@ starts = pytest.mark.parametrize("start", STARTS)
 runs_problem = partial(
     problem_of,
     duration=4,
-    samples=16,
+    samples=8,
     coefficients=7,
     start=STARTS["fixed"],
     runs=RUNS,
@@ -124,7 +126,7 @@ def test_the_optimum_of_all_runs_is_reached():
 @pytest.mark.slow
 def test_sensors_with_unknown_starts():
     measurement = Poses(noise={"position": 1e-3, "heading": 0.01})
-    problem = runs_problem(start=STARTS["listed"], measurement=measurement)
+    problem = runs_problem(start=STARTS["listed"], measurement=measurement, samples=8)
     solution = solve(problem, Ipopt(starts=1, perturbations=0, second_stage="none"), seed=0, workers=1)
     assert evaluate(problem, solution.trajectory).feasible
     best = solution.evaluation.objective
