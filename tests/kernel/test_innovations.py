@@ -289,8 +289,9 @@ def test_filters_are_kept():
     ids=["known start, lever arm, gyroscope", "relative poses", "across samples", "many"],
 )
 def test_pieces_are_what_the_whole_drive_is_written_out(sensors, size: int):
-    # One piece between others.
-    problem = problem_of(measurement=sensors, criterion=E(), samples=3 * size, period=0.3, coefficients=6)
+    # One piece between others; of three parameters one is not asked for.
+    parts = {"samples": 3 * size, "period": 0.3, "coefficients": 6, "estimate": ("wheel_radius_right", "track")}
+    problem = problem_of(measurement=sensors, criterion=E(), **parts)
     assert divisible(problem) is not None
     pieces, whole = Pieces(problem, PieceLayout(problem.design, size, 2)), Unrolled(problem)
     rng = np.random.default_rng(0)
@@ -357,7 +358,7 @@ def test_what_drift_blind_errors_would_be_is_not_what_they_are():
 
 @pytest.mark.slow
 def test_bounds_without_drift_hold_with_it_and_say_so():
-    problem = problem_of(measurement=POSES, criterion=E(), samples=20)
+    problem = problem_of(measurement=POSES, criterion=E(), samples=10)
     found, steady = (bound(one, nodes=1) for one in (problem, problem.steady))
     assert found.upper_bound == steady.upper_bound
     assert STEADY in found.assumptions
@@ -370,7 +371,7 @@ def test_bounds_without_drift_hold_with_it_and_say_so():
 @pytest.mark.slow
 def test_a_search_that_leaves_drift_out_is_scored_with_it():
     estimated = ("wheel_radius_right", "track")
-    problem = problem_of(measurement=POSES, criterion=A(), samples=8, coefficients=6, estimate=estimated)
+    problem = problem_of(measurement=POSES, criterion=A(), samples=6, coefficients=6, estimate=estimated)
     aware, blind = (
         solve(problem, Ipopt(starts=1, perturbations=0, without_drift=without), seed=0)
         for without in (False, True)
