@@ -26,25 +26,29 @@ SAMPLING = 0.02
 OWN = tuple(name for name in NAMES if not name.startswith("sideways"))
 """What a differential drive can drive."""
 
-every = pytest.mark.parametrize("name", OWN)
+# Of slaloms, eights and rounded squares the choice of laps and places is looked at with other robots.
+CHOSEN = ("straight", "circle", "square", "straight_and_spin", "random")
+
+every = pytest.mark.parametrize("name", CHOSEN)
+patterns = pytest.mark.parametrize("name", [name for name in CHOSEN if name != "random"])
 # What a study has is the same for all patterns: one that ends elsewhere, one that closes, and none.
 some = pytest.mark.parametrize("name", ["straight", "circle", "random"])
 
 
-LENGTH = 2.9
-"""Of a drive [m]."""
+LENGTH = 8.0
+"""Of a drive [m], for which the room is too small for a single lap."""
 
 
 @pytest.fixture(scope="module")
 def flagship() -> Problem:
-    """With half of its samples, which are enough for all the paths."""
-    return make_flagship(design=DesignSpace(duration=20, samples=100))
+    """With a third of its samples, which are enough for all the paths."""
+    return make_flagship(design=DesignSpace(duration=20, samples=70))
 
 
 @pytest.fixture(scope="module")
 def both(flagship: Problem) -> dict[str, list[Solution]]:
     """Every path as it is chosen, and of that length."""
-    return {name: baselines(flagship, name, length=LENGTH) for name in OWN}
+    return {name: baselines(flagship, name, length=LENGTH) for name in CHOSEN}
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +58,7 @@ def chosen(both: dict[str, list[Solution]]) -> dict[str, Solution]:
 
 @pytest.fixture(scope="module")
 def largest(flagship: Problem) -> dict[str, Solution]:
-    return {name: driven_once(flagship, name) for name in OWN if name != "random"}
+    return {name: driven_once(flagship, name) for name in (*CHOSEN[:-1], "figure_eight")}
 
 
 def path(solution: Solution) -> np.ndarray:
@@ -86,7 +90,7 @@ class TestInTheFlagship:
         np.testing.assert_array_equal(path(solution), again.path)
         assert (solution.name, solution.kind, solution.status) == (name, "baseline", Status.SCORED)
 
-    @pytest.mark.parametrize("name", [name for name in OWN if name != "random"])
+    @patterns
     def test_it_is_as_large_as_the_limits_allow(self, chosen, name: str):
         margins = {margin.name: margin for margin in chosen[name].evaluation.margins}
         limits = ("wheel_speed", "wheel_acceleration", "workspace")
@@ -143,7 +147,7 @@ class TestInTheFlagship:
         assert np.abs(poses[:, 1]).max() < SAMPLING
         assert solution.evaluation.path_length == pytest.approx(2 * poses[:, 0].max(), rel=SAMPLING)
 
-    @pytest.mark.parametrize("name", [name for name in OWN if name != "random"])
+    @patterns
     def test_nothing_is_lost_by_choosing(self, chosen, largest, name: str):
         assert chosen[name].evaluation.objective >= largest[name].evaluation.objective * (1 - 1e-3)
 
@@ -157,8 +161,8 @@ class TestInTheFlagship:
 
     @pytest.mark.slow
     @pytest.mark.parametrize("name", ["straight", "circle"])
-    def test_a_long_way_takes_more_laps_not_more_room(self, flagship: Problem, name: str):
-        largest, fitted = baselines(flagship, name, length=8.0)
+    def test_a_long_way_takes_more_laps_not_more_room(self, both, name: str):
+        largest, fitted = both[name]
         for axis in (0, 1):
             assert np.abs(path(fitted)[:, axis]).max() <= np.abs(path(largest)[:, axis]).max() * (
                 1 + SAMPLING
@@ -198,7 +202,7 @@ ROBOTS = {
 class TestOtherRobots:
     @pytest.mark.parametrize("name", ["circle", "figure_eight", "square", "straight_and_spin"])
     def test_the_path_still_closes(self, robot, name: str):
-        solution = driven_once(problem_of(model=robot, duration=20, samples=100), name)
+        solution = driven_once(problem_of(model=robot, duration=20, samples=70), name)
         assert solution.evaluation.feasible
         size = np.ptp(path(solution)[:, :2], axis=0).max()
         assert size > 0.3
@@ -249,8 +253,9 @@ class TestStudies:
         assert solution.evaluation.feasible
 
     @pytest.mark.slow
-    def test_random_paths_are_reproducible(self, flagship: Problem):
-        first, again, other = (baselines(flagship, "random", seed=seed)[0].trajectory for seed in (1, 1, 2))
+    def test_random_paths_are_reproducible(self):
+        problem = problem_of()
+        first, again, other = (baselines(problem, "random", seed=seed)[0].trajectory for seed in (1, 1, 2))
         np.testing.assert_array_equal(first.coefficients, again.coefficients)
         assert np.abs(first.coefficients - other.coefficients).max() > 0.1
 
@@ -275,7 +280,7 @@ class TestRobotsThatCannotTurnFaster:
 
     @pytest.mark.parametrize(
         ("per_yaw_rate", "names"),
-        [(0.04, ["straight_and_spin"]), (5.0, ["straight", "circle", "straight_and_spin"])],
+        [(0.04, ["straight_and_spin"]), (5.0, ["straight", "circle"])],
     )
     def test_every_path_is_finite_and_says_what_it_exceeds(self, per_yaw_rate: float, names: list[str]):
         problem = problem_of(
