@@ -133,7 +133,7 @@ def _ackermann_twist(inputs: np.ndarray, radius: float, wheelbase: float, offset
 
 
 def _trailer_angle(
-    state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 400
+    state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 100
 ) -> np.ndarray:
     """The trailer's angle, from where its axle's middle is dragged: no velocity across the trailer."""
     offset, length = parameters[3:5]
@@ -184,7 +184,7 @@ def _lagging(begin: float, asked: float, period: float, lag: float, steps: int) 
 
 
 def _lagging_yaw_rate(
-    state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 400
+    state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 100
 ) -> np.ndarray:
     return np.array([_lagging(state[3], twist[2], period, parameters[3], steps)[0]])
 
@@ -198,14 +198,14 @@ def _lagging_twist(
 
 
 def _lagging_commands(
-    state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 400
+    state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 100
 ) -> np.ndarray:
     rates = zip(state[3:], twist[[0, 2]], parameters[-2:], strict=True)
     return np.array([_lagging(begin, asked, period, lag, steps)[0] for begin, asked, lag in rates])
 
 
 def _lagging_commands_twist(
-    state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 400
+    state: np.ndarray, twist: np.ndarray, period: float, parameters: np.ndarray, steps: int = 100
 ) -> np.ndarray:
     rates = zip(state[3:], twist[[0, 2]], parameters[-2:], strict=True)
     ways = [_lagging(begin, asked, period, lag, steps)[1] for begin, asked, lag in rates]

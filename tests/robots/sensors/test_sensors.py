@@ -398,7 +398,7 @@ class TestSeveral:
         np.testing.assert_allclose(twice, 2 * once, rtol=1e-9, atol=1e-10 * np.trace(once))
 
     @pytest.mark.slow
-    @settings(max_examples=12)
+    @settings(max_examples=6)
     @given(
         chosen=st.lists(st.sampled_from(COMPATIBLE), min_size=2, max_size=3, unique_by=id),
         order=st.randoms(use_true_random=False),
@@ -409,7 +409,7 @@ class TestSeveral:
         first, second = (told(Several(sensors=one), inputs) for one in (sensors, shuffled))
         np.testing.assert_allclose(first, second, rtol=0, atol=1e-9 * np.trace(first))
 
-    @settings(max_examples=15)
+    @settings(max_examples=8)
     @given(
         pool=st.sampled_from([COMPATIBLE, OF_KNOWN_START]),
         places=st.lists(st.integers(0, 20), min_size=2, max_size=3),
@@ -485,27 +485,21 @@ class TestInitialPose:
         YawRate(noise=0.01),
     )
 
-    @settings(max_examples=20)
+    @settings(max_examples=12)
     @given(
         sensor=st.sampled_from(WAYS),
-        rule=st.sampled_from(["arc", "midpoint"]),
         x=st.floats(-20, 20),
         y=st.floats(-20, 20),
         turn=st.floats(-7, 7),
     )
     @pytest.mark.slow
-    def test_where_the_drive_begins_is_of_no_matter(self, sensor, rule: str, x: float, y: float, turn: float):
+    def test_where_the_drive_begins_is_of_no_matter(self, sensor, x: float, y: float, turn: float):
         inputs = some_inputs()
-        here, there = (
-            told(sensor, inputs, start, integration=rule) for start in (START, moved(START, x, y, turn))
-        )
-        sizes = np.sqrt(
-            np.diag(driven(sensor_problem(measurement=sensor, integration=rule), inputs).information["joint"])
-        )
-        assert_close(there, here, sizes, 1e-8)
+        here, there = (told(sensor, inputs, start) for start in (START, moved(START, x, y, turn)))
+        assert_close(there, here, np.sqrt(np.diag(here)), 1e-8)
 
     @pytest.mark.slow
-    @settings(max_examples=15)
+    @settings(max_examples=6)
     @given(x=st.floats(-20, 20), y=st.floats(-20, 20), turn=st.floats(-7, 7))
     def test_nor_does_it_matter_to_ranges_when_the_beacons_come_along(self, x: float, y: float, turn: float):
         def carried(place: tuple[float, float]) -> tuple[float, float]:
@@ -645,8 +639,8 @@ class TestBounds:
         parts = {"samples": len(inputs), "estimate": estimate, "criterion": E()}
         return driven(sensor_problem(measurement=sensor, model=model, **parts), inputs)
 
-    @settings(max_examples=30)
-    @given(seed=seeds, amplitude=st.floats(0.5, 40), heading=st.sampled_from([1e-4, 1e-2, 0.5]))
+    @settings(max_examples=15)
+    @given(seed=seeds, amplitude=st.floats(0.5, 40), heading=st.sampled_from([1e-4, 0.5]))
     @pytest.mark.slow
     def test_coefficients(self, seed: int, amplitude: float, heading: float):
         inputs = np.random.default_rng(seed).uniform(-amplitude, amplitude, (self.COUNT, 2))
@@ -661,12 +655,12 @@ class TestBounds:
         bound = (len(inputs) + 1) * TRACK**2 / (8 * SIGMA**2)
         assert 0.9 * bound <= found.lambda_min <= bound
 
-    @settings(max_examples=30)
+    @settings(max_examples=15)
     @given(
         seed=seeds,
         amplitude=st.floats(0.5, 40),
         model=st.sampled_from([PLAIN, UNEQUAL]),
-        heading=st.sampled_from([1e-4, 1e-2, 0.5]),
+        heading=st.sampled_from([1e-4, 0.5]),
     )
     @pytest.mark.slow
     def test_radii_and_track(self, seed: int, amplitude: float, model: DifferentialDrive, heading: float):
