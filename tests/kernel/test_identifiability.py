@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from typing import ClassVar, Literal
+from functools import cache, partial
+from typing import Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
@@ -120,13 +120,15 @@ SKID_NAMES = ("wheel_radius_right", "wheel_radius_left", "track", "slip_outer", 
 C = ("c11", "c12", "c21", "c22")
 
 
-posed_problem = partial(
+posed_anew = partial(
     problem_of,
     measurement=POSES,
     limits=(SPEED,),
     criterion=E(),
     start=StartPose(x=START[0], y=START[1], heading=START[2]),
 )
+posed_problem = cache(posed_anew)
+found_in = cache(ambiguities)
 
 
 def names_of(problem: Problem) -> list[tuple[str, ...]]:
@@ -175,7 +177,7 @@ class TestSlipLaws:
     def test_a_constant_slip_of_each_side_leaves_one_combination(self):
         # Only r (1 - i_R), r (1 - i_L) and B show.
         problem = posed_problem(model=SlipOfEachSide())
-        (found,) = ambiguities(problem)
+        (found,) = found_in(problem)
         share = dict(found.changes)
         assert share == pytest.approx(
             {
@@ -188,7 +190,7 @@ class TestSlipLaws:
         assert rank(problem, random_drive(problem, 1)) == 3
 
     def test_two_radii_leave_two(self):
-        found = ambiguities(posed_problem(model=TwoRadii()))
+        found = found_in(posed_problem(model=TwoRadii()))
         assert {tuple(one.changes) for one in found} == {
             ("radius_right", "slip_right"),
             ("radius_left", "slip_left"),
@@ -217,17 +219,14 @@ class TestSlipLaws:
         [
             ((), False),
             (("track",), False),
-            (("wheel_radius_right",), True),
             (("wheel_radius_left",), True),
             (("slip_outer",), True),
-            (("slip_inner",), True),
-            (("wheel_radius_right", "wheel_radius_left"), True),
             (("slip_outer", "slip_inner"), True),
         ],
         ids=lambda value: "+".join(value) or "nothing" if isinstance(value, tuple) else str(value),
     )
     def test_until_one_of_them_is_known(self, known: tuple[str, ...], told: bool):
-        problem = posed_problem(model=SKID, estimate=[name for name in SKID_NAMES if name not in known])
+        problem = posed_problem(model=SKID, estimate=tuple(name for name in SKID_NAMES if name not in known))
         assert (ambiguities(problem) == ()) == told
         assert (
             np.isfinite(list(evaluate(problem, random_drive(problem, 1)).standard_deviations.values())).all()
@@ -239,34 +238,40 @@ class TestIdentifiable:
     """No false alarm."""
 
     @pytest.mark.parametrize(
-        "problem",
+        "parts",
         [
-            posed_problem(model=DIFFERENTIAL),
-            posed_problem(model=DIFFERENTIAL, measurement=RANGES),
-            posed_problem(model=DIFFERENTIAL, measurement=Several(sensors=[GYRO, RANGES])),
-            posed_problem(model=DIFFERENTIAL, measurement=HEADINGS, estimate=("c11", "c12")),
-            posed_problem(
-                model=DIFFERENTIAL, measurement=GYRO, estimate=("wheel_radius_right", "wheel_radius_left")
-            ),
-            posed_problem(model=DIFFERENTIAL, estimate=C),
-            posed_problem(model=SKID, estimate=C),
-            posed_problem(model=SKID, estimate=("track", "slip_outer", "slip_inner")),
-            posed_problem(
-                model=DIFFERENTIAL, measurement=Poses(noise=POSES.noise, lever_arm={"x": 0.1, "known": False})
-            ),
-            posed_problem(
-                model=DIFFERENTIAL, measurement=Displacements(regressor="both"), criterion=E(scaling="none")
-            ),
-            posed_problem(model=SKID, measurement=Displacements(segments=4), criterion=E(scaling="none")),
-            posed_problem(
-                model=SkidSteer(wheel_radius=RADIUS, track=TRACK),
-                estimate=("track", "slip_outer", "slip_inner"),
-                criterion=E(scaling={"track": 1e-3, "slip_outer": 0.1, "slip_inner": 0.1}),
-            ),
+            {"model": DIFFERENTIAL},
+            {"model": DIFFERENTIAL, "measurement": RANGES},
+            {"model": DIFFERENTIAL, "measurement": Several(sensors=[GYRO, RANGES])},
+            {"model": DIFFERENTIAL, "measurement": HEADINGS, "estimate": ("c11", "c12")},
+            {
+                "model": DIFFERENTIAL,
+                "measurement": GYRO,
+                "estimate": ("wheel_radius_right", "wheel_radius_left"),
+            },
+            {"model": DIFFERENTIAL, "estimate": C},
+            {"model": SKID, "estimate": C},
+            {"model": SKID, "estimate": ("track", "slip_outer", "slip_inner")},
+            {
+                "model": DIFFERENTIAL,
+                "measurement": Poses(noise=POSES.noise, lever_arm={"x": 0.1, "known": False}),
+            },
+            {
+                "model": DIFFERENTIAL,
+                "measurement": Displacements(regressor="both"),
+                "criterion": E(scaling="none"),
+            },
+            {"model": SKID, "measurement": Displacements(segments=4), "criterion": E(scaling="none")},
+            {
+                "model": SkidSteer(wheel_radius=RADIUS, track=TRACK),
+                "estimate": ("track", "slip_outer", "slip_inner"),
+                "criterion": E(scaling={"track": 1e-3, "slip_outer": 0.1, "slip_inner": 0.1}),
+            },
         ],
         ids=range(12),
     )
-    def test_nothing_is_found(self, problem: Problem):
+    def test_nothing_is_found(self, parts: dict[str, Any]):
+        problem = posed_anew(**parts)
         assert ambiguities(problem) == ()
         require_identifiable(problem)
 
@@ -274,8 +279,8 @@ class TestIdentifiable:
     def test_whatever_the_scaling(self, scaling: str):
         scales = {"wheel_radius_right": 1e-4, "wheel_radius_left": 10.0, "track": 1.0}
         own = scales if scaling == "mapping" else scaling
-        assert ambiguities(posed_problem(model=DIFFERENTIAL, criterion=E(scaling=own))) == ()
-        (found,) = ambiguities(posed_problem(model=DIFFERENTIAL, measurement=GYRO, criterion=E(scaling=own)))
+        assert ambiguities(posed_anew(model=DIFFERENTIAL, criterion=E(scaling=own))) == ()
+        (found,) = ambiguities(posed_anew(model=DIFFERENTIAL, measurement=GYRO, criterion=E(scaling=own)))
         assert dict(found.relative) == pytest.approx(dict.fromkeys(scales, STEP), rel=1e-5)
 
     def test_what_is_not_judged_need_not_be_told(self):
@@ -290,7 +295,7 @@ class TestIdentifiable:
     def test_a_small_slip(self, slip: float):
         # However small it is, it is told to 0.7 %.
         model = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=slip, slip_inner=0.05)
-        assert ambiguities(posed_problem(model=model, estimate=("track", "slip_outer", "slip_inner"))) == ()
+        assert found_in(posed_problem(model=model, estimate=("track", "slip_outer", "slip_inner"))) == ()
 
     @pytest.mark.parametrize("noise", [1e-3, 1e-4])
     def test_sensors_of_very_different_quality(self, noise: float):
@@ -305,7 +310,7 @@ class TestIdentifiable:
 class TestSubset:
     """A criterion of some parameters asks for these alone; the others may hide them all the same."""
 
-    NAMES = ("wheel_radius_right", "wheel_radius_left", "slip_outer", "slip_inner")
+    NAMES = ("wheel_radius_right", "slip_inner")
 
     @pytest.mark.parametrize("name", NAMES)
     def test_one_that_the_others_hide_is_refused(self, name: str):
@@ -321,7 +326,7 @@ class TestSubset:
 
     def test_it_is_not_said_to_change_nothing_by_itself(self):
         # The outer slip does change what is measured; it is the radii that undo it.
-        (found,) = ambiguities(posed_problem(model=SKID, criterion=E(subset=("slip_outer", "track"))))
+        (found,) = found_in(posed_problem(model=SKID, criterion=E(subset=("slip_outer", "track"))))
         assert "slip_outer changes nothing that is measured" not in str(found)
 
 
@@ -399,7 +404,7 @@ class TestManySamples:
         monkeypatch.setattr("oed.kernel.identifiability.as_well_read", lambda problem: problem)
         assert found == names_of(problem)
 
-    @pytest.mark.parametrize("every", [1, 3, 39, 41, 333, 667, 1999, 2000])
+    @pytest.mark.parametrize("every", [1, 39, 41, 667, 1999, 2000])
     def test_sensors_read_no_less_and_no_more_where_they_read_little(self, every: int):
         problem = self.long(DIFFERENTIAL, Several(sensors=(POSES.model_copy(update={"every": every}), GYRO)))
         own = as_well_read(problem)
@@ -422,7 +427,7 @@ class TestWords:
     """What the message says."""
 
     def test_a_common_factor(self):
-        (found,) = ambiguities(posed_problem(model=DIFFERENTIAL, measurement=GYRO))
+        (found,) = found_in(posed_problem(model=DIFFERENTIAL, measurement=GYRO))
         assert str(found) == (
             "wheel_radius_right, wheel_radius_left and track cannot be identified separately: changing "
             "wheel_radius_right by +1 %, wheel_radius_left by +1 % and track by +1 % together "
@@ -432,7 +437,7 @@ class TestWords:
 
     def test_signs_and_sizes(self):
         # A slip of -5 % that becomes -3.95 % is 21 % smaller.
-        (found,) = ambiguities(posed_problem(model=SlipOfEachSide()))
+        (found,) = found_in(posed_problem(model=SlipOfEachSide()))
         assert str(found) == (
             "radius, slip_right and slip_left cannot be identified separately: changing radius by +1 %, "
             "slip_right by +9 % and slip_left by -21 % together changes nothing that is measured"
@@ -440,12 +445,12 @@ class TestWords:
 
     def test_what_is_nominally_nothing_is_said_in_si(self):
         model = SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=OUTER)
-        (found,) = ambiguities(posed_problem(model=model, criterion=E(scaling="none")))
+        (found,) = found_in(posed_problem(model=model, criterion=E(scaling="none")))
         assert "slip_outer by +9 % and slip_inner by +0.01 (SI) together" in str(found)
         assert set(found.relative) == set(found.changes) - {"slip_inner"}
 
     def test_a_parameter_on_its_own(self):
-        found = ambiguities(posed_problem(model=DIFFERENTIAL, measurement=GYRO, estimate=C))
+        found = found_in(posed_problem(model=DIFFERENTIAL, measurement=GYRO, estimate=C))
         assert [str(one) for one in found] == [
             "c21 changes nothing that is measured",
             "c22 changes nothing that is measured",
@@ -458,7 +463,7 @@ class TestWords:
             require_identifiable(problem)
         (issue,) = raised.value.issues
         assert issue.key == ("measurement",)
-        first, second = ambiguities(problem)
+        first, second = found_in(problem)
         assert issue.message == (
             f"{first}; {second}. Take one of them as known (leave it out of `estimate`), "
             "give a `prior`, or measure more."
@@ -477,13 +482,13 @@ class TestWords:
             posed_problem(model=SKID, measurement=GYRO),
             posed_problem(model=TwoRadii()),
         ):
-            for found in ambiguities(problem):
+            for found in found_in(problem):
                 first = next(iter(found.changes))
                 assert found.relative[first] == pytest.approx(STEP, rel=1e-9)
 
     @pytest.mark.slow
     def test_it_is_the_same_every_time(self):
-        first, again = ambiguities(posed_problem(model=SKID)), ambiguities(posed_problem(model=SKID))
+        first, again = (ambiguities(posed_anew(model=SKID)) for _ in range(2))
         assert first == again
 
 
@@ -534,30 +539,30 @@ class TestSimulation:
     """Changing the parameters as the message says leaves the readings as they are, to second order."""
 
     @pytest.mark.parametrize(
-        ("problem", "twist", "nominal", "quantity", "count"),
+        ("parts", "twist", "nominal", "quantity", "count"),
         [
-            (posed_problem(model=SlipOfEachSide()), one_radius, (RADIUS, TRACK, OUTER, INNER), "poses", 1),
-            (posed_problem(model=TwoRadii()), two_radii, SKID_NOMINAL, "poses", 2),
-            (posed_problem(model=SKID), skid, SKID_NOMINAL, "poses", 1),
-            (posed_problem(model=SKID, measurement=RANGES), skid, SKID_NOMINAL, "poses", 1),
+            ({"model": SlipOfEachSide()}, one_radius, (RADIUS, TRACK, OUTER, INNER), "poses", 1),
+            ({"model": TwoRadii()}, two_radii, SKID_NOMINAL, "poses", 2),
+            ({"model": SKID}, skid, SKID_NOMINAL, "poses", 1),
+            ({"model": SKID, "measurement": RANGES}, skid, SKID_NOMINAL, "poses", 1),
             (
-                posed_problem(model=DIFFERENTIAL, measurement=GYRO),
+                {"model": DIFFERENTIAL, "measurement": GYRO},
                 plain,
                 (RADIUS, RADIUS, TRACK),
                 "yaw rates",
                 1,
             ),
             (
-                posed_problem(model=DIFFERENTIAL, measurement=HEADINGS),
+                {"model": DIFFERENTIAL, "measurement": HEADINGS},
                 plain,
                 (RADIUS, RADIUS, TRACK),
                 "yaw rates",
                 1,
             ),
-            (posed_problem(model=SKID, measurement=GYRO), skid, SKID_NOMINAL, "yaw rates", 2),
-            (posed_problem(model=TwoRadii(), measurement=GYRO), two_radii, SKID_NOMINAL, "yaw rates", 3),
+            ({"model": SKID, "measurement": GYRO}, skid, SKID_NOMINAL, "yaw rates", 2),
+            ({"model": TwoRadii(), "measurement": GYRO}, two_radii, SKID_NOMINAL, "yaw rates", 3),
             (
-                posed_problem(model=DIFFERENTIAL, measurement=GYRO, estimate=C),
+                {"model": DIFFERENTIAL, "measurement": GYRO, "estimate": C},
                 by_coefficients,
                 (RADIUS / TRACK, -RADIUS / TRACK, RADIUS / 2, RADIUS / 2),
                 "yaw rates",
@@ -576,10 +581,11 @@ class TestSimulation:
             "c-gyro",
         ],
     )
-    def test_nothing_changes(self, problem: Problem, twist, nominal, quantity: str, count: int):
+    def test_nothing_changes(self, parts: dict[str, Any], twist, nominal, quantity: str, count: int):
+        problem = posed_problem(**parts)
         names = [parameter.name for parameter in problem.system.parameters]
         readings = loops(twist, names, nominal, quantity)
-        found = ambiguities(problem)
+        found = found_in(problem)
         assert len(found) == count
 
         def moved(changes: Mapping[str, float]) -> float:
@@ -603,16 +609,16 @@ class TestSimulation:
 class TestPrior:
     """Knowledge from before tells what no drive does."""
 
-    @pytest.mark.parametrize("name", ["wheel_radius_right", "wheel_radius_left", "slip_outer", "slip_inner"])
+    @pytest.mark.parametrize("name", ["wheel_radius_left", "slip_outer"])
     def test_of_any_parameter_of_the_combination(self, name: str):
         size = "1 mm" if "radius" in name else 0.02
-        problem = posed_problem(model=SKID, prior=Prior(standard_deviations={name: size}))
+        problem = posed_anew(model=SKID, prior=Prior(standard_deviations={name: size}))
         assert ambiguities(problem) == ()
         require_identifiable(problem)
 
     @pytest.mark.slow
     def test_of_another_parameter_does_not_help(self):
-        problem = posed_problem(model=SKID, prior=Prior(standard_deviations={"track": "1 %"}))
+        problem = posed_anew(model=SKID, prior=Prior(standard_deviations={"track": "1 %"}))
         assert names_of(problem) == names_of(posed_problem(model=SKID))
 
     @pytest.mark.slow
@@ -623,7 +629,7 @@ class TestPrior:
             (("slip_right", "slip_left"), []),
         ):
             prior = Prior(standard_deviations=dict.fromkeys(known, 0.02))
-            assert names_of(posed_problem(model=TwoRadii(), prior=prior)) == left
+            assert names_of(posed_anew(model=TwoRadii(), prior=prior)) == left
 
 
 class Untouched(Solver):

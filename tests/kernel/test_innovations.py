@@ -290,7 +290,12 @@ def test_filters_are_kept():
 )
 def test_pieces_are_what_the_whole_drive_is_written_out(sensors, size: int):
     # One piece between others; of three parameters one is not asked for.
-    parts = {"samples": 3 * size, "period": 0.3, "coefficients": 6, "estimate": ("wheel_radius_right", "track")}
+    parts = {
+        "samples": 3 * size,
+        "period": 0.3,
+        "coefficients": 6,
+        "estimate": ("wheel_radius_right", "track"),
+    }
     problem = problem_of(measurement=sensors, criterion=E(), **parts)
     assert divisible(problem) is not None
     pieces, whole = Pieces(problem, PieceLayout(problem.design, size, 2)), Unrolled(problem)
