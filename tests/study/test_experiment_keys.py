@@ -49,7 +49,7 @@ class TestTank:
     @cache
     def solved() -> tuple[oed.Study, oed.Solution]:
         """The study and its quick search's design."""
-        study = oed.parse_study(TANK)
+        study = oed.parse_study(TANK.replace("samples: 60", "samples: 24"))
         return study, oed.solve(study.problem, QUICK, seed=0)
 
     @pytest.mark.slow
@@ -120,11 +120,17 @@ class TestStarts:
                   parameters: {{p: 1 1/s, q: 0.5 1/s}}
                   derivatives: {{x: u - p * x, y: p * x - q * y}}
                   outputs: {{seen: y}}
-                experiment: {{duration: 5 s, samples: 20, trials: {trials}, inputs: {{u: [0 1/s, 1 1/s]}}}}
+                experiment: {{duration: 5 s, samples: 10, trials: {trials}, inputs: {{u: [0 1/s, 1 1/s]}}}}
                 measurement: {{kind: outputs, noise: {{seen: 0.01}}}}
                 criterion: D
                 """)
         )
+
+    @classmethod
+    @cache
+    def designed(cls) -> oed.Trajectory:
+        """A drive for a start that is known."""
+        return oed.solve(cls.decay("1").problem, QUICK, seed=0).trajectory
 
     @pytest.mark.slow
     def test_designed_ones_are_each_trial_s_own(self):
@@ -137,9 +143,9 @@ class TestStarts:
     def test_unknown_ones_cost_information(self):
         """As much as dense least squares with the start among the unknowns says."""
         known, unknown = self.decay("1"), self.decay("{unknown: 1, deviation: 0.1}")
-        drive = oed.solve(known.problem, QUICK, seed=0).trajectory
+        drive = self.designed()
         found = oed.evaluate(unknown.problem, drive)
-        times = 0.25 * np.arange(21)
+        times = 0.5 * np.arange(11)
 
         def seen(values: np.ndarray) -> np.ndarray:
             p, q, x = values
@@ -148,7 +154,7 @@ class TestStarts:
             for step, held in enumerate(drive.inputs[:, 0]):
                 state = solve_ivp(
                     lambda _, now, held=held: [held - p * now[0], p * now[0] - q * now[1]],
-                    (0, 0.25),
+                    (0, 0.5),
                     state,
                     rtol=1e-11,
                     atol=1e-12,
@@ -165,7 +171,7 @@ class TestStarts:
 
     @pytest.mark.slow
     def test_a_value_without_a_deviation_is_open(self):
-        drive = oed.solve(self.decay("1").problem, QUICK, seed=0).trajectory
+        drive = self.designed()
         errors = [
             oed.evaluate(self.decay(start).problem, drive).standard_deviations["p"]
             for start in ("1", "{unknown: 1, deviation: 0.1}", "{unknown: 1}")
@@ -209,7 +215,7 @@ class TestStartsAlone:
         problem = oed.parse_study(self.TEXT).problem
         found = oed.solve(problem, QUICK, seed=0)
         assert found.evaluation.feasible
-        grid = np.linspace(1, 3, 9)
+        grid = np.linspace(1, 3, 5)
         held = np.zeros((20, 0))
         # Of two trials either may be the first.
         each = [
@@ -338,7 +344,7 @@ def test_a_coarse_integration_is_named():
     coarse = oed.parse_study(text.replace("[1 h, 4 h]", "9 h").replace("pieces: 6", "pieces: 3"))
     (note,) = oed.run(coarse.changed(limits=[], **keys)).notes
     assert note.startswith("The integration is coarse: ")
-    fine = oed.parse_study(TANK.replace("samples: 60", "samples: 24"))
+    fine = oed.parse_study(TANK.replace("samples: 60", "samples: 12"))
     assert oed.run(fine.changed(**keys)).notes == []
 
 

@@ -30,7 +30,7 @@ FEWER = {
     "lotka_volterra_fishing": {"solvers": [FIRST_START], "validation": {"replicates": 100}},
 }
 """What takes long in a study and here is done less often, by name."""
-SAMPLES = {"decay_weights": 100, "lotka_volterra": 192, "lotka_volterra_fishing": 192}
+SAMPLES = {"decay_weights": 100, "lotka_volterra": 144, "lotka_volterra_fishing": 96}
 """Of some that are sampled more finely than the digits that are printed need, by name."""
 
 
@@ -178,5 +178,5 @@ def test_it_is_said_where_the_noise_is_too_large():
     study, best = found("box_lucas")
     assert best.drive is not None
     loud = study.changed(measurement={"kind": "responses", "noise": {"b": 0.12}})
-    validation = oed.validate(loud.problem, best.drive.trajectory, replicates=1000, seed=0)
+    validation = oed.validate(loud.problem, best.drive.trajectory, replicates=300, seed=0)
     assert not validation.passed
