@@ -57,6 +57,12 @@ trajectory:
 measurement: {kind: poses, noise: {position: 1 cm, heading: 1 deg}}
 limits: {wheel_speed: 1 rad/s}
 """
+COMMANDS = (
+    ["validate", "--replicates", "100", "--quiet"],
+    ["next", "log.csv", "--quiet"],
+    ["export", "--to", "ros2_yaml"],
+)
+"""Commands that take a record, without it."""
 START = "{x: 0.1 m, y: 0.2 m, heading: 0.3 rad}"
 
 
@@ -94,24 +100,16 @@ def saved(folder: Path, **options: Any) -> Path:
 
 class TestCode:
     @pytest.mark.slow
-    @pytest.mark.parametrize(
-        "command",
-        [
-            ["validate", "--replicates", "100", "--quiet"],
-            ["next", "log.csv", "--quiet"],
-            ["animate", "--physics", "--quiet"],
-            ["export", "--to", "ros2_yaml"],
-        ],
-    )
-    def test_is_not_run_unasked(self, folder: Path, capsys: pytest.CaptureFixture[str], command: list[str]):
+    def test_is_not_run_unasked(self, folder: Path, capsys: pytest.CaptureFixture[str]):
         saved(folder)
-        assert main([command[0], str(folder), *command[1:]]) == 2
-        said = capsys.readouterr().err
         (module,) = folder.glob("robots_of_*.py")
-        assert said.startswith(f"{folder / 'record.json'}: study.robot: robots_of_")
-        assert f"is code, of {module}, and would be run" in said
-        assert "give --trust" in said
-        assert not (folder / "was_run").exists()
+        for command, *flags in (*COMMANDS, ["animate", "--physics", "--quiet"]):
+            assert main([command, str(folder), *flags]) == 2, command
+            said = capsys.readouterr().err
+            assert said.startswith(f"{folder / 'record.json'}: study.robot: robots_of_"), command
+            assert f"is code, of {module}, and would be run" in said, command
+            assert "give --trust" in said, command
+            assert not (folder / "was_run").exists(), command
 
     @pytest.mark.slow
     def test_is_run_for_who_trusts_it_and_that_is_not_remembered(self, folder: Path):
@@ -299,20 +297,13 @@ class TestFiles:
         assert main(["next", str(place / "own"), str(place / "logs" / "log.csv"), "--quiet"]) == 2
         assert capsys.readouterr().err.startswith(str(place / "logs" / "log.poses.csv"))
 
-    @pytest.mark.parametrize(
-        "command",
-        [
-            ["validate", "--replicates", "100", "--quiet"],
-            ["next", "log.csv", "--quiet"],
-            ["export", "--to", "ros2_yaml"],
-        ],
-    )
     @pytest.mark.slow
-    def test_priors_are_numbers(self, place: Path, capsys: pytest.CaptureFixture[str], command: list[str]):
+    def test_priors_are_numbers(self, place: Path, capsys: pytest.CaptureFixture[str]):
         os.mkfifo(place / "pipe")
         folder = self.changed(place, prior={"record": str(place / "pipe")})
-        assert main([command[0], str(folder), *command[1:]]) == 2
-        said = capsys.readouterr().err
-        assert "study.prior.record: would be read from " in said
-        assert main([command[0], str(folder), *command[1:], "--trust"]) == 2
-        assert "expected a file, got a pipe" in capsys.readouterr().err
+        for command, *flags in COMMANDS:
+            assert main([command, str(folder), *flags]) == 2, command
+            said = capsys.readouterr().err
+            assert "study.prior.record: would be read from " in said, command
+            assert main([command, str(folder), *flags, "--trust"]) == 2, command
+            assert "expected a file, got a pipe" in capsys.readouterr().err, command
