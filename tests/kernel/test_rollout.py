@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -43,6 +44,7 @@ def symbolic_drive(example: Example, rule: str, kind: type, refine: int) -> tupl
     return drive, ca.Function("drive", [inputs, start, period], outputs)
 
 
+@cache
 def numeric_drive(example: Example, rule: str, kind: type = ca.MX, refine: int = FINE) -> dict:
     _, function = symbolic_drive(example, rule, kind, refine)
     results = [np.array(value) for value in function(held_inputs(example), START, PERIOD)]
@@ -124,7 +126,7 @@ def test_unrefined_path_is_the_poses(example: Example):
 @robots
 def test_unrolled_and_compact_expressions_agree(example: Example):
     # Of the other rule their sensitivities do, below.
-    unrolled, compact = (numeric_drive(example, "arc", kind) for kind in (ca.SX, ca.MX))
+    unrolled, compact = numeric_drive(example, "arc", ca.SX), numeric_drive(example, "arc")
     for name in unrolled:
         np.testing.assert_allclose(unrolled[name], compact[name], rtol=0, atol=1e-13)
 
@@ -164,14 +166,21 @@ def sensitivities(model, rule: str, inputs: np.ndarray, kind: type = ca.MX) -> t
     return function, found.reshape(len(model.states), len(inputs) + 1, width).swapaxes(0, 1)
 
 
+@cache
+def held_sensitivities(example: Example, rule: str, kind: type, seen: str) -> tuple[ca.Function, np.ndarray]:
+    """The same of a robot's usual drive, by its constants or its coefficients."""
+    model = example.model if seen == "constants" else CoefficientRobot(base=example.model)
+    return sensitivities(model, rule, held_inputs(example), kind)
+
+
 @robots
 @rules
 @pytest.mark.parametrize("seen", ["constants", "coefficients"])
 def test_sensitivities_are_the_derivatives_of_the_poses(example: Example, rule: str, seen: str):
     if seen == "coefficients" and not example.model.coefficient_names:
         pytest.skip("a robot without coefficients")
+    function, found = held_sensitivities(example, rule, ca.MX, seen)
     model = example.model if seen == "constants" else CoefficientRobot(base=example.model)
-    function, found = sensitivities(model, rule, held_inputs(example))
     size = len(model.parameters)
 
     def poses(point: np.ndarray) -> np.ndarray:
@@ -186,7 +195,7 @@ def test_sensitivities_are_the_derivatives_of_the_poses(example: Example, rule: 
 @rules
 def test_the_start_shifts_and_turns_all_poses(example: Example, rule: str):
     # d(x, y)/d(th0) = (-(y - y0), x - x0).
-    function, found = sensitivities(example.model, rule, held_inputs(example))
+    function, found = held_sensitivities(example, rule, ca.MX, "constants")
     poses = np.array(function(example.model.nominal, START)[0])
     by_start = found[:, :, len(example.model.parameters) :]
     expected = np.tile(np.eye(3), (SAMPLES + 1, 1, 1))
@@ -197,9 +206,7 @@ def test_the_start_shifts_and_turns_all_poses(example: Example, rule: str):
 @robots
 @rules
 def test_unrolled_and_compact_sensitivities_agree(example: Example, rule: str):
-    unrolled, compact = (
-        sensitivities(example.model, rule, held_inputs(example), kind)[1] for kind in (ca.SX, ca.MX)
-    )
+    unrolled, compact = (held_sensitivities(example, rule, kind, "constants")[1] for kind in (ca.SX, ca.MX))
     np.testing.assert_allclose(unrolled, compact, rtol=0, atol=1e-11)
 
 

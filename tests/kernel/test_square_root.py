@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from fractions import Fraction
+from functools import cache
 
 import casadi as ca
 import numpy as np
 import pytest
 from builders import RADIUS, TRACK, driven_once, input_limits, problem_of
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from places import PROBLEMS
 
@@ -109,7 +110,7 @@ class TestExactly:
     """Against rational numbers: nothing is squared, and no ridge added, on the way."""
 
     @pytest.mark.slow
-    @pytest.mark.parametrize(("length", "steering"), [(0.2, 0.3), (0.02, 0.05), (0.02, 2e-4)])
+    @pytest.mark.parametrize(("length", "steering"), [(0.2, 0.3), (0.02, 2e-4)])
     def test_a_short_drive_with_its_lever_arm_and_start_unknown(self, length: float, steering: float):
         problem, drive = tricycle(), short_drive(length, steering)
         information = exact_information(jacobian_of(problem, drive), 3)
@@ -133,7 +134,6 @@ class TestExactly:
         found = np.array(eliminate(ca.DM(jacobian.T @ jacobian), 3))
         np.testing.assert_allclose(found, exact, rtol=tolerance)
 
-    @settings(max_examples=20)
     @given(seed=seeds, kept=st.integers(1, 3), others=st.integers(1, 4), spread=st.sampled_from([0.0, 8.0]))
     def test_any_jacobian(self, seed: int, kept: int, others: int, spread: float):
         rng = np.random.default_rng(seed)
@@ -179,7 +179,6 @@ class TestExactly:
 class TestTold:
     """What is identifiable does not depend on units, priors or what is asked of the rest."""
 
-    @settings(max_examples=20)
     @given(seed=seeds, size=st.integers(2, 5), rank=st.integers(1, 4))
     def test_ranks_in_any_units(self, seed: int, size: int, rank: int):
         rng = np.random.default_rng(seed)
@@ -331,12 +330,17 @@ def test_what_no_drive_tells_is_said_by_every_criterion(criterion: Criterion):
     )
 
 
+@cache
+def shipped(name: str) -> Problem:
+    return load_study(PROBLEMS / f"{name}.yaml").problem
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["omni_three", "mecanum"])
 @pytest.mark.parametrize("path", ["straight", "sideways_straight", "sideways_square"])
 def test_motions_that_cancel_to_rounding_tell_nothing(kind: str, path: str):
     """Robots that go sideways turn by some 1e-17 rad/s, for their wheels' speeds cancel to rounding."""
-    problem = load_study(PROBLEMS / f"{kind}.yaml").problem
+    problem = shipped(kind)
     score = evaluate(problem, driven_once(problem, path).trajectory)
     radius, other = score.standard_deviations.values()
     assert (score.objective, score.identifiable, other) == (0.0, False, np.inf)
@@ -378,7 +382,7 @@ def test_displacements_that_cancel_to_rounding_tell_nothing(noise_model: str):
 
 @pytest.mark.slow
 def test_a_faint_motion_is_none_that_cancels():
-    problem = load_study(PROBLEMS / "mecanum.yaml").problem
+    problem = shipped("mecanum")
     sideways = driven_once(problem, "sideways_square")
     drive = sideways.trajectory
     # One wheel is faster by a billionth: the arm turns what the radius moves, less precisely by as much.
