@@ -101,8 +101,8 @@ def test_an_arc_outside_the_room_is_seen(rule: str):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("angle", [0.2, 1.3])
-def test_the_edge_of_a_turned_room_is_exact(angle: float):
+def test_the_edge_of_a_turned_room_is_exact():
+    angle = 1.3
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ turn.T
     problem = moving(Polygon(points=corners.tolist()), samples=6)
@@ -245,7 +245,7 @@ def test_a_trailer_between_the_samples():
     model = TractorTrailer(wheel_radius=RADIUS, track=TRACK, hitch_offset=0.1, trailer_length=0.4)
     problem = moving(TrailerAngle(bounds=0.5), model=model, duration=4.0, samples=1)
     drive = steady(problem, 0.3, 0.9)
-    finer = moving(TrailerAngle(bounds=0.5), model=model, duration=4.0, samples=2000)
+    finer = moving(TrailerAngle(bounds=0.5), model=model, duration=4.0, samples=400)
     angles = evaluate(finer, steady(finer, 0.3, 0.9)).states[:, 3]
     found = margin(problem, drive, "trailer_angle")
     assert found.certain
@@ -314,7 +314,7 @@ def test_robust_limits_hold_between_the_points(kind: str):
     }
     room = Rectangle(x=(-3, 3), y=(-3, 3))
     margins = []
-    for samples in (2, 200):
+    for samples in (2, 40):
         problem = moving(room, samples=samples, duration=4.0, **uncertain)
         found = margin(problem, steady(problem, 1.0, 1.1), "workspace")
         assert found.certain
@@ -408,7 +408,7 @@ def test_which_limits_are_exceeded_is_what_the_margins_say(robust: str | None):
     uncertain = {"uncertainty": Uncertainty(track="5 %"), "robust": Robust(kind=robust)} if robust else {}
     problem = moving(*limits, **uncertain)
     seen = set[frozenset[str]]()
-    for size in np.linspace(0.1, 1.0, 10):
+    for size in np.linspace(0.1, 1.0, 6):
         drive = steady(problem, 0.6 * size, 1.2 * size)
         margins = evaluate(problem, drive).margins
         names = {one.name for one in margins if one.violation > 1e-9 * one.size}
