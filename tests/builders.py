@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,8 @@ BOX = Rectangle(x=(-1, 1), y=(-1, 1))
 
 
 def problem_of(**parts: Any) -> Problem:
-    """The paper's robot with small numbers (10 s, 40 samples, 4 segments), parts replaced at will.
+    """The paper's robot with small numbers (10 s, 40 samples, 4 segments), parts replaced at will; for parts
+    that were lately asked for, the same problem, with all that it has written out since.
 
     Args:
         parts: of the problem; beside them those of its design space (`samples`, `runs`, `start`, ...), unless
@@ -58,6 +60,14 @@ def problem_of(**parts: Any) -> Problem:
             period: of the samples [s], instead of the duration.
             coefficients: of each spline.
     """
+    try:
+        hash(tuple(parts.values()))
+    except TypeError:
+        return _made(**parts)
+    return _known(**parts)
+
+
+def _made(**parts: Any) -> Problem:
     given: dict[str, Any] = {
         "model": DifferentialDrive(wheel_radius=RADIUS, track=TRACK),
         "measurement": Displacements(segments=4),
@@ -71,6 +81,14 @@ def problem_of(**parts: Any) -> Problem:
     if "within" in given:
         given["uncertainty"] = Uncertainty.model_validate(given.pop("within"))
     return Problem(**{"design": design_space(given), **given})
+
+
+_known = lru_cache(maxsize=64, typed=True)(_made)
+
+
+def forget_problems() -> None:
+    """Let the next ones be made anew."""
+    _known.cache_clear()
 
 
 def design_space(given: dict[str, Any]) -> DesignSpace:

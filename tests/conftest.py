@@ -30,7 +30,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:
     parallel.default_workers = lambda: 1
 
 import pytest
-from builders import make_flagship
+from builders import forget_problems, make_flagship
 from hypothesis import settings
 
 from oed.kernel.problem import Problem
@@ -82,6 +82,17 @@ def interruptible() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture(autouse=True)
+def own_problems(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Where a test changes the package, problems of other tests are not its own, nor its own theirs."""
+    if "monkeypatch" not in request.fixturenames:
+        yield
+        return
+    forget_problems()
+    yield
+    forget_problems()
 
 
 @pytest.fixture(scope="module")
