@@ -47,7 +47,7 @@ def oracle_margins(problem: Problem, drive: Trajectory) -> dict[str, float]:
 @pytest.mark.parametrize(
     ("rule", "degree"), [("arc", 1), ("midpoint", 2), ("arc", 3), ("midpoint", 3), ("arc", 5)]
 )
-@pytest.mark.parametrize("amplitude", [1.0, 8.0, 30.0])
+@pytest.mark.parametrize("amplitude", [1.0, 30.0])
 def test_margins_are_the_oracles(rule: str, degree: int, amplitude: float):
     spline = Spline(degree=degree, coefficients=9)
     problem = problem_of(samples=30, spline=spline, integration=rule)

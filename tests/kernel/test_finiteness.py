@@ -124,8 +124,8 @@ class TestWhatIsDone:
     def test_searches_pass_them_over(self):
         problem = posed_problem(model=overflowing())
         for solver in (
-            oed.Ipopt(starts=2, perturbations=0, second_stage="none", max_iterations=8),
-            oed.Genetic(population=20, generations=5),
+            oed.Ipopt(starts=2, perturbations=0, second_stage="none", max_iterations=4),
+            oed.Genetic(population=20, generations=3),
         ):
             found = oed.solve(problem, solver, seed=0, workers=1)
             assert found.evaluation is None or np.isfinite(found.evaluation.path).all()

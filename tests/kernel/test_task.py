@@ -76,7 +76,7 @@ def test_a_straight_task_needs_no_track():
 
 @pytest.mark.slow
 def test_a_drive_that_aims_at_the_task_predicts_it_better_than_a_random_one():
-    problem = problem_of(measurement=POSES, criterion=I(task=[task_of(5, 20)]))
+    problem = problem_of(measurement=POSES, criterion=I(task=[task_of(5, 20)]), samples=20)
     found = solve(problem, Ipopt(starts=1, perturbations=0), seed=0, workers=1).evaluation
     assert found.feasible
     assert all(

@@ -102,7 +102,7 @@ def test_an_estimate_of_a_pilot_drive_gives_the_numbers(estimated: Path):
 def test_residuals_of_a_path_that_follows_the_readings_are_no_discrepancy(tmp_path: Path):
     text = (PROBLEMS / "room_robot.yaml").read_text() + "\ncalibration: {method: likelihood}\n"
     rows = (PROBLEMS / "logs" / "room_robot.csv").read_text().splitlines(keepends=True)
-    log = write_study(tmp_path, "".join(rows[:100]), "begin.csv")
+    log = write_study(tmp_path, "".join(rows[:60]), "begin.csv")
     oed.estimate(parse_study(text), [log], out=tmp_path / "pilot")
     file = tmp_path / "study.yaml"
     file.write_text(with_discrepancy("discrepancy: {record: pilot}"))

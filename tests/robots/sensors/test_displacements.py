@@ -9,7 +9,7 @@ import numpy as np
 import oracle
 import pytest
 from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, problem_of, random_drive, upper_bound
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_robots import ROBOTS, TWO_SIDED, Example, cases, draw_inputs
 
@@ -164,6 +164,7 @@ def test_no_drive_exceeds_the_cap(seed: int, segments: int, amplitude: float):
 
 
 @pytest.mark.slow
+@settings(max_examples=6)
 @given(seed=seeds, radii=st.tuples(st.floats(0.02, 0.1), st.floats(0.02, 0.1)))
 def test_no_drive_with_unequal_radii_exceeds_the_cap(seed: int, radii: tuple[float, float]):
     right, left = radii

@@ -127,7 +127,6 @@ def test_scaling_none_leaves_the_noise_out_and_relative_does_not(noise_model: st
 
 
 @pytest.mark.slow
-@settings(max_examples=20)
 @given(seed=seeds, segments=st.sampled_from([2, 5, SAMPLES]))
 def test_generalised_least_squares_tell_no_less_than_ordinary_ones(seed: int, segments: int):
     gls, ols = (
