@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import oracle
@@ -12,6 +13,7 @@ from driving import BY_NAME, FINER, as_drive, fine_path, fine_times, fine_twists
 from pydantic import TypeAdapter, ValidationError
 from sample_robots import CORE, ROBOTS, Example, draw_inputs
 
+from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory, middles
 from oed.kernel.evaluation import evaluate
@@ -50,45 +52,51 @@ def any_drive(example: Example, seed: int = 0, degree: int = 3) -> Trajectory:
     return space.trajectory(coefficients, np.zeros((1, len(example.model.states))))
 
 
+@cache
+def any_motion(example: Example) -> tuple[Drive, np.ndarray]:
+    """Such a drive in numbers, and its twists by the oracle."""
+    drive = any_drive(example)
+    return as_drive(example.model, drive), fine_twists(example, drive)
+
+
 def two_sided(values: np.ndarray, low: float, high: float) -> float:
     return float(min((high - values).min(), (values - low).min()))
 
 
 @every_robot
 def test_body_speed(example: Example):
-    drive = any_drive(example)
-    forward, lateral, _ = fine_twists(example, drive).T
+    values, twists = any_motion(example)
+    forward, lateral, _ = twists.T
     expected = two_sided(forward, -0.2, 0.3)
     if example.name in SIDEWAYS:
         expected = min(expected, 0.3 - np.hypot(forward, lateral).max())
-    found = slack(BodySpeed(bounds=(-0.2, 0.3)), as_drive(example.model, drive))
+    found = slack(BodySpeed(bounds=(-0.2, 0.3)), values)
     assert found == pytest.approx(expected, abs=3e-4 if example.name in SIDEWAYS else 1e-9)
 
 
 @every_robot
 def test_yaw_rate(example: Example):
-    drive = any_drive(example)
-    yaw_rates = fine_twists(example, drive)[:, 2]
-    found = slack(YawRate(bounds=(-0.5, 0.8)), as_drive(example.model, drive))
+    values, twists = any_motion(example)
+    yaw_rates = twists[:, 2]
+    found = slack(YawRate(bounds=(-0.5, 0.8)), values)
     assert found == pytest.approx(two_sided(yaw_rates, -0.5, 0.8))
 
 
 @every_robot
 def test_lateral_acceleration(example: Example):
-    drive = any_drive(example)
-    forward, lateral, yaw_rate = fine_twists(example, drive).T
+    values, twists = any_motion(example)
+    forward, lateral, yaw_rate = twists.T
     expected = 0.4 - (np.hypot(forward, lateral) * np.abs(yaw_rate)).max()
-    found = slack(LateralAcceleration(bounds=0.4), as_drive(example.model, drive))
+    found = slack(LateralAcceleration(bounds=0.4), values)
     tolerance = 4e-4 if example.name in SIDEWAYS else 1e-9
     assert found == pytest.approx(expected, abs=tolerance)
 
 
 @pytest.mark.parametrize("name", sorted(SIDEWAYS))
 def test_magnitudes_are_exact_at_their_bounds(name: str):
-    example, drive = BY_NAME[name], any_drive(BY_NAME[name], 1)
-    forward, lateral, yaw_rate = fine_twists(example, drive).T
+    values, twists = any_motion(BY_NAME[name])
+    forward, lateral, yaw_rate = twists.T
     speed = np.hypot(forward, lateral)
-    values = as_drive(example.model, drive)
     assert slack(BodySpeed(bounds=speed.max()), values) == pytest.approx(0, abs=1e-12)
     largest = (speed * np.abs(yaw_rate)).max()
     assert slack(LateralAcceleration(bounds=largest), values) == pytest.approx(0, abs=1e-12)
@@ -96,10 +104,10 @@ def test_magnitudes_are_exact_at_their_bounds(name: str):
 
 @every_robot
 def test_turning_radius(example: Example):
-    drive = any_drive(example)
-    forward, lateral, yaw_rate = fine_twists(example, drive).T
+    values, twists = any_motion(example)
+    forward, lateral, yaw_rate = twists.T
     speed, needed = forward**2 + lateral**2, (0.3 * yaw_rate) ** 2
-    found = slack(TurningRadius(bounds=0.3), as_drive(example.model, drive))
+    found = slack(TurningRadius(bounds=0.3), values)
     at_rest = 2 * (2e-3 * 0.3) ** 2
     assert found == pytest.approx((0.3 * (speed - needed) / (speed + needed + at_rest)).min())
 

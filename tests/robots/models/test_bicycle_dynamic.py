@@ -60,7 +60,7 @@ def swerving(count: int, duration: float = 4.0) -> np.ndarray:
 )
 def test_steps_converge_to_the_solution_with_order_three(car, speeds, least: float, error: float):
     state, inputs, period = np.array([0.3, -0.2, 0.7, *speeds]), (0.6, 0.3), 0.2
-    expected, counts, errors = exact(state, inputs, period, car), np.array([8, 16, 32]), []
+    expected, counts, errors = exact(state, inputs, period, car), np.array([8, 32]), []
     for count in counts:
         found = stepped(oed.BicycleDynamic(**car, substeps=int(count)), state, inputs, period)
         errors.append(np.linalg.norm(found - expected))
@@ -197,7 +197,7 @@ def test_speeds_known_to_rest_make_a_drive_more_informative():
 
 @pytest.mark.slow
 def test_limits_hold_between_samples():
-    problem = study(rest_to_rest=False)
+    problem = study(rest_to_rest=False, limits=(*INPUTS, oed.Rectangle(x=(-2, 2), y=(-2, 2))))
     drive = oed.Trajectory.from_samples(swerving(32), 4.0, np.zeros(6), rest_to_rest=False)
     margins = {one.name: one for one in oed.evaluate(problem, drive).margins}
     states = [np.zeros(6)]
