@@ -377,11 +377,12 @@ def test_bounds_without_drift_hold_with_it_and_say_so():
 def test_a_search_that_leaves_drift_out_is_scored_with_it():
     estimated = ("wheel_radius_right", "track")
     problem = problem_of(measurement=POSES, criterion=A(), samples=6, coefficients=6, estimate=estimated)
+    search = Ipopt(starts=1, perturbations=0, second_stage="none", max_iterations=20)
     aware, blind = (
-        solve(problem, Ipopt(starts=1, perturbations=0, without_drift=without), seed=0)
+        solve(problem, search.model_copy(update={"without_drift": without}), seed=0)
         for without in (False, True)
     )
-    alone = solve(problem.steady, Ipopt(starts=1, perturbations=0), seed=0)
+    alone = solve(problem.steady, search, seed=0)
     np.testing.assert_array_equal(blind.trajectory.coefficients, alone.trajectory.coefficients)
     assert blind.evaluation.objective == evaluate(problem, alone.trajectory).objective
     assert blind.evaluation.objective < aware.evaluation.objective

@@ -30,7 +30,7 @@ FEWER = {
     "lotka_volterra_fishing": {"solvers": [FIRST_START], "validation": {"replicates": 100}},
 }
 """What takes long in a study and here is done less often, by name."""
-SAMPLES = {"decay_weights": 100, "lotka_volterra": 144, "lotka_volterra_fishing": 96}
+SAMPLES = {"decay_weights": 100, "lotka_volterra": 96, "lotka_volterra_fishing": 96}
 """Of some that are sampled more finely than the digits that are printed need, by name."""
 
 

@@ -38,7 +38,7 @@ def car(model=CAR, angle: float = 0.436, **parts) -> Problem:
         LateralAcceleration(bounds=2.0),
         ROOM,
     )
-    usual = {"model": model, "measurement": POSES, "limits": limits, "duration": 20, "samples": 60}
+    usual = {"model": model, "measurement": POSES, "limits": limits, "duration": 20, "samples": 40}
     return problem_of(**{**usual, **parts})
 
 
@@ -121,7 +121,7 @@ class TestRolling:
 @pytest.mark.slow
 class TestRuns:
     def several(self, **parts) -> Problem:
-        usual = {"measurement": POSES, "runs": 3, "start": "free", "duration": 10, "samples": 40}
+        usual = {"measurement": POSES, "runs": 3, "start": "free", "duration": 10, "samples": 30}
         return problem_of(**{**usual, **parts})
 
     def turned(self, name: str, **parts) -> list[float]:
@@ -179,7 +179,7 @@ def test_slow_turns_leave_the_straights_fast():
     # Half of the drives below would be a tenth of the size, were all of it as slow as its turns.
     limits = (WheelSpeed(bounds=6), ACCELERATION, YawRateLimit(bounds=1.0), Rectangle(x=(-6, 6), y=(-6, 6)))
     husky = SkidSteer(wheel_radius=0.165, track=0.55)
-    problem = problem_of(model=husky, limits=limits, measurement=POSES, duration=40, samples=40)
+    problem = problem_of(model=husky, limits=limits, measurement=POSES, duration=40, samples=30)
     for name in ("square", "straight_and_spin"):
         (solution,) = baselines(problem, name)
         assert solution.evaluation.feasible
@@ -197,7 +197,7 @@ def test_a_heavy_robot_in_a_small_room_has_drives_that_identify_it():
     )
     model = SkidSteer(wheel_radius=0.165, track=0.999, body_radius=0.598)
     measurement = Displacements(segments=10, noise={"position": 0.01})
-    problem = problem_of(model=model, limits=limits, measurement=measurement, duration=20, samples=40)
+    problem = problem_of(model=model, limits=limits, measurement=measurement, duration=20, samples=30)
     # With turns in place and without.
     for name in ("square", "slalom"):
         (solution,) = baselines(problem, name)

@@ -123,10 +123,8 @@ class TestChosen:
         assert np.ptp(solution.evaluation.path[:, :2], axis=0).min() > 0.3
 
     def test_more_laps_than_one_where_they_pay(self):
-        chosen, once = (
-            baselines(make_flagship(), "figure_eight")[0],
-            driven_once(make_flagship(), "figure_eight"),
-        )
+        flagship = make_flagship(design=DesignSpace(duration=20, samples=80))
+        chosen, once = baselines(flagship, "figure_eight")[0], driven_once(flagship, "figure_eight")
         assert chosen.evaluation.objective > 2 * once.evaluation.objective
         turned = np.abs(np.diff(chosen.evaluation.path[:, 2])).sum()
         assert turned > 1.9 * np.abs(np.diff(once.evaluation.path[:, 2])).sum()
