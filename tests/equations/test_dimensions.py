@@ -17,9 +17,8 @@ def of(text: str) -> Dimension:
     return parse_unit(text)[1]
 
 
-@pytest.mark.parametrize(
-    ("unit", "factor", "text"),
-    [
+def test_unit():
+    for unit, factor, text in (
         ("mol/l", 1e3, "mol/m^3"),
         ("M", 1e3, "mol/m^3"),
         ("1/s", 1.0, "1/s"),
@@ -44,12 +43,10 @@ def of(text: str) -> Dimension:
         ("", 1.0, ""),
         ("1", 1.0, ""),
         (" h ", 3600.0, "s"),
-    ],
-)
-def test_unit(unit: str, factor: float, text: str):
-    found, dimension = parse_unit(unit)
-    assert found == pytest.approx(factor, rel=1e-12)
-    assert dimension.text == str(dimension) == text
+    ):
+        found, dimension = parse_unit(unit)
+        assert found == pytest.approx(factor, rel=1e-12), unit
+        assert dimension.text == str(dimension) == text, unit
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ def numeric_drive(example: Example, rule: str, kind: type = ca.MX, refine: int =
 
 @robots
 @rules
-def test_poses_and_path_are_the_oracles(example: Example, rule: str):
+def test_poses_path_and_chords_are_the_oracles(example: Example, rule: str):
     found = numeric_drive(example, rule)
     twists = np.array([example.twist(row) for row in held_inputs(example)])
     poses = oracle.roll_out(twists, START, PERIOD, rule)
@@ -61,12 +61,7 @@ def test_poses_and_path_are_the_oracles(example: Example, rule: str):
     np.testing.assert_allclose(found["poses"], poses, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found["path"], path, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found["twist"], twists, rtol=0, atol=1e-13)
-
-
-@robots
-@rules
-def test_chords_are_the_displacements(example: Example, rule: str):
-    found = numeric_drive(example, rule)
+    # Chords are the displacements.
     for pose, twist, gain, direction in zip(
         found["poses"], found["twist"], found["gain"].ravel(), found["direction"].ravel(), strict=False
     ):
@@ -76,16 +71,13 @@ def test_chords_are_the_displacements(example: Example, rule: str):
 
 
 @robots
-def test_effective_inputs(example: Example):
+def test_effective_inputs_and_the_sum_of_speeds(example: Example):
+    found = numeric_drive(example, "arc")
     expected = [example.effective(row) for row in held_inputs(example)]
-    np.testing.assert_allclose(numeric_drive(example, "arc")["effective_inputs"], expected, rtol=1e-13)
-
-
-@robots
-def test_path_length_is_the_sum_of_speeds(example: Example):
+    np.testing.assert_allclose(found["effective_inputs"], expected, rtol=1e-13)
     twists = np.array([example.twist(row) for row in held_inputs(example)])
-    expected = PERIOD * np.hypot(twists[:, 0], twists[:, 1]).sum()
-    assert numeric_drive(example, "arc")["path_length"].item() == pytest.approx(expected, abs=1e-7)
+    length = PERIOD * np.hypot(twists[:, 0], twists[:, 1]).sum()
+    assert found["path_length"].item() == pytest.approx(length, abs=1e-7)
 
 
 @pytest.mark.parametrize("given", [False, True])
@@ -217,8 +209,12 @@ def test_sensitivities_at_rest_are_finite(rule: str):
     assert not found[:, :, : len(example.model.parameters)].any()
 
 
-@pytest.mark.parametrize("example", cases(ROBOTS))
-@pytest.mark.parametrize("runs", [1, 2])
+# Of one run and of several; a robot knows nothing of runs.
+@pytest.mark.parametrize(
+    ("example", "runs"),
+    [(one, 1 + place % 2) for place, one in enumerate(ROBOTS)],
+    ids=lambda one: getattr(one, "name", one),
+)
 def test_the_shape_of_a_drive_is_that_of_any_drive(example: Example, runs: int):
     model, count = example.model, 6 * runs
     shape = drive_shape(model, samples=6, runs=runs, period=PERIOD)

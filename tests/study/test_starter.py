@@ -121,9 +121,8 @@ def fits(robot: str, sensor: str) -> bool:
 KINDS = [robot for robot in robots() if robot not in preset_names()]
 _, *OTHERS, COEFFICIENTS = SENSORS
 IN_TURN = [(robot, OTHERS[place % len(OTHERS)]) for place, robot in enumerate(robots())]
-# Every kind with what tells its coefficients as well (what tells its parameters is asked of logs alone, below);
-# of those that sensors are told otherwise for, as a place is among their parameters or they have a trailer, all
-# of them.
+# Every kind with what tells its coefficients as well (what tells its parameters is asked of logs alone); of
+# those that sensors are told otherwise for, as a place is among their parameters or they have a trailer, all.
 TOGETHER = [
     (robot, sensor)
     for robot in robots()

@@ -99,45 +99,44 @@ keys:
 """
 
 
-@pytest.mark.parametrize(
-    ("path", "place"),
-    [
-        (("same",), (1, 1)),
-        (("next",), (3, 5)),
-        (("after_a_blank_line",), (6, 5)),
-        (("after_a_remark",), (9, 5)),
-        (("single_quoted",), (11, 5)),
-        (("double_quoted",), (14, 5)),
-        (("plain_lines",), (17, 5)),
-        (("anchored",), (20, 5)),
-        (("tagged",), (22, 5)),
-        (("both",), (25, 5)),
-        (("alias",), (26, 1)),
-        (("literal",), (27, 1)),
-        (("folded",), (30, 5)),
-        (("nothing",), (32, 1)),
-        (("a_list",), (33, 1)),
-        (("a_list", 0), (34, 7)),
-        (("a_list", 1), (36, 7)),
-        (("a_list", 2, 0), (37, 8)),
-        (("a_list", 2, 1), (38, 8)),
-        (("a_list", 2, 2, "key"), (39, 8)),
-        (("a_list", 3, "deeper"), (41, 9)),
-        (("flow", "a"), (42, 8)),
-        (("flow", "b"), (43, 5)),
-        (("flow", "c"), (44, 5)),
-        (("asked",), (47, 5)),
-        (("a key",), (49, 5)),
-        (("keys",), (50, 1)),
-    ],
-    ids=str,
-)
-def test_a_value_in_a_line_after_its_key_has_its_own_place(path, place):
+PLACES = {
+    ("same",): (1, 1),
+    ("next",): (3, 5),
+    ("after_a_blank_line",): (6, 5),
+    ("after_a_remark",): (9, 5),
+    ("single_quoted",): (11, 5),
+    ("double_quoted",): (14, 5),
+    ("plain_lines",): (17, 5),
+    ("anchored",): (20, 5),
+    ("tagged",): (22, 5),
+    ("both",): (25, 5),
+    ("alias",): (26, 1),
+    ("literal",): (27, 1),
+    ("folded",): (30, 5),
+    ("nothing",): (32, 1),
+    ("a_list",): (33, 1),
+    ("a_list", 0): (34, 7),
+    ("a_list", 1): (36, 7),
+    ("a_list", 2, 0): (37, 8),
+    ("a_list", 2, 1): (38, 8),
+    ("a_list", 2, 2, "key"): (39, 8),
+    ("a_list", 3, "deeper"): (41, 9),
+    ("flow", "a"): (42, 8),
+    ("flow", "b"): (43, 5),
+    ("flow", "c"): (44, 5),
+    ("asked",): (47, 5),
+    ("a key",): (49, 5),
+    ("keys",): (50, 1),
+}
+"""Lines and columns of values, by their paths."""
+
+
+def test_a_value_in_a_line_after_its_key_has_its_own_place():
     source = parse_yaml(FORMS, "file")
-    assert source.place(path) == (path, *place)
+    assert {path: source.place(path) for path in PLACES} == {path: (path, *PLACES[path]) for path in PLACES}
     # Windows' line ends, and a byte-order mark.
     crlf = parse_yaml("\ufeff" + FORMS.replace("\n", "\r\n"), "file")
-    assert crlf.place(path)[1] == place[0]
+    assert {path: crlf.place(path)[1] for path in PLACES} == {path: PLACES[path][0] for path in PLACES}
 
 
 def test_a_key_that_is_wrong_itself_keeps_its_place():

@@ -74,49 +74,34 @@ def test_every_listed_robot_has_an_example():
         assert kind == "python" or {example.model.kind for example in examples} == {kind}
 
 
-@robots
-def test_names_and_units(example: Example):
-    model = example.model
-    names = [*model.input_names, *(parameter.name for parameter in model.parameters)]
-    assert len(set(names)) == len(names)
-    assert {entry.unit for entry in model.inputs} <= {"rad/s", "rad", "m/s", ""}
-    assert {parameter.unit for parameter in model.parameters} <= {
-        "m",
-        "rad",
-        "s",
-        "s^2",
-        "m*s/rad",
-        "rad/m",
-        "m/rad",
-        "1/s",
-        "1/m",
-        "m/s^2",
-        "m/s^2/rad",
-        "",
-    }
-    assert len(model.state_units) == len(model.states)
-    assert len(model.nominal) == len(model.parameters)
-    assert model.states[:3] == ("x", "y", "heading")
+def test_names_and_units():
+    units = ["m", "rad", "s", "s^2", "m*s/rad", "rad/m", "m/rad", "1/s", "1/m", "m/s^2", "m/s^2/rad", ""]
+    for model in (example.model for example in ROBOTS):
+        names = [*model.input_names, *(parameter.name for parameter in model.parameters)]
+        assert len(set(names)) == len(names), model
+        assert {entry.unit for entry in model.inputs} <= {"rad/s", "rad", "m/s", ""}, model
+        assert {parameter.unit for parameter in model.parameters} <= set(units), model
+        assert len(model.state_units) == len(model.states), model
+        assert len(model.nominal) == len(model.parameters), model
+        assert model.states[:3] == ("x", "y", "heading"), model
 
 
-@robots
-def test_estimating_its_own_parameters_it_is_itself(example: Example):
-    model = example.model
-    assert model.physical is model
-    for names in ((), tuple(parameter.name for parameter in model.parameters)):
-        assert model.estimating(names) is model
+def test_estimating_its_own_parameters_it_is_itself():
+    for model in (example.model for example in ROBOTS):
+        assert model.physical is model
+        for names in ((), tuple(parameter.name for parameter in model.parameters)):
+            assert model.estimating(names) is model
 
 
-@coefficient_robots
-def test_estimating_coefficients_it_is_seen_through_them(example: Example):
-    model = example.model
-    coefficients = [name for row in model.coefficient_names for name in row]
-    seen = model.estimating(coefficients)
-    assert [parameter.name for parameter in seen.parameters] == coefficients
-    assert seen.estimating(coefficients[:1]) is seen
-    assert seen.by_coefficients is seen
-    assert seen.physical is model
-    assert seen.estimating([parameter.name for parameter in model.parameters]) is model
+def test_estimating_coefficients_it_is_seen_through_them():
+    for model in (example.model for example in COEFFICIENT_ROBOTS):
+        coefficients = [name for row in model.coefficient_names for name in row]
+        seen = model.estimating(coefficients)
+        assert [parameter.name for parameter in seen.parameters] == coefficients, model
+        assert seen.estimating(coefficients[:1]) is seen
+        assert seen.by_coefficients is seen
+        assert seen.physical is model
+        assert seen.estimating([parameter.name for parameter in model.parameters]) is model
 
 
 def test_without_coefficients_it_is_always_itself():

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import casadi as ca
 import numpy as np
 import pytest
-from sensors import SAMPLES, SENSOR_EXAMPLES, Example
+from sensors import SAMPLES, SENSOR_EXAMPLES
 
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.sensor import Moment, Sensor
@@ -97,15 +97,14 @@ class Drifting(Pair):
         return np.linalg.inv(np.linalg.cholesky(covariance))
 
 
-@pytest.mark.parametrize("example", SENSOR_EXAMPLES, ids=lambda example: example.name)
-def test_every_sensor_says_when_it_reads_and_how_noisily(example: Example):
-    text = example.sensor.sentence(SAMPLES)
-    times = len(example.moments(SAMPLES))
-    unit = "period" if example.periods else "sample"
-    assert f"({times} time{'s' if times > 1 else ''})" in text
-    assert f" {unit} (" in text
-    assert "standard deviation" in text
-    assert str(times) in example.sensor.brief(SAMPLES)
+def test_every_sensor_says_when_it_reads_and_how_noisily():
+    for example in SENSOR_EXAMPLES:
+        text, times = example.sensor.sentence(SAMPLES), len(example.moments(SAMPLES))
+        unit = "period" if example.periods else "sample"
+        assert f"({times} time{'s' if times > 1 else ''})" in text, example.name
+        assert f" {unit} (" in text, example.name
+        assert "standard deviation" in text, example.name
+        assert str(times) in example.sensor.brief(SAMPLES), example.name
 
 
 def test_every_kind_is_among_the_examples():
