@@ -20,6 +20,7 @@ from oed.optimize import Ipopt, solve
 from oed.records.path_file import write_trajectory
 from oed.robots.presets import preset_names
 from oed.study.starter import (
+    DRAWS,
     LEAST,
     MOST,
     PILOT,
@@ -70,7 +71,8 @@ SKIDDING = [robot for robot in robots() if usual_duration(robot) == PILOT]
 @pytest.mark.parametrize("robot", ["skid_steer_icr", "skid_steer_slip", "husky"])
 def test_a_pilot_drive_stays_in_the_room_for_every_track(robot: str):
     # Every kind; for skid_steer, of which the presets are other sizes, the one with the widest track.
-    study = parse_study(starter(Choice(robot)).replace("samples: 50", "samples: 8"))
+    text = starter(Choice(robot)).replace("samples: 50", "samples: 8")
+    study = parse_study(text.replace(f"draws: {DRAWS}", "draws: 400"))
     (options,) = study.solvers
     quick = options.model_copy(update={"starts": 1, "perturbations": 0, "second_stage": "none"})
     found = solve(study.problem, quick, workers=1)
