@@ -231,7 +231,7 @@ def test_mistakes_are_named_by_key_and_column(keys: dict[str, Any], key: str, wo
 
 def tank(substeps: int, jacket: str = "285 K") -> oed.Problem:
     space = oed.SignalSpace(
-        duration="3 min", samples=6, spline=oed.Spline(degree=0, coefficients=6), rest_to_rest=False
+        duration="2 min", samples=4, spline=oed.Spline(degree=0, coefficients=4), rest_to_rest=False
     )
     return oed.Problem(
         model=system(CSTR, substeps=substeps, parameters={**CSTR["parameters"], "T_jacket": jacket}),
@@ -247,7 +247,7 @@ def tank(substeps: int, jacket: str = "285 K") -> oed.Problem:
 @pytest.mark.usefixtures("few_screened")
 def test_a_design_is_better_than_a_steady_feed_and_certified_by_finer_steps():
     own, finer = tank(2), tank(4)
-    steady = own.design.trajectory(np.full((6, 1), 350.0), own.fixed_starts)
+    steady = own.design.trajectory(np.full((4, 1), 350.0), own.fixed_starts)
     options = oed.Ipopt(starts=1, perturbations=0, second_stage="none")
     found = oed.solve(own, options, seed=0, workers=1)
     assert found.status is oed.Status.CONVERGED
@@ -260,6 +260,6 @@ def test_a_design_is_better_than_a_steady_feed_and_certified_by_finer_steps():
 def test_a_step_that_is_not_solved_is_said_and_no_design():
     """In one step to where a reaction runs away."""
     own = tank(1, jacket="330 K")
-    drive = own.design.trajectory(np.full((6, 1), 360.0), own.fixed_starts)
+    drive = own.design.trajectory(np.full((4, 1), 360.0), own.fixed_starts)
     with pytest.raises(NotFinite, match=r"not finite from .* s on; .* take more substeps"):
         oed.evaluate(own, drive)

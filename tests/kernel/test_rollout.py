@@ -209,14 +209,11 @@ def test_sensitivities_at_rest_are_finite(rule: str):
     assert not found[:, :, : len(example.model.parameters)].any()
 
 
-# Of one run and of several; a robot knows nothing of runs.
-@pytest.mark.parametrize(
-    ("example", "runs"),
-    [(one, 1 + place % 2) for place, one in enumerate(ROBOTS)],
-    ids=lambda one: getattr(one, "name", one),
-)
-def test_the_shape_of_a_drive_is_that_of_any_drive(example: Example, runs: int):
-    model, count = example.model, 6 * runs
+@pytest.mark.parametrize("example", cases(ROBOTS))
+def test_the_shape_of_a_drive_is_that_of_any_drive(example: Example):
+    # Of one run or of two, by turns: a robot knows nothing of runs.
+    model, runs = example.model, 1 + ROBOTS.index(example) % 2
+    count = 6 * runs
     shape = drive_shape(model, samples=6, runs=runs, period=PERIOD)
     drive = roll_out(
         model,

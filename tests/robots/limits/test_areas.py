@@ -116,7 +116,7 @@ def motions(points: np.ndarray, angle: float, scale: float, shift) -> np.ndarray
     return scale * np.asarray(points) @ turn.T + np.asarray(shift)
 
 
-@settings(max_examples=10)
+@settings(max_examples=6)
 @given(
     outline=outlines(),
     angle=st.floats(-4, 4),
