@@ -38,6 +38,7 @@ DRIFT = Drift(
 )
 POSES = Poses(noise={"position": 0.01, "heading": 0.02}, drift=DRIFT)
 MOTIONS = RelativePoses(noise={"position": 0.01, "heading": 0.02}, drift=DRIFT, mounting=Mounting(known=True))
+SOME = ("wheel_radius_right", "track")
 BESIDE = LeverArm(x=0.1, y=0.2, known=False)
 Readings = Callable[[np.ndarray, np.ndarray], list[complex]]
 
@@ -290,12 +291,7 @@ def test_filters_are_kept():
 )
 def test_pieces_are_what_the_whole_drive_is_written_out(sensors, size: int):
     # One piece between others; of three parameters one is not asked for.
-    parts = {
-        "samples": 3 * size,
-        "period": 0.3,
-        "coefficients": 6,
-        "estimate": ("wheel_radius_right", "track"),
-    }
+    parts = {"samples": 3 * size, "period": 0.3, "coefficients": 6, "estimate": SOME}
     problem = problem_of(measurement=sensors, criterion=E(), **parts)
     assert divisible(problem) is not None
     pieces, whole = Pieces(problem, PieceLayout(problem.design, size, 2)), Unrolled(problem)
@@ -375,8 +371,7 @@ def test_bounds_without_drift_hold_with_it_and_say_so():
 
 @pytest.mark.slow
 def test_a_search_that_leaves_drift_out_is_scored_with_it():
-    estimated = ("wheel_radius_right", "track")
-    problem = problem_of(measurement=POSES, criterion=A(), samples=6, coefficients=6, estimate=estimated)
+    problem = problem_of(measurement=POSES, criterion=A(), samples=6, coefficients=6, estimate=SOME)
     search = Ipopt(starts=1, perturbations=0, second_stage="none", max_iterations=20)
     aware, blind = (
         solve(problem, search.model_copy(update={"without_drift": without}), seed=0)
