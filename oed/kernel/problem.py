@@ -31,7 +31,7 @@ from oed.kernel.measurement.information import (
     square_root,
     weights_of,
 )
-from oed.kernel.measurement.measurement import Block, Measurement, Nuisance, shape_blocks
+from oed.kernel.measurement.measurement import Block, Measurement, Nuisance
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.sensor import Sensor, constants_of
 from oed.kernel.measurement.square_root import SquareRoot
@@ -309,16 +309,11 @@ class Problem(Presented, Renamed):
     @cached_property
     def any_blocks(self) -> tuple[Block, ...]:
         """The blocks of a drive without values."""
-        space = self.design
-        found = shape_blocks(self.measurement, self.system, space.samples, space.runs, space.period)
-        return self._asking(found)
+        return self._blocks(self._any_drive)
 
     def _blocks(self, drive: Drive) -> tuple[Block, ...]:
-        return self._asking(self.measurement.blocks(drive))
-
-    def _asking(self, blocks: Sequence[Block]) -> tuple[Block, ...]:
         asked = {name: one.name for name, one in self.constants.items()}
-        return tuple(block.asking(asked) for block in blocks)
+        return tuple(block.asking(asked) for block in self.measurement.blocks(drive))
 
     @cached_property
     def _any_drive(self) -> Drive:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -18,7 +17,7 @@ from oed.foundation.errors import Issue
 from oed.foundation.presenting import Brief
 from oed.foundation.text import words
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.rollout import Drive, drive_shape
+from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.matrices import harmonic
 from oed.kernel.measurement.square_root import reduced
@@ -249,20 +248,3 @@ class Measurement(Component, ABC):
     def sentence(self, samples: int) -> str:
         """What is measured, when and how noisily, where the measurement says so."""
         return self.brief(samples)
-
-
-@lru_cache(maxsize=32)
-def shape_blocks(
-    measurement: Measurement, system: System, samples: int, runs: int, period: float
-) -> Sequence[Block]:
-    """The blocks of a drive without values: of many problems the readings are the same, and other parts are
-    exchanged.
-
-    Args:
-        measurement: that reads.
-        system: that is driven.
-        samples: of each run.
-        runs: how many.
-        period: sample period T [s].
-    """
-    return measurement.blocks(drive_shape(system, samples=samples, runs=runs, period=period))
