@@ -48,9 +48,15 @@ def changed(record: Record, part: str, *without: str, **keys: object) -> Record:
     return record_from(data)
 
 
+DRAWN = ("crab", "steered")
+"""Rooms and limits of every kind; the paths of the other rooms are drawn for the size of their legends."""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ROOMS)
-def test_every_room_gets_a_whole_report(name: str, tmp_path: Path) -> None:
+def test_every_room_gets_a_whole_report(name: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    if name not in DRAWN:
+        request.getfixturevalue("blank_figures")
     write_report(ROOMS[name](), tmp_path)
     for file in (tmp_path / "figures").glob("*.svg"):
         ElementTree.parse(file)
@@ -177,10 +183,10 @@ def test_legends_fit_their_figures() -> None:
         assert box.x1 <= page.x1
 
 
-@pytest.mark.parametrize(("count", "lines"), [(1, 1), (1, 3), (4, 2), (6, 3)])
+@pytest.mark.parametrize(("count", "lines"), [(1, 3), (4, 2)])
 @pytest.mark.slow
 def test_titles_of_several_lines_are_whole(count: int, lines: int) -> None:
-    record = sample_rooms.crab()
+    record = sample_rooms.omni()
     title = "\n".join(f"key {number}" for number in range(lines))
     path = replace(path_of(record, with_drive(record)[0]), title=title)
     figure = draw.laid_out(draw.drawn(paths([path] * count, room_of(record))))
