@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from builders import problem_of
-from drives import best_objective, keep, start_pose, wanted_speeds, within_limits
+from drives import keep, start_pose, wanted_speeds, within_limits
 from hypothesis import given
 from hypothesis import strategies as st
 from places import PROBLEMS
@@ -84,17 +84,14 @@ def ways_and_turns(given: Problem, rng: np.random.Generator) -> np.ndarray:
 
 
 def drives_of(made: Problem, seed: int) -> list[np.ndarray]:
-    """Speeds of feasible drives, random ones and the design that a local search ends with."""
+    """Speeds of random feasible drives."""
     rng, found = np.random.default_rng(seed), []
     for index in range(60 if seed != 2 else 24):
         kind = ("diagonal", "spin", "noise", "bang_bang")[index % 4]
         wanted = wanted_speeds(made, kind, rng) if index % 3 == 0 else ways_and_turns(made, rng)
         kept = keep(made, within_limits(made, wanted), start_pose(made, kind, rng))
         found += [] if kept is None else [kept[0]]
-    options = Ipopt(starts=1, perturbations=0, second_stage="none")
-    designed = solve(made, options, seed=100 * seed, workers=1)
-    # Within what scoring tolerates: a hair slower it keeps the limits exactly.
-    return found if designed.trajectory is None else [*found, designed.trajectory.inputs * (1 - 2e-3)]
+    return found
 
 
 # Starts near the middle of the room, anywhere and in a corner; the drives reach the bound of a class with
@@ -123,11 +120,11 @@ def test_no_design_is_better_than_the_bound(seed, segments):
     certificate = bound(made, nodes=2)
     assert certificate.method == METHOD
     assert certificate.widened.upper_bound >= certificate.upper_bound
+    # Two thirds and more of the bound, which random drives that are climbed from do not come near.
     found = solve(made, Ipopt(starts=1, perturbations=0, second_stage="none"), seed=seed, workers=1)
-    assert found.evaluation is None or certificate.bound_on(found.evaluation) >= found.evaluation.objective
-    best, tried = best_objective(made, np.random.default_rng(seed), 20, 20)
-    assert tried
-    assert best <= certificate.upper_bound * (1 + 1e-9)
+    assert found.evaluation is not None
+    assert 0.6 * certificate.upper_bound < found.evaluation.objective
+    assert found.evaluation.objective <= certificate.bound_on(found.evaluation)
 
 
 @pytest.mark.slow

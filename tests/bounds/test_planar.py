@@ -13,7 +13,7 @@ from builders import problem_of
 from places import PROBLEMS
 
 import oed
-from oed.bounds import Certificate, bound
+from oed.bounds import Certificate, bound, planar
 from oed.bounds.blocks import blocks
 from oed.bounds.effort import Effort
 from oed.bounds.joint import PLANAR
@@ -30,7 +30,7 @@ Array = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 Box = tuple[float, float, float, float]
 
-LEGS, RUNS = 6, 240
+LEGS, RUNS = 6, 120
 SEEDS = (9, 16, 26, 14, 17)
 """Three with a start and two without: 1, 2, 8 and 4 images."""
 
@@ -92,7 +92,7 @@ def test_no_path_is_spread_further(seed: int) -> None:
     rng = np.random.default_rng(seed)
     box, steps, read, start = drawn_case(rng)
     begins = None if start is None else Start((float(start[0]), float(start[1])))
-    found = largest_planar_spread(box, steps, read, begins, Effort(nodes=20))
+    found = largest_planar_spread(box, steps, read, begins, Effort(nodes=10))
     best = climbed(box, steps, read, start, rng)
     assert best <= found
     # As far apart as top speed allows along each axis for itself is further.
@@ -109,7 +109,7 @@ def test_turning_out_of_the_first_heading_takes_time() -> None:
     box = (-1.0, 1.0, -1.0, 1.0)
     values = [
         largest_planar_spread(
-            box, steps, read, Start((0.0, 0.0), 0.0, heading, 0.0, turning), Effort(nodes=10)
+            box, steps, read, Start((0.0, 0.0), 0.0, heading, 0.0, turning), Effort(nodes=5)
         )
         for heading, turning in ((0.0, 0.6), (np.pi / 4, 0.6), (0.0, 0.0))
     ]
@@ -146,7 +146,7 @@ def test_blocks_hold_every_reading_and_are_never_shorter_than_its_steps() -> Non
 
 def laser_tracker(**design: Any) -> Any:
     return problem_of(
-        design=DesignSpace(**{"duration": 6, "samples": 60, **design}),
+        design=DesignSpace(**{"duration": 6, "samples": 24, **design}),
         limits=(WheelSpeed(bounds=10), WheelAcceleration(bounds=20), Rectangle(x=(-0.4, 0.4), y=(-0.4, 0.4))),
         measurement=Poses(noise=AbsoluteNoise(position=0.01, heading=0.02)),
         estimate=("wheel_radius_right", "wheel_radius_left", "track"),
@@ -173,8 +173,12 @@ def test_certificates_of_positions_use_it_for_exact_and_widened_limits() -> None
 
 
 @pytest.mark.slow
-def test_the_laser_tracker_is_bounded_by_less_than_three_quarters_of_its_room() -> None:
-    # Of as many readings as show it, by a third of the usual centres.
+def test_the_laser_tracker_is_bounded_by_less_than_three_quarters_of_its_room(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Of as many readings as show it, by a third of the usual centres, on coarser grids.
+    monkeypatch.setattr(planar, "COARSE", 28)
+    monkeypatch.setattr(planar, "FINE", 80)
     study = oed.load_study(PROBLEMS / "laser_tracker.yaml").problem
     problem = replace(study, design=study.design.model_copy(update={"samples": 20}))
     found = bound(problem, nodes=80, workers=1).upper_bound * 3 * 0.01**2
