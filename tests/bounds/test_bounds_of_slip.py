@@ -37,6 +37,7 @@ def slip_problem(estimate: tuple[str, ...] | None = None, **effects: Any) -> Pro
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.parametrize(
     "effects",
     # What changes the track is bounded alike.
@@ -67,6 +68,7 @@ def test_a_lag_keeps_the_lengths_in_proportion_and_has_no_top_speed():
     assert (grip(problem), coefficient_rows(problem), top_speeds(problem)) == (None, None, None)
 
 
+@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 def test_no_effects_leave_the_differential_drives_bounds():
     slip, plain = slip_problem(), slip_problem()

@@ -79,7 +79,7 @@ def test_no_speeds_beat_the_lattice(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("criterion", "count", "step", "rest"), [(BOTH[1], 4, 3, np.inf), (BOTH[0], 3, 4, 2.0)]
+    ("criterion", "count", "step", "rest"), [(BOTH[1], 3, 3, np.inf), (BOTH[0], 3, 4, 2.0)]
 )
 def test_all_drives_of_a_finer_grid(criterion: Criterion, count: int, step: float, rest: float) -> None:
     allowed, weights = limits(count, (-3, 5), step, rest), np.array([0.3, 0.2])
@@ -97,7 +97,7 @@ def test_all_drives_of_a_finer_grid(criterion: Criterion, count: int, step: floa
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("seed", "criterion"), [(0, BOTH[0]), (3, BOTH[1]), *((6, one) for one in BOTH), (8, BOTH[0])], ids=named
+    ("seed", "criterion"), [(0, BOTH[0]), (3, BOTH[1]), (6, BOTH[0]), (8, BOTH[0])], ids=named
 )
 def test_no_drive_beats_the_bound_of_a_regression(criterion: Criterion, seed: int) -> None:
     rng = np.random.default_rng(300 + seed)
@@ -124,7 +124,7 @@ def test_no_drive_beats_the_bound_of_sensors(criterion: Criterion, seed: int) ->
 def test_one_measurement_per_sample(kind: type[Criterion], scaling: str, prior: bool) -> None:
     known = Prior(standard_deviations={"c21": "5 %"}) if prior else None
     study = oed.load_study(PROBLEMS / "per_sample.yaml").problem
-    half = study.design.model_copy(update={"samples": 50})
+    half = study.design.model_copy(update={"samples": 30})
     problem = replace(study, criterion=kind(scaling=scaling), prior=known, design=half)
     certificate = bound(problem)
     assert certificate.drive is not None
@@ -140,17 +140,20 @@ def test_one_measurement_per_sample(kind: type[Criterion], scaling: str, prior: 
 
 
 @cache
-def smallest_of_segments() -> Certificate:
-    return bound(oed.load_study(PROBLEMS / "choi_skid_steer.yaml").problem)
+def of_segments() -> tuple[oed.Problem, Certificate]:
+    """The flagship by fewer samples, and the bound on its smallest eigenvalue."""
+    study = oed.load_study(PROBLEMS / "choi_skid_steer.yaml").problem
+    problem = replace(study, design=study.design.model_copy(update={"samples": 40}))
+    return problem, bound(problem)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [D, A])
 def test_regressions_of_segments(kind: type[Criterion]) -> None:
-    study = oed.load_study(PROBLEMS / "choi_skid_steer.yaml").problem
+    study, smallest = of_segments()
     certificate = bound(replace(study, criterion=kind(scaling="none")))
     # Two directions, each with what bounds it: no more than their product allows, nor less than either.
-    first, *_ = smallest_of_segments().bounds
+    first, *_ = smallest.bounds
     assert first.multiplier is not None
     assert np.isfinite(certificate.upper_bound)
     if kind is A:
@@ -165,7 +168,7 @@ def test_studies_have_gaps_in_efficiency(kind: str, tmp_path: Any) -> None:
     text = (PROBLEMS / "per_sample.yaml").read_text(encoding="utf-8")
     short = text.replace("kind: E, scaling: none", f"kind: {kind}").replace("samples: 100", "samples: 30")
     short = short.replace("coefficients: 30", "coefficients: 6")
-    short = short.replace("starts: 12", "starts: 1, perturbations: 0")
+    short = short.replace("starts: 12", "starts: 1, perturbations: 0, second_stage: none")
     record = oed.run(parse_study(short), out=tmp_path)
     certificate, best = record.certificate, record.best
     assert certificate is not None
