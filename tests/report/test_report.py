@@ -5,8 +5,6 @@ from __future__ import annotations
 import ast
 import math
 import re
-import subprocess
-import sys
 import xml.etree.ElementTree as ElementTree
 from html.parser import HTMLParser
 from pathlib import Path
@@ -303,12 +301,6 @@ def test_reports_ask_the_parts_of_a_study_and_know_none_by_its_kind() -> None:
                 asked = node.keys if isinstance(node, ast.Dict) else ast.walk(node)
                 found = {one.value for one in asked if isinstance(one, ast.Constant)}
                 assert not found & kinds, file
-
-
-@pytest.mark.slow
-def test_drawing_is_loaded_late() -> None:
-    code = "import sys, oed.report; assert not any(name.startswith('matplotlib') for name in sys.modules)"
-    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)
 
 
 STEERING = "\x1b[2J\x9b\u202e\x07"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import ClassVar
 from xml.etree import ElementTree
@@ -32,7 +34,9 @@ from oed.robots.limits.workspace import OBSTACLES, WORKSPACES
 pytestmark = pytest.mark.usefixtures("drawn_once")
 
 
-def drawn(record: Record) -> Figure:
+@cache
+def drawn(make: Callable[[], Record]) -> Figure:
+    record = make()
     return draw.drawn(paths([path_of(record, one) for one in with_drive(record)], room_of(record)))
 
 
@@ -83,7 +87,7 @@ def test_every_kind_of_shape_has_an_outline() -> None:
 @pytest.mark.slow
 def test_polygon_and_obstacles_are_drawn_in_every_panel() -> None:
     record = sample_rooms.crab()
-    figure = drawn(record)
+    figure = drawn(sample_rooms.crab)
     for ax in figure.axes[:2]:
         floor, *obstacles = [patch for patch in ax.patches if patch.get_facecolor()[3] > 0]
         corners = record.data["study"]["limits"]["workspace"]["points"]
@@ -97,7 +101,7 @@ def test_polygon_and_obstacles_are_drawn_in_every_panel() -> None:
 
 @pytest.mark.slow
 def test_circular_workspace_is_drawn_and_seen_whole() -> None:
-    figure = drawn(sample_rooms.steered())
+    figure = drawn(sample_rooms.steered)
     (circle,) = figure.axes[0].patches
     assert (circle.center, circle.radius) == ((0.4, 0.0), 1.2)
     low, high = figure.axes[0].get_ylim()
@@ -109,7 +113,7 @@ def test_circular_workspace_is_drawn_and_seen_whole() -> None:
 @pytest.mark.slow
 def test_body_is_drawn_at_both_ends_of_every_run() -> None:
     record = sample_rooms.crab()
-    ax = drawn(record).axes[0]
+    ax = drawn(sample_rooms.crab).axes[0]
     bodies = [patch for patch in ax.patches if isinstance(patch, Circle) and not patch.get_fill()]
     poses = np.array(record.results[0].drive.poses).reshape(3, 41, 3)
     ends = poses[:, [0, -1], :2].reshape(-1, 2)
@@ -125,7 +129,7 @@ def test_a_point_in_a_rectangle_has_none_of_that() -> None:
     caption = section(full(), "Paths in the workspace").figures[0].caption
     assert "body" not in caption
     assert "obstacle" not in caption
-    assert legend(drawn(full())) == ["start", "end", "forwards", "segments meet"]
+    assert legend(drawn(full)) == ["start", "end", "forwards", "segments meet"]
 
 
 @pytest.mark.slow
@@ -136,7 +140,7 @@ def test_a_robot_that_drives_sideways_never_drives_backwards() -> None:
     assert path.sideways
     assert np.ptp(crab.x) < 1e-6 < np.ptp(crab.y)
     assert all((run.speed >= 0).all() for run in path.runs)
-    assert {"motion", "heading"} <= set(legend(drawn(record)))
+    assert {"motion", "heading"} <= set(legend(drawn(sample_rooms.crab)))
     assert "backwards" not in section(record, "Paths in the workspace").figures[0].caption
 
 
@@ -151,7 +155,7 @@ def test_backwards_is_told_of_robots_that_only_drive_ahead() -> None:
     record = sample_rooms.steered()
     back = path_of(record, record.results[1]).runs[1]
     assert (back.speed <= 0).all()
-    assert "backwards" in legend(drawn(record))
+    assert "backwards" in legend(drawn(sample_rooms.steered))
 
 
 @pytest.mark.slow
@@ -165,7 +169,7 @@ def test_the_trailers_axle_is_a_thin_line_of_its_own() -> None:
     towed = hitch - trailer
     assert np.allclose(np.hypot(*towed.T), 0.4)
     assert np.allclose(np.exp(1j * np.arctan2(*towed.T[::-1])), np.exp(1j * (poses[:, 2] + poses[:, 3])))
-    figure = drawn(record)
+    figure = drawn(sample_rooms.towing)
     assert any(
         np.allclose(line.get_xydata(), trailer) for line in figure.axes[0].lines if line.get_xdata().size > 9
     )
@@ -176,7 +180,7 @@ def test_the_trailers_axle_is_a_thin_line_of_its_own() -> None:
 @pytest.mark.slow
 def test_legends_fit_their_figures() -> None:
     for make in ROOMS.values():
-        figure = drawn(make())
+        figure = drawn(make)
         figure.canvas.draw()
         box, page = figure.legends[0].get_window_extent(), figure.bbox
         assert page.x0 <= box.x0
