@@ -319,7 +319,7 @@ def _steered(value: object, key: str = "") -> object:
 
 @pytest.mark.slow
 def test_nothing_that_steers_reaches_pages_and_figures(tmp_path: Path) -> None:
-    record = record_from(_steered(sample_records.full().data))
+    record = record_from(_steered(sample_records.many().data))
     write_report(record, tmp_path)
     files = [file for file in tmp_path.rglob("*") if file.is_file()]
     for file in files:

@@ -73,7 +73,8 @@ def laid_out(figure: Figure) -> Figure:
     # Titles of several lines make their panels smaller, which the first pass has not seen.
     for _ in range(2 if any("\n" in ax.get_title() for ax in figure.axes) else 1):
         figure.get_layout_engine().execute(figure)
-    figure.set_layout_engine("none")
+    # Of what "none" leaves in its place savefig would draw all once more as well.
+    figure.set_layout_engine(None)
     return figure
 
 
