@@ -109,7 +109,7 @@ class Stage:
         ]
         rate = "" if speed == 1 else f", {speed:g} × real time"
         self._figure.suptitle(as_drawn(f"{record.study.name}{rate}"), fontsize=11)
-        self._canvas.draw()
+        engine.execute(self._figure)
         self._figure.set_layout_engine("none")
         for panel in self._panels:
             panel.set_moving()
