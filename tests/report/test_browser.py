@@ -71,13 +71,6 @@ def state(elements: str) -> dict[str, float]:
     return {name: float(value) for name, value in re.findall(r'data-(\w+)="([-\d.]+)"', tag.group())}
 
 
-def test_the_page_renders_without_console_errors(page: Path, tmp_path: Path):
-    elements, console = opened(page, "", tmp_path / "profile")
-    assert console == []
-    assert elements.count("<svg") >= 3
-    assert state(elements) == {"time": 0.0, "x": 0.0, "y": 0.0, "heading": 0.0}
-
-
 @pytest.mark.usefixtures("blank_figures")
 @pytest.mark.parametrize(("make", "moved"), [(crab, {"y"}), (towing, {"x", "y", "heading"})])
 def test_play_moves_the_robot_and_rooms_bodies_and_trailers_make_no_console_errors(
@@ -140,6 +133,8 @@ def test_a_narrow_screen_has_the_answer_before_the_inputs_and_a_click_there_sets
     # As far as half of the panel: between its margins of 44 and 64 pixels.
     script = """const top = (one) => document.querySelector(one).getBoundingClientRect().top;
       const places = ["canvas.path", ".answer", "canvas.inputs"].map(top);
+      const shown = document.querySelector(".player").dataset;
+      document.body.dataset.before = [shown.time, shown.x, shown.y, shown.heading].map(Number);
       document.body.dataset.order = places[0] < places[1] && places[1] < places[2];
       const all = document.documentElement;
       document.body.dataset.wide = all.scrollWidth - all.clientWidth;
@@ -149,6 +144,9 @@ def test_a_narrow_screen_has_the_answer_before_the_inputs_and_a_click_there_sets
     narrow = with_script(page, script, tmp_path / "narrow.html", {"(max-width: 56rem)": "(min-width: 1px)"})
     elements, console = opened(narrow, "", tmp_path / "profile")
     assert console == []
+    assert elements.count("<svg") >= 3
+    # At rest where it begins, until the click.
+    assert 'data-before="0,0,0,0"' in elements
     assert 'data-order="true"' in elements
     assert 'data-wide="0"' in elements
     assert state(elements)["time"] == pytest.approx(2.0, abs=0.01)
