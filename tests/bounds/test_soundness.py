@@ -146,6 +146,7 @@ def test_no_drive_beats_the_bound_of_a_regression(seed: int) -> None:
 
 # And one by positions within top speed, which few drives come near.
 @pytest.mark.parametrize("seed", [6, 8, 16, 35])
+@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 def test_no_drive_beats_the_bound_of_sensors(seed: int) -> None:
     rng = np.random.default_rng(1000 + seed)
@@ -165,6 +166,7 @@ ROOMS = {
 }
 
 
+@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("measured", "robot", "room"),
@@ -194,14 +196,14 @@ def test_other_robots_and_rooms(robot: str, room: str, measured: str) -> None:
     assert check(problem, np.random.default_rng(1), 15, 10) > 10
 
 
-@pytest.mark.parametrize("slips", [(0.0, 0.9), (0.9, 0.0)], ids=["inner", "outer"])
 @pytest.mark.slow
-def test_slip_of_one_side_alone_keeps_the_bound(slips: tuple[float, float]) -> None:
+def test_slip_of_one_side_alone_keeps_the_bound() -> None:
     """Slip passes from side to side faster than a wheel can change its speed."""
     problem = problem_of(
-        model=SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=slips[0], slip_inner=slips[1]),
+        model=SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.0, slip_inner=0.9),
         design=DesignSpace(duration=2, samples=20),
         measurement=Displacements(segments="samples"),
         limits=(WheelSpeed(bounds=(0, 10)), WheelAcceleration(bounds=20)),
     )
-    check(problem, np.random.default_rng(0), 20, 150)
+    # As many climbs as it takes to exceed the bound of a robot without slip.
+    check(problem, np.random.default_rng(0), 20, 100)

@@ -152,7 +152,7 @@ TINY = [
 def test_bounds_hold_what_enumeration_finds(place: int, second: float) -> None:
     allowed, weights = TINY[place], np.array([1.0, second])
     everything = corners_of_all(allowed)
-    found = lattice_bound(allowed, weights, NOTHING, nodes=16)
+    found = lattice_bound(allowed, weights, NOTHING, nodes=8)
     assert_honest(found, allowed, weights)
     best = smallest(everything, weights).max()
     assert best <= found.upper * (1 + 1e-9)
@@ -187,7 +187,6 @@ def test_the_largest_trace_is_that_of_enumeration(allowed: SpeedLimits) -> None:
         ((-10.0, 10.0), 0.73, 0.365, NOTHING),
         ((-3.0, 8.0), 2.1, 1.05, PRIOR),
         ((-3.0, 8.0), np.inf, np.inf, NOTHING),
-        (((-1.0, 5.0), (0.0, 7.0)), 1.3, 0.65, NOTHING),
         (((-1.0, 5.0), (0.0, 7.0)), 1.3, 0.65, PRIOR),
         ((2.0, 9.0), 1.9, np.inf, PRIOR),
     ],
