@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import pytest
-from test_planar import LEGS, RUNS, drawn_case, followed
+from test_planar import LEGS, drawn_case, followed
 
 from oed.bounds.blocks import blocks, ways_of
 from oed.bounds.passage import passage
@@ -15,6 +15,7 @@ from oed.bounds.value_grid import over_cells, rounded_up
 
 Array = npt.NDArray[np.float64]
 
+RUNS = 240
 
 NEAR = (8, 9, 11, 13, 14, 15, 17, 18, 21, 26, 31, 34, 35, 38, 46, 51, 57, 59)
 """Of sixty those in which paths come so near what is said that one step a little too short shows."""
