@@ -40,15 +40,15 @@ def fills(panel: spec.Panel) -> list[tuple[Array, Array, Array]]:
 
 
 def followed(values: Array, trial: int, places: int) -> Array:
-    """Prey and predators (24 places + 1, 2) of a trial with these parameters."""
-    rows = [np.array(STARTS[trial])]
+    """Prey and predators (24 places + 1, 2, ...) of a trial with these parameters (4, ...)."""
+    birth, loss, gain, death = values
+    warmth, shape = WARMTHS[trial], (2, *values.shape[1:])
+    rows = [np.multiply.outer(STARTS[trial], np.ones(values.shape[1:]))]
     for fishing in FISHING:
 
         def rates(_: float, state: Array, fishing: float = fishing) -> Array:
-            birth, loss, gain, death = values
-            warmth = WARMTHS[trial]
-            prey, predators = state
-            return np.array(
+            prey, predators = state.reshape(shape)
+            return np.ravel(
                 [
                     (birth * warmth - loss * predators - 0.4 * fishing) * prey,
                     (gain * prey - death * warmth - 0.2 * fishing) * predators,
@@ -58,22 +58,18 @@ def followed(values: Array, trial: int, places: int) -> Array:
         period = HOUR / 2
         times = np.linspace(0.0, period, places + 1)
         found = solve_ivp(
-            rates, (0.0, period), rows[-1], t_eval=times, method="DOP853", rtol=1e-10, atol=1e-12
+            rates, (0.0, period), rows[-1].ravel(), t_eval=times, method="DOP853", rtol=1e-11, atol=1e-13
         )
-        rows.extend(found.y.T[1:])
+        rows.extend(found.y.T[1:].reshape(-1, *shape))
     return np.array(rows)
 
 
 @cache
 def slopes(trial: int, places: int) -> Array:
     """Derivatives (n, 2, 4) of the states by the parameters, as central differences."""
-    columns = []
-    for place, size in enumerate(NOMINAL):
-        step = np.zeros(4)
-        step[place] = 1e-4 * size
-        ends = followed(NOMINAL + step, trial, places), followed(NOMINAL - step, trial, places)
-        columns.append((ends[0] - ends[1]) / (2e-4 * size))
-    return np.stack(columns, axis=-1)
+    steps = 1e-4 * np.diag(NOMINAL)
+    found = followed(NOMINAL[:, None] + np.hstack([steps, -steps]), trial, places)
+    return (found[..., :4] - found[..., 4:]) / (2e-4 * NOMINAL)
 
 
 @pytest.mark.slow
