@@ -96,9 +96,7 @@ def test_all_drives_of_a_finer_grid(criterion: Criterion, count: int, step: floa
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("seed", "criterion"), [(0, BOTH[0]), (3, BOTH[1]), (6, BOTH[0]), (8, BOTH[0])], ids=named
-)
+@pytest.mark.parametrize(("seed", "criterion"), [(0, BOTH[0]), (3, BOTH[1]), (6, BOTH[0])], ids=named)
 def test_no_drive_beats_the_bound_of_a_regression(criterion: Criterion, seed: int) -> None:
     rng = np.random.default_rng(300 + seed)
     problem = random_regression(rng)
