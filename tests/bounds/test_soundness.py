@@ -196,14 +196,14 @@ def test_other_robots_and_rooms(robot: str, room: str, measured: str) -> None:
     assert check(problem, np.random.default_rng(1), 15, 10) > 10
 
 
+@pytest.mark.parametrize("slips", [(0.0, 0.9), (0.9, 0.0)], ids=["inner", "outer"])
 @pytest.mark.slow
-def test_slip_of_one_side_alone_keeps_the_bound() -> None:
+def test_slip_of_one_side_alone_keeps_the_bound(slips: tuple[float, float]) -> None:
     """Slip passes from side to side faster than a wheel can change its speed."""
     problem = problem_of(
-        model=SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=0.0, slip_inner=0.9),
+        model=SkidSteer(wheel_radius=RADIUS, track=TRACK, slip_outer=slips[0], slip_inner=slips[1]),
         design=DesignSpace(duration=2, samples=20),
         measurement=Displacements(segments="samples"),
         limits=(WheelSpeed(bounds=(0, 10)), WheelAcceleration(bounds=20)),
     )
-    # As many climbs as it takes to exceed the bound of a robot without slip.
-    check(problem, np.random.default_rng(0), 20, 100)
+    check(problem, np.random.default_rng(0), 20, 150)
