@@ -10,7 +10,6 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +39,7 @@ class Given:
     study: str
     files: dict[str, Any] = field(default_factory=dict)
     messages: list[Message] = field(default_factory=list)
-    bag: str = "drive"
+    bag: str = "drive.mcap"
     harm: Callable[[Path], object] = lambda path: None
     options: dict[str, Any] = field(default_factory=dict)
 
@@ -52,8 +51,13 @@ class Given:
                 text = own if isinstance(own, bytes) else "\n".join(map(",".join, own)).encode() + b"\n"
                 (folder / name).write_bytes(text)
         if self.messages:
-            write = write_bag_1 if log.suffix else partial(write_bag, plugin=StoragePlugin.MCAP)
-            self.harm(write(log, messages=self.messages))
+            if log.suffix == ".bag":
+                write_bag_1(log, self.messages)
+            else:
+                written = write_bag(folder / log.stem, self.messages, plugin=StoragePlugin.MCAP)
+                if log.suffix:
+                    storage(written).rename(log)
+            self.harm(log)
         return log
 
 
@@ -495,6 +499,7 @@ log:
     wheel_speed_left: {joint: base_wheel_left_joint}
   poses: {topic: /mocap}""",
         messages=[*joint_states(), *tracked()],
+        bag="drive",
     ),
     "bag: ROS 1, Twist": given(
         "robot: {kind: unicycle}",
