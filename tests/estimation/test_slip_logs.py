@@ -44,7 +44,7 @@ TRUTH = {
 TRUE = truth_of(ROBOT, **TRUTH)
 
 
-def driven(seed: int = 0, seconds: float = 16.0, period: float = 0.08) -> Course:
+def driven(seed: int = 0, seconds: float = 12.0, period: float = 0.08) -> Course:
     """A drive that begins at rest."""
     middles = period * (np.arange(round(seconds / period)) + 0.5)
     inputs = rich_inputs(ROBOT, middles, seed) * np.minimum(1.0, middles)[:, None]

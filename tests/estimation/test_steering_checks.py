@@ -27,10 +27,10 @@ def steered(model: Model, off: float, clock: float = 0.0, seconds: float = 30.0)
     return replace(log, integrals=log.integrals + turned)
 
 
-def doubted(model: Model, off: float) -> dict[str, str]:
+def doubted(model: Model, off: float, seconds: float = 30.0) -> dict[str, str]:
     """What an estimate from such a log is doubted for, or the log refused."""
     try:
-        found = calibrate(logged_problem(model=model), [steered(model, off)])
+        found = calibrate(logged_problem(model=model), [steered(model, off, seconds=seconds)])
     except LogError as error:
         return {issue.key: issue.message for issue in error.issues}
     doubts = {one.parameter: one.message for one in found.doubts}
@@ -60,13 +60,13 @@ def test_a_missing_zero_is_named(model: Model, off: float, key: str):
 
 @pytest.mark.slow
 def test_half_a_turn_is_the_same_to_a_car_but_beyond_what_it_steers():
-    assert "`zero`" in doubted(CAR, 180.0)["steered_beyond"]
+    assert "`zero`" in doubted(CAR, 180.0, seconds=15.0)["steered_beyond"]
 
 
 @pytest.mark.slow
 def test_a_missing_zero_is_named_where_clocks_are_apart():
     with pytest.raises(LogError, match=r"steering_angle: its zero seems to be \S+ deg off straight ahead"):
-        calibrate(logged_problem(model=TRUCK), [steered(TRUCK, 60.0, clock=0.4)])
+        calibrate(logged_problem(model=TRUCK), [steered(TRUCK, 60.0, clock=0.4, seconds=15.0)])
 
 
 @pytest.mark.slow
@@ -93,7 +93,7 @@ def test_a_small_one_is_what_is_estimated(model: Model, off: float):
 )
 def test_angles_beyond_what_the_robot_steers(model: Model, most: float | None, off: float, beyond: bool):
     limits = [] if most is None else [SteeringAngle(bounds=f"{most} deg")]
-    findings = steered_beyond(steered(model, off), model, limits).findings
+    findings = steered_beyond(steered(model, off, seconds=15.0), model, limits).findings
     assert [(one.name, one.doubtful) for one in findings] == [("steered_beyond", True)] * beyond
     assert all("steering_angle is beyond the robot's" in one.message for one in findings)
 

@@ -173,7 +173,7 @@ def test_stated_noise_gives_the_rows_their_size():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("drift", "naive", "count"),
-    [((0, 0, 0), 0.85, 60), ((0.01, 0.005, 0.02), 1.2, 40)],
+    [((0, 0, 0), 0.85, 60), ((0.01, 0.005, 0.02), 1.2, 30)],
     ids=["poses", "drift"],
 )
 def test_the_sandwich_is_right_where_the_papers_errors_are_not(drift, naive, count):

@@ -12,11 +12,11 @@ import oed
 from oed.simulation.checks import Moments
 from oed.simulation.linearisation import Linearisation, differences, directions_of
 
-FEW = 200
-"""Replicates: fast, and a standard error that is off by a third is seen."""
+FEW = 100
+"""Replicates, of what another one with many is shown to be the same as."""
 
 
-MANY = 250
+MANY = 200
 """A standard error that is off by a quarter is seen, and in pairs with linear estimates one by a fiftieth."""
 
 
