@@ -67,6 +67,7 @@ def test_a_study_out_of_a_record_estimates_the_same(found):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("blank_figures")
 def test_an_estimate_alone_is_enough_for_the_controller_and_its_page(tmp_path, found, capsys):
     save_estimate(found, tmp_path)
     assert main(["export", str(tmp_path), "--to", "ros2_yaml"]) == 0

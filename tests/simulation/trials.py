@@ -43,6 +43,7 @@ physics:
   methods: [two_stage]
   resamples: 100
 """
+SHORT = STUDY.replace("duration: 6 s, samples: 60", "duration: 5 s, samples: 50")
 
 
 class Drawn(Solver):
@@ -61,7 +62,7 @@ def study_of(text: str = STUDY) -> Study:
     return parse_study(text)
 
 
-def tried(text: str = STUDY, *, workers: int = 1, progress: Progress | None = None) -> dict[str, Any]:
+def tried(text: str = SHORT, *, workers: int = 1, progress: Progress | None = None) -> dict[str, Any]:
     """What a trial found, with drives that are drawn."""
     study = study_of(text)
     assert study.file.physics is not None

@@ -119,7 +119,7 @@ def jackal(folder: Path, seed: int, seconds: float = 10.0) -> Path:
 
 def khepera(folder: Path, seed: int) -> Path:
     """A tuple in each line, of steady speeds; a twentieth of the matches went wrong."""
-    drive = matched(seed, bad=0.05, seconds=120, held=40)
+    drive = matched(seed, bad=0.05, seconds=80, held=40)
     lengths = np.diff(drive.spans)[:, 0]
     places = np.round(drive.spans / 0.1).astype(int)
     speeds = (drive.turned[places[:, 1]] - drive.turned[places[:, 0]]) / lengths[:, None]
@@ -148,7 +148,7 @@ CAR_HEAD = """\
 """
 
 
-def car(folder: Path, seed: int, seconds: float = 30.0) -> Path:
+def car(folder: Path, seed: int, seconds: float = 20.0) -> Path:
     """Counters of 32 and 13 bits, times since 1970, odometry that nobody asks for, the sensor's pose."""
     twin = driven(
         lambda t: bumps(t, seed, (2.5, 5.0), (0.6, 0.0)), lambda u: steered(CAR, u), seconds, (0, 0, 0)
@@ -173,7 +173,7 @@ def car(folder: Path, seed: int, seconds: float = 30.0) -> Path:
 MECANUM = {"wheel_radius": 0.0492, "half_wheelbase_plus_half_track": 0.421}
 
 
-def mecanum(folder: Path, seed: int, seconds: float = 12.0) -> Path:
+def mecanum(folder: Path, seed: int, seconds: float = 9.0) -> Path:
     """Four wheels in rpm, one row twice; mocap in a file of its own with NaN where it lost the robot."""
     arm = MECANUM["half_wheelbase_plus_half_track"]
     places = np.array([[1, -1, -arm], [1, 1, arm], [1, 1, -arm], [1, -1, arm]])
@@ -236,13 +236,13 @@ OMNI3 = {
 
 
 def optiodom_diff(folder: Path, seed: int) -> Path:
-    twin = driven(lambda t: bumps(t, seed, (1.8, 1.0), (1.8, 1.0)), lambda u: two_wheels(DIFF, u), 15)
+    twin = driven(lambda t: bumps(t, seed, (1.8, 1.0), (1.8, 1.0)), lambda u: two_wheels(DIFF, u), 10)
     late = 0.34 if seed == 1 else 0.0
     return optiodom(folder, "diff", twin, seed, lambda rows: counts(twin.turned[rows], 2796.8), late)
 
 
 def optiodom_tricyc(folder: Path, seed: int) -> Path:
-    twin = driven(lambda t: bumps(t, seed, (1.5, 2.5), (0.5, 0.1)), lambda u: steered(TRICYC, u), 15)
+    twin = driven(lambda t: bumps(t, seed, (1.5, 2.5), (0.5, 0.1)), lambda u: steered(TRICYC, u), 10)
 
     def logged(rows: np.ndarray) -> np.ndarray:
         return np.column_stack([counts(twin.turned[rows, :1], 1600), twin.inputs[rows, 1]])
@@ -254,14 +254,14 @@ def optiodom_omni3(folder: Path, seed: int) -> Path:
     angles = np.radians([60, 180, -60])
     places = np.column_stack([-np.sin(angles), np.cos(angles), np.full(3, OMNI3["centre_distance"])])
     speeds, twists = rolling(places, np.array(list(OMNI3.values())[:3]))
-    twin = driven(lambda t: speeds(bumps(t, seed, (0.15,), (0.15,), (0.5,))), twists, 15)
+    twin = driven(lambda t: speeds(bumps(t, seed, (0.15,), (0.15,), (0.5,))), twists, 10)
     return optiodom(folder, "omni3", twin, seed, lambda rows: counts(twin.turned[rows], 12288))
 
 
 COMMANDED = {"gain_v": 0.957, "gain_omega": 0.884, "lag_v": 0.163, "lag_omega": 0.221}
 
 
-def commanded(folder: Path, seed: int, seconds: float = 12.0) -> Path:
+def commanded(folder: Path, seed: int, seconds: float = 9.0) -> Path:
     """Commands at 20 Hz; a tracker at 50 Hz in milliseconds, on a clock 0.12 s behind."""
     rng = np.random.default_rng(seed)
     steps = rng.uniform(-1, 1, (2, round(seconds) + 2)) * [[0.4], [1.2]]
@@ -293,7 +293,7 @@ HUSKY = {"wheel_radius_right": 0.1642, "wheel_radius_left": 0.1631, "track": 1.1
 ANTENNA = {"sensor_x": 0.31, "sensor_y": -0.08}
 
 
-def husky(folder: Path, seed: int, seconds: float = 60.0) -> Path:
+def husky(folder: Path, seed: int, seconds: float = 40.0) -> Path:
     """Dates; rims' speeds by the nominal radius; RTK at 5 Hz, whose errors last for some ten seconds."""
     twin = driven(lambda t: bumps(t, seed, (2.5, 2.5), (2.5, 2.5)), lambda u: two_wheels(HUSKY, u), seconds)
     rows, seen = twin.rows(10), twin.rows(5, 0.4)
@@ -310,7 +310,7 @@ def husky(folder: Path, seed: int, seconds: float = 60.0) -> Path:
 BEACONS = np.array([[6.0, 0.0], [-4.0, 5.0], [-4.0, -5.0], [5.0, 7.0]])
 
 
-def uwb(folder: Path, seed: int, seconds: float = 20.0) -> Path:
+def uwb(folder: Path, seed: int, seconds: float = 14.0) -> Path:
     """Distances to beacons in turn, a tenth not heard, 12 cm too long; a gyroscope beside the wheels."""
     twin = driven(lambda t: bumps(t, seed, (2.5, 2.5), (2.5, 2.5)), lambda u: two_wheels(HUSKY, u), seconds)
     rows, seen, rng = twin.rows(20), twin.rows(16, 0.4), np.random.default_rng([seed, 6])

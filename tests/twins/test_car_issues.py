@@ -36,7 +36,7 @@ def cell(place: int, text: str) -> Broken:
     ids=["text", "back", "beyond", "nan", "dash", "far beyond", "lost", "infinite", "short", "long"],
 )
 def test_a_line(broken: Broken, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    file = car(tmp_path, 0, seconds=10.0)
+    file = car(tmp_path, 0, seconds=3.0)
     lines = file.read_text(encoding="utf-8").splitlines()
     lines[FIRST + 19] = " ".join(broken(lines[FIRST + 19].split()))
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
