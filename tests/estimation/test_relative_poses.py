@@ -246,9 +246,7 @@ def test_what_is_far_off_counts_alike_where_clocks_are_compared():
 
 class TestBadMatches:
     @pytest.mark.slow
-    @pytest.mark.parametrize(
-        ("bad", "name"), [(0.1, "stray_motions"), (0.38, "many_stray_motions")]
-    )
+    @pytest.mark.parametrize(("bad", "name"), [(0.1, "stray_motions"), (0.38, "many_stray_motions")])
     def test_a_robust_loss_bounds_what_they_do(self, tmp_path: Path, bad: float, name: str):
         drive = matched(4, bad=bad, seconds=60)
         found = estimated(logs_of(tmp_path, drive), loss="cauchy")
