@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import cycle
 
 import casadi as ca
@@ -37,6 +38,7 @@ def drawn(robot: Example, seed: int = 0) -> dict[str, np.ndarray]:
     }
 
 
+@cache
 def readings_of(robot: Example, quantities=None, rule="arc", periods: int = PERIODS) -> SegmentReadings:
     return SegmentReadings.logged(robot.model.system(rule), quantities or robot.model.states, COUNT, periods)
 
@@ -86,7 +88,10 @@ class TestReadings:
         found = readings_of(robot, ("heading", "x"))(Driven(**arguments))
         assert np.array_equal(found, every[..., [2, 0]])
 
-    @every_robot
+    # Each number of states and of inputs: what is added knows nothing else of a robot.
+    @pytest.mark.parametrize(
+        "robot", cases({(len(one.model.states), len(one.model.inputs)): one for one in ROBOTS}.values())
+    )
     def test_padding_changes_nothing(self, robot: Example):
         arguments = drawn(robot)
         more = {

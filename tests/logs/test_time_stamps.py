@@ -139,11 +139,15 @@ def test_another_form_than_the_study_says(file: Path):
 
 
 @pytest.mark.parametrize(
-    "form",
-    ["%d.%m.%Y %H:%M:%S.%f", "%m/%d/%Y %H:%M:%S", "%d %b %Y %H:%M:%S", "%H:%M:%S.%f", "%b %d, %Y %H:%M:%S"],
+    ("form", "said", "broken"),
+    [
+        ("%d.%m.%Y %H:%M:%S.%f", {}, {}),
+        ("%m/%d/%Y %H:%M:%S", {"form": "date"}, {}),
+        ("%d %b %Y %H:%M:%S", {}, {0: "", 5: "?"}),
+        ("%H:%M:%S.%f", {"form": "date"}, {0: "", 5: "?"}),
+        ("%b %d, %Y %H:%M:%S", {}, {}),
+    ],
 )
-@pytest.mark.parametrize("said", [{}, {"form": "date"}])
-@pytest.mark.parametrize("broken", [{}, {0: "", 5: "?"}])
 def test_one_issue_of_dates_in_another_form(file: Path, form: str, said: dict, broken: dict[int, str]):
     stamps = stamped(file, lambda time: moment(time).strftime(form), broken)
     issue = issue_of(stamps, time={"column": "t", **said})
