@@ -99,7 +99,7 @@ def odometry_message(
 def write_bag(
     path: Path,
     messages: Sequence[Message],
-    plugin: StoragePlugin = StoragePlugin.SQLITE3,
+    plugin: StoragePlugin = StoragePlugin.MCAP,
     empty: Sequence[tuple[str, str]] = (),
 ) -> Path:
     """A bag of ROS 2; `empty` are topics and their types without messages."""

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from bags import START, STORES, Message, write_bag, write_bag_1
 from logged import drive
-from rosbags.rosbag2 import StoragePlugin
 from test_bag_inputs import cars, commanded, odometry, own_messages, reference
 from test_bag_logs import joints, poses
 from test_bag_sensors import beacon, imu, markers
@@ -54,7 +53,7 @@ class Given:
             if log.suffix == ".bag":
                 write_bag_1(log, self.messages)
             else:
-                written = write_bag(folder / log.stem, self.messages, plugin=StoragePlugin.MCAP)
+                written = write_bag(folder / log.stem, self.messages)
                 if log.suffix:
                     storage(written).rename(log)
             self.harm(log)

@@ -20,8 +20,11 @@ HEADER = ("t", *INPUTS, "x", "y", "heading")
 PERIOD = 0.05
 
 
+FORMS = TypeAdapter(AnyLogForm)
+
+
 def form(**keys: Any) -> LogForm:
-    return TypeAdapter(AnyLogForm).validate_python(keys)
+    return FORMS.validate_python(keys)
 
 
 def drive(rows: int = 200, period: float = PERIOD, seed: int = 0) -> np.ndarray:

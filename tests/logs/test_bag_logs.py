@@ -271,7 +271,7 @@ class TestIssues:
         expected = "cannot be read as a ROS bag: expected a file, got a pipe"
         os.mkfifo(tmp_path / "a.mcap")
         assert self.issue(tmp_path / "a.mcap")[1] == expected
-        bag = write_bag(tmp_path / "drive", wheels)
+        bag = write_bag(tmp_path / "drive", wheels, StoragePlugin.SQLITE3)
         (database,) = bag.glob("*.db3")
         database.unlink()
         os.mkfifo(database)
@@ -360,9 +360,8 @@ class TestIssues:
 
 
 def test_a_message_that_cannot_be_decoded(tmp_path: Path):
-    path = write_bag(
-        tmp_path / "drive", [*joints(TABLE[:, 0], ANGLES), *poses("geometry_msgs/msg/PoseStamped")]
-    )
+    messages = [*joints(TABLE[:, 0], ANGLES), *poses("geometry_msgs/msg/PoseStamped")]
+    path = write_bag(tmp_path / "drive", messages, StoragePlugin.SQLITE3)
     (storage,) = path.glob("*.db3")
     with sqlite3.connect(storage) as database:
         own = "SELECT id FROM messages WHERE topic_id = (SELECT id FROM topics WHERE name = '/pose')"
