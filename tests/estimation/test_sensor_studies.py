@@ -38,7 +38,7 @@ log:
 
 def written(folder: Path) -> Path:
     """A log and the landmarks seen beside it."""
-    drive = course(seconds=15.0, period=0.05, seed=1)
+    drive = course(seconds=12.0, period=0.1, seed=1)
     rates = np.degrees(gyro(drive, noise=0.01, bias=0.02).values[:, 0])
     wheels = [
         f"{at:.4f},{right:.6f},{left:.6f},{rate:.5f}"
@@ -46,7 +46,7 @@ def written(folder: Path) -> Path:
     ]
     log = folder / "log.csv"
     log.write_text("\n".join(["t,wheel_speed_right,wheel_speed_left,gz", *wheels]))
-    rows = np.arange(0, len(drive.times), 4)
+    rows = np.arange(0, len(drive.times), 2)
     seen = sighted(drive, "landmarks", "rb", PLACES, noise=[0.02, 0.01], rows=rows, missing=0.5)
     lines = [
         f"{at:.4f},{place + 10},{values[2 * place]:.5f},{np.degrees(values[2 * place + 1]):.4f}"

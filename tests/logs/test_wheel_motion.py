@@ -22,7 +22,7 @@ FEW = settings(max_examples=15)
 @st.composite
 def drives(draw: st.DrawFn) -> np.ndarray:
     """Ticks (rows, 2) since the row before, both wheels turning."""
-    rows = draw(st.integers(12, 60))
+    rows = draw(st.integers(12, 30))
     steps = st.lists(st.integers(-90, 90), min_size=rows, max_size=rows)
     ticks = np.column_stack([draw(steps), draw(steps)])
     ticks[1] = 7

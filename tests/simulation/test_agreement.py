@@ -10,7 +10,7 @@ from scipy import stats
 
 from oed.simulation.agreement import CONFIDENCE, agreement_text, largest_ratio
 
-DRAWS = 1000
+DRAWS = 500
 
 
 def limits(ratios: list[float], replicates: int) -> np.ndarray:

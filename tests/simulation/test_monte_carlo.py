@@ -140,11 +140,11 @@ class TestNegativeControls:
     def test_five_per_cent(self):
         # 4000 replicates see it nine times in ten, 10,000 always.
         assert sum(self.passes(seed, REPLICATES, 0.95) for seed in range(10)) <= 3
-        assert not any(self.passes(seed, 10_000, 1.05) for seed in range(5))
+        assert not any(self.passes(seed, 10_000, 1.05) for seed in range(3))
 
     @pytest.mark.slow
     def test_the_right_one_passes(self):
-        assert all(self.passes(seed, REPLICATES, 1.0) for seed in range(10))
+        assert all(self.passes(seed, REPLICATES, 1.0) for seed in range(5))
 
     @pytest.mark.parametrize("seed", range(3))
     def test_the_naive_covariance_under_noise_of_absolute_poses(self, seed: int):
@@ -220,6 +220,7 @@ def test_linear_estimates_hold_the_first_order_of_all_noise(name: EstimatorName,
     assert quarter == pytest.approx(rest / 4, rel=0.02)
 
 
+@cache
 def long_drive(segments: int | str) -> tuple[Problem, Trajectory]:
     """100 s of fast winding with hardly any position noise, headings measured to 10 degrees."""
     problem = problem_of(
