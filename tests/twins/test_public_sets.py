@@ -17,8 +17,8 @@ from oed.records.record import load_estimate
 HERE = Path(__file__).parent
 MOST_LINES = 30
 """That a study of somebody else's logs may have."""
-DRAWN = ("khepera", "uwb")
-"""Whose figures are drawn: of motions, and of sensors without poses. Those of poses other tests draw."""
+DRAWN = ("uwb",)
+"""Whose figures are drawn: of sensors without poses. Those of x, y and heading other tests draw."""
 
 
 def study_of(own: PublicSet) -> Path:
