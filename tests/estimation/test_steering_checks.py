@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulated import course, log_of, logged_problem, truth_of
+from simulated import course, log_of, logged_problem, options, truth_of
 
-from oed.estimation import calibrate
+from oed.estimation import Calibration, calibrate
 from oed.estimation.preprocessing.steering_checks import steered_beyond
 from oed.foundation.errors import LogError
+from oed.kernel.problem import Problem
 from oed.logs.log import Log
 from oed.robots.limits import SteeringAngle
 from oed.robots.models import Ackermann, Model, Tricycle
@@ -27,10 +28,15 @@ def steered(model: Model, off: float, clock: float = 0.0, seconds: float = 30.0)
     return replace(log, integrals=log.integrals + turned)
 
 
+def estimated(problem: Problem, log: Log) -> Calibration:
+    """Of segments whose length is not looked for."""
+    return calibrate(problem, [log], options(segment=3.0))
+
+
 def doubted(model: Model, off: float, seconds: float = 30.0) -> dict[str, str]:
     """What an estimate from such a log is doubted for, or the log refused."""
     try:
-        found = calibrate(logged_problem(model=model), [steered(model, off, seconds=seconds)])
+        found = estimated(logged_problem(model=model), steered(model, off, seconds=seconds))
     except LogError as error:
         return {issue.key: issue.message for issue in error.issues}
     doubts = {one.parameter: one.message for one in found.doubts}
@@ -66,13 +72,13 @@ def test_half_a_turn_is_the_same_to_a_car_but_beyond_what_it_steers():
 @pytest.mark.slow
 def test_a_missing_zero_is_named_where_clocks_are_apart():
     with pytest.raises(LogError, match=r"steering_angle: its zero seems to be \S+ deg off straight ahead"):
-        calibrate(logged_problem(model=TRUCK), [steered(TRUCK, 60.0, clock=0.4, seconds=15.0)])
+        estimated(logged_problem(model=TRUCK), steered(TRUCK, 60.0, clock=0.4, seconds=15.0))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("model", "off"), [(CAR, -3.0), (TRUCK, -3.0), (CAR, 0.0)])
 def test_a_small_one_is_what_is_estimated(model: Model, off: float):
-    found = calibrate(logged_problem(model=model), [steered(model, off, seconds=12.0)])
+    found = estimated(logged_problem(model=model), steered(model, off, seconds=12.0))
     place = found.parameters.index("steering_offset")
     error = np.sqrt(found.covariance[place, place])
     assert abs(found.values[place] + np.radians(off)) < 4 * error + 1e-3
@@ -102,5 +108,5 @@ def test_angles_beyond_what_the_robot_steers(model: Model, most: float | None, o
 def test_angles_beyond_them_are_said_with_the_estimate():
     problem = logged_problem(model=CAR)
     limits = (*(one for one in problem.limits if one.name != "steering_angle"), SteeringAngle(bounds="4 deg"))
-    (log,) = calibrate(replace(problem, limits=limits), [steered(CAR, 0.0, seconds=12.0)]).logs
+    (log,) = estimated(replace(problem, limits=limits), steered(CAR, 0.0, seconds=12.0)).logs
     assert "steered_beyond" in {one.name for one in log.findings}
