@@ -125,6 +125,7 @@ robot:
 trajectory: {duration: 10 s, samples: 40, spline: {degree: 3, coefficients: 8}}
 measurement: {kind: poses, noise: {position: 2 mm, heading: 5 mrad}}
 limits: {wheel_speed: 10 rad/s}
+calibration: {segment: 4 s}
 """,
         )
         record = estimate(study, [tmp_path / "0.csv"])

@@ -25,7 +25,7 @@ robot:
   gyration_radius: 14 cm
 measurement: {kind: poses, noise: {position: 5 mm, heading: 0.01 rad}}
 estimate: [drive_gain, viscous_drag, stiffness_front, stiffness_rear, gyration_radius]
-calibration: {method: joint, segment: log, sensor_place: []}
+calibration: {method: joint, segment: log, sensor_place: [], noise: constant}
 log:
   time: t
   inputs:
