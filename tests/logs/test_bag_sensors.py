@@ -138,6 +138,11 @@ def test_points_without_numbers_are_left_out_on_request(tmp_path: Path, size: fl
     np.testing.assert_allclose(found.values[-1], [np.nan, np.nan, 1.0, -0.2])
 
 
+@pytest.fixture(scope="module")
+def seen_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return bag(tmp_path_factory.mktemp("seen"), imu(), markers(SEEN))
+
+
 @pytest.mark.parametrize(
     ("sensors", "words"),
     [
@@ -155,9 +160,9 @@ def test_points_without_numbers_are_left_out_on_request(tmp_path: Path, size: fl
     ],
 )
 @pytest.mark.slow
-def test_faults(tmp_path: Path, sensors: dict[str, Any], words: str):
+def test_faults(seen_bag: Path, sensors: dict[str, Any], words: str):
     with pytest.raises(LogError) as caught:
-        read(bag(tmp_path, imu(), markers(SEEN)), sensors)
+        read(seen_bag, sensors)
     assert words in caught.value.issues[0].message
 
 

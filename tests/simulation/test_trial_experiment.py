@@ -289,4 +289,4 @@ def test_two_floors_are_shown_side_by_side():
     section = section_of({**data, "floors": [*data["floors"], other]})
     assert section is not None
     assert len(section.tables) == 5
-    assert "friction 0.9" in svg_text(section.figures[0].figure)
+    assert "friction 0.9" in str(section.figures[0].figure)
