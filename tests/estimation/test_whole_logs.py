@@ -387,7 +387,7 @@ def test_what_the_study_states_is_said_to_be_stated():
 @pytest.mark.slow
 def test_innovations_that_are_correlated_are_no_error_that_is_allowed_for():
     fit = found_in_10_seconds().fit
-    # Means of each and the three before.
+    # Sums of each and the three before, as large as each.
     white = sum(np.roll(fit.white, lag, axis=1) for lag in range(4)) / 2
     found = diagnostics(replace(fit, white=white), {})
     said = [one.message for one in found if one.name == "whiteness" and not one.passed]
