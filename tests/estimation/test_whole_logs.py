@@ -199,9 +199,9 @@ def test_headings_go_on_from_segment_to_segment_where_a_robot_turns_by_more_than
 
 @pytest.mark.slow
 def test_when_a_log_begins_makes_no_difference():
-    log = driven(0, 10.0)
+    log = driven(0, 8.0)
     later = replace(log, input_times=log.input_times + 1e3, pose_times=log.pose_times + 1e3)
-    first, second = found_in_10_seconds(), WholeLogs(fit_of([later], seconds=4.0)).found()
+    first, second = found_in_8_seconds(), WholeLogs(fit_of([later], seconds=4.0)).found()
     np.testing.assert_allclose(second.logs, first.logs, rtol=1e-4, atol=1e-4)
 
 
@@ -261,8 +261,8 @@ def driven(seed: int, seconds: float, factor: float = 1.0, errs: tuple[float, fl
 
 
 @cache
-def found_in_10_seconds() -> Likeliest:
-    return WholeLogs(fit_of([driven(0, 10.0)], seconds=4.0)).found()
+def found_in_8_seconds() -> Likeliest:
+    return WholeLogs(fit_of([driven(0, 8.0)], seconds=4.0)).found()
 
 
 @pytest.mark.slow
@@ -386,7 +386,7 @@ def test_what_the_study_states_is_said_to_be_stated():
 
 @pytest.mark.slow
 def test_innovations_that_are_correlated_are_no_error_that_is_allowed_for():
-    fit = found_in_10_seconds().fit
+    fit = found_in_8_seconds().fit
     # Sums of each and the three before, as large as each.
     white = sum(np.roll(fit.white, lag, axis=1) for lag in range(4)) / 2
     found = diagnostics(replace(fit, white=white), {})

@@ -43,7 +43,9 @@ physics:
   methods: [two_stage]
   resamples: 100
 """
-SHORT = STUDY.replace("duration: 6 s, samples: 60", "duration: 5 s, samples: 50")
+SHORT = STUDY.replace("duration: 6 s, samples: 60", "duration: 5 s, samples: 50").replace(
+    "repeats: 3", "repeats: 2"
+)
 
 
 class Drawn(Solver):
