@@ -197,7 +197,7 @@ def errors(found: Calibration, twin: Twin) -> dict[str, float]:
 )
 def test_estimates_are_the_truth_within_their_errors(name: str):
     twin = TWINS[name]
-    seconds, period = (20.0, 0.04) if "late" in name or "tags" in name else (10.0, 0.05)
+    seconds, period = (14.0, 0.04) if "late" in name or "tags" in name else (10.0, 0.05)
     found = calibrated(twin, twin.log(course(seconds=seconds, period=period, seed=3), 3))
     off = errors(found, twin)
     assert set(off) == {*TRUTH, *twin.truth}

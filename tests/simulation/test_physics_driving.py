@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,18 @@ import pytest
 from physics_drives import PERIOD, rich_drive, rich_speeds
 
 from oed.foundation.errors import Failure, UserMistake
-from oed.simulation.physics import FourWheels, PhysicsRobot, TwoWheelsAndCaster, drive
+from oed.simulation.physics import FourWheels, Motion, PhysicsRobot, TwoWheelsAndCaster, drive
 from oed.simulation.physics.engine import Engine
 
 pytestmark = pytest.mark.slow
 
 FOUR, TWO = FourWheels(), TwoWheelsAndCaster()
 robots = pytest.mark.parametrize("robot", [FOUR, TWO], ids=lambda robot: robot.kind)
+
+
+@cache
+def from_origin(robot: PhysicsRobot) -> Motion:
+    return drive(robot, rich_speeds(2), PERIOD)
 
 
 @robots
@@ -58,7 +64,7 @@ def test_the_same_drive_twice_is_the_same(robot: PhysicsRobot):
 
 @robots
 def test_where_it_starts_does_not_matter(robot: PhysicsRobot):
-    there, here = rich_drive(robot, 2.0), drive(robot, rich_speeds(2), PERIOD)
+    there, here = rich_drive(robot, 2.0), from_origin(robot)
     rotation = np.array([[np.cos(3), -np.sin(3)], [np.sin(3), np.cos(3)]])
     moved = here.poses[:, :2] @ rotation.T + (0.3, -0.2)
     assert there.poses == pytest.approx(np.column_stack([moved, here.poses[:, 2] + 3]), abs=1e-5)
@@ -66,8 +72,7 @@ def test_where_it_starts_does_not_matter(robot: PhysicsRobot):
 
 @robots
 def test_sides_exchanged_drive_the_mirror_image(robot: PhysicsRobot):
-    speeds = rich_speeds(2)
-    one, other = (drive(robot, each, PERIOD) for each in (speeds, speeds[:, ::-1]))
+    one, other = from_origin(robot), drive(robot, rich_speeds(2)[:, ::-1], PERIOD)
     assert other.poses * (1, -1, -1) == pytest.approx(one.poses, abs=1e-5)
     assert other.wheel_angles[:, ::-1] == pytest.approx(one.wheel_angles, abs=1e-4)
 
