@@ -100,6 +100,10 @@ def test_a_trial_drives_them_and_says_so():
     assert size > 0
     assert f"heading per speed {size:.2g} rad s/m" in said.partition(" by differential drive (")[2]
     assert "lag. Designed with noise" in said
+    # A pilot may show none.
+    found["planned"][2]["discrepancy"] = dict.fromkeys(found["planned"][2]["discrepancy"], 0.0)
+    said = SAY("drives", StoredTrial.model_validate(found).planned)
+    assert "by differential drive (none that the pilot drive shows)" in said
 
 
 @pytest.mark.parametrize(
