@@ -63,11 +63,12 @@ def problem_of(**parts: Any) -> Problem:
     try:
         hash(tuple(parts.values()))
     except TypeError:
-        return _made(**parts)
+        return new_problem_of(**parts)
     return _known(**parts)
 
 
-def _made(**parts: Any) -> Problem:
+def new_problem_of(**parts: Any) -> Problem:
+    """The same, made anew: for what is asked of two problems that are alike."""
     given: dict[str, Any] = {
         "model": DifferentialDrive(wheel_radius=RADIUS, track=TRACK),
         "measurement": Displacements(segments=4),
@@ -83,7 +84,7 @@ def _made(**parts: Any) -> Problem:
     return Problem(**{"design": design_space(given), **given})
 
 
-_known = lru_cache(maxsize=64, typed=True)(_made)
+_known = lru_cache(maxsize=64, typed=True)(new_problem_of)
 
 
 def forget_problems() -> None:

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import oracle
 import pytest
-from builders import RADIUS, SPEED, TRACK, input_limits, problem_of, random_drive
+from builders import RADIUS, SPEED, TRACK, input_limits, new_problem_of, problem_of, random_drive
 from sample_robots import ROBOTS, Example
 
 import oed
@@ -121,7 +121,7 @@ C = ("c11", "c12", "c21", "c22")
 
 
 posed_anew = partial(
-    problem_of,
+    new_problem_of,
     measurement=POSES,
     limits=(SPEED,),
     criterion=E(),
