@@ -333,11 +333,12 @@ class TestCommand:
     @pytest.mark.usefixtures("blank_figures")
     def test_from_the_command_line(self, done, tmp_path: Path, logs: Path, capsys):
         (tmp_path / "study.yaml").write_text(STUDY)
-        script = tmp_path / "drive.py"
+        script, given = tmp_path / "drive.py", tmp_path / "given"
         # The same first drive as before, and the same log: a process that loads the package takes a second.
         script.write_text(
-            "import shutil, sys\n"
-            "print('driving', open(sys.argv[1]).readline())\n"
+            "import pathlib, shutil, sys\n"
+            "print('driving')\n"
+            f"pathlib.Path({str(given)!r}).write_text('\\n'.join(sys.argv[1:]))\n"
             f"shutil.copy({str(done[1] / 'drive1.csv')!r}, sys.argv[2])\n"
         )
         command = f"{sys.executable} -S {script} {{drive}} {{logs}}"
@@ -347,7 +348,11 @@ class TestCommand:
         data = json.loads(capsys.readouterr().out)
         assert data["reached"]
         assert data["rounds"][0]["logs"] == ["drive1.csv"]
-        assert (tmp_path / "out" / "round1" / "genetic_drive.py").is_file()
+        file = tmp_path / "out" / "round1" / "genetic_drive.py"
+        assert given.read_text().splitlines() == [str(file), str(logs)]
+        assert file.is_file()
+        designed, before = (load_record(one / "round1") for one in (tmp_path / "out", done[0].folder))
+        assert designed.best.drive == before.best.drive
         assert (tmp_path / "out" / "report.html").is_file()
         assert (tmp_path / "out" / "estimate.html").is_file()
 
