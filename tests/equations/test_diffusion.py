@@ -130,7 +130,7 @@ def test_what_is_predicted_is_what_simulated_experiments_scatter_by():
     wandering = (("fast", "5 mV/sqrt(s)"), ("slow", "2 mV/sqrt(s)"))
     small = SENSOR.model_copy(update={"noise": (("seen", "1 mV"),), "diffusion": wandering})
     problem = problem_of(small)
-    found = validate(problem, trial_of(problem), replicates=100, seed=0)
+    found = validate(problem, trial_of(problem), replicates=150, seed=0)
     assert found.passed
     blind = evaluate(problem.steady, trial_of(problem)).covariances["joint"]
     assert np.all(np.diag(found.sampled) > 4 * np.diag(blind))
