@@ -227,7 +227,7 @@ class TestEveryEpigraph:
             assert np.abs(equalities).max() <= 1e-5 * terms
 
     @criteria
-    @pytest.mark.parametrize(("size", "blocks"), [(1, 1), (3, 1), (2, 2)])
+    @pytest.mark.parametrize(("size", "blocks"), [(1, 1), (3, 1), (2, 2), (3, 2)])
     @pytest.mark.slow
     def test_its_maximum_is_the_criterion(self, kind, size: int, blocks: int):
         criterion, matrices = example(kind, size, blocks), moderate_blocks(size, size, blocks)
