@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import oracle
 import pytest
-from builders import ACCELERATION, BOX, RADIUS, SPEED, problem_of, random_drive
+from builders import ACCELERATION, BOX, RADIUS, SPEED, new_problem_of, problem_of, random_drive
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from studies import SMALL, write_study
@@ -318,9 +318,9 @@ def found_runs(problem: Problem, rows: np.ndarray) -> tuple[Trajectory, ...]:
 
 
 def outcome(space: DesignSpace) -> dict:
-    """All numbers of one drive's score."""
+    """All numbers of one drive's score by a problem of its own: spaces alike have one problem else."""
     measurement = Displacements(segments=4, regressor="both", noise={"position": 0.01, "heading": 0.02})
-    problem = problem_of(design=space, measurement=measurement)
+    problem = new_problem_of(design=space, measurement=measurement)
     found: Evaluation = evaluate(problem, random_drive(problem, 3))
     others = {"margins", "square_roots", "full_square_roots"}
     numbers = {name: getattr(found, name) for name in found.__dataclass_fields__ if name not in others}
