@@ -307,7 +307,8 @@ def test_no_drive_within_the_budget_beats_it() -> None:
 @pytest.mark.slow
 def test_no_angles_say_more_than_one_input_that_turns_round() -> None:
     # All sequences of corners of what two inputs may be, and random ones, within their steps.
-    rng = np.random.default_rng(0)
+    # Of this seed several come as far as is said.
+    rng = np.random.default_rng(2)
     for _ in range(15):
         segments, each = int(rng.integers(2, 6)), int(rng.integers(1, 5))
         edges = each * np.arange(segments + 1)

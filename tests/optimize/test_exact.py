@@ -46,7 +46,7 @@ def best(criterion: Criterion, parts: Parts, count: int, *, repeated: bool) -> f
 @pytest.mark.slow
 def test_it_is_the_best_of_all(criterion: Criterion, seed: int, *, repeated: bool):
     rng = np.random.default_rng(seed)
-    parts, count = regression(rng.normal(size=(7, 3))), 4
+    parts, count = regression(rng.normal(size=(8, 3))), 5
     budgets = budgets_of(parts, float(count), most=float(count) if repeated else 1.0)
     near = whole_weights(criterion, parts, best_weights(criterion, parts, budgets).values, budgets)
     found = exact_weights(criterion, parts, near, budgets, nodes=2000)

@@ -30,12 +30,13 @@ def quadratic(
     output: str = "constant + slope * x + curvature * x^2",
     judged: tuple[str, ...] | None = None,
     noise: float = 1.0,
+    count: int = len(POINTS),
     **others: str,
 ) -> Parts:
-    """A parabola that may be read at 41 points, with other parameters than its three if wanted."""
+    """A parabola that may be read at so many points, with other parameters than its three if wanted."""
     parameters = {**dict.fromkeys(("constant", "slope", "curvature"), "1"), **others}
     system = Equations(parameters=parameters, inputs={"x": ""}, outputs={"y": output})
-    count = len(POINTS)
+    points = np.linspace(-1, 1, count)
     spline = oed.Spline(degree=0, coefficients=count)
     space = oed.SignalSpace(duration=count, samples=count, spline=spline, rest_to_rest=False)
     problem = oed.Problem(
@@ -45,7 +46,7 @@ def quadratic(
         limits=[InputRange(input="x", range=(-1, 1))],
         criterion=D(subset=judged),
     )
-    return parts_of(problem, space.trajectory(POINTS[:, None], np.zeros((1, 0))))
+    return parts_of(problem, space.trajectory(points[:, None], np.zeros((1, 0))))
 
 
 def powers(points: np.ndarray) -> np.ndarray:
@@ -127,10 +128,11 @@ class TestParts:
     def test_readings_that_tell_apart_by_rounding_alone_tell_nothing(self):
         """Two where a parabola is as high are no more than one, beside a constant that is nearly it."""
         output = "(curvature * (1 + x^2 * 1e-6) + constant) * (2 + x) + 0 * slope"
-        parts = quadratic(output, ("curvature",))
-        for place in range(20):
-            for other, told in ((40 - place, False), (20, True)):
-                weights = np.bincount([place, other], minlength=len(POINTS)).astype(float)
+        # Of so many some are told by little more than rounding, and rounding tells nearly as much of others.
+        parts = quadratic(output, ("curvature",), count=201)
+        for place in range(100):
+            for other, told in ((200 - place, False), (100, True)):
+                weights = np.bincount([place, other], minlength=201).astype(float)
                 assert parts.root(weights).complete == told
 
     def test_what_is_rounding_of_one_parameter_is_not_of_another(self):

@@ -73,9 +73,9 @@ def slopes(trial: int, places: int) -> Array:
 
 
 @pytest.mark.slow
-def test_bands_of_states_and_readings_are_what_estimates_leave_open():
+@pytest.mark.parametrize("trial", [0, 1])
+def test_bands_of_states_and_readings_are_what_estimates_leave_open(trial: int):
     """S Sigma S' along the design, S by an integration of our own; as shown, in the study's units."""
-    trial = 1
     record = sample_systems.ponds()
     best = record.best
     assert best is not None
