@@ -301,8 +301,8 @@ def test_gains_are_those_of_wider_ranges():
     problem, ipopt = problem_of(samples=5), oed.Ipopt(starts=1, perturbations=0, second_stage="none")
     found = oed.solve(problem, ipopt, seed=0, workers=1)
     step = 1e-4
-    # In steps, whose ranges bound unknowns, and in waves, where they are rows.
-    for place, name in ((0, "u"), (2, "w")):
+    # In steps and constants, whose ranges bound unknowns, and in waves, where they are rows.
+    for place, name in enumerate(RANGES):
         low, high = problem.input_bounds[place]
         wider = [*problem.limits]
         unit = " 1/s" if name == "w" else ""
