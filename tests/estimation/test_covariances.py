@@ -151,6 +151,17 @@ class TestBootstrap:
         one, other = (bootstrap(fit, blocks, 100, np.random.default_rng(7)).matrix for _ in range(2))
         assert np.array_equal(one, other)
 
+    def test_the_same_however_many_are_drawn_at_once(self, fit: Fit, monkeypatch: pytest.MonkeyPatch):
+        blocks, found = blocks_of(fit, None), []
+        # All together, by sevens of which some are left over, and one after the other.
+        for most in (10**6, 7 * len(fit.scores), 1):
+            monkeypatch.setattr("oed.estimation.assessment.covariance.AT_ONCE", most)
+            rng = np.random.default_rng(7)
+            found.append((bootstrap(fit, blocks, 100, rng).matrix, rng.random()))
+        for matrix, following in found[1:]:
+            np.testing.assert_allclose(matrix, found[0][0], rtol=1e-12)
+            assert following == found[0][1]
+
 
 class TestKnownBefore:
     """What only a prior tells is as uncertain as the prior says, whatever the way."""

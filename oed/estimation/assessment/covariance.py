@@ -22,8 +22,8 @@ LEVEL = 0.95
 """Of intervals."""
 ROUNDING = 1e-14
 """Share of the largest variance below which a covariance's variances are rounding."""
-AT_ONCE = 100
-"""Replicates whose draws are in memory together."""
+AT_ONCE = 10_000
+"""Blocks drawn for the replicates that are in memory together."""
 
 
 @dataclass(frozen=True)
@@ -208,12 +208,13 @@ def bootstrap(fit: Fit, blocks: Blocks, replicates: int, rng: np.random.Generato
     """
     sizes = blocks.ranges[:, 1] - blocks.ranges[:, 0]
     scores = _sums(fit.scores, blocks.ranges)
-    draws = round(len(fit.scores) / float(sizes.mean()))
+    draws = max(round(len(fit.scores) / float(sizes.mean())), 1)
     # At the solution what was known before pulls as hard as all scores together.
     pull = -fit.scores.sum(axis=0)
     found = np.empty((replicates, fit.scores.shape[1]))
-    for some in np.array_split(found, range(AT_ONCE, replicates, AT_ONCE)):
-        chosen = rng.integers(len(blocks.ranges), size=(len(some), max(draws, 1)))
+    together = max(AT_ONCE // draws, 1)
+    for some in np.array_split(found, range(together, replicates, together)):
+        chosen = rng.integers(len(blocks.ranges), size=(len(some), draws))
         some[:] = (fit.response @ (scores[chosen].sum(axis=1) + pull)[..., None])[..., 0]
     few = blocks.independent / max(blocks.independent - 1, 1)
     # What was known before is as uncertain as it says; no drawing of blocks shows that.
