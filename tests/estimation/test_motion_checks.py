@@ -312,7 +312,8 @@ class TestPositionsAlone:
 class TestTrueLogs:
     @pytest.mark.parametrize("robot", cases(ROBOTS))
     def test_of_any_robot_with_a_sensor_anywhere(self, robot: Example):
-        drive = course(robot.model, np.array(robot.model.nominal), seconds=10.0)
+        # Of which wheels explain less than of other drives: a limit near what they leave would be seen.
+        drive = course(robot.model, np.array(robot.model.nominal), seconds=10.0, seed=1)
         for place in ((0.4, -0.2, 0.0), (0.1, 0.1, 1.2)):
             moves = moves_of(log_of(drive, noise=NOISE, place=place), model=robot.model)
             assert wiring_fault(moves) is None

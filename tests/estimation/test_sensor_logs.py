@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from builders import problem_of
-from pulls import require_pulls
+from pulls import SETS, require_pulls
 from sensed import PLACES, gyro, sighted, with_sensors
 from simulated import ROBOT, TRUTH, Course, course
 
@@ -213,7 +213,7 @@ def test_estimates_are_the_truth_within_their_errors(name: str):
 @pytest.mark.parametrize("name", ["positions and a gyro", "landmarks of unknown place"])
 def test_intervals_cover_the_truth(name: str):
     twin, off, covariances, count = TWINS[name], [], [], len(TRUTH)
-    for seed in range(20):
+    for seed in range(SETS):
         drive = course(seconds=8.0, period=0.2, seed=seed)
         found = calibrated(twin, twin.log(drive, seed), noise="specified", clock_offset=False)
         assert found.fit.unknowns.names[:count] == tuple(TRUTH)

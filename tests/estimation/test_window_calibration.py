@@ -99,7 +99,7 @@ def test_everything_after_the_fit_works_as_for_any_other(found):
 @pytest.mark.parametrize("method", ["gls", "two_stage"])
 def test_intervals_of_two_short_logs_of_a_robot_that_drifts_cover(method: str):
     # Four windows. If 95 % of intervals hold the truth, fewer do so once in a hundred times.
-    pulls, count = [], 15
+    pulls, count = [], 20
     for seed in range(count):
         drives = [
             drifting(course(seconds=5.0, seed=one), TRUE, USUALLY, one) for one in (2 * seed, 2 * seed + 1)

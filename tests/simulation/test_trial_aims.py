@@ -97,7 +97,7 @@ def test_a_trial_drives_them_and_says_so():
     assert "differential drive by D and lag by D" in said
     assert "by criterion I: for the task by differential drive and for the task by lag" in said
     size = found["planned"][2]["discrepancy"]["heading_per_speed"]
-    assert size > 0
+    assert size == pytest.approx(0.184, rel=0.05)
     assert f"heading per speed {size:.2g} rad s/m" in said.partition(" by differential drive (")[2]
     assert "lag. Designed with noise" in said
     # A pilot may show none.
