@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from trials import SHORT, study_of
+from trials import study_of
 
 from oed.simulation.physics import FourWheels, Motion, drive
 from oed.simulation.trial.attainable import attainable_error, overall
@@ -17,7 +17,7 @@ TRUE = np.array([0.0484, 0.0493, 0.334])
 
 
 def fitting_of(number: int = 0):
-    study = study_of(SHORT)
+    study = study_of()
     model = candidates(study.problem, study.file.physics)[number]
     return study.problem, model.fitting(study.file.physics.calibration, "joint")
 
