@@ -161,6 +161,26 @@ def test_bounds_hold_what_enumeration_finds(place: int, second: float) -> None:
     assert found.upper <= 1.5 * best
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("place", [0, 2, 4])
+@pytest.mark.parametrize("nodes", [3, 300], ids=["some", "all"])
+def test_the_parts_of_a_search_hold_all_speeds(place: int, nodes: int) -> None:
+    allowed, weights = TINY[place], np.array([1.0, 0.4])
+    everything, middle = corners_of_all(allowed), allowed.bounds.mean(axis=1)
+    # No gap is small enough: branchings go on until all signs are known, of all that are allowed.
+    found = lattice_bound(allowed, weights, NOTHING, gap=-1.0, nodes=nodes)
+    held = np.zeros(len(everything), dtype=bool)
+    for part in found.parts:
+        signs = np.zeros((allowed.samples, 2))
+        for moment, pair in part.conditions.items():
+            signs[moment] = pair
+        # What is the same the other way round is left out where both ways are allowed.
+        for way in (1, -1) if allowed.symmetric else (1,):
+            held |= (way * signs * (everything - middle) >= -1e-9).all(axis=(1, 2))
+    assert held.all()
+    assert found.of_others(allowed, weights, NOTHING) <= found.upper * (1 + 1e-9)
+
+
 @pytest.mark.parametrize("allowed", TINY, ids=range(len(TINY)))
 @pytest.mark.slow
 def test_the_largest_trace_is_that_of_enumeration(allowed: SpeedLimits) -> None:
