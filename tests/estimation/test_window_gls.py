@@ -55,6 +55,15 @@ def test_without_noise_everything_is_exact(model, truth, place):
 ICR_NAMED = (-0.24, 0.06, 0.95, 1.02)
 
 
+def test_rounds_that_do_not_settle_are_said(monkeypatch):
+    log = log_of(course(), noise=(0.001, 0.005))
+    monkeypatch.setattr("oed.estimation.methods.gls.ROUNDS", 1)
+    assert gls([log]).converged
+    # No change is small enough.
+    monkeypatch.setattr("oed.estimation.methods.gls.CLOSE", 0.0)
+    assert not gls([log]).converged
+
+
 def test_a_first_guess_far_off_does_not_matter():
     true = truth_of(ROBOT, wheel_radius_right=0.03, wheel_radius_left=0.09, track=0.09)
     fit = gls([log_of(course(parameters=true))])
