@@ -192,15 +192,34 @@ def require_new_methods(kind: type) -> None:
             raise TypeError(f"{kind.__qualname__}.{old} is now called {new}: rename it, or nobody calls it")
 
 
+class OldName:
+    """An attribute's old name on a class; reading it fails and says the new name."""
+
+    def __init__(self, new: str) -> None:
+        """Keep the new name."""
+        self.new = new
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Keep the old name."""
+        self.old = name
+
+    def __get__(self, instance: object, owner: type) -> Any:
+        """Raise AttributeError with the new name."""
+        raise AttributeError(
+            f"{owner.__name__!r} object has no attribute {self.old!r}: it is now {self.new!r}"
+        )
+
+
 class Renamed:
-    """What has attributes that had other names: those of `ATTRIBUTES`."""
+    """Base of classes whose attributes had other names: those of `ATTRIBUTES`.
 
-    if not TYPE_CHECKING:
+    It has no `__getattr__`: that would also answer for properties whose code raises AttributeError.
+    """
 
-        def __getattr__(self, name: str) -> Any:
-            """Raise AttributeError, with the new name of what has one."""
-            kind = type(self).__name__
-            found = (ATTRIBUTES.get(one.__name__, {}).get(name) for one in type(self).__mro__)
-            new = next(filter(None, found), None)
-            hint = f": it is now {new!r}" if new else ""
-            raise AttributeError(f"{kind!r} object has no attribute {name!r}{hint}")
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        """Put the old names on the class."""
+        super().__init_subclass__(**keywords)
+        for old, new in ATTRIBUTES.get(cls.__name__, {}).items():
+            name = OldName(new)
+            name.__set_name__(cls, old)
+            setattr(cls, old, name)

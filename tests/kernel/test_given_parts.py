@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import replace
+from pathlib import Path
 from typing import ClassVar, Literal
 
 import casadi as ca
@@ -41,6 +42,35 @@ class TwoRows(Voltage):
     def twist(self, inputs, parameters):
         """One row too few."""
         return ca.vertcat(parameters[0] * inputs[0], 0)
+
+
+class Misspelt(oed.Sensor):
+    """A sensor with a typing error in its reading."""
+
+    kind: Literal["misspelt"] = "misspelt"
+
+    def reading(self, moment):
+        """`pose` is meant."""
+        return moment.pos[2]
+
+    def whitening(self, moment):
+        """Noise of 1."""
+        return ca.SX(1)
+
+
+def test_problem_shows_the_attribute_error_of_an_own_sensor():
+    with pytest.raises(AttributeError, match="Moment has no attribute 'pos'") as caught:
+        problem_of(measurement=[POSES, Misspelt()])
+    assert "reading" in [frame.name for frame in caught.traceback]
+    assert Path(__file__).name in [frame.path.name for frame in caught.traceback[1:]]
+
+
+def test_drive_shows_the_attribute_error_of_its_properties(monkeypatch: pytest.MonkeyPatch):
+    """Attributes of a drive that are not there are signals else."""
+    drive = problem_of()._any_drive
+    monkeypatch.setattr(type(drive), "runs", property(lambda self: self.system.nonsense))
+    with pytest.raises(AttributeError, match="'DifferentialDrive' object has no attribute 'nonsense'"):
+        drive.runs  # noqa: B018
 
 
 def test_a_list_of_sensors_is_the_sensors_together():

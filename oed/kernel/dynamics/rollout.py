@@ -38,6 +38,9 @@ class Named:
             """
             if name.startswith("_") or name in ("system", "signals"):
                 raise AttributeError(name)
+            if hasattr(type(self), name):
+                # A property whose code raised AttributeError: its error is the one to show.
+                return object.__getattribute__(self, name)
             if name in self.signals:
                 return self.signals[name]
             if name in self.system.renamed:
