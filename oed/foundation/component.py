@@ -7,9 +7,10 @@ The class that a study file configures is the class that does the work: there is
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial, reduce
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args
+from math import inf
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -108,24 +109,41 @@ class Component(Tidy, metaclass=_Worded):
 
 def _no_truth_for_a_number(part: type[Component], field: str, value: Any) -> Any:
     # To Python, and so to Pydantic, true is the number 1.
-    if _holds_truth(value) and not _takes_truth(part, field):
-        raise ValueError(f"true and false mean nothing here, got {value!r}")
+    if isinstance(value, bool | list | tuple | Mapping):
+        truth = next(_truths(value, _levels(part, field)), None)
+        if truth is not None:
+            path = "".join(f"{key}: " for key in truth[0])
+            raise ValueError(f"{path}true and false mean nothing here, got {truth[1]!r}")
     return value
 
 
-def _holds_truth(value: Any) -> bool:
-    return isinstance(value, bool) or (isinstance(value, list | tuple) and any(map(_holds_truth, value)))
+def _truths(value: Any, levels: float, keys: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[Any, ...], bool]]:
+    # True and false among what numbers are read from, with the keys that lead to them.
+    if isinstance(value, bool) and levels >= 0:
+        yield keys, value
+    elif isinstance(value, Mapping) and levels > 0:
+        for key, entry in value.items():
+            yield from _truths(entry, levels - 1, (*keys, key))
+    elif isinstance(value, list | tuple):
+        for entry in value:
+            yield from _truths(entry, levels, keys)
 
 
 @cache
-def _takes_truth(part: type[Component], field: str) -> bool:
-    # Whether true and false mean something to a field, alone or in a list.
-    return _mentions(part.model_fields[field].rebuild_annotation(), (bool, Any))
+def _levels(part: type[Component], field: str) -> float:
+    # Levels of mappings in which a field looks out for true and false: none (-1) where they mean something to
+    # it, alone or in a list; not those of parts, whose own fields look out.
+    annotation = part.model_fields[field].rebuild_annotation()
+    if _mentions(annotation, lambda kind: kind in (bool, Any)):
+        return -1
+    if not _mentions(annotation, lambda kind: isinstance(kind, type) and issubclass(kind, Component)):
+        return inf
+    return int(_mentions(annotation, lambda kind: get_origin(kind) in (dict, Mapping)))
 
 
-def _mentions(annotation: Any, types: tuple[Any, ...]) -> bool:
+def _mentions(annotation: Any, test: Callable[[Any], bool]) -> bool:
     inner = get_args(annotation)
-    return annotation in types or any(_mentions(one, types) for one in inner if not isinstance(one, bool))
+    return test(annotation) or any(_mentions(kind, test) for kind in inner if not isinstance(kind, bool))
 
 
 class OneOf:

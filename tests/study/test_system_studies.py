@@ -55,6 +55,28 @@ def of(text: str, **changes: str) -> str:
     return text
 
 
+@pytest.mark.parametrize(
+    ("text", "change", "key"),
+    [
+        (POINTS, {"parameters": "parameters: {k1: true, k2: 0.2 1/min}"}, "system.parameters: k1"),
+        (POINTS, {"parameters": "parameters: {k1: 0.7 1/min, k2: false}"}, "system.parameters: k2"),
+        (POINTS, {"inputs: {t: [0": "inputs: {t: [false, 20 min]}"}, "experiment.inputs"),
+        (POINTS, {"inputs: {t: [0": "inputs: {t: true}"}, "experiment.inputs: t"),
+        (POINTS, {"measurement": "measurement: {kind: responses, noise: {b: true}}"}, "measurement.noise: b"),
+        (POINTS, {"criterion": "criterion: {kind: D, scaling: {k1: true, k2: 1}}"}, "criterion.scaling: k1"),
+        (POINTS, {"criterion": "prior: {standard_deviations: {k1: true}}"}, "prior.standard_deviations: k1"),
+        (TANK, {"states": "states: {temperature: true}"}, "system.states: temperature"),
+        (TANK, {"states": "states: {temperature: {design: [true, 350 K]}}"}, "design"),
+        (TANK, {"inputs: {heat: {range": "inputs: {heat: {range: [0, true]}}"}, "range"),
+        (TANK, {"inputs: {heat: {range": "inputs: {heat: {range: [0, 9], rate: true}}"}, "rate"),
+    ],
+)
+def test_study_refuses_true_and_false_where_a_quantity_belongs(text: str, change: dict[str, str], key: str):
+    with pytest.raises(StudyError, match="true and false mean nothing here") as caught:
+        oed.parse_study(of(text, **change))
+    assert [key in str(issue) and issue.line > 0 for issue in caught.value.issues] == [True]
+
+
 @pytest.mark.slow
 def test_points_are_those_of_the_same_problem_in_python():
     """The study is the problem that Python makes of the same equations."""
