@@ -11,6 +11,7 @@ import pytest
 from builders import problem_of, random_drive
 from logged import HEADER, INPUTS, PERIOD, ROBOT, cells, doubtful, drive, form, found, read_one, write
 
+from oed.foundation.errors import LogError
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.logs import read_logs
@@ -107,6 +108,47 @@ class TestTables:
     def test_comments_and_empty_lines_are_passed_over(self, tmp_path: Path):
         lines = [",".join(HEADER), "# begun", "", *(",".join(row) for row in cells(TABLE)), "# ended", ""]
         (tmp_path / "a.csv").write_text("\n".join(lines))
+        require_alike(read_one(tmp_path / "a.csv"))
+
+    @pytest.mark.parametrize("column", [0, 1, 3])
+    @pytest.mark.parametrize("delimiter", [",", ";", " ", "\t"])
+    def test_error_of_a_spreadsheet_is_refused_in_any_column(
+        self, tmp_path: Path, column: int, delimiter: str
+    ):
+        rows = cells(TABLE)
+        rows[5][column] = "#DIV/0!"
+        text = "\n".join(map(delimiter.join, [HEADER, *rows]))
+        (tmp_path / "a.csv").write_text(text)
+        with pytest.raises(LogError) as caught:
+            read_one(tmp_path / "a.csv")
+        issues = [(issue.line, issue.key, "#DIV/0!" in issue.message) for issue in caught.value.issues]
+        assert issues == [(7, HEADER[column], True)]
+
+    def test_row_of_errors_alone_is_refused(self, tmp_path: Path):
+        rows = cells(TABLE)
+        rows[5] = ["#N/A"] * len(HEADER)
+        with pytest.raises(LogError) as caught:
+            read_one(write(tmp_path / "a.csv", rows))
+        assert {issue.line for issue in caught.value.issues} == {7}
+        log = read_one(write(tmp_path / "a.csv", rows), skip_invalid_rows=True)
+        assert {"skipped_inputs", "skipped_poses"} <= set(found(log))
+
+    def test_lines_marked_as_comments_are_passed_over(self, tmp_path: Path):
+        rows = cells(TABLE)
+        rows.insert(5, [f"// {rows[5][0]}", *rows[5][1:]])
+        rows.insert(5, ["#", *rows[5][1:]])
+        (tmp_path / "a.csv").write_text("\n".join(map(",".join, [HEADER, *rows])))
+        with pytest.raises(LogError, match="comment: '#'"):
+            read_one(tmp_path / "a.csv")
+        rows.pop(5)
+        (tmp_path / "a.csv").write_text("\n".join(map(",".join, [HEADER, *rows])))
+        require_alike(read_one(tmp_path / "a.csv", comment="//"))
+
+    def test_comment_of_as_many_words_as_columns_is_passed_over(self, tmp_path: Path):
+        lines = [" ".join(row) for row in [HEADER, *cells(TABLE)]]
+        lines.insert(4, "# the robot is lifted again")
+        (tmp_path / "a.csv").write_text("\n".join(lines))
+        assert len(lines[4].split()) == len(HEADER)
         require_alike(read_one(tmp_path / "a.csv"))
 
     def test_a_comment_above_the_numbers_may_be_the_header(self, tmp_path: Path):

@@ -6,6 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
+from pydantic import Field
+
 from oed.foundation.errors import Issue, LogError
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Measurement
@@ -30,6 +32,8 @@ class CsvForm(LogForm):
     Attributes:
         delimiter: between cells; found by itself by default.
         header: whether the first row has the columns' names; by default it has if it is not all numbers.
+        comment: text that comment lines begin with wherever they stand, in files beside the log as well;
+            by default lines that begin with # or % are, above the first row or with fewer or more cells.
         time: column of the times.
         inputs: columns of the robot's inputs by their names; a column of the same name by default.
         poses: columns of the reference poses; "none" where other sensors say where the robot was.
@@ -45,6 +49,7 @@ class CsvForm(LogForm):
     kind: Literal["csv"] = "csv"
     delimiter: Delimiter | None = None
     header: bool | None = None
+    comment: Annotated[str, Field(min_length=1)] | None = None
     time: Annotated[TimeColumn, Short("column")] = TimeColumn(column="t")
     inputs: AnyInputColumns = {}  # noqa: RUF012
     poses: Annotated[PoseColumns, MayBeNone()] = PoseColumns()
@@ -151,4 +156,5 @@ class CsvForm(LogForm):
         return to_logs(drives, self, self.reference.held)
 
     def _table(self, file: Path) -> Table:
-        return read_table(file, self.delimiter, self.header, ragged=self.records is not None)
+        ragged = self.records is not None
+        return read_table(file, self.delimiter, self.header, ragged=ragged, comment=self.comment)

@@ -81,7 +81,7 @@ class SensorColumns(MaybeBeside, SensorSource):
         Raises:
             LogError: columns that are not there, cells that are no numbers, ids that the study does not know.
         """
-        table, key = self._table(name, Path(log.file), log), ("sensors", name)
+        table, key = self._table(name, Path(log.file), log, form.comment), ("sensors", name)
         time, where = (form.time, ("time",)) if self.time is None else (self.time, (*key, "time"))
         columns, units = self._columns(sensor), units_of(sensor, self.id is not None)
         skip = form.skip_invalid_rows
@@ -104,14 +104,14 @@ class SensorColumns(MaybeBeside, SensorSource):
     def _key(self, column: PoseColumn) -> str:
         return next((one for one in ROWS if getattr(self, one) is column), "columns")
 
-    def _table(self, name: str, log: Path, table: Table) -> Table:
+    def _table(self, name: str, log: Path, table: Table, comment: str | None) -> Table:
         own = self.beside(log)
         if own is None:
             return table
         if not own.exists():
             named = ("log", "sensors", name, "file")
             raise LogError([NotInLog(str(own), 0, 0, "file", no_such_file(own, log), named)])
-        return read_table(own, self.delimiter, self.header)
+        return read_table(own, self.delimiter, self.header, comment=comment)
 
     def _columns(self, sensor: Sensor) -> tuple[PoseColumn, ...]:
         if self.id is None or self.columns:

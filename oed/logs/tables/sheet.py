@@ -282,10 +282,10 @@ def _read_reference(
             [NotInLog(str(beside), 0, 0, "file", f"{no_such_file(beside, Path(table.file))}{hint}", named)]
         )
     if beside is not None and isinstance(given, PoseColumns) and given.is_tum:
-        block = _read_tum(beside, given, form.skip_invalid_rows)
+        block = _read_tum(beside, given, form)
         return tuple(given.columns), block, np.ones(len(block.series), dtype=bool)
     if beside is not None:
-        table = read_table(beside, given.delimiter, given.header)
+        table = read_table(beside, given.delimiter, given.header, comment=form.comment)
     elif types is not None:
         table = of_type(table, types, "poses")
     if apart:
@@ -309,9 +309,10 @@ def _read_reference(
     return tuple(columns), replace(block, series=block.series.with_values(values)), kept
 
 
-def _read_tum(file: Path, poses: PoseColumns, skip: bool) -> ColumnBlock:
+def _read_tum(file: Path, poses: PoseColumns, form: CsvForm) -> ColumnBlock:
     unit = "s" if poses.time is None else poses.time.unit or "s"
-    return ColumnBlock(None, read_tum(file, tuple(poses.columns), TIME_UNITS[unit], skip=skip))
+    named, factor, skip = tuple(poses.columns), TIME_UNITS[unit], form.skip_invalid_rows
+    return ColumnBlock(None, read_tum(file, named, factor, skip=skip, comment=form.comment))
 
 
 def _pose_columns(table: Table, poses: PoseColumns, model: System) -> dict[str, PoseColumn]:

@@ -41,6 +41,9 @@ NAMES = 40
 MAY_BE_HEADER = "its first row has numbers, and so is no header; where it is one, say `header: true`"
 """Of a file whose first row has other cells as well."""
 
+MAY_BE_COMMENT = " (the line has as many cells as a row; where it is a comment, say `comment: '{}'`)"
+"""Of a row that begins as comments do."""
+
 MOST = 0.5
 """Share of the lines beyond which what they have in common is their delimiter."""
 _LOOKED_AT = 20
@@ -208,6 +211,8 @@ class Table:
             return FileIssue(self.file, int(self.lines[row]), 0, "", _expected(self.width, found))
         got = f"got {written(cell)}" if cell else "the cell is empty"
         hint = " (decimals need a point)" if "," in cell else ""
+        if self.rows[row].lstrip().startswith(COMMENT):
+            hint = MAY_BE_COMMENT.format(self.rows[row].lstrip()[0])
         if self.header_in_doubt and not row and cell:
             hint = f" ({MAY_BE_HEADER})"
         text = f"expected a finite number, {got}{hint}"
@@ -224,17 +229,26 @@ def _number(cell: str) -> float:
 
 
 def read_table(
-    file: Path, delimiter: str | None = None, header: bool | None = None, *, ragged: bool = False
+    file: Path,
+    delimiter: str | None = None,
+    header: bool | None = None,
+    *,
+    ragged: bool = False,
+    comment: str | None = None,
 ) -> Table:
     """Read a text table.
 
+    Lines that begin with # or % are comments where they stand above the first row, of which the last may be
+    the header, or have another number of cells than the rows: one with as many, as a spreadsheet's error
+    `#DIV/0!` begins, is a row.
+
     Args:
-        file: to read; lines that begin with # or % are comments, of which one right above the first row
-            may be the header.
+        file: to read.
         delimiter: between cells, as studies name it, " " for any number of blanks; found by itself if None.
         header: whether the first row has the names; if None it does where it has names above numbers, and
             no numbers but a few whole ones, or such as count columns.
         ragged: whether rows may be of several types, each of a width of its own; `even` makes a table of one.
+        comment: text that lines begin with which are comments wherever they stand.
 
     Raises:
         LogError: no such file, not text, or nothing in it.
@@ -242,19 +256,22 @@ def read_table(
     # Spreadsheets begin a file with a byte-order mark.
     texts = text_of(file, LogError, "utf-8-sig", MOST_LOG_BYTES).splitlines()
     # Most lines begin with a digit, which is enough to know that they are rows.
-    kept = [index for index, text in enumerate(texts) if text[:1].isdigit() or _is_row(text)]
+    marks = COMMENT if comment is None else (*COMMENT, comment)
+    kept = [index for index, text in enumerate(texts) if text[:1].isdigit() or _is_row(text, marks)]
     if not kept:
         raise LogError.about(file, "the file has no rows")
+    first_lines = [texts[index] for index in kept[:_LOOKED_AT]]
+    delimiter = DELIMITERS.get(delimiter or "", delimiter) or _delimiter(first_lines)
+    kept = sorted([*kept, *_rows_like_comments(texts, kept, delimiter, comment)])
     rows, lines = [texts[index] for index in kept], np.array(kept, dtype=np.intp) + 1
-    delimiter = DELIMITERS.get(delimiter or "", delimiter) or _delimiter(rows[:_LOOKED_AT])
     quoted = delimiter != BLANKS and any(QUOTE in row for row in rows)
     cells = partial(_quoted_cells if quoted else _plain_cells, delimiter)
     if quoted:
         _require_closed_quotes(file, rows, lines, cells)
-    comment = texts[kept[0] - 1] if kept[0] else ""
+    above = texts[kept[0] - 1] if kept[0] else ""
     first_rows = [cells(row) for row in rows[:_LOOKED_AT]]
     like, mixed = _like_header(first_rows) if header is None else (header, False)
-    names, first = _header(first_rows[0], _comment_cells(comment, delimiter), like, header)
+    names, first = _header(first_rows[0], _comment_cells(above, delimiter), like, header)
     if first == len(rows):
         raise LogError.about(file, "the file has no rows after its header")
     rows, lines = rows[first:], lines[first:]
@@ -277,8 +294,28 @@ def even(table: Table) -> Table:
     return replace(table.only(whole), cut_off=True)
 
 
-def _is_row(text: str) -> bool:
-    return bool(text) and not text.isspace() and not text.lstrip().startswith(COMMENT)
+def _is_row(text: str, marks: tuple[str, ...]) -> bool:
+    return bool(text) and not text.isspace() and not text.lstrip().startswith(marks)
+
+
+def _rows_like_comments(
+    texts: Sequence[str], kept: Sequence[int], delimiter: str, comment: str | None
+) -> list[int]:
+    # Places of lines after the first row that begin as comments do and have as many cells as rows.
+    widths = {len(_plain_cells(delimiter, texts[index])) for index in kept[:_LOOKED_AT]} - {1}
+    marked = [
+        (index, _plain_cells(delimiter, text))
+        for index, text in enumerate(texts)
+        if not text[:1].isdigit() and index > kept[0] and text.lstrip().startswith(COMMENT)
+        if comment is None or not text.lstrip().startswith(comment)
+    ]
+    # Words between blanks are a comment, too, but where there are numbers among them.
+    needs_number = delimiter == BLANKS
+    return [
+        index
+        for index, cells in marked
+        if len(cells) in widths and (not needs_number or any(map(_is_float, cells)))
+    ]
 
 
 def _is_cut_off(rows: Sequence[str], cells: Cells) -> bool:

@@ -17,19 +17,27 @@ OFF_UNIT = 0.05
 """Difference of a quaternion's length from 1 beyond which it is none: far above rounding in files."""
 
 
-def read_tum(file: Path, quantities: tuple[str, ...], factor: float = 1.0, *, skip: bool = False) -> Series:
+def read_tum(
+    file: Path,
+    quantities: tuple[str, ...],
+    factor: float = 1.0,
+    *,
+    skip: bool = False,
+    comment: str | None = None,
+) -> Series:
     """Poses in the plane from a TUM file.
 
     Args:
-        file: rows `timestamp tx ty tz qx qy qz qw`, blanks between, # for comments.
+        file: rows `timestamp tx ty tz qx qy qz qw`, blanks between; comments are as `read_table` has them.
         quantities: which of x, y, heading to keep.
         factor: seconds in a unit of the timestamps.
         skip: whether rows without finite numbers are emptied instead of refused.
+        comment: text that lines begin with which are comments.
 
     Raises:
         LogError: every mistake in the file, each with its line.
     """
-    table = read_table(file, BLANKS, header=False)
+    table = read_table(file, BLANKS, header=False, comment=comment)
     if table.width != len(NAMES):
         text = f"expected {len(NAMES)} columns ({' '.join(NAMES)}), got {table.width}"
         raise LogError([FileIssue(str(file), int(table.lines[0]), 0, "", text)])
