@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from sample_robots import ROBOTS, Example, cases, draw_inputs, motion_by_parameters
-from scipy.linalg import block_diag
 
 from oed.estimation.prediction.segments import Driven, SegmentReadings
 from oed.kernel.dynamics.rollout import roll_out
@@ -197,7 +196,8 @@ class TestAnySensor:
                 period=ca.DM(0.1),
             )
             response, jacobian = readings(sensor, drive)
-            weights = block_diag(*white[index])
+            own_rows = slice(index * found[index].size, (index + 1) * found[index].size)
+            weights = white[own_rows, own_rows].toarray()
             own = slopes[index].reshape(found[index].size, -1)
             np.testing.assert_allclose(weights @ found[index].ravel(), np.array(response).ravel(), rtol=1e-10)
             np.testing.assert_allclose(weights @ own, jacobian, rtol=1e-10, atol=1e-8)

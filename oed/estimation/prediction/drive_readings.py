@@ -154,11 +154,8 @@ class DriveReadings:
         blocks = list[Any]()
         for one, driven in self._at_nominal:
             each = one.whitening(driven)
-            whole = whole_whitening(one.sensor, each[0, ..., 0].size)
-            if whole is None:
-                blocks += [*each.reshape(-1, *each.shape[2:])]
-            else:
-                blocks += [scipy.sparse.csr_array(whole)] * one.count
+            whole = whole_whitening(one.sensor, each.shape[0] // one.count)
+            blocks += [each] if whole is None else [scipy.sparse.csr_array(whole)] * one.count
         whole = scipy.sparse.csr_array(scipy.sparse.block_diag(blocks))
         return whole if self._roots is None else scipy.sparse.csr_array(self._roots[:, None] * whole)
 

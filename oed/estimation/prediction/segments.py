@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import casadi as ca
 import numpy as np
+import scipy.sparse
 
 from oed.foundation.arrays import Array, block_columns
 from oed.kernel.dynamics.direct_call import DirectCall
@@ -33,7 +34,14 @@ PERIODS = 10
 """Periods that one call of a function takes, for a call takes longer than a period."""
 BASE = 4
 """Calls that CasADi nests in one: with more of them a function takes longer to be made."""
-OUTPUTS: dict[What, tuple[int, ...]] = {"readings": (0,), "slopes": (0, 1), "whitening": (2,), "by twist": ()}
+WHITENING = 2
+"""Place of the whitening among the results of `moment_reading`."""
+OUTPUTS: dict[What, tuple[int, ...]] = {
+    "readings": (0,),
+    "slopes": (0, 1),
+    "whitening": (WHITENING,),
+    "by twist": (),
+}
 """Of the function of a moment's reading."""
 
 
@@ -177,10 +185,14 @@ class SegmentReadings:
         (found,) = self._called("by twist", driven)
         return self._by_segment(found, 3)
 
-    def whitening(self, driven: Driven) -> Array:
-        """A (S, K, q, q) of every reading, with A R A' = 1 for the covariance R of its noise."""
+    def whitening(self, driven: Driven) -> Any:
+        """A with A R A' = 1 for the covariance R of all readings' noise: (S K q, S K q), sparse."""
         (found,) = self._called("whitening", driven)
-        return self._by_segment(found, self._size).swapaxes(-1, -2)
+        rows, columns = moment_reading(self.sensor, self.model).sparsity_out(WHITENING).get_triplet()
+        values = found.reshape(-1, len(rows))
+        first = self._size * np.arange(len(values))[:, None]
+        places = (first + rows).ravel(), (first + columns).ravel()
+        return scipy.sparse.csr_array((values.ravel(), places), shape=2 * (self._size * len(values),))
 
     def _by_segment(self, found: Array, *width: int) -> Array:
         return found.reshape(self.count, -1, self._size, *width)
@@ -321,4 +333,6 @@ def _moment(sensor: Sensor, model: System, what: What) -> ca.Function:
         )
     found = whole.call(symbols)
     wanted = [ca.densify(found[place]) for place in OUTPUTS[what]]
+    if what == "whitening":
+        wanted = [ca.vertcat(*found[WHITENING].nonzeros())]
     return ca.Function("moment", [pose, *others, *([carried] if what == "slopes" else [])], wanted)

@@ -34,20 +34,27 @@ def noise_text(whitening: Expression, units: Sequence[str]) -> str:
     """
     if ca.symvar(ca.SX(whitening)):
         return "a standard deviation that depends on the drive"
-    inverse = np.linalg.inv(np.asarray(ca.evalf(whitening), dtype=float))
-    covariance = inverse @ inverse.T
-    sizes = np.sqrt(np.diag(covariance))
+    sizes, correlation = _deviations(whitening)
     text = deviations_text(*dict.fromkeys(_sizes(sizes, units)))
-    shared = covariance / np.outer(sizes, sizes) - np.eye(len(sizes))
-    return f"correlated noise ({text})" if np.abs(shared).max() > UNCORRELATED else text
+    return f"correlated noise ({text})" if correlation > UNCORRELATED else text
 
 
 def deviations_of(whitening: Expression) -> tuple[float, ...]:
     """Standard deviations (q,) of one reading by its whitening (q, q); () where they depend on the moment."""
-    if ca.symvar(ca.SX(whitening)):
-        return ()
-    inverse = np.linalg.inv(np.asarray(ca.evalf(whitening), dtype=float))
-    return tuple(np.sqrt(np.diag(inverse @ inverse.T)).tolist())
+    return () if ca.symvar(ca.SX(whitening)) else tuple(_deviations(whitening)[0].tolist())
+
+
+def _deviations(whitening: Expression) -> tuple[Array, float]:
+    # Standard deviations (q,) and the largest correlation. Diagonals stay sparse: q may be thousands.
+    matrix = ca.sparsify(ca.evalf(whitening))
+    if matrix.sparsity().is_diag():
+        with np.errstate(divide="ignore"):
+            return np.asarray(1.0 / np.abs(np.array(ca.diag(matrix)).ravel())), 0.0
+    inverse = np.linalg.inv(np.asarray(matrix, dtype=float))
+    covariance = inverse @ inverse.T
+    sizes = np.sqrt(np.diag(covariance))
+    shared = covariance / np.outer(sizes, sizes) - np.eye(len(sizes))
+    return sizes, float(np.abs(shared).max())
 
 
 def deviations_text(*sizes: str) -> str:

@@ -73,7 +73,7 @@ def moment_reading(sensor: Sensor, system: System) -> ca.Function:
     S (states, p + states) are the state's derivatives by parameters and start. Of a reading between two
     moments the states, S and inputs of the later one stand above those of the earlier, and the period is the
     time between them. The results are the reading (q,), its derivatives by parameters, start and nuisances
-    (columns, q), its whitening (q, q), and the first two in units of the noise.
+    (columns, q), its whitening (q, q), sparse, and the first two in units of the noise.
     """
     states, size = len(system.states), len(system.parameters)
     moments = 2 if sensor.when == "between samples" else 1
@@ -93,14 +93,15 @@ def moment_reading(sensor: Sensor, system: System) -> ca.Function:
         signals = system.signals(at, held, parameters, lasting)
         moment = Moment(system, at, held, signals, nuisances, moment, period if moment else 0.0, lasting)
     assert moment is not None
-    reading, whitening = sensor.reading(moment), sensor.whitening(moment)
+    # Sparse: readings of many points are independent of each other.
+    reading, whitening = sensor.reading(moment), ca.sparsify(ca.SX(sensor.whitening(moment)))
     direct = ca.horzcat(ca.jacobian(reading, parameters), ca.SX(reading.shape[0], states))
     through = ca.jacobian(reading, state) @ carried + direct
     jacobian = ca.densify(ca.horzcat(through, ca.jacobian(reading, own)))
     return ca.Function(
         "reading",
         [state, carried, inputs, parameters, own, period],
-        [reading, jacobian.T, ca.densify(whitening), whitening @ reading, (whitening @ jacobian).T],
+        [reading, jacobian.T, whitening, whitening @ reading, (whitening @ jacobian).T],
     )
 
 

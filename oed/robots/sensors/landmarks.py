@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections import Counter
 from typing import Annotated, Literal
 
 import casadi as ca
@@ -161,7 +162,7 @@ class Sights(MappedSensor):
                 f"expected one id for each of the {count(len(self.places), self.point)}, got {len(self.ids)}"
             )
             issues.append(Issue(("measurement", "ids"), text))
-        twice = sorted({label for label in self.labels if self.labels.count(label) > 1})
+        twice = sorted(label for label, times in Counter(self.labels).items() if times > 1)
         if twice:
             issues.append(Issue(("measurement", "ids"), f"the id {listing(twice)} is listed twice"))
         return issues

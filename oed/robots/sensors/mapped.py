@@ -23,8 +23,12 @@ from oed.robots.sensors.prior import PosePrior, known_to
 
 NEAREST = 1e-3
 """Distance [m] at which a range is rounded off, so that it has derivatives at the point itself."""
-MOST_PLACES = 6
+MOST_LISTED = 6
 """Points beyond which they are counted, not listed."""
+MOST_PLACES = 5000
+"""Points at most: a check of so many takes 0.2 GB, in proportion to their number."""
+MOST_UNKNOWN = 200
+"""Points at most whose places are unknown: the derivatives by their coordinates grow with the square."""
 AXES = (("x", "m"), ("y", "m"), ("heading", "rad"))
 """What places consist of, with SI units."""
 
@@ -75,12 +79,18 @@ class MappedSensor(PlacedSensor):
         return tuple(axis for axis, _ in AXES) if free else ()
 
     def issues(self, system: System, samples: int) -> list[Issue]:
-        """Points that are where another one is."""
-        found = []
+        """Points that are too many, or where another one is."""
+        most, which = (
+            (MOST_PLACES, "") if self.map == "known" else (MOST_UNKNOWN, " whose places are not known")
+        )
+        if len(self.places) > most:
+            text = f"expected at most {most} {self.point}s{which}, got {len(self.places)}"
+            return [Issue(("measurement", f"{self.point}s"), text)]
+        found, firsts, labels = [], dict[tuple[float, ...], int](), self.labels
         for number, place in enumerate(self.places):
-            first = self.places.index(place)
+            first = firsts.setdefault(place, number)
             if first < number:
-                text = f"is where {self.point} {self.labels[first]} is; give each a place of its own"
+                text = f"is where {self.point} {labels[first]} is; give each a place of its own"
                 found.append(Issue(("measurement", f"{self.point}s", number), text))
         return found
 
@@ -120,7 +130,7 @@ class MappedSensor(PlacedSensor):
 
 def _at(places: Sequence[Sequence[float]]) -> str:
     points = [f"({place[0]:g}, {place[1]:g}) m" for place in places]
-    return f" at {listing(points)}" if len(points) <= MOST_PLACES else ""
+    return f" at {listing(points)}" if len(points) <= MOST_LISTED else ""
 
 
 def points_seen(sensors: Sequence[Sensor]) -> Array:
