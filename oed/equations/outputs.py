@@ -9,7 +9,7 @@ import casadi as ca
 from pydantic import BeforeValidator, Field
 
 from oed.equations.diffusion import Diffusion, diffusion_issues, diffusion_of
-from oed.equations.dimensions import quantity
+from oed.equations.dimensions import SIZES, quantity
 from oed.equations.given import AS_DATA, Readable, pairs
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Issue
@@ -219,6 +219,8 @@ def _noise_issue(system: Readable, name: str, value: str | float) -> str:
         return str(error)
     if not size > 0:
         return f"expected a standard deviation above 0, got {value}"
+    if size < 1 / SIZES[1]:
+        return f"expected a standard deviation of at least {1 / SIZES[1]:g} in SI units, got {value}"
     return (
         "" if dimension.fits(known[name]) else f"{name} is {known[name].words}, its noise {dimension.words}"
     )

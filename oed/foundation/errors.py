@@ -67,9 +67,13 @@ class NotFinite(Failure):
         self.issue = issue
         super().__init__(str(issue))
 
-    def __reduce__(self) -> tuple[type[NotFinite], tuple[Issue]]:
+    def __reduce__(self) -> tuple[type[Self], tuple[Issue]]:
         """What pickles it by its issue, from the worker that met it."""
-        return NotFinite, (self.issue,)
+        return type(self), (self.issue,)
+
+
+class TooLarge(NotFinite):
+    """Readings of a drive, or their derivatives, whose squares are no numbers."""
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools
-from oed.foundation.errors import Issue, NotFinite
+from oed.foundation.errors import Issue, NotFinite, TooLarge
 from oed.foundation.quantities import LARGEST
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.sensor import row_times
 from oed.kernel.problem import Problem
+
+FARTHEST = 1e100
+"""Largest magnitude of readings and derivatives in units of the noise, whose squares are finite."""
 
 
 def require_driven(problem: Problem, trajectory: Trajectory, path: Array) -> None:
@@ -42,15 +45,19 @@ def require_measured(
         derivatives: of these by what is estimated, (M, p).
 
     Raises:
-        NotFinite: says what is not finite, and when.
+        NotFinite: says what is not finite, or beyond `FARTHEST` (`TooLarge`), and when.
     """
     pairs = [("reading", array) for array in responses] + [("derivative", array) for array in derivatives]
     for what, array in pairs:
-        rows = np.flatnonzero(~np.isfinite(np.atleast_2d(array.T)).all(axis=0))
-        if rows.size:
-            where = _reading(problem, trajectory, int(rows[0]), len(array))
-            columns = np.flatnonzero(~np.isfinite(array[rows[0]])).tolist() if what == "derivative" else []
-            raise NotFinite(Issue(("measurement",), _sentence(problem, what, where, columns)))
+        for inside, how, error in (
+            (np.isfinite(array), "not finite", NotFinite),
+            (np.abs(array) <= FARTHEST, f"beyond {FARTHEST:g} in units of the noise", TooLarge),
+        ):
+            rows = np.flatnonzero(~np.atleast_2d(inside.T).all(axis=0))
+            if rows.size:
+                where = _reading(problem, trajectory, int(rows[0]), len(array))
+                columns = np.flatnonzero(~inside[rows[0]]).tolist() if what == "derivative" else []
+                raise error(Issue(("measurement",), _sentence(problem, what, where, columns, how)))
 
 
 def _departure(problem: Problem, trajectory: Trajectory, inside: Bools, what: str) -> str:
@@ -79,10 +86,10 @@ def _reading(problem: Problem, trajectory: Trajectory, row: int, count: int) -> 
     return f"{label} at {samples * trajectory.period:.6g} s" + (f" of run {run + 1}" if runs > 1 else "")
 
 
-def _sentence(problem: Problem, what: str, where: str, columns: Sequence[int]) -> str:
+def _sentence(problem: Problem, what: str, where: str, columns: Sequence[int], how: str) -> str:
     if what == "reading":
-        return f"the reading of {where} is not finite{_advice(problem)}"
+        return f"the reading of {where} is {how}{_advice(problem)}"
     block = problem.any_estimations[0].block
     names = [*block.parameters, *(nuisance.name for nuisance in block.nuisances)]
     known = [names[column] for column in columns if column < len(names)]
-    return f"the derivative of {where} by {', '.join(known) or 'what is estimated'} is not finite"
+    return f"the derivative of {where} by {', '.join(known) or 'what is estimated'} is {how}"

@@ -14,7 +14,7 @@ import numpy as np
 
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Issue, NotFinite, ProblemError
+from oed.foundation.errors import Issue, NotFinite, ProblemError, TooLarge
 from oed.kernel.coarser import as_well_read
 from oed.kernel.dynamics.embedding import Embedding, embedding_of
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -117,8 +117,10 @@ def _hidden(problem: Problem, drives: int) -> tuple[Ambiguity, ...]:
             pairs = _together(problem, found)
             if _identified(problem, pairs):
                 return ()
-    if not found:
-        raise failed[0]
+    # Drives whose readings are too large may identify what those left do not.
+    too_large = [error for error in failed if isinstance(error, TooLarge)]
+    if too_large or not found:
+        raise [*too_large, *failed][0]
     return tuple(ambiguity for one, root in pairs for ambiguity in _null_combinations(one, root))
 
 

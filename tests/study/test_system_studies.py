@@ -9,6 +9,7 @@ import pytest
 
 import oed
 from oed.foundation.errors import StudyError
+from oed.kernel.identifiability import require_identifiable
 
 POINTS = textwrap.dedent("""\
     format: 1
@@ -75,6 +76,29 @@ def test_study_refuses_true_and_false_where_a_quantity_belongs(text: str, change
     with pytest.raises(StudyError, match="true and false mean nothing here") as caught:
         oed.parse_study(of(text, **change))
     assert [key in str(issue) and issue.line > 0 for issue in caught.value.issues] == [True]
+
+
+@pytest.mark.filterwarnings("error")
+def test_noise_whose_square_is_no_number_is_refused():
+    with pytest.raises(StudyError) as caught:
+        oed.parse_study(of(POINTS, measurement="measurement: {kind: responses, noise: {b: 1e-300}}"))
+    assert [issue.key for issue in caught.value.issues] == ["measurement.noise.b"]
+    assert oed.parse_study(of(POINTS, measurement="measurement: {kind: responses, noise: {b: 1e-90}}"))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("error")
+def test_readings_whose_squares_are_no_numbers_are_named_instead_of_the_parameters():
+    powers = range(0, 199, 20)
+    terms = " + ".join(f"p{power} * t^{power}" for power in powers)
+    changes = {
+        "inputs: {t: s}": 'inputs: {t: ""}',
+        "parameters": f"parameters: {{{', '.join(f'p{power}: 1' for power in powers)}}}",
+        "outputs": f"outputs: {{b: {terms}}}",
+        "inputs: {t: [0": "inputs: {t: [0, 20]}",
+    }
+    with pytest.raises(oed.NotFinite, match=r"measurement: the reading of responses at .* beyond 1e\+100"):
+        require_identifiable(oed.parse_study(of(POINTS, **changes)).problem)
 
 
 @pytest.mark.slow
