@@ -13,7 +13,6 @@ from typing import Any, Literal, NamedTuple
 
 import casadi as ca
 import numpy as np
-import scipy.sparse
 
 from oed.foundation.arrays import Array, block_columns
 from oed.kernel.dynamics.direct_call import DirectCall
@@ -187,12 +186,15 @@ class SegmentReadings:
 
     def whitening(self, driven: Driven) -> Any:
         """A with A R A' = 1 for the covariance R of all readings' noise: (S K q, S K q), sparse."""
+        # Loaded late: a check of a study needs none of it.
+        from scipy.sparse import csr_array
+
         (found,) = self._called("whitening", driven)
         rows, columns = moment_reading(self.sensor, self.model).sparsity_out(WHITENING).get_triplet()
         values = found.reshape(-1, len(rows))
         first = self._size * np.arange(len(values))[:, None]
         places = (first + rows).ravel(), (first + columns).ravel()
-        return scipy.sparse.csr_array((values.ravel(), places), shape=2 * (self._size * len(values),))
+        return csr_array((values.ravel(), places), shape=2 * (self._size * len(values),))
 
     def _by_segment(self, found: Array, *width: int) -> Array:
         return found.reshape(self.count, -1, self._size, *width)
