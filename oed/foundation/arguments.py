@@ -115,6 +115,37 @@ def count_issue(number: int | None, least: int | None) -> str:
     return f"expected a whole number of at least {least}" if too_small else ""
 
 
+def real_array(what: str, value: Any) -> Any:
+    """Return a copy of an argument as an array of real numbers.
+
+    Args:
+        what: the argument's name.
+        value: what came.
+
+    Raises:
+        WrongKind: complex or masked values, values with a unit, or no numbers.
+    """
+    # Loaded by those who have arrays.
+    import numpy as np
+
+    reason = ""
+    if hasattr(type(value), "units") or hasattr(type(value), "unit"):
+        reason = "values with a unit; give plain numbers in SI units"
+    elif np.ma.is_masked(value):
+        reason = "masked values; fill them or leave them out"
+    if reason:
+        raise WrongKind(f"{what}: expected real numbers, got {reason}")
+    try:
+        array = np.asarray(value)
+        if np.iscomplexobj(array):
+            raise WrongKind(f"{what}: expected real numbers, got complex ones")
+        return np.array(array, dtype=float)
+    except WrongKind:
+        raise
+    except (TypeError, ValueError):
+        raise WrongKind(f"{what}: expected an array of numbers, got {written(value)}") from None
+
+
 def called_in_words(function: Callable[Given, Result]) -> Callable[Given, Result]:
     """A public function that refuses in words calls without what it needs, or with what it does not know."""
     return _watched(function, lambda given: "")

@@ -167,6 +167,7 @@ def parse_quantity(value: object, unit: str, sizes: Sizes = (SMALLEST, LARGEST),
     """
     smallest, largest = sizes
     expected = f"expected {meaning or _meaning(unit)}"
+    value = value.item() if isinstance(value, np.integer | np.floating) else value
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"{expected}, got {written(value)}")
     number = _parse_string(value, unit, expected) if isinstance(value, str) else value

@@ -53,11 +53,17 @@ def parts_of(problem: Problem) -> dict[str, Any]:
         reasons["prior"] = kind_issue(problem.prior, Prior)
     issues += [Issue((name,), reason) for name, reason in reasons.items() if reason]
     estimate = (problem.estimate,) if isinstance(problem.estimate, str) else problem.estimate
+    if estimate is not None and not _are_names(estimate):
+        issues.append(Issue(("estimate",), f"expected names of parameters, got {written(estimate)}"))
     limits, others = _limits(problem.limits)
     issues += others
     if issues:
         raise ProblemError(issues)
     return {**found, "limits": limits, "estimate": None if estimate is None else tuple(estimate)}
+
+
+def _are_names(given: Any) -> bool:
+    return isinstance(given, list | tuple) and all(isinstance(name, str) for name in given)
 
 
 def _kind_issues(found: Mapping[str, object], kinds: Mapping[str, type]) -> list[Issue]:

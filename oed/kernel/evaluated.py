@@ -78,6 +78,11 @@ class Evaluation(ByValue, Presented, Renamed):
     nominal: Mapping[str, float] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for array in (self.states, self.path, self.singular_values):
+            array.setflags(write=False)
+
     @cached_property
     def information(self) -> Mapping[str, Array]:
         """F of each block by name, on the parameters the criterion judges, in its scaling."""

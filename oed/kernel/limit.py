@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
 from pydantic_core import CoreSchema
 
+from oed.foundation.arguments import WrongKind, kind_issue
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Issue
@@ -46,6 +47,18 @@ class Rows(Brief):
     size: float
     unit: str
 
+    def __post_init__(self) -> None:
+        """Check that every row has its bounds.
+
+        Raises:
+            ValueError: bounds of another number of rows.
+        """
+        count = self.expression.numel()
+        for name, bounds in (("lower", self.lower), ("upper", self.upper)):
+            if np.shape(bounds) != (count,):
+                text = f"rows: expected {count} of {name}, as of its expression, got {np.shape(bounds)}"
+                raise ValueError(text)
+
     def widened(self, share: float) -> Rows:
         """These rows where they are exceeded by at most `share` of the size."""
         spare = share * self.size
@@ -76,6 +89,19 @@ class Rows(Brief):
             lower=np.concatenate([one.lower for one in every]),
             upper=np.concatenate([one.upper for one in every]),
         )
+
+
+def checked_rows(limit: Limit, drive: Drive) -> Rows:
+    """Return a limit's rows on a drive.
+
+    Raises:
+        WrongKind: what the limit returns is no `Rows`.
+    """
+    rows = limit.rows(drive)
+    reason = kind_issue(rows, Rows)
+    if reason:
+        raise WrongKind(f"limits.{limit.name}: rows: {reason}")
+    return rows
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from oed.foundation.arguments import called_in_words
+from oed.foundation.arguments import called_in_words, real_array
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.moved import Renamed
@@ -23,7 +23,7 @@ from oed.kernel.dynamics.rollout import Drive, drive_shape
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.starts import ChosenStarts
 from oed.kernel.dynamics.system import System, label_of
-from oed.kernel.limit import Limit, Rows, implied_bounds
+from oed.kernel.limit import Limit, Rows, checked_rows, implied_bounds
 from oed.kernel.measurement.information import (
     Scaling,
     information,
@@ -266,7 +266,7 @@ class Problem(Presented, Renamed):
 
     def start_states(self, chosen: npt.ArrayLike) -> Array:
         """Start states (runs, states) of which the first k are chosen, (runs, k): the others begin at 0."""
-        given = np.asarray(chosen, dtype=float)
+        given = real_array("start", chosen)
         given = given if given.ndim == 2 else given.reshape(self.design.runs, -1)
         return np.pad(given, ((0, 0), (0, len(self.model.states) - given.shape[1])))
 
@@ -278,7 +278,7 @@ class Problem(Presented, Renamed):
     def limit_rows(self, drive: Drive) -> list[Rows]:
         """Every limit on a drive; of a robust problem tightened."""
         if self.robust is None:
-            rows = [limit.rows(drive) for limit in self.limits]
+            rows = [checked_rows(limit, drive) for limit in self.limits]
         else:
             rows = tightened_rows(self.robust, self.limits, drive, self.uncertain_system)
         return [one.widened(self.excess) for one in rows] if self.excess else rows

@@ -159,14 +159,7 @@ def _try_criterion(criterion: Criterion, problem: Problem) -> None:
 def _try_limit(limit: Limit, problem: Problem) -> None:
     space = problem.design
     drive = drive_shape(problem.system, samples=space.samples, runs=space.runs, period=space.period)
-    rows = limit.rows(drive)
-    _require("rows", rows, Rows)
-    count = ca.MX(rows.expression).numel()
-    for name, bounds in (("lower", rows.lower), ("upper", rows.upper)):
-        if np.shape(bounds) != (count,):
-            raise ValueError(
-                f"rows: expected {count} of {name}, as of its expression, got {np.shape(bounds)}"
-            )
+    _require("rows", limit.rows(drive), Rows)
 
 
 def _shape(what: str, value: Any, expected: tuple[int | None, int]) -> tuple[int, int]:

@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 
 import casadi as ca
 import numpy as np
+import pint
 import pytest
 from builders import problem_of, random_drive
 
@@ -358,3 +359,93 @@ def test_a_study_takes_names_as_well():
     assert study.problem.criterion == oed.D()
     assert study.solvers == (oed.Genetic(),)
     assert np.isfinite(study.problem.input_bounds).all()
+
+
+class OneBound(oed.BareLimit):
+    """A limit with one bound for all of its rows."""
+
+    name, looks_at = "mine", "state"
+
+    def rows(self, drive):
+        """Within a centimetre."""
+        return oed.Rows(drive.path[:, 0], np.array([-0.01]), np.array([0.01]), 1.0, "m")
+
+
+class Number(OneBound):
+    """A limit whose rows are a number."""
+
+    def rows(self, drive):
+        """None."""
+        return 5
+
+
+class TooWide(Misspelt):
+    """A sensor whose whitening is of another size."""
+
+    kind: Literal["too_wide"] = "too_wide"
+
+    def reading(self, moment):
+        """One entry."""
+        return moment.pose[0]
+
+    def whitening(self, moment):
+        """Of two entries."""
+        return ca.SX.eye(2)
+
+
+def test_limit_with_one_bound_for_many_rows_is_refused():
+    problem = problem_of(also=(OneBound(),))
+    with pytest.raises(ValueError, match=r"rows: expected \d+ of lower, as of its expression, got \(1,\)"):
+        oed.evaluate(problem, random_drive(problem, 0))
+
+
+def test_limit_whose_rows_are_a_number_is_refused():
+    problem = problem_of(also=(Number(),))
+    with pytest.raises(WrongKind, match=r"limits.mine: rows: expected a Rows, got 5"):
+        oed.evaluate(problem, random_drive(problem, 0))
+
+
+def test_whitening_of_another_size_than_the_reading_is_refused():
+    with pytest.raises(oed.UserMistake, match=r"whitening of too_wide: expected \(1, 1\).*got \(2, 2\)"):
+        problem_of(measurement=TooWide())
+
+
+@pytest.mark.parametrize(
+    ("inputs", "reason"),
+    [
+        (np.ones((4, 2)) + 1j, "complex"),
+        (np.ma.masked_greater(np.ones((4, 2)), 0), "masked"),
+        ([[1.0, 2.0], [3.0]], "array of numbers"),
+        ([["fast", "slow"]], "array of numbers"),
+    ],
+)
+def test_inputs_that_are_no_real_numbers_are_refused(inputs: object, reason: str):
+    with pytest.raises(WrongKind, match=f"inputs: expected .*{reason}"):
+        oed.Trajectory.from_samples(inputs, 4.0, [0, 0, 0])
+    with pytest.raises(WrongKind, match="start: expected real numbers"):
+        oed.Trajectory.from_samples(np.ones((4, 2)), 4.0, np.zeros(3) + 1j)
+
+
+def test_inputs_with_a_unit_are_refused():
+    quantities = np.ones((4, 2)) * pint.UnitRegistry()("deg/s")
+    with pytest.raises(WrongKind, match=r"inputs: .* with a unit"):
+        oed.Trajectory.from_samples(quantities, 4.0, [0, 0, 0])
+
+
+def test_lengths_are_taken_as_text_and_as_numbers_of_numpy():
+    assert oed.Trajectory.from_samples(np.ones((4, 2)), "4 s", [0, 0, 0]).duration == 4
+    robot = oed.DifferentialDrive(wheel_radius=np.float32(0.5), track=np.int64(2))
+    assert robot == oed.DifferentialDrive(wheel_radius=0.5, track=2.0)
+
+
+def test_estimate_that_is_no_name_is_refused():
+    with pytest.raises(oed.ProblemError, match=r"estimate: expected names of parameters, got \[1\]"):
+        problem_of(estimate=[1])
+
+
+def test_arrays_of_an_evaluation_are_read_only():
+    problem = problem_of()
+    evaluation = oed.evaluate(problem, random_drive(problem, 0))
+    for array in (evaluation.states, evaluation.path, evaluation.singular_values):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 7.0

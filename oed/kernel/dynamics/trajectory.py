@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation.arguments import real_array
 from oed.foundation.arrays import Array
 from oed.foundation.equality import ByValue
 from oed.foundation.presenting import Card, Presented, dataframe, given
+from oed.foundation.quantities import parse_quantity
 from oed.foundation.text import given_text
 from oed.kernel.dynamics import spline
 
@@ -95,7 +97,7 @@ class Trajectory(ByValue, Presented):
         for name in ("knots", "coefficients", "start", "weights"):
             if getattr(self, name) is None:
                 continue
-            array = np.array(getattr(self, name), dtype=float)
+            array = real_array(name, getattr(self, name))
             if name == "start" and self.runs == 1:
                 array = array.reshape(-1)
             if not np.all(np.isfinite(array)):
@@ -123,7 +125,7 @@ class Trajectory(ByValue, Presented):
     def from_samples(
         cls,
         inputs: npt.ArrayLike,
-        duration: float,
+        duration: float | str,
         start: npt.ArrayLike,
         *,
         rest_to_rest: bool = True,
@@ -133,7 +135,7 @@ class Trajectory(ByValue, Presented):
 
         Args:
             inputs: one row per period.
-            duration: of the whole drive [s].
+            duration: of the whole drive [s], or text with a unit.
             start: start state, (runs, states) of several runs.
             rest_to_rest: whether the polygon begins and ends at 0 (else at the first and last value).
             runs: how many runs of equal length the periods are shared out to.
@@ -141,9 +143,11 @@ class Trajectory(ByValue, Presented):
         Raises:
             ValueError: a duration that is not positive and finite, or no table of finite inputs.
         """
+        if isinstance(duration, str):
+            duration = parse_quantity(duration, "s")
         if not 0 < duration < math.inf:
             raise ValueError(f"expected a positive, finite duration, got {duration}")
-        rows, each = np.asarray(inputs, dtype=float), duration / runs
+        rows, each = real_array("inputs", inputs), duration / runs
         if rows.ndim != 2 or not len(rows):
             raise ValueError(f"expected inputs of shape (N, inputs), got {rows.shape}")
         parts = []
@@ -152,7 +156,7 @@ class Trajectory(ByValue, Presented):
             parts += [ends[:1], run, ends[1:]]
         own = np.concatenate([[0.0, 0.0], middles(each, len(rows) // runs), [each, each]])
         knots = spline.repeated_knots(own, 1, runs)
-        return cls(knots, 1, np.vstack(parts), np.asarray(start, dtype=float), len(rows), runs)
+        return cls(knots, 1, np.vstack(parts), real_array("start", start), len(rows), runs)
 
     def on_knots(self, own: Array) -> Trajectory:
         """The drive by splines of more knots: what it does is what it did.

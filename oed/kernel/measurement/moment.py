@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
+from oed.foundation.errors import UserMistake
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Named
 from oed.kernel.dynamics.system import System
@@ -95,6 +96,9 @@ def moment_reading(sensor: Sensor, system: System) -> ca.Function:
     assert moment is not None
     # Sparse: readings of many points are independent of each other.
     reading, whitening = sensor.reading(moment), ca.sparsify(ca.SX(sensor.whitening(moment)))
+    if whitening.shape != 2 * (reading.numel(),):
+        text = f"expected {2 * (reading.numel(),)}, as its reading has entries, got {whitening.shape}"
+        raise UserMistake(f"measurement: the whitening of {sensor.kind}: {text}")
     direct = ca.horzcat(ca.jacobian(reading, parameters), ca.SX(reading.shape[0], states))
     through = ca.jacobian(reading, state) @ carried + direct
     jacobian = ca.densify(ca.horzcat(through, ca.jacobian(reading, own)))
