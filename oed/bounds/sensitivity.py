@@ -154,6 +154,9 @@ def sensitivity_bounds(problem: Problem) -> Iterator[Bound]:
     if not precisions or len(precisions) < len(found) or len(problem.any_estimations) > 1:
         return
     (one,) = problem.any_estimations
+    # Constants of sensors change readings without moving the pose, which nothing here bounds.
+    if not set(one.judged) <= {parameter.name for parameter in problem.system.parameters}:
+        return
     motion = _motion(problem, one)
     if motion is None or any(_reads_parameters(problem, sensor) for sensor in sensors):
         return

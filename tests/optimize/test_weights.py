@@ -18,6 +18,7 @@ from oed.kernel.criteria import A, Criterion, D, E, G, I, ModifiedE
 from oed.kernel.equivalence import directional_derivatives, weight_bound
 from oed.kernel.parts import Parts, budgets_of
 from oed.kernel.taken_apart import parts_of
+from oed.optimize.exact import exact_weights
 from oed.optimize.selection import select
 from oed.optimize.weights import Weights, best_weights, whole_weights
 
@@ -84,6 +85,65 @@ def tracked(study: str) -> Parts:
 def twenty(study: str, criterion: Criterion) -> Weights:
     """The best of twenty readings of that drive."""
     return best_weights(criterion, tracked(study), budgets_of(tracked(study), 20.0))
+
+
+KINDS = [
+    E(),
+    D(),
+    A(),
+    *(kind(quantity="a", test_drive=[{"inputs": [2.0], "duration": 1.0}]) for kind in (G, I)),
+]
+
+
+class TestCriterionOfProblem:
+    """Functions of weights take `problem.objective`, which alone knows what G and I predict."""
+
+    @staticmethod
+    def fed(criterion: Criterion) -> tuple[oed.Problem, Parts]:
+        """A state that decays while it is fed."""
+        system = Equations(
+            states={"a": ""},
+            derivatives={"a": "u - k * a"},
+            parameters={"k": "0.5 1/s", "gain": "1"},
+            inputs={"u": "1/s"},
+            outputs={"a": "gain * a"},
+        )
+        space = oed.SignalSpace(
+            duration=2, samples=4, start=(0.2,), signals=(oed.PiecewiseConstant(pieces=4),)
+        )
+        problem = oed.Problem(
+            model=system,
+            design=space,
+            measurement=oed.Outputs(noise={"a": 0.1}),
+            limits=[InputRange(input="u", range=("0 1/s", "2 1/s"))],
+            criterion=criterion,
+        )
+        drive = space.trajectory(np.array([[2.0], [0.0], [1.0], [2.0]]), np.array([[0.2]]))
+        return problem, parts_of(problem, drive)
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("criterion", KINDS)
+    def test_every_function_answers_for_the_objective_of_a_problem(self, criterion: Criterion):
+        problem, parts = self.fed(criterion)
+        objective, budgets = problem.objective, budgets_of(parts, 2.0)
+        relaxed = best_weights(objective, parts, budgets)
+        near = whole_weights(objective, parts, relaxed.values, budgets)
+        exact = exact_weights(objective, parts, near, budgets)
+        bound = weight_bound(objective, parts, relaxed.values, relaxed.gradient, budgets)
+        assert near.value <= exact.weights.value <= exact.bound <= bound + 1e-6 * abs(bound)
+        assert relaxed.value <= bound <= relaxed.value + 1e-6 * abs(relaxed.value)
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("criterion", KINDS[3:])
+    def test_predictions_of_no_problem_are_refused_by_the_name_of_what_to_give(self, criterion: Criterion):
+        _, parts = self.fed(criterion)
+        budgets, some = budgets_of(parts, 2.0), np.array([0.0, 0.5, 0.5, 0.5, 0.5])
+        with pytest.raises(UserMistake, match=r"problem\.objective"):
+            best_weights(criterion, parts, budgets)
+        with pytest.raises(UserMistake, match=r"problem\.objective"):
+            whole_weights(criterion, parts, some, budgets)
+        with pytest.raises(UserMistake, match=r"problem\.objective"):
+            exact_weights(criterion, parts, Weights(some, 0.0, np.eye(2)), budgets)
 
 
 class TestParts:

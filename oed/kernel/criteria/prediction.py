@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
 
 from oed.foundation.arrays import Array
-from oed.foundation.errors import Issue
+from oed.foundation.errors import Issue, UserMistake
 from oed.foundation.quantities import UNITS_BY_NAME
 from oed.foundation.text import count, deviation_text, given_text
 from oed.kernel.criteria.criterion import (
@@ -63,7 +63,14 @@ class Prediction(RootCriterion):
 
     @property
     def rows(self) -> Rows:
-        """Derivatives of the predictions by the scaled parameters: [block][leg][coordinate][parameter]."""
+        """Derivatives of the predictions by the scaled parameters: [block][leg][coordinate][parameter].
+
+        Raises:
+            UserMistake: the criterion belongs to no problem yet, which has them.
+        """
+        if not self._rows:
+            text = f"{type(self).__name__} predicts with a system, and this criterion knows none"
+            raise UserMistake(f"{text}: give `problem.objective` in place of `problem.criterion`")
         return self._rows
 
     def with_rows(self, rows: Any) -> Self:
