@@ -87,7 +87,7 @@ def _solve(options: argparse.Namespace) -> int:
     kept = ("format", "oed_version", "seed", "parameters", "results")
     plain = record.plain()
     data = {key: plain[key] for key in kept} | ({} if out is None else outcome.place)
-    outcome.show(options, data, lambda: _found(options, record, outcome))
+    outcome.show(options, data, lambda: _found(options, record, outcome), record.failures)
     return FAILED if outcome.trouble else verdict(record)
 
 
@@ -108,7 +108,7 @@ def _run(options: argparse.Namespace) -> int:
     record, outcome = _searched(options, out, LATER)
     outcome.report(lambda: write_report(record, out))
 
-    notes = [note for note in record.notes if note != CUT_SHORT]
+    notes = [*record.failures, *(note for note in record.notes if note != CUT_SHORT)]
     exports = [f"oed export {out} --to {kind}" for kind in ("ros2_node", "rosbag2")[record.pushed :]]
     leads = ("Drive:", "   or:")
     found = [f"{lead} {one}" for lead, one in zip(leads, exports, strict=False)]

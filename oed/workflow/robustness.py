@@ -121,9 +121,9 @@ def _tried(solution: Solution) -> Tried:
 
 def _drawn(problem: Problem, drives: Sequence[Solution], values: Any) -> dict[str, Any]:
     # Of the searches' own drives only: what systems of uncertain quantities `values` (K, q) do; where they
-    # move through space, their paths.
+    # move through space, their paths. Systems without states have no course to draw.
     paths_of_all, courses = list[Paths](), list[StatesOverTime]()
-    for solution in drives:
+    for solution in drives if problem.model.states else ():
         if solution.robust is None and solution.name != NOMINAL:
             continue
         assert solution.trajectory is not None

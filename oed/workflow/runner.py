@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 from oed.bounds import LATTICE, Certificate, bound
@@ -14,9 +15,8 @@ from oed.foundation.files import file_stem
 from oed.foundation.work.folders import Draft
 from oed.foundation.work.progress import Once
 from oed.foundation.work.signals import interrupts_named
-from oed.kernel.criteria import A, Criterion, D, E
+from oed.kernel.criteria import Criterion
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
 from oed.optimize import SOLVERS, Progress, Silent, Workers, solve
 from oed.optimize.selection import rated
@@ -36,7 +36,9 @@ from oed.records.stored.simulation import StoredTrial, StoredValidation
 from oed.records.stored.study_record import StoredCertificate
 from oed.simulation.trial import require_ready
 from oed.study.study import Study
+from oed.workflow.after_search import Failures
 from oed.workflow.compared import compared
+from oed.workflow.criteria import criteria_of, scores_by_criteria
 from oed.workflow.experiments import driven_in_physics, simulated
 from oed.workflow.integration import integration_notes
 from oed.workflow.readings import readings_csv, selection_of
@@ -60,7 +62,7 @@ def run(
     progress: Progress | None = None,
     search_only: bool = False,
 ) -> Record:
-    """Do everything the study asks for.
+    """Do everything the study asks for. A step that fails after a search is noted in the record.
 
     Args:
         study: what to do.
@@ -102,6 +104,7 @@ class _Run:
     physics: StoredTrial | None = None
     interrupted: bool = False
     remarks: list[str] = field(default_factory=list)
+    failures: Failures = field(default_factory=Failures)
 
     def everything(self) -> None:
         """All that the study asks for; an interrupt keeps what is done."""
@@ -119,22 +122,27 @@ class _Run:
 
     def search(self) -> None:
         """The searches."""
-        self.solutions, self.interrupted = search(self.work, self._keep)
+        self.solutions, self.interrupted = search(self.work, self._keep, self.failures)
 
     def _compare(self) -> None:
-        work, study = self.work, self.work.study
-        self.certificate = _certificate(work)
-        self.solutions += _lattice_drive(study, self.certificate)
+        work, study, attempt = self.work, self.work.study, self.failures.attempt
+        self.certificate = attempt("bound", lambda: _certificate(work), None)
+        self.solutions += attempt(
+            "score of the bound's own drive", lambda: _lattice_drive(study, self.certificate), []
+        )
         best = best_of(safe(study, self.solutions), study.problem.criterion)
-        self.solutions += compared(work, self.paths, best)
-        self.solutions = tried(work, self.solutions)
+        self.solutions += attempt("comparison with baselines", lambda: compared(work, self.paths, best), [])
+        self.solutions = attempt("check of robustness", lambda: tried(work, self.solutions), self.solutions)
         self._keep(self.solutions)
 
     def _simulate(self) -> None:
-        study = self.work.study
-        self.remarks = integration_notes(study, best_of(safe(study, self.solutions), study.problem.criterion))
-        self.validation = simulated(self.work, self.solutions)
-        self.physics = driven_in_physics(self.work, self.solutions)
+        work, study, attempt = self.work, self.work.study, self.failures.attempt
+        best = best_of(safe(study, self.solutions), study.problem.criterion)
+        self.remarks = attempt("check of the integration", lambda: integration_notes(study, best), [])
+        self.validation = attempt("validation", lambda: simulated(work, self.solutions), None)
+        self.physics = attempt(
+            "trial on a simulated robot", lambda: driven_in_physics(work, self.solutions), None
+        )
         self.interrupted = self.physics is not None and self.physics.interrupted
 
     def _keep(self, solutions: Sequence[Solution]) -> None:
@@ -152,27 +160,38 @@ class _Run:
             physics=self.physics,
             interrupted=interrupted,
             remarks=self.remarks,
+            failures=self.failures,
         )
         return made, record_files(self.work.study, solutions, made)
 
 
 def search(
-    work: Work, found: Callable[[Sequence[Solution]], None] | None = None
+    work: Work,
+    found: Callable[[Sequence[Solution]], None] | None = None,
+    failures: Failures | None = None,
 ) -> tuple[list[Solution], bool]:
-    """The study's searches, one after the other, each knowing those before it; and whether an interrupt
-    ended them early, with what had been found by then. `found` gets all solutions after each search.
+    """Return the solutions of the study's searches, and whether an interrupt ended them early.
+
+    The searches run one after the other, each with the solutions before it. One that fails after another is
+    left out.
+
+    Args:
+        work: on the study.
+        found: called with all solutions after each search.
+        failures: takes the searches that failed.
 
     Raises:
         StudyError: parameters that no drive makes identifiable.
     """
     work.study.require_identifiable()
     # Of the first feasible drive a reader hears at once; what follows is for the end.
-    listener = Once(work.progress)
+    listener, kept = Once(work.progress), failures or Failures()
     done: dict[str, Solution] = {}
     try:
         with interrupts_named():
             for solver in work.study.solvers:
-                solution = solve(
+                searched = partial(
+                    solve,
                     work.study.problem,
                     solver,
                     seed=work.seed,
@@ -180,12 +199,17 @@ def search(
                     progress=listener,
                     earlier=done,
                 )
+                # Without an earlier result there is nothing to keep.
+                solution = kept.attempt(f"search {solver.label}", searched, None) if done else searched()
+                if solution is None:
+                    continue
                 done[solution.name] = solution
                 if solution.status is Status.INTERRUPTED:
                     return list(done.values()), True
                 if found is not None:
                     found(list(done.values()))
-            return [*done.values(), *nominal_search(replace(work, progress=listener))], False
+            plain = partial(nominal_search, replace(work, progress=listener))
+            return [*done.values(), *kept.attempt("search without back-off", plain, list[Solution]())], False
     except KeyboardInterrupt:
         return list(done.values()), True
 
@@ -218,6 +242,7 @@ def record(
     physics: StoredTrial | None = None,
     interrupted: bool = False,
     remarks: Sequence[str] = (),
+    failures: Failures | None = None,
 ) -> Record:
     """The record of solutions.
 
@@ -231,8 +256,11 @@ def record(
         physics: a trial on a simulated robot.
         interrupted: whether the run was.
         remarks: what else is to be known.
+        failures: steps that failed; those of the record itself that fail are added.
     """
     problem, best = study.problem, best_of(safe(study, solutions), study.problem.criterion)
+    failures = failures or Failures()
+    attempt = failures.attempt
     return Record.of(
         format=FORMAT,
         version=package_version("oed"),
@@ -243,28 +271,35 @@ def record(
         states=state_table(problem),
         parameters=parameter_table(problem),
         nuisances=nuisance_table(problem),
-        results=_results(study, solutions, named=named),
+        results=_results(study, solutions, failures, named=named),
         named=None if best is None else best.name,
-        certificate=None if certificate is None else certified(study, certificate, solutions),
-        robustness=robustness(study, solutions, seed),
+        certificate=None
+        if certificate is None
+        else attempt("gap to the bound", lambda: certified(study, certificate, solutions), None),
+        robustness=attempt("report of robustness", lambda: robustness(study, solutions, seed), None),
         validation=validation,
         trial=physics,
         interrupted=interrupted,
         notes=[*_notes(certificate, interrupted), *remarks],
+        failures=failures.sentences,
         provenance=provenance(study.source),
     ).of_study(study.file)
 
 
-def _results(study: Study, solutions: Sequence[Solution], *, named: bool) -> list[Result]:
+def _results(study: Study, solutions: Sequence[Solution], failures: Failures, *, named: bool) -> list[Result]:
     judges = criteria_of(study)
     return [
         result_of(
-            one,
-            _file(one) if named else None,
-            _judged(study, judges, one),
-            selection_of(study.problem, one),
+            solution,
+            _file(solution) if named else None,
+            failures.attempt(
+                "score by further criteria",
+                partial(scores_by_criteria, study, judges, solution),
+                dict[str, float | None](),
+            ),
+            failures.attempt("table of readings", partial(selection_of, study.problem, solution), None),
         )
-        for one in solutions
+        for solution in solutions
     ]
 
 
@@ -287,38 +322,6 @@ def record_files(study: Study, solutions: Sequence[Solution], made: Record) -> d
         if one.selection is not None
     }
     return {FILE: made.to_json(), **drives, **readings}
-
-
-def criteria_of(study: Study) -> dict[str, Criterion]:
-    """What every result is judged by: E, D and A in the study's scaling, and whatever it searches for."""
-    own = study.problem.criterion
-    common = {"scaling": own.scaling, "subset": own.subset}
-    judges: dict[str, Criterion] = {kind.__name__: kind(**common) for kind in (E, D, A)}
-    judges[own.kind] = own
-    for solver in study.solvers:
-        if solver.criterion is not None:
-            judges.setdefault(solver.criterion.kind, solver.criterion)
-    return judges
-
-
-def _judged(study: Study, judges: Mapping[str, Criterion], solution: Solution) -> dict[str, float | None]:
-    evaluation, trajectory = solution.evaluation, solution.trajectory
-    if evaluation is None or trajectory is None:
-        return {}
-    values: dict[str, float | None] = {}
-    # Of the nominal robot, whichever the objective is of.
-    problem = replace(study.problem, robust=None)
-    for name, criterion in judges.items():
-        own = study.problem.criterion
-        same = (criterion.scaling, criterion.subset) == (own.scaling, own.subset)
-        # The same information serves every criterion that sees the parameters alike.
-        value = (
-            float(problem.judging(criterion).judge(list(evaluation.square_roots.values())))
-            if same
-            else evaluate(replace(problem, criterion=criterion), trajectory).objective
-        )
-        values[name] = value
-    return values
 
 
 def _file(solution: Solution) -> str:

@@ -96,6 +96,9 @@ class CommandResult:
             raise Failure(f"interrupted; {later}") from None
         except (OedError, OSError) as error:
             self.trouble = Failure(f"{error}; {later}")
+        # A defect of the report must not cost the answer, which is printed next.
+        except Exception as error:
+            self.trouble = Failure(f"the report failed ({type(error).__name__}: {error}); {later}")
 
     def show(
         self,
@@ -157,7 +160,8 @@ def answered(options: argparse.Namespace, data: Any, lines: Callable[[], object]
 
 def verdict(record: Record) -> int:
     """The exit code of a search for drives."""
-    # Searches fail one by one; a design anywhere is a design. An interrupted run is not a finished one.
+    # Searches fail one by one; a design anywhere is a design. A run that was interrupted, or one of whose
+    # later steps failed, is not a finished one.
     searched = [one for one in record.results if one.kind not in ("baseline", "path")]
     found = any(one.feasible for one in searched or record.results)
-    return DONE if found and not record.interrupted else FAILED
+    return DONE if found and not (record.interrupted or record.failures) else FAILED

@@ -184,6 +184,7 @@ class Record(Presented, SavedFile):
         trial: drives of a simulated robot with slip.
         interrupted: whether the run was cut short.
         notes: what else is to be known of the run.
+        failures: steps after the searches that failed, a sentence about each.
         provenance: what made it.
     """
 
@@ -204,6 +205,7 @@ class Record(Presented, SavedFile):
     trial: StoredTrial | None = Field(default=None, alias="physics")
     interrupted: bool = False
     notes: list[str]
+    failures: list[str] = Field(default_factory=list)
     provenance: Provenance
     _study: AnyStudyFile | None = PrivateAttr(default=None)
     _folder: Path | None = PrivateAttr(default=None)

@@ -32,7 +32,7 @@ def summary(record: Record) -> Section:
     """The answer, each parameter beside the best baseline's, or why there is none; before it, the notes."""
     found = answer_of(record)
     if found is None:
-        return Section.of("Summary", *refusal_of(record)[1:], notices=record.notes)
+        return Section.of("Summary", *refusal_of(record)[1:], notices=[*record.failures, *record.notes])
     columns = (
         Column("parameter", cell=lambda one: one.name),
         Column("value", cell=lambda one: one.value),
@@ -42,7 +42,9 @@ def summary(record: Record) -> Section:
         else None,
     )
     table = Table.of(found.rows, columns) if found.rows else None
-    return Section.of("Summary", found.title + ".", *found.sentences, table, notices=record.notes)
+    return Section.of(
+        "Summary", found.title + ".", *found.sentences, table, notices=[*record.failures, *record.notes]
+    )
 
 
 def question(record: Record) -> Section:

@@ -103,6 +103,9 @@ def _run_point(task: _Task) -> _Result:
             run(task.study, folder, seed=task.seed, workers=task.workers)
         except (OedError, OSError) as error:
             return _Result({}, str(error))
+        # A defect met at one point must not cost the others their results.
+        except Exception as error:
+            return _Result({}, f"a defect of oed ({type(error).__name__}: {error})")
         return _Result({path.name: path.read_text(encoding="utf-8") for path in Path(folder).iterdir()})
 
 
