@@ -46,7 +46,7 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
         solve, Ipopt, Genetic, DifferentialEvolution, CmaEs, Cluster, Workers, Progress, Solver,
         Context
     Which readings to take
-        parts_of, Parts, budgets_of, Budget, best_weights, whole_weights, Weights, weight_bound
+        parts_of, Parts, budgets_of, Budget, Cost, best_weights, whole_weights, Weights, weight_bound
     Uncertain robots
         Uncertainty, Robust, violation_probability
     Bounds

@@ -69,6 +69,7 @@ from .kernel.identifiability import Ambiguity as Ambiguity
 from .kernel.identifiability import ambiguities as ambiguities
 from .kernel.measurement.prior import Prior as Prior
 from .kernel.parts import Budget as Budget
+from .kernel.parts import Cost as Cost
 from .kernel.parts import Parts as Parts
 from .kernel.parts import budgets_of as budgets_of
 from .kernel.problem import Problem as Problem

@@ -21,6 +21,7 @@ from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit, PathLimit, Rows
 from oed.kernel.pace import pace_of
+from oed.kernel.repetitions import repetitions_of
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")]
 
@@ -169,7 +170,8 @@ class AtEnd(OfStates):
 class Budget(ExpressionLimit):
     """What is spent: an expression's integral over time, of all trials together, at most so much.
 
-    Of a system without states the sum over its settings. A budget of costs has them as rates.
+    Of a system without states the sum over its settings. A budget of costs has them as rates. Settings and
+    trials count as often as their weights say.
 
     Attributes:
         most: that may be spent, with its unit.
@@ -177,6 +179,7 @@ class Budget(ExpressionLimit):
 
     kind: Literal["budget"] = "budget"
     looks_at: ClassVar[Any] = "run"
+    counts_trials: ClassVar[bool] = True
     most: Quantity
 
     @property
@@ -191,15 +194,16 @@ class Budget(ExpressionLimit):
 
     def rows(self, drive: Drive) -> Rows:
         """One row: by the trapezoidal rule over every period, its input held."""
+        counts = repetitions_of(drive)
         if not drive.system.states:
             nothing = drive.states[drive.begins, :]
-            total = ca.sum1(self.values(drive, nothing, drive.inputs))
+            total = ca.dot(counts, self.values(drive, nothing, drive.inputs))
             return self.between(total, drive.system)
         begins = drive.begins
         after = [row + 1 for row in begins]
         first, last = (self.values(drive, drive.states[rows, :], drive.inputs) for rows in (begins, after))
         lengths = drive.period * pace_of(drive)
-        return self.between(ca.sum1((first + last) / 2 * lengths), drive.system)
+        return self.between(ca.dot(counts, (first + last) / 2 * lengths), drive.system)
 
 
 class _Timed(Budget):

@@ -13,6 +13,7 @@ from oed.equations.dimensions import SIZES, quantity
 from oed.equations.given import AS_DATA, Readable, pairs
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Issue
+from oed.foundation.quantities import is_share
 from oed.foundation.text import count, did_you_mean, listing, unit_text, words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
@@ -213,6 +214,9 @@ def _noise_issue(system: Readable, name: str, value: str | float) -> str:
     known = system.output_dimensions
     if name not in known:
         return f"there is no such output; there is {listing(list(known))}{did_you_mean(name, known)}"
+    if is_share(value):
+        text = f"{value} of what? A standard deviation is of one size: give it in the unit of {name}"
+        return f"{text}, a plain number where that has none"
     try:
         size, dimension = quantity(value)
     except ValueError as error:

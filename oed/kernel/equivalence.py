@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.kernel.criteria import Criterion
-from oed.kernel.parts import Budget, Parts
+from oed.kernel.parts import Budget, Cost, Parts
 
 
 def directional_derivatives(parts: Parts, weights: Array, gradient: Array) -> Array:
@@ -29,7 +30,12 @@ def directional_derivatives(parts: Parts, weights: Array, gradient: Array) -> Ar
 
 @typed
 def weight_bound(
-    criterion: Criterion, parts: Parts, weights: Array, gradient: Array, budgets: Sequence[Budget]
+    criterion: Criterion,
+    parts: Parts,
+    weights: Array,
+    gradient: Array,
+    budgets: Sequence[Budget],
+    costs: Sequence[Cost] = (),
 ) -> float:
     """What no weights of the readings within budgets exceed by a criterion.
 
@@ -42,6 +48,7 @@ def weight_bound(
         weights: of the readings, where the plane touches, (n,).
         gradient: a supergradient there, (judged, judged).
         budgets: of all readings.
+        costs: that the weights may not exceed.
     """
     if not np.all(np.isfinite(gradient)) or not np.any(gradient):
         return float(np.inf)
@@ -50,8 +57,27 @@ def weight_bound(
     back = parts.projection(weights).T @ root
     values = _added(parts, back)
     most = float(((parts.known_rows @ back) ** 2).sum())
-    most += sum(one.largest(values) for one in budgets)
+    most += _largest(values, budgets, costs)
     return criterion.homogeneous_bound(parts.information(weights), root, most)
+
+
+def _largest(values: Array, budgets: Sequence[Budget], costs: Sequence[Cost]) -> float:
+    # The largest weighted sum of values (n,). Any multipliers of the costs bound it; those of the linear
+    # program make the bound tight. Beside costs, budgets need not be spent.
+    if not costs:
+        return sum(budget.largest(values) for budget in budgets)
+    spent, upper = np.zeros((len(budgets), len(values))), np.zeros(len(values))
+    for row, budget in zip(spent, budgets, strict=True):
+        row[list(budget.places)], upper[list(budget.places)] = budget.sizes, budget.upper
+    prices = np.array([cost.sizes for cost in costs])
+    totals, most = [budget.total for budget in budgets], np.array([cost.most for cost in costs])
+    limits = {"A_ub": np.vstack([prices, spent]), "b_ub": np.concatenate([most, totals])}
+    found = scipy.optimize.linprog(-values, bounds=np.stack([np.zeros(len(upper)), upper], axis=1), **limits)
+    multipliers = np.zeros(len(costs))
+    if found.success:
+        multipliers = np.clip(-found.ineqlin.marginals[: len(costs)], 0.0, None)
+    left = np.clip(values - multipliers @ prices, 0.0, None)
+    return float(multipliers @ most) + sum(budget.largest(left) for budget in budgets)
 
 
 def root_of(gradient: Array) -> Array:

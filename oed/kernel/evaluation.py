@@ -6,6 +6,7 @@ Every number that anything reports about a trajectory (solvers, baselines, bound
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -28,6 +29,7 @@ from oed.kernel.measurement.sensor import row_times
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import root_weights
 from oed.kernel.problem import Estimation, Problem
+from oed.kernel.repetitions import repetitions
 
 EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
 """What a drive's splines are among, as `roll_out` takes it."""
@@ -140,7 +142,9 @@ class _Scorer:
         given = dict(zip(EXTREMES, self._extremes, strict=True))
         if not _checked_at_points(problem):
             given["motion_inputs"] = None
-        self._symbols, self._drive = any_drive(system, samples, runs, refine=FINE, **given)
+        self._symbols, drive = any_drive(system, samples, runs, refine=FINE, **given)
+        self._repetitions = ca.MX.sym("repetitions", samples)
+        self._drive = replace(drive, repetitions=self._repetitions)
         self.problem = problem
 
     @cached_property
@@ -160,7 +164,7 @@ class _Scorer:
             [drive.path_length(), drive.states, drive.path, drive.speeds],
             [rows.expression for rows in self.rows],
         ]
-        return Outputs("driven", [*self._symbols, *self._extremes], groups)
+        return Outputs("driven", [*self._symbols, *self._extremes, self._repetitions], groups)
 
     @cached_property
     def _of_measuring(self) -> Outputs:
@@ -217,7 +221,8 @@ class _Scorer:
 
     def _driven(self, drive: Trajectory, extremes: Sequence[Array]) -> tuple[list[Array], list[Array]]:
         # Its length, states at the samples, path and speeds; the limits' rows.
-        known, limits = self._of_driving.values(*self._given(drive), *(one.T for one in extremes))
+        given = *self._given(drive), *(one.T for one in extremes), repetitions(self.problem, drive)
+        known, limits = self._of_driving.values(*given)
         require_driven(self.problem, drive, known[2])
         return known, limits
 

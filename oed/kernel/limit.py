@@ -139,9 +139,11 @@ class Limit(Component, ABC):
             limit that does not say (None) is checked at the points of its rows only.
         in_degrees: whether its angles are shown in degrees.
         loosened: what there is where it is wider by an `{amount}`, in words.
+        counts_trials: whether its rows are sums over all trials, each as often as it is carried out.
     """
 
     name: ClassVar[str]
+    counts_trials: ClassVar[bool] = False
     in_degrees: ClassVar[bool] = False
     loosened: ClassVar[str] = "{amount} more {name}"
     looks_at: ClassVar[Literal["inputs", "state", "run"] | None] = None

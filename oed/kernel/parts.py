@@ -240,6 +240,19 @@ class Budget:
         return float((spared + upper) @ own[order])
 
 
+@dataclass(frozen=True)
+class Cost:
+    """A weighted sum of all weights, and the most that it may be.
+
+    Attributes:
+        sizes: cost of each weight of 1, (n,).
+        most: that all weights may cost together.
+    """
+
+    sizes: tuple[float, ...]
+    most: float
+
+
 ROUNDING = 1e-9
 """Share by which a number may miss a whole one."""
 

@@ -117,6 +117,8 @@ class Selection(Component):
         if not problem.criterion.concave:
             text = f"need a concave criterion, which {problem.criterion.kind} is not: use E, D, A, G or I"
             return [Issue(("weights",), text)]
+        if reason := self._cost_issue(problem):
+            return [Issue(("weights",), reason)]
         if problem.robust is not None:
             return [Issue(("weights",), "cannot be chosen for several systems at once: leave out `robust`")]
         try:
@@ -124,6 +126,20 @@ class Selection(Component):
         except UserMistake as error:
             return [Issue(("weights",), str(error))]
         return []
+
+    def _cost_issue(self, problem: Problem) -> str:
+        # Why limits on all trials together are not known of these weights; "" where they are.
+        counted = ", ".join(limit.name for limit in problem.limits if limit.counts_trials)
+        if not counted:
+            return ""
+        if self.whole:
+            return f"whole numbers are chosen without the budget of {counted}: give `total`, or leave one out"
+        by_reading = self.of == "readings"
+        if by_reading and problem.model.states and problem.design.only is not None:
+            return f"the budget of {counted} is of trials, not of readings: give `of: trials`"
+        if by_reading and not problem.model.states and len(problem.measurement.joint_sensors) > 1:
+            return f"the budget of {counted} needs one weight for each setting: give one sensor all outputs"
+        return ""
 
     def _require_whole(self, budgets: tuple[Budget, ...]) -> None:
         if self.whole and any(one.whole is None for one in budgets):

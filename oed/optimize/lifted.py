@@ -27,10 +27,8 @@ from oed.kernel.measurement.process_noise import Period, ProcessNoise
 from oed.kernel.measurement.sensor import Moment, Sensor, Start, When, joined
 from oed.kernel.pace import PACE
 from oed.kernel.problem import Problem
+from oed.kernel.repetitions import EFFORT
 from oed.kernel.solution import Solution
-
-EFFORT = "effort_"
-"""What names of roots of weights begin with; the number of their sensor follows."""
 
 
 @dataclass(frozen=True)

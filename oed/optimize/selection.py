@@ -15,8 +15,9 @@ from oed.kernel.criteria import Criterion
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.equivalence import weight_bound
 from oed.kernel.evaluation import evaluate
-from oed.kernel.parts import Budget, Parts
+from oed.kernel.parts import Budget, Cost, Parts
 from oed.kernel.problem import Problem
+from oed.kernel.repetitions import costs_of
 from oed.kernel.selection import Selection
 from oed.kernel.solution import Solution, scored
 from oed.kernel.taken_apart import parts_of
@@ -32,6 +33,7 @@ class Selected(Brief):
         criterion: by which.
         parts: what has weights.
         budgets: of these.
+        costs: of limits on all trials together.
         relaxed: the best weights, not whole.
         exact: whole readings, and what no others exceed; None where the problem asks for none.
     """
@@ -39,6 +41,7 @@ class Selected(Brief):
     criterion: Criterion
     parts: Parts
     budgets: tuple[Budget, ...]
+    costs: tuple[Cost, ...]
     relaxed: Weights
     exact: Exact | None
 
@@ -53,7 +56,7 @@ class Selected(Brief):
         if self.exact is not None:
             return self.exact.bound
         return weight_bound(
-            self.criterion, self.parts, self.relaxed.values, self.relaxed.gradient, self.budgets
+            self.criterion, self.parts, self.relaxed.values, self.relaxed.gradient, self.budgets, self.costs
         )
 
 
@@ -88,13 +91,14 @@ def _selected(problem: Problem, selection: Selection, trajectory: Trajectory) ->
     budgets, criterion = selection.budgets(parts), problem.objective
     if not criterion.identifiable([parts.root(np.ones(len(parts.readings)))]):
         return None
-    relaxed = best_weights(criterion, parts, budgets)
+    costs = costs_of(problem, trajectory, parts)
+    relaxed = best_weights(criterion, parts, budgets, costs)
     if not selection.whole:
-        return Selected(criterion, parts, budgets, relaxed, None)
+        return Selected(criterion, parts, budgets, costs, relaxed, None)
     near = whole_weights(criterion, parts, relaxed.values, budgets)
     # Of a search that ended where less is identifiable.
     relaxed = near if near.value > relaxed.value else relaxed
-    return Selected(criterion, parts, budgets, relaxed, exact_weights(criterion, parts, near, budgets))
+    return Selected(criterion, parts, budgets, costs, relaxed, exact_weights(criterion, parts, near, budgets))
 
 
 def rated(problem: Problem, trajectory: Trajectory, name: str) -> Solution:

@@ -18,7 +18,8 @@ from oed.foundation.presenting import Brief
 from oed.kernel.criteria import Criterion
 from oed.kernel.equivalence import weight_bound
 from oed.kernel.measurement.matrices import eliminate
-from oed.kernel.parts import Budget, Parts
+from oed.kernel.parts import Budget, Cost, Parts
+from oed.kernel.repetitions import spent_at_most
 from oed.optimize.transcription.program import IPOPT_OPTIONS
 from oed.optimize.transcription.solver_calls import interrupts_kept, one_thread
 
@@ -49,13 +50,16 @@ class Weights(ByValue, Brief):
 
 
 @typed
-def best_weights(criterion: Criterion, parts: Parts, budgets: Sequence[Budget]) -> Weights:
+def best_weights(
+    criterion: Criterion, parts: Parts, budgets: Sequence[Budget], costs: Sequence[Cost] = ()
+) -> Weights:
     """The weights within budgets that make a concave criterion largest.
 
     Args:
-        criterion: with a supergradient, of one block.
+        criterion: with a supergradient, of one block: the `objective` of a problem.
         parts: of the information.
-        budgets: of all readings.
+        budgets: of all readings; spent in full, unless there are costs.
+        costs: that the weights may not exceed.
 
     Raises:
         UserMistake: a criterion that is not concave.
@@ -67,31 +71,56 @@ def best_weights(criterion: Criterion, parts: Parts, budgets: Sequence[Budget]) 
     if not criterion.concave:
         text = f"{criterion.kind} is not concave: nothing says how good weights can be"
         raise UserMistake(f"{text}; use E, D, A, G or I")
-    best = _weights(criterion, parts, even)
-    for units in _units(criterion, parts, even):
-        found = _found(criterion, parts, units, budgets, even, most)
+    limits = _Limits(budgets, costs, spent_at_most(costs, even), most)
+    best = _weights(criterion, parts, limits.even)
+    for units in _units(criterion, parts, limits.even):
+        found = _found(criterion, parts, units, limits)
         best = found if found.value > best.value else best
-        bound = weight_bound(criterion, parts, best.values, best.gradient, budgets)
+        bound = weight_bound(criterion, parts, best.values, best.gradient, budgets, costs)
         if not exceeds(bound, best.value, CLOSE):
             break
     return best
 
 
-def _found(
-    criterion: Criterion, parts: Parts, units: Array, budgets: Sequence[Budget], even: Array, most: Array
-) -> Weights:
+@dataclass(frozen=True)
+class _Limits:
+    # What weights keep to, with even weights that do, and the most of each.
+    budgets: Sequence[Budget]
+    costs: Sequence[Cost]
+    even: Array
+    most: Array
+
+    def kept(self, weights: Array) -> Array:
+        """Return the nearest weights (n,) that keep to all limits, up to one share of each budget."""
+        chosen = np.clip(weights, 0.0, self.most)
+        for budget in self.budgets:
+            if not self.costs or budget.spent(chosen) > budget.total:
+                chosen[list(budget.places)] = _spending(budget, chosen)
+        return spent_at_most(self.costs, chosen)
+
+    def rows(self, weights: ca.SX) -> tuple[list[ca.SX], list[float]]:
+        """Return rows that are at most 0, and the least that each may be."""
+        rows = [
+            ca.dot(ca.DM(budget.sizes), weights[list(budget.places)]) - budget.total
+            for budget in self.budgets
+        ]
+        # Whoever may not pay for more than some of a budget leaves the rest.
+        least = [-np.inf if self.costs else 0.0] * len(rows)
+        rows += [ca.dot(ca.DM(cost.sizes), weights) - cost.most for cost in self.costs]
+        return rows, [*least, *[-np.inf] * len(self.costs)]
+
+
+def _found(criterion: Criterion, parts: Parts, units: Array, limits: _Limits) -> Weights:
     # With combinations of the judged parameters in place of these.
     searched = criterion.in_units(units) or criterion
-    found, multipliers = _solved(searched, _scaled(parts, even, units), budgets, even, most)
-    chosen = np.clip(found, 0.0, most)
-    for one in budgets:
-        chosen[list(one.places)] = _spending(one, chosen)
+    found, multipliers = _solved(searched, _scaled(parts, limits.even, units), limits)
+    chosen, budgets, costs = limits.kept(found), limits.budgets, limits.costs
     columns, rows = np.triu_indices(parts.judged)
     dual = np.zeros((parts.judged,) * 2)
     dual[rows, columns] = multipliers[: len(rows)]
     # Multipliers of a search that has not converged bound less than the weights' own plane does.
     both = [_weights(criterion, parts, chosen, one) for one in (units @ (dual + dual.T) @ units.T, None)]
-    return min(both, key=lambda one: weight_bound(criterion, parts, one.values, one.gradient, budgets))
+    return min(both, key=lambda one: weight_bound(criterion, parts, one.values, one.gradient, budgets, costs))
 
 
 def _spending(budget: Budget, weights: Array) -> Array:
@@ -104,10 +133,9 @@ def _spending(budget: Budget, weights: Array) -> Array:
     return np.asarray(own + room * min(spare / left, 1.0)) if left > 0 else own
 
 
-def _solved(
-    criterion: Criterion, parts: Parts, budgets: Sequence[Budget], even: Array, most: Array
-) -> tuple[Array, Array]:
+def _solved(criterion: Criterion, parts: Parts, limits: _Limits) -> tuple[Array, Array]:
     # The weights, and the multipliers of the criterion's equalities.
+    even = limits.even
     weights = ca.SX.sym("w", len(even))
     # The information has unknowns of its own: only they are curved, and they are few.
     entries = _present(parts)
@@ -116,7 +144,8 @@ def _solved(
     for place, (row, column) in enumerate(zip(*entries, strict=True)):
         whole[int(row), int(column)] = whole[int(column), int(row)] = summed[place]
     epigraph = criterion.epigraph([eliminate(whole, parts.judged)])
-    linear = [ca.dot(ca.DM(one.sizes), weights[list(one.places)]) - one.total for one in budgets]
+    linear, least = limits.rows(weights)
+    count = len(linear) + len(entries[0])
     linear.append(ca.DM(parts.matrices[:, *entries].T) @ weights + ca.DM(parts.known[entries]) - summed)
     program = {
         "x": ca.vertcat(weights, summed, epigraph.variables),
@@ -130,11 +159,11 @@ def _solved(
         found = solver(
             x0=np.concatenate([even, further]),
             lbx=np.concatenate([np.zeros(len(even)), -open_ends]),
-            ubx=np.concatenate([most, open_ends]),
-            lbg=0.0,
+            ubx=np.concatenate([limits.most, open_ends]),
+            lbg=np.concatenate([least, np.zeros(program["g"].shape[0] - len(least))]),
             ubg=0.0,
         )
-    multipliers = np.array(found["lam_g"]).ravel()[len(budgets) + len(entries[0]) :]
+    multipliers = np.array(found["lam_g"]).ravel()[count:]
     return np.array(found["x"]).ravel()[: len(even)], multipliers
 
 

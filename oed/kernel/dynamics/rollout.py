@@ -70,6 +70,7 @@ class Drive(Brief, Named):
         runs: how many runs of equal length the N periods are shared out to.
         refine: points of `path` per sample.
         first_run: place of the first of these runs, where the drive is a part of one of several.
+        repetitions: number of times that each period is carried out, (N,); None for once.
     """
 
     system: System
@@ -86,6 +87,7 @@ class Drive(Brief, Named):
     runs: int = 1
     refine: int = 1
     first_run: int = 0
+    repetitions: Expression | None = None
 
     @property
     def samples(self) -> int:

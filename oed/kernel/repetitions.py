@@ -1,0 +1,111 @@
+"""Repetitions of trials: weights say how often a trial is carried out, and what it costs counts as often."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from oed.foundation.arrays import Array, Places
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.rollout import Drive, any_drive
+from oed.kernel.parts import Cost, Parts, laid_out
+
+if TYPE_CHECKING:
+    from oed.kernel.dynamics.trajectory import Trajectory
+    from oed.kernel.problem import Problem
+
+EFFORT = "effort_"
+"""Prefix of the inputs of a search that are roots of weights; the number of their sensor follows."""
+
+
+def repetitions_of(drive: Drive) -> Expression:
+    """Return how often each period of a drive is carried out, (N,)."""
+    if drive.repetitions is not None:
+        return drive.repetitions
+    efforts = [place for place, name in enumerate(drive.system.input_names) if name.startswith(EFFORT)]
+    if efforts and not drive.system.states:
+        return drive.inputs[:, efforts[0]] ** 2
+    return ca.DM.ones(drive.inputs.shape[0])
+
+
+def repetitions(problem: Problem, trajectory: Trajectory) -> Array:
+    """Return how often the weights of a trajectory let each of its periods be carried out, (N,).
+
+    A setting of a system without states is carried out as often as its readings count. Other trials are
+    carried out once, or as often as they count where weights are of whole trials.
+    """
+    counts, weights = np.ones(trajectory.samples), trajectory.weights
+    if weights is None or (problem.model.states and not _weighs_trials(problem)):
+        return counts
+    counts[:] = 0.0
+    np.maximum.at(counts, _periods(problem, trajectory), weights)
+    if _weighs_trials(problem):
+        each = counts.reshape(trajectory.runs, -1)
+        each[:] = each.max(axis=1, keepdims=True)
+    return counts
+
+
+def costs_of(problem: Problem, trajectory: Trajectory, parts: Parts) -> tuple[Cost, ...]:
+    """Return what the limits on all trials together let weights cost.
+
+    Args:
+        problem: with the limits.
+        trajectory: whose readings have the weights.
+        parts: readings, or groups of them, with one weight each.
+    """
+    limits = [limit for limit in problem.limits if limit.counts_trials]
+    if not limits or (problem.model.states and not _weighs_trials(problem)):
+        return ()
+    symbols, drive = any_drive(problem.system, trajectory.samples, trajectory.runs)
+    counts = ca.MX.sym("counts", trajectory.samples)
+    rows = [limit.rows(replace(drive, repetitions=counts)) for limit in limits]
+    slopes = ca.Function("costs", symbols, [ca.jacobian(row.expression, counts) for row in rows])
+    given = trajectory.inputs, trajectory.starts, problem.system.nominal, trajectory.period
+    values = [np.array(value).ravel() for value in slopes.call(list(given))]
+    return tuple(
+        Cost(tuple(_by_part(problem, trajectory, parts, each).tolist()), float(row.upper[0]))
+        for row, each in zip(rows, values, strict=True)
+    )
+
+
+def _by_part(problem: Problem, trajectory: Trajectory, parts: Parts, costs: Array) -> Array:
+    # Cost of each part at a weight of 1, from the costs (N,) of all periods.
+    if _weighs_trials(problem):
+        runs = [reading.run for reading in parts.readings]
+        return np.asarray(costs.reshape(trajectory.runs, -1).sum(axis=1)[runs])
+    each = costs[_periods(problem, trajectory)]
+    return np.array([each[list(members)].sum() for members in parts.members])
+
+
+def _periods(problem: Problem, trajectory: Trajectory) -> Places:
+    # The period among all in which each reading is taken.
+    samples, period = trajectory.samples // trajectory.runs, trajectory.period
+    sensors = problem.measurement.joint_sensors
+    readings = laid_out(sensors, problem.system, samples, trajectory.runs, period).readings
+    places = np.array([reading.time for reading in readings]) / period
+    runs = np.array([reading.run for reading in readings], dtype=int)
+    return np.asarray(runs * samples + np.minimum(places + SLIGHT, samples - 1).astype(int))
+
+
+def _weighs_trials(problem: Problem) -> bool:
+    return problem.selection is not None and problem.selection.of == "trials"
+
+
+SLIGHT = 1e-6
+"""Share of a period that is rounding."""
+
+
+def spent_at_most(costs: Sequence[Cost], weights: Array) -> Array:
+    """Return weights lowered by one share until they keep to all costs.
+
+    Args:
+        costs: that limit the weights.
+        weights: of the readings, (n,).
+    """
+    spent = [(float(np.array(cost.sizes) @ weights), cost.most) for cost in costs]
+    share = min((most / amount for amount, most in spent if amount > most > 0), default=1.0)
+    return share * weights
