@@ -17,7 +17,7 @@ from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.signals import Constant, PiecewiseConstant, Signal
-from oed.kernel.dynamics.space import SignalSpace
+from oed.kernel.dynamics.space import SignalSpace, Spline
 from oed.kernel.dynamics.system import Input, Parameter, System
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
@@ -255,10 +255,13 @@ def lifted(problem: Problem) -> Problem | None:
     chosen together with inputs.
 
     Weights are chosen for trajectories that are found without them where trials are weighted as a whole, and
-    in spaces without signals.
+    in spaces of splines.
     """
     space, sensors = problem.design, problem.measurement.joint_sensors
-    if not isinstance(space, SignalSpace) or not space.signals or problem.robust is not None:
+    # A system without inputs has no signals, and start states to be chosen with the readings.
+    if not isinstance(space, SignalSpace) or (problem.model.inputs and not space.signals):
+        return None
+    if problem.robust is not None:
         return None
     weighted, paced = _weighted(problem), space.shortest is not None
     if not weighted and not paced:
@@ -278,7 +281,9 @@ def lifted(problem: Problem) -> Problem | None:
     return replace(
         problem,
         model=Lifted(problem.model, efforts, paced),
-        design=space.model_copy(update={"signals": (*space.signals, *signals), "shortest": None}),
+        design=space.model_copy(
+            update={"signals": (*space.signals, *signals), "spline": Spline(), "shortest": None}
+        ),
         measurement=inner[0] if len(inner) == 1 else joined(inner),
         limits=(*problem.limits, *limits),
         selection=None,
