@@ -70,9 +70,14 @@ Mistakes of the user are `oed.UserMistake`, what cannot be done is `oed.Failure`
 
 import sys
 
-import lazy_loader
+from oed.foundation.work import start
 
-from oed.foundation import moved, plots
+# Before anything that takes time to load.
+start.begin()
+
+import lazy_loader  # noqa: E402
+
+from oed.foundation import moved, plots  # noqa: E402
 
 _public, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
 # Of all names: `help(oed)` prints what each of these says of itself, and a star should bring no E, G or I.

@@ -25,6 +25,7 @@ from oed.cli.terminal.messages import print_json, say, steady_streams, warnings_
 
 if TYPE_CHECKING:
     from oed.foundation.errors import OedError
+    from oed.foundation.work.signals import Ending
 
 COMMANDS: tuple[Command, ...] = (
     INIT,
@@ -55,20 +56,39 @@ OBJECTS = 200_000
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
     from oed.foundation.errors import Failure
+    from oed.foundation.work import start
+    from oed.foundation.work.signals import ending_alike
 
-    with steady_streams(), warnings_shown():
+    with steady_streams(), warnings_shown(), ending_alike() as ending:
         try:
             try:
-                return _run(arguments)
+                code = _run(arguments, ending)
             finally:
                 # What cannot be printed is known only now.
                 sys.stdout.flush()
         except Failure as error:
             say(str(error))
-            return FAILED
+            code = FAILED
+        except KeyboardInterrupt:
+            say("interrupted")
+            code = FAILED
+        ending.over = True
+        if start.LEAVING is not None:
+            _end_processes()
+            start.done(code)
+    return code
 
 
-def _run(arguments: Sequence[str] | None) -> int:
+def _end_processes() -> None:
+    # Python would wait for them after the last handler of signals is gone, and print what a signal does then.
+    ends = (("foundation.work.parallel", "end_processes"), ("kernel.dynamics.compiled", "stop_all"))
+    for module, function in ends:
+        loaded = sys.modules.get(f"oed.{module}")
+        if loaded is not None:
+            getattr(loaded, function)()
+
+
+def _run(arguments: Sequence[str] | None, ending: Ending) -> int:
     from oed.foundation.errors import FileError, OedError, UserMistake
 
     given = sys.argv[1:] if arguments is None else arguments
@@ -83,13 +103,17 @@ def _run(arguments: Sequence[str] | None) -> int:
         return MISTAKE
     _spare_time()
     from oed.foundation.vocabulary import Vocabulary, speaking
-    from oed.foundation.work.signals import ending_alike, interrupts_named
+    from oed.foundation.work.signals import interrupts_named
 
     command: Callable[[argparse.Namespace], int] = options.run
     try:
-        with ending_alike(), interrupts_named(), speaking(Vocabulary()):
-            _require_names(options)
-            return command(options)
+        try:
+            with interrupts_named(), speaking(Vocabulary()):
+                _require_names(options)
+                return command(options)
+        finally:
+            # What is left is to say how it ended.
+            ending.over = True
     except OedError as raised:
         error = _located(raised, options)
         issues = error.issues if isinstance(error, FileError) else ()

@@ -47,11 +47,10 @@ def test_every_signal_that_ends_the_program_is_answered_alike(number: int, capsy
             sys.stderr.write("what CasADi says of it")
 
     before = signal.getsignal(signal.SIGTERM)
-    with ending_alike():
-        with pytest.raises(KeyboardInterrupt):
-            work()
-        with pytest.raises(KeyboardInterrupt):
-            signal.raise_signal(number)
+    with ending_alike(), pytest.raises(KeyboardInterrupt):
+        work()
+    with ending_alike(), pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(number)
     assert signal.getsignal(signal.SIGTERM) is before
     assert capsys.readouterr().err == ""
 
@@ -191,3 +190,34 @@ def test_a_solver_that_heard_of_it_is_the_last_to_hear():
     with ending_alike():
         work()
     assert after
+
+
+def test_a_signal_that_repeats_an_interrupt_does_nothing():
+    with ending_alike() as ending:
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGTERM)
+        ending.over = True
+    with ending_alike() as ending:
+        ending.over = True
+        signal.raise_signal(signal.SIGINT)
+
+
+class Finalised:
+    """An object that a signal comes to while Python finalises it."""
+
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_an_interrupt_in_a_finaliser_is_raised_after_it_and_not_printed(capsys):
+    def work() -> None:
+        Finalised()
+        time.sleep(5)
+
+    before = time.monotonic()
+    with ending_alike(), pytest.raises(KeyboardInterrupt):
+        work()
+    assert time.monotonic() - before < 1
+    assert capsys.readouterr().err == ""

@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 
 from oed.foundation.errors import Failure
 from oed.foundation.work.cluster import Cluster
-from oed.foundation.work.signals import end_with, interrupts_blocked
+from oed.foundation.work.signals import end_with, interrupts_blocked, undisturbed
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -128,49 +128,55 @@ def _outputs(
     function: Callable[[Any], Any], tasks: Mapping[int, Any], workers: Workers
 ) -> Iterator[Iterator[tuple[int, Any]]]:
     jobs = [_Job(function, index, task) for index, task in tasks.items()]
-    if isinstance(workers, int):
-        # Processes are started here, and hear no Ctrl-C from their first moment.
-        with interrupts_blocked():
-            executor = _processes(workers)
-            futures = [executor.submit(job) for job in jobs]
-        give_up = partial(_end, executor)
-    else:
-        executor = workers.executor()
-        futures = [executor.submit(job) for job in jobs]
-        give_up = partial(executor.shutdown, wait=False)
+    give_up: Callable[[], None] = end_processes
     try:
+        if isinstance(workers, int):
+            # Processes are started here, and hear no Ctrl-C from their first moment.
+            with interrupts_blocked():
+                executor = _processes(workers)
+                futures = [executor.submit(job) for job in jobs]
+        else:
+            executor = workers.executor()
+            give_up = partial(executor.shutdown, wait=False)
+            futures = [executor.submit(job) for job in jobs]
         yield (_result(future, workers) for future in as_completed(futures))
     except BaseException:
         # Leaving early is meant: an interrupt keeps what is done and gives up the rest.
-        give_up()
+        with undisturbed():
+            give_up()
         raise
 
 
 _waiting = 1
+_pool: Any = None
 
 
-def _end(executor: Any) -> None:
-    global _waiting
-    _waiting = 1
-    executor.shutdown(kill_workers=True)
+def end_processes() -> None:
+    """End the processes that were started here, whatever they do, and wait until they have ended."""
+    global _waiting, _pool
+    if _pool is None:
+        return
+    _pool.shutdown(kill_workers=True)
+    _waiting, _pool = 1, None
     # Nothing else waits for the thread that has sent the tasks. It signs semaphores off: a program that ends
     # in the middle of that is warned of one that is left.
-    for one in threading.enumerate():
-        if one.name == FEEDER:
-            one.join(PATIENCE)
+    for thread in threading.enumerate():
+        if thread.name == FEEDER:
+            thread.join(PATIENCE)
 
 
 def _processes(count: int) -> Any:
     from loky import get_reusable_executor
 
-    global _waiting
+    global _waiting, _pool
     _waiting = count
     # What a process keeps of its tasks, so as not to write it anew, is no leak.
     warnings.filterwarnings("ignore", message="A worker was restarted", category=UserWarning)
     # Each has its share of the processors for its linear algebra.
     threads = str(max(1, default_workers() // count))
     env = {name: os.environ.get(name, threads) for name in THREADS}
-    return get_reusable_executor(count, timeout=IDLE, initializer=end_with, initargs=(os.getpid(),), env=env)
+    _pool = get_reusable_executor(count, timeout=IDLE, initializer=end_with, initargs=(os.getpid(),), env=env)
+    return _pool
 
 
 def _result(future: Future[tuple[int, Any]], workers: Workers) -> tuple[int, Any]:

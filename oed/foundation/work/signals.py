@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import signal
 import sys
@@ -14,15 +15,14 @@ from types import FrameType
 from typing import Any
 
 from oed.foundation.errors import OedError
+from oed.foundation.work.start import ENDING, Leaving
 
-ENDING = [
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
-]
-"""Ctrl-C, a polite request to end, and a terminal that is closed."""
 WATCH = 0.5
 """Time [s] between looks at whether the parent is still there, where the system does not say."""
 WRAPPERS = "casadi.casadi"
 """Module of CasADi's wrappers."""
+GRACE = 2.0
+"""Time [s] after an interrupt in which what is done is kept: signals that repeat it do nothing."""
 SOON = 1e-3
 """Time [s] after which a signal that would have been lost is answered again."""
 Answer = Callable[[int, FrameType | None], Any]
@@ -47,12 +47,36 @@ def ending_alike(numbers: Sequence[int] = ENDING) -> Iterator[Ending]:
         yield ending
         return
     # What is ignored (by `nohup`, say) stays so, and a handler of somebody else's stays in place.
-    own = (signal.SIG_DFL, signal.default_int_handler)
-    with _handled({number: ending for number in numbers if signal.getsignal(number) in own}):
+    with (
+        _handled({number: ending for number in numbers if _is_default(signal.getsignal(number))}),
+        _unraisable_raised(ending),
+    ):
         try:
             yield ending
         finally:
             ending.forget()
+
+
+def _is_default(handler: Any) -> bool:
+    return handler in (signal.SIG_DFL, signal.default_int_handler) or isinstance(handler, Leaving)
+
+
+@contextmanager
+def _unraisable_raised(ending: Ending) -> Iterator[None]:
+    # Python prints an interrupt of a finaliser or a callback of its own, and goes on.
+    before = sys.unraisablehook
+
+    def hook(unraisable: sys.UnraisableHookArgs) -> None:
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+            ending.come_again(signal.SIGINT)
+        else:
+            before(unraisable)
+
+    sys.unraisablehook = hook
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
 
 
 @contextmanager
@@ -79,18 +103,30 @@ class Ending:
     """The answer to a signal: KeyboardInterrupt, raised where it is not lost.
 
     What CasADi's wrappers call while they look at their arguments may raise what it likes: they try another
-    way. There the signal waits until the program is out of them.
+    way. There the signal waits until the program is out of them. Signals that repeat it within `GRACE` do
+    nothing, and none does when the command is over.
+
+    Attributes:
+        over: whether the command is over, and only its exit code is left.
     """
 
     def __init__(self) -> None:
-        """Without a signal."""
+        """Begin without a signal."""
+        self.over = False
         self._waiting: threading.Timer | None = None
+        self._raised = -math.inf
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Raise it, or see again very soon."""
-        if not _within(WRAPPERS, frame):
-            raise KeyboardInterrupt
+        if _within(WRAPPERS, frame):
+            self.come_again(number)
+        else:
+            self.at_once(number, frame)
+
+    def come_again(self, number: int) -> None:
+        """Send a signal that could not be answered again very soon, as if it had not come before."""
         self.forget()
+        self._raised = -math.inf
         self._waiting = threading.Timer(SOON, _send, [number])
         self._waiting.daemon = True
         self._waiting.start()
@@ -107,6 +143,10 @@ class Ending:
 
     def at_once(self, number: int, frame: FrameType | None) -> None:
         """Raise it: for solvers, which end by it."""
+        now = time.monotonic()
+        if self.over or now < self._raised + GRACE:
+            return
+        self._raised = now
         raise KeyboardInterrupt
 
 
@@ -211,20 +251,21 @@ def undisturbed() -> Iterator[None]:
 def interrupts_blocked() -> Iterator[None]:
     """Start processes that never hear Ctrl-C: a terminal sends it to them too, and only their parent answers.
 
-    In this process it waits for the end of the context.
+    In this process it waits for the end of the context, whichever of its threads the system gives it to.
     """
-    if sys.platform == "win32":
-        yield
-        return
-    from multiprocessing import resource_tracker
+    with undisturbed():
+        if sys.platform == "win32":
+            yield
+            return
+        from multiprocessing import resource_tracker
 
-    # It lets Ctrl-C through again when it is started, which is with the first process otherwise.
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        # It lets Ctrl-C through again when it is started, which is with the first process otherwise.
+        resource_tracker.ensure_running()
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def end_with(parent: int) -> None:

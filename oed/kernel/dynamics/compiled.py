@@ -190,8 +190,8 @@ _AT_WORK: weakref.WeakSet[Making] = weakref.WeakSet()
 
 
 @atexit.register
-def _stop_all() -> None:
-    # What nobody collects at the end is not left at work either.
+def stop_all() -> None:
+    """Stop every compiler that is at work: what nobody collects at the end is not left at work either."""
     for making in list(_AT_WORK):
         making.stop()
 
