@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -109,7 +110,10 @@ def _run(options: argparse.Namespace) -> int:
     outcome.report(lambda: write_report(record, out))
 
     notes = [*record.failures, *(note for note in record.notes if note != CUT_SHORT)]
-    exports = [f"oed export {out} --to {kind}" for kind in ("ros2_node", "rosbag2")[record.pushed :]]
+    exports = [
+        shlex.join(["oed", "export", str(out), "--to", kind])
+        for kind in ("ros2_node", "rosbag2")[record.pushed :]
+    ]
     leads = ("Drive:", "   or:")
     found = [f"{lead} {one}" for lead, one in zip(leads, exports, strict=False)]
     drives = record.best is not None and record.study.domain == "robots"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 
 from oed.cli.terminal.command import Command, answered
@@ -53,7 +54,7 @@ def _copy(options: argparse.Namespace) -> int:
         "written": written,
     }
     text = f"wrote {_named(written, out)}" if written else f"nothing to write, all is in {out} already"
-    return answered(options, data, lambda: say(f"{text}; then: oed run {studies[0]}"))
+    return answered(options, data, lambda: say(f"{text}; then: oed run {shlex.quote(str(studies[0]))}"))
 
 
 def _named(files: list[str], out: Path) -> str:

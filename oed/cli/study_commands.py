@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 
 from oed.cli.terminal.arguments import add_quiet, pair, positive, seconds
@@ -55,7 +56,8 @@ def _init(options: argparse.Namespace) -> int:
         raise UserMistake(f"this makes no study: {in_short(error)}") from None
     made = "" if file.parent.exists() else f" in a new folder, {file.parent}"
     write_text(file, text)
-    then = f"oed run {file}" if choice.designs else f"oed estimate {file} LOG..."
+    quoted = shlex.quote(str(file))
+    then = f"oed run {quoted}" if choice.designs else f"oed estimate {quoted} LOG..."
     text = f"wrote {file}{made}; change what is yours, then: {then}"
     return answered(options, {"study": str(file)}, lambda: say(text))
 

@@ -131,6 +131,8 @@ def no_such_file(file: Path, beside: Path | None = None) -> str:
         file: that is not there.
         beside: one that is read along with it, and so was not meant.
     """
+    if os.path.islink(file):
+        return f"a link to {shown(os.readlink(file))}, which is not there"
     try:
         names = sorted(one.name for one in islice(os.scandir(file.parent), MOST_NAMES))
     except (OSError, ValueError):

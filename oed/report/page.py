@@ -174,6 +174,14 @@ def fence(code: str) -> str:
     return "`" * max(3, longest + 1)
 
 
+def code_span(text: str) -> str:
+    """A text as a code span in Markdown, which no backtick in it ends."""
+    text = " ".join(text.splitlines())
+    longest = max((len(run) for run in re.findall(r"`+", text)), default=0)
+    mark, gap = "`" * (longest + 1), " " if longest else ""
+    return f"{mark}{gap}{text}{gap}{mark}"
+
+
 def script_data(animation: Animation) -> Markup:
     """An animation as JSON that may stand inside a script element."""
     text = json.dumps(vars(animation), separators=(",", ":"), allow_nan=False)
@@ -204,6 +212,7 @@ FILTERS = {
     "html": html_text,
     "markdown": markdown_text,
     "cell": lambda text: _escaped(" ".join(text.split())),
+    "code_span": code_span,
     "data": script_data,
     "data_address": data_address,
     "embedded": embedded,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -115,7 +116,7 @@ def _require_different(files: Sequence[str | Path], form: LogForm) -> None:
     known, issues = dict[Path, str](), []
     for file in files:
         try:
-            path = Path(file).resolve()
+            path = Path(os.path.realpath(file))
             path.exists()
         except (OSError, ValueError) as error:
             # A name that no file can have.

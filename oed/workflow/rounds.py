@@ -266,7 +266,8 @@ class Rounds:
             self.written(folder)
         except (OedError, OSError) as error:
             # What can be made later ends no loop.
-            self._say([f"{error}; `oed report {folder}` makes the page"])
+            command = shlex.join(["oed", "report", str(folder)])
+            self._say([f"{error}; `{command}` makes the page"])
 
 
 def _designed(at: Path) -> Trajectory:

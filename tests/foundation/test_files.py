@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from oed.foundation.errors import Failure, FileError, UserMistake
-from oed.foundation.files import read_bytes, read_text, require_writable, text_of, write_text
+from oed.foundation.files import no_such_file, read_bytes, read_text, require_writable, text_of, write_text
 from oed.foundation.work.folders import updated
 from oed.report.film.writing import write_frames
 
@@ -260,3 +260,11 @@ def test_a_file_that_is_not_there_is_said_with_the_nearest(tmp_path: Path, name:
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path):
     with pytest.raises(FileError, match=r"no such file, nor a folder .*logs$"):
         text_of(tmp_path / "logs" / "a.csv", FileError)
+
+
+def test_a_link_to_a_missing_file_says_where_it_leads(tmp_path: Path):
+    link = tmp_path / "dangling.csv"
+    link.symlink_to("gone.csv")
+    text = no_such_file(link)
+    assert "gone.csv" in text
+    assert "did you mean" not in text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,7 +90,8 @@ class CommandResult:
         # Whoever interrupts waits for nothing that can be made later.
         if self.folder is None or self.interrupted:
             return
-        later = f"the record is saved: `oed report {self.out}` makes the report"
+        command = shlex.join(["oed", "report", str(self.out)])
+        later = f"the record is saved: `{command}` makes the report"
         try:
             self.page = write()
         except KeyboardInterrupt:

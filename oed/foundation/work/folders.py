@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import os
 import re
+import shlex
 import shutil
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -214,7 +215,8 @@ def require_usable(folder: str | Path) -> None:
 
 def kept_in(folder: Path) -> str:
     """Where a run that was cut short is, in words."""
-    return f"what had been done by then is kept in {folder}: `oed report {folder}` makes its report"
+    command = shlex.join(["oed", "report", str(folder)])
+    return f"what had been done by then is kept in {folder}: `{command}` makes its report"
 
 
 def in_order(folder: str | Path) -> Path:

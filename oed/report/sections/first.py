@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 
 import numpy as np
@@ -52,7 +53,7 @@ def _commands(record: Record) -> tuple[tuple[str, str], ...]:
     if record.best is None:
         return ()
     study = record.provenance.study if record.provenance is not None else ""
-    estimating = f"oed estimate {study or 'STUDY.yaml'} LOG.csv"
+    estimating = f"oed estimate {shlex.quote(study or 'STUDY.yaml')} LOG.csv"
     exporting = (f"oed export . --to {kind}" for kind in ("ros2_node", "rosbag2", "json"))
     found = tuple(zip(SAY.paragraphs("commands"), (*exporting, estimating), strict=True))
     # No node plays what is driven by a force.
