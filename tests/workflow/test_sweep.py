@@ -204,6 +204,21 @@ def test_no_room_for_a_point(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.slow
+def test_no_room_for_any_record_promises_no_report(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folder, _ = swept
+    real = Draft.write
+
+    def full(draft: Draft, files: dict[str, str]) -> None:
+        real(draft, {name: text for name, text in files.items() if name.endswith(".csv")})
+        raise Failure(f"{draft.path}/record.json: cannot be written: No space left on device")
+
+    monkeypatch.setattr(Draft, "write", full)
+    with pytest.raises(NotSaved, match="not saved") as caught:
+        sweep(folder / "study.yaml", axes(OVER), tmp_path / "out", workers=1)
+    assert "oed report" not in str(caught.value)
+
+
+@pytest.mark.slow
 def test_a_point_cut_short_is_shown_and_run_again(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     folder, _ = swept
 

@@ -220,7 +220,11 @@ class _Sweep:
     def _not_saved(self, error: OedError, found: StoredSweep) -> NotSaved:
         kept = self.draft.put_aside()
         text = f"{error}: make room"
-        return NotSaved(text if kept is None else f"{text}; {kept_in(kept)}", Swept(found))
+        if kept is None or not (kept / FILE).exists():
+            # The point that did not fit is lost, and so is what has no table.
+            text = f"{text}; what was found is not saved"
+            return NotSaved(text if kept is None else f"{text}, but for files in {kept}", Swept(found))
+        return NotSaved(f"{text}; {kept_in(kept)}", Swept(found))
 
     def _table(self) -> StoredSweep:
         # The points side by side.
