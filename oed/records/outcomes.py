@@ -76,6 +76,7 @@ def result_of(
     trajectory_file: str | None,
     criteria: Mapping[str, float | None] | None = None,
     selection: StoredSelection | None = None,
+    usual_drift: Mapping[str, float] | None = None,
 ) -> Result:
     """One of a record's `results`.
 
@@ -84,6 +85,8 @@ def result_of(
         trajectory_file: name of the drive's CSV file, None for no file.
         criteria: what other criteria say of the drive, by their kinds.
         selection: which of its readings are taken.
+        usual_drift: standard deviations if the robot drifted as robots usually do, by parameter; None where
+            that is not scored.
     """
     evaluation, trajectory = solution.evaluation, solution.trajectory
     return Result.of(
@@ -98,6 +101,7 @@ def result_of(
         criteria=criteria or {},
         selection=selection,
         steady_deviations=_steady_deviations(solution),
+        usual_drift_deviations=_finite(usual_drift or {}),
         over_time=_over_time(solution),
     )
 
@@ -107,8 +111,11 @@ def _steady_deviations(solution: Solution) -> dict[str, float | None]:
     problem, trajectory = solution.problem, solution.trajectory
     if problem is None or trajectory is None or solution.evaluation is None or problem.steady is problem:
         return {}
-    found = evaluate(problem.steady, trajectory).standard_deviations
-    return {name: one if math.isfinite(one) else None for name, one in found.items()}
+    return _finite(evaluate(problem.steady, trajectory).standard_deviations)
+
+
+def _finite(deviations: Mapping[str, float]) -> dict[str, float | None]:
+    return {name: size if math.isfinite(size) else None for name, size in deviations.items()}
 
 
 def _over_time(solution: Solution) -> PrecisionOverTime | None:

@@ -75,12 +75,14 @@ def answer_of(record: Record) -> Answer | None:
         return None
     baseline = best_baseline(record)
     beside = baseline if baseline is not None and baseline.name != winner.name else None
-    rows = rows_of(record.parameters, winner, beside, record.study.shown_units)
+    parameters = record.parameters if beside is None else _unimproved_first(record, winner, beside)
+    rows = rows_of(parameters, winner, beside, record.study.shown_units)
     said = (
         _chosen(record, winner),
         _compared(record, winner, baseline),
         _proved(record, winner),
         _holds(record, winner),
+        _with_usual_drift(record, parameters, winner),
         *_tried(record),
     )
     return Answer(
@@ -89,6 +91,19 @@ def answer_of(record: Record) -> Answer | None:
         "" if beside is None else _pattern(beside),
         tuple(filter(None, said if rows else (SAY("noiseless"), *said))),
     )
+
+
+def _unimproved_first(record: Record, winner: Result, baseline: Result) -> list[StoredParameter]:
+    shares = _drives(record.parameters, winner, baseline)
+    return sorted(record.parameters, key=lambda one: shares.get(one.name, math.inf) > 1 + EQUAL)
+
+
+def _with_usual_drift(record: Record, parameters: Sequence[StoredParameter], winner: Result) -> str:
+    # In the order of the rows.
+    drifting = winner.model_copy(update={"standard_deviations": winner.usual_drift_deviations})
+    units = record.study.shown_units
+    errors = [_error(one, drifting, units.get(one.name)) for one in parameters]
+    return SAY("with_usual_drift", errors) if winner.usual_drift_deviations else ""
 
 
 def _chosen(record: Record, winner: Result) -> str:
@@ -211,7 +226,7 @@ def _weighted(record: Record, winner: Result, baseline: Result) -> str:
     name, share = _pattern(baseline), study_aim(record).efficiency(baseline.worth or 0.0, winner.worth or 0.0)
     if share is not None and share > 1 + EQUAL:
         return SAY("better", name)
-    drives, needed = _drives(record, winner, baseline), repetitions_of(record, baseline)
+    drives, needed = _drives(record.parameters, winner, baseline), repetitions_of(record, baseline)
     if not drives:
         return "" if needed is None else SAY("by_criterion", name, needed, EQUAL)
     worse = [one for one, number in drives.items() if number < 1 - EQUAL]
@@ -220,7 +235,7 @@ def _weighted(record: Record, winner: Result, baseline: Result) -> str:
     if high <= 1 + EQUAL:
         return _together(record, winner, baseline, worse)
     if not repeatable(record) or high > MANY:
-        return SAY("smaller", name, math.sqrt(low), math.sqrt(high), worse)
+        return SAY("smaller", name, math.sqrt(low), math.sqrt(high), worse, alike)
     return SAY("repetitions", name, low, high, worse, alike)
 
 
@@ -239,13 +254,15 @@ def _standard_error(record: Record) -> str:
     return study_aim(record).criterion.standard_error([words(one.name) for one in judged(record)])
 
 
-def _drives(record: Record, winner: Result, baseline: Result) -> dict[str, float]:
-    # How many of the baseline's have the designed drive's standard error, parameter by parameter.
-    pairs = {
-        one.name: [result.standard_deviations.get(one.name) for result in (winner, baseline)]
-        for one in judged(record)
-    }
-    return {name: (other / own) ** 2 for name, (own, other) in pairs.items() if own and other}
+def _drives(parameters: Sequence[StoredParameter], winner: Result, baseline: Result) -> dict[str, float]:
+    # Number of baseline drives that reach the designed drive's standard error, by parameter; 0 where the
+    # baseline alone identifies the parameter.
+    drives = {}
+    for one in parameters:
+        designed, usual = (result.standard_deviations.get(one.name) for result in (winner, baseline))
+        if usual:
+            drives[one.name] = (usual / designed) ** 2 if designed else 0.0
+    return drives
 
 
 def _proved(record: Record, winner: Result) -> str:

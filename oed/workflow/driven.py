@@ -29,6 +29,7 @@ from oed.records.stored.study_record import StoredCertificate, StoredParameter
 from oed.study.study import RobotStudyFile, Study
 from oed.workflow.robustness import robustness, tried
 from oed.workflow.studies import Work
+from oed.workflow.usual_drift import usual_drift_deviations
 
 Proved = Certificate | StoredCertificate
 """What is proved of all drives: those that satisfy the limits exactly, and those within the tolerance."""
@@ -38,7 +39,7 @@ MOST_SAMPLES = 5000
 """Of a log that is scored whole: more would take long, and say the same but for how often it is read."""
 HEADER = 100_000
 """Characters of a file's first line that are looked at."""
-SAME = ("robot", "trajectory", "measurement", "estimate", "prior", "limits", "criterion")
+SAME = ("robot", "trajectory", "measurement", "estimate", "prior", "weights", "limits", "criterion")
 """Keys of two studies that have to agree for their designs to be compared."""
 
 
@@ -232,7 +233,8 @@ def _worth(
     proved: Proved | None,
     file: str | None = None,
 ) -> DrivenPath:
-    result, evaluation = result_of(solution, file), solution.evaluation
+    usual = usual_drift_deviations(study.problem, solution)
+    result, evaluation = result_of(solution, file, usual_drift=usual), solution.evaluation
     value, judged = result.objective, sum(len(one.judged) for one in study.problem.any_estimations)
 
     def share(of: float | None) -> float | None:

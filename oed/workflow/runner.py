@@ -45,6 +45,7 @@ from oed.workflow.readings import readings_csv, selection_of
 from oed.workflow.robustness import nominal_search, robustness, safe, tried
 from oed.workflow.saving import RunFolder, run_folder
 from oed.workflow.studies import Work, own_paths
+from oed.workflow.usual_drift import usual_drift_deviations
 
 PRACTICALLY_EQUAL = 2e-3
 """Share of the objective by which two designs may differ and still count as equally good."""
@@ -298,6 +299,11 @@ def _results(study: Study, solutions: Sequence[Solution], failures: Failures, *,
                 dict[str, float | None](),
             ),
             failures.attempt("table of readings", partial(selection_of, study.problem, solution), None),
+            failures.attempt(
+                "standard errors with usual drift",
+                partial(usual_drift_deviations, study.problem, solution),
+                dict[str, float](),
+            ),
         )
         for solution in solutions
     ]

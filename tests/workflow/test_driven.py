@@ -101,6 +101,14 @@ def test_a_robot_that_never_moves(study, tmp_path):
 
 
 @pytest.mark.slow
+def test_a_drive_whose_readings_are_chosen_is_not_compared_with_designs_that_read_all(record, saved):
+    chosen = parse_study(f"{STUDY}weights: {{readings: 2}}\n")
+    found = score_path(chosen, saved / "square.csv", saved)
+    assert found.best is None
+    assert found.design is None
+
+
+@pytest.mark.slow
 def test_a_robust_study_tells_how_many_robots_leave(study, record, saved):
     robust = parse_study(f"{STUDY}uncertainty: {{x: 90 cm}}\nrobust: {{kind: chance, draws: 400}}\n")
     data = score_path(robust, saved / "square.csv", saved).data

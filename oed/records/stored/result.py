@@ -197,6 +197,8 @@ class Result(Presented, Stored):
         criteria: what other criteria say of it, by their kinds.
         selection: which readings are taken, where they were chosen.
         steady_deviations: of a process that drifts, the standard deviations if it did not.
+        usual_drift_deviations: of a robot without drift, the standard deviations if it drifted as robots
+            usually do; {} where that is not scored, as in records of earlier versions.
         over_time: how both fall along the drive.
         explored: what a search with a budget spent, as a `Solution` has it.
     """
@@ -232,6 +234,7 @@ class Result(Presented, Stored):
     criteria: dict[str, Number | None] = Field(default_factory=dict)
     selection: StoredSelection | None = None
     steady_deviations: dict[str, Positive | None] = Field(default_factory=dict)
+    usual_drift_deviations: dict[str, Positive | None] = Field(default_factory=dict)
     over_time: PrecisionOverTime | None = None
     explored: StoredExplored | None = None
 

@@ -1,0 +1,52 @@
+"""Standard deviations of a drive if the robot drifted as robots usually do, in studies without drift."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+from oed.kernel.evaluation import evaluate
+from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.process_noise import process_issues, process_noise_of
+from oed.kernel.problem import Problem
+from oed.kernel.solution import Solution
+from oed.robots.sensors.drift import DriftingSensor
+from oed.robots.sensors.several import Several
+
+
+def usual_drift_deviations(problem: Problem, solution: Solution) -> dict[str, float]:
+    """Return the standard deviations of a solution's drive under the same problem with `drift: usual`.
+
+    They are {} where the problem has drift, where it has no sensor of a robot that may drift, and where the
+    readings do not go with drift: chosen ones, and those with one covariance of all.
+    """
+    drifting = None if solution.evaluation is None else _with_usual_drift(problem)
+    if drifting is None or solution.trajectory is None:
+        return {}
+    return evaluate(drifting, solution.trajectory).standard_deviations
+
+
+@lru_cache(maxsize=16)
+def _with_usual_drift(problem: Problem) -> Problem | None:
+    # The same object for all drives of a study, for what scores them is compiled once for each problem.
+    measurement = _drifting(problem.measurement)
+    if measurement is None or problem.selection is not None:
+        return None
+    if process_noise_of(problem.measurement.joint_sensors) is not None:
+        return None
+    if process_issues(measurement.joint_sensors, problem.system):
+        return None
+    return replace(problem, measurement=measurement)
+
+
+def _drifting(measurement: Measurement) -> Measurement | None:
+    sensors = measurement.joint_sensors
+    if not any(isinstance(sensor, DriftingSensor) for sensor in sensors):
+        return None
+    drifting = tuple(
+        sensor.model_copy(update={"drift": "usual"}) if isinstance(sensor, DriftingSensor) else sensor
+        for sensor in sensors
+    )
+    if isinstance(measurement, Several):
+        return measurement.model_copy(update={"sensors": drifting})
+    return drifting[0]
