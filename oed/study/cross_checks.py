@@ -36,7 +36,8 @@ def file_issues(file: StudyFile) -> list[Issue]:
     """Why keys that every study has do not go together; [] where they do."""
     validated = validation_issues(file.validation, file.measurement) if file.validation else []
     issues = [*_name_issues(file), *_start_issues(file), *_drift_issues(file), *validated]
-    if file.uncertainty is not None and file.robust is None:
+    # Robots drawn from it are simulated on every drive.
+    if file.uncertainty is not None and file.robust is None and file.domain != "robots":
         text = "is what a robust drive has to survive, and none is asked for: add `robust: {kind: chance}`"
         issues.append(Issue(("uncertainty",), text))
     return issues

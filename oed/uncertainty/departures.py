@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -20,7 +21,7 @@ from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.limit import PathLimit
 from oed.kernel.problem import Problem
 from oed.kernel.solution import TAIL, Violation
-from oed.uncertainty.uncertainty import given_spread
+from oed.uncertainty.uncertainty import Spread, given_spread
 
 BATCH = 500
 """Robots simulated in one call."""
@@ -28,6 +29,33 @@ WORST = 4
 """Robots whose violations are largest, kept."""
 DECIDED = 0.999
 """Share of the tolerance that nobody needs to know the excess below of."""
+DRAWS = 1000
+"""Robots simulated on every designed drive."""
+MOSTLY = 95.0
+"""Percentile of the distances of robots outside that is reported."""
+
+
+@dataclass(frozen=True)
+class Departures:
+    """Robots that leave the workspace or hit an obstacle on a drive, by more than scoring tolerates.
+
+    Attributes:
+        share: of the robots drawn.
+        interval: of the probability, 95 %, exact [Clopper and Pearson, 1934].
+        distance: 95th percentile, among the robots that do, of how far they get outside or inside an obstacle
+            at the samples [m]; 0 where no robot does, infinite where a path is not a number.
+        limits: names of the limits that were looked at.
+        draws, seed: of the simulation.
+        spread: quantities and ranges that robots are drawn from.
+    """
+
+    share: float
+    interval: tuple[float, float]
+    distance: float
+    limits: tuple[str, ...]
+    draws: int
+    seed: int
+    spread: Spread
 
 
 @dataclass(frozen=True)
@@ -70,7 +98,7 @@ def violation_probability(
     values = given_spread(problem.uncertain_system).draws(draws, seed, stream)
     if not limits:
         return Violation(0.0, interval_of(0, draws, drives), draws, seed, {}, 0.0, values[:0])
-    excess, certain = _excess(problem, trajectory, values)
+    excess, certain = _excess(problem, limits, trajectory, values)
     beyond = excess > TOLERANCE
     any_violated = beyond.any(axis=1)
     farthest = excess.max(axis=1)
@@ -87,17 +115,59 @@ def violation_probability(
     )
 
 
-def violated(problem: Problem, trajectory: Trajectory, values: Array) -> Bools:
-    """Whether robots of uncertain quantities `values` (K, q) violate any limit, (K,).
+@typed
+def departures(
+    problem: Problem, trajectory: Trajectory, *, draws: int = DRAWS, seed: int = 0
+) -> Departures | None:
+    """Simulate robots drawn from a problem's uncertainty on a drive: how many leave where they may be.
+
+    Args:
+        problem: with an uncertainty, or a prior.
+        trajectory: the drive, as commanded: all robots get the same inputs.
+        draws: robots.
+        seed: of the draws.
+
+    Returns:
+        Robots that leave; None where the problem has no limit on positions.
+
+    Raises:
+        ValueError: the problem says nothing of what is uncertain.
+    """
+    limits = position_limits(problem)
+    if not limits:
+        return None
+    spread = given_spread(problem.uncertain_system)
+    excess, _ = _excess(problem, limits, trajectory, spread.draws(draws, seed))
+    leaves = (excess > TOLERANCE).any(axis=1)
+    distances = (excess * _sizes(problem, limits)).max(axis=1)[leaves]
+    # Between neighbours nothing is interpolated: infinite distances have no mean.
+    distance = float(np.percentile(distances, MOSTLY, method="higher")) if len(distances) else 0.0
+    return Departures(
+        share=float(leaves.mean()),
+        interval=interval_of(int(leaves.sum()), draws),
+        distance=distance,
+        limits=tuple(limit.name for limit in limits),
+        draws=draws,
+        seed=seed,
+        spread=spread,
+    )
+
+
+def violated(
+    problem: Problem, trajectory: Trajectory, values: Array, limits: Sequence[PathLimit] | None = None
+) -> Bools:
+    """Tell of robots of uncertain quantities `values` (K, q) which violate any limit, (K,).
 
     Args:
         problem: with path limits.
         trajectory: the drive, as commanded.
         values: of the uncertain quantities, (K, q).
+        limits: that are looked at; all path limits by default.
     """
-    if not path_limits(problem):
+    chosen = path_limits(problem) if limits is None else list(limits)
+    if not chosen:
         return np.zeros(len(values), dtype=bool)
-    excess, _ = _excess(problem, trajectory, values)
+    excess, _ = _excess(problem, chosen, trajectory, values)
     return np.asarray((excess > TOLERANCE).any(axis=1))
 
 
@@ -125,11 +195,25 @@ def path_limits(problem: Problem) -> list[PathLimit]:
     return [limit for limit in problem.limits if isinstance(limit, PathLimit)]
 
 
-def _excess(problem: Problem, trajectory: Trajectory, values: Array) -> tuple[Array, Bools]:
+def position_limits(problem: Problem) -> list[PathLimit]:
+    """Return the limits on where a system may be: the workspace and obstacles."""
+    return [limit for limit in path_limits(problem) if np.isfinite(limit.per_metre)]
+
+
+def _sizes(problem: Problem, limits: Sequence[PathLimit]) -> Array:
+    # Sizes of limits [m], (limits,).
+    system = given_spread(problem.uncertain_system).system
+    origin = ca.DM.zeros(1, len(system.states))
+    return np.array([limit.rows_at(origin, system).size for limit in limits])
+
+
+def _excess(
+    problem: Problem, limits: Sequence[PathLimit], trajectory: Trajectory, values: Array
+) -> tuple[Array, Bools]:
     # By how much each draw exceeds each limit, as a share of its size, (K, limits), and of which limits that
     # is sure. Between the samples only where it decides: of draws that come close to a limit at the samples,
     # and of the worst ones.
-    spread, limits = given_spread(problem.uncertain_system), path_limits(problem)
+    spread = given_spread(problem.uncertain_system)
     robots = _Robots(trajectory, spread.parameter_values(values), trajectory.starts + spread.shifts(values))
     excess, further = _at_points(problem, tuple(limits), robots)
     undecided = (excess <= TOLERANCE) & (further > TOLERANCE)
@@ -218,10 +302,10 @@ def interval_of(count: int, draws: int, drives: int = 1) -> tuple[float, float]:
         draws: of how many.
         drives: of which one is chosen by what is found here.
     """
-    # Loaded by those who ask.
-    import scipy
+    # Loaded by those who ask; `scipy.stats` takes seconds to load.
+    from scipy.special import betaincinv
 
     tail = TAIL / drives
-    low = float(scipy.stats.beta.ppf(tail, count, draws - count + 1)) if count else 0.0
-    high = float(scipy.stats.beta.ppf(1 - tail, count + 1, draws - count)) if count < draws else 1.0
+    low = float(betaincinv(count, draws - count + 1, tail)) if count else 0.0
+    high = float(betaincinv(count + 1, draws - count, 1 - tail)) if count < draws else 1.0
     return low, high

@@ -23,10 +23,12 @@ from oed.optimize.selection import rated
 from oed.records.outcomes import parameter_table, result_of
 from oed.records.path_file import read_trajectory
 from oed.records.record import FILE, Record, load_record
+from oed.records.stored.departures import StoredDepartures
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredRobustness
 from oed.records.stored.study_record import StoredCertificate, StoredParameter
 from oed.study.study import RobotStudyFile, Study
+from oed.workflow.departures import departures_on
 from oed.workflow.robustness import robustness, tried
 from oed.workflow.studies import Work
 from oed.workflow.usual_drift import usual_drift_deviations
@@ -75,6 +77,8 @@ class DrivenPaths:
         findings: by the name of the log, what was found in it.
         parameters: that the study estimates.
         design: the result of that best design, or None.
+        departures: how many robots leave the workspace or hit an obstacle on a path, as a record has it; None
+            of logs, which say what was driven.
     """
 
     paths: tuple[DrivenPath, ...]
@@ -84,6 +88,12 @@ class DrivenPaths:
     findings: tuple[tuple[str, Finding], ...] = ()
     parameters: tuple[StoredParameter, ...] = ()
     design: Result | None = None
+    departures: StoredDepartures | None = None
+
+    def departing(self, path: DrivenPath) -> tuple[str, bool]:
+        """Return how many robots leave on a path, in words ("" where unknown), and whether to warn."""
+        name, departures = path.result.name, self.departures
+        return ("", False) if departures is None else (departures.sentence(name), departures.warns(name))
 
     @property
     def first(self) -> DrivenPath:
@@ -108,6 +118,7 @@ class DrivenPaths:
             "best_design": best,
             "upper_bound": self.bound,
             "robustness": None if self.robustness is None else self.robustness.plain(),
+            "departures": None if self.departures is None else self.departures.plain(),
         }
         findings = [{"log": name, **vars(one)} for name, one in self.findings]
         return {**self.first.result.plain(), "worth": worth, **known, "findings": findings}
@@ -139,7 +150,8 @@ def score_path(study: Study, file: str | Path, designs: str | Path | None = None
     (solution,) = tried(Work(study, study.seed), [rated(study.problem, trajectory, Path(file).stem)])
     worth = _worth(study, solution, trajectory.duration, best, proved, str(file))
     robots = robustness(study, [solution], study.seed)
-    return DrivenPaths((worth,), best, _exact(proved), robots, **_beside(study, record))
+    leaving = departures_on(study, [solution], None, study.seed)
+    return DrivenPaths((worth,), best, _exact(proved), robots, departures=leaving, **_beside(study, record))
 
 
 def is_log(study: Study, file: str | Path) -> bool:

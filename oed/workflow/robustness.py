@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from oed.foundation.arrays import Array, Places
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import NOMINAL, Solution
@@ -94,13 +95,14 @@ def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> Stored
     return StoredRobustness.of(
         robust,
         limits=[limit.name for limit in path_limits(problem)],
-        uncertain=_uncertain(spread),
+        uncertain=uncertain_table(spread),
         results=[_tried(solution) for solution in drives],
         **_drawn(problem, drives, spread.draws(BUNDLE, seed, BUNDLE_STREAM)),
     )
 
 
-def _uncertain(spread: Spread) -> list[Uncertain]:
+def uncertain_table(spread: Spread) -> list[Uncertain]:
+    """Return uncertain quantities as a record has them."""
     columns = (spread.names, spread.units, spread.nominal, spread.low, spread.high, spread.uniform)
     return [
         Uncertain.of(name=name, unit=unit, nominal=nominal, low=low, high=high, uniform=uniform)
@@ -128,14 +130,24 @@ def _drawn(problem: Problem, drives: Sequence[Solution], values: Any) -> dict[st
             continue
         assert solution.trajectory is not None
         states = paths(problem, solution.trajectory, values)
-        each = states.reshape(len(states), problem.design.runs, -1, states.shape[2])
-        chosen = np.unique(np.linspace(0, each.shape[2] - 1, DRAWN).astype(int))
+        points = points_by_run(states, problem.design.runs)
         known = {"name": solution.name, "violating": violated(problem, solution.trajectory, values)}
         if problem.model.velocity_signal:
-            paths_of_all.append(Paths.of(**known, paths=each[:, :, chosen, :2]))
+            paths_of_all.append(Paths.of(**known, paths=points[..., :2]))
         else:
             times = [
-                np.linspace(0, one.duration, one.samples + 1)[chosen] for one in solution.trajectory.each
+                np.linspace(0, run.duration, run.samples + 1)[_drawn_samples(run.samples + 1)]
+                for run in solution.trajectory.each
             ]
-            courses.append(StatesOverTime.of(**known, times=times, states=each[:, :, chosen]))
+            courses.append(StatesOverTime.of(**known, times=times, states=points))
     return {"bundles": paths_of_all, "courses": courses or None}
+
+
+def points_by_run(states: Array, runs: int) -> Array:
+    """Return states that figures draw, (K, runs, points, states), of all samples (K, N + runs, states)."""
+    by_run = states.reshape(len(states), runs, -1, states.shape[2])
+    return by_run[:, :, _drawn_samples(by_run.shape[2])]
+
+
+def _drawn_samples(count: int) -> Places:
+    return np.unique(np.linspace(0, count - 1, DRAWN).astype(int))

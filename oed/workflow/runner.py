@@ -30,6 +30,7 @@ from oed.records.outcomes import (
 )
 from oed.records.path_file import trajectory_csv
 from oed.records.record import FILE, Record
+from oed.records.stored.departures import StoredDepartures
 from oed.records.stored.door import FORMAT
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredTrial, StoredValidation
@@ -39,6 +40,7 @@ from oed.study.study import Study
 from oed.workflow.after_search import Failures
 from oed.workflow.compared import compared
 from oed.workflow.criteria import criteria_of, scores_by_criteria
+from oed.workflow.departures import departures_on
 from oed.workflow.experiments import driven_in_physics, simulated
 from oed.workflow.integration import integration_notes
 from oed.workflow.readings import readings_csv, selection_of
@@ -91,6 +93,7 @@ def run(
             running.search()
         else:
             running.everything()
+        running.simulate_departures()
         return folder.finish(*running.found(running.solutions, interrupted=running.interrupted))
 
 
@@ -103,6 +106,7 @@ class _Run:
     certificate: Certificate | None = None
     validation: StoredValidation | None = None
     physics: StoredTrial | None = None
+    departures: StoredDepartures | None = None
     interrupted: bool = False
     remarks: list[str] = field(default_factory=list)
     failures: Failures = field(default_factory=Failures)
@@ -124,6 +128,20 @@ class _Run:
     def search(self) -> None:
         """The searches."""
         self.solutions, self.interrupted = search(self.work, self._keep, self.failures)
+
+    def simulate_departures(self) -> None:
+        """Simulate how many robots leave the workspace on the drives that there are."""
+        study = self.work.study
+        best = best_of(safe(study, self.solutions), study.problem.criterion)
+        try:
+            with interrupts_named():
+                self.departures = self.failures.attempt(
+                    "simulation of robots that leave the workspace",
+                    lambda: departures_on(study, self.solutions, best, self.work.seed),
+                    None,
+                )
+        except KeyboardInterrupt:
+            self.interrupted = True
 
     def _compare(self) -> None:
         work, study, attempt = self.work, self.work.study, self.failures.attempt
@@ -159,6 +177,7 @@ class _Run:
             certificate=self.certificate,
             validation=self.validation,
             physics=self.physics,
+            departures=self.departures,
             interrupted=interrupted,
             remarks=self.remarks,
             failures=self.failures,
@@ -241,6 +260,7 @@ def record(
     certificate: Certificate | None = None,
     validation: StoredValidation | None = None,
     physics: StoredTrial | None = None,
+    departures: StoredDepartures | None = None,
     interrupted: bool = False,
     remarks: Sequence[str] = (),
     failures: Failures | None = None,
@@ -255,6 +275,7 @@ def record(
         certificate: an upper bound.
         validation: simulated experiments.
         physics: a trial on a simulated robot.
+        departures: robots that leave the workspace or hit an obstacle.
         interrupted: whether the run was.
         remarks: what else is to be known.
         failures: steps that failed; those of the record itself that fail are added.
@@ -278,6 +299,7 @@ def record(
         if certificate is None
         else attempt("gap to the bound", lambda: certified(study, certificate, solutions), None),
         robustness=attempt("report of robustness", lambda: robustness(study, solutions, seed), None),
+        departures=departures,
         validation=validation,
         trial=physics,
         interrupted=interrupted,

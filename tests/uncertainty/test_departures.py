@@ -27,7 +27,14 @@ from oed.robots.models import TractorTrailer
 from oed.robots.models.model import Model
 from oed.robots.sensors import Poses
 from oed.robots.space import DesignSpace
-from oed.uncertainty.departures import path_limits, paths, violated, violation_probability
+from oed.uncertainty.departures import (
+    departures,
+    interval_of,
+    path_limits,
+    paths,
+    violated,
+    violation_probability,
+)
 from oed.uncertainty.uncertainty import spread_of
 
 RIGHT, LEFT = "wheel_radius_right", "wheel_radius_left"
@@ -204,6 +211,34 @@ class TestCounts:
         problem, drive = boxed()
         with pytest.raises(ValueError, match="neither an uncertainty nor a prior"):
             violation_probability(replace(problem, uncertainty=None), drive)
+
+
+class TestDepartures:
+    """Robots that leave the workspace or hit an obstacle, and how far they get."""
+
+    @pytest.mark.slow
+    def test_share_and_distance_are_those_of_scoring_one_by_one(self):
+        problem, drive, _, exact = counted("box")
+        departing = departures(problem, drive, draws=COUNT, seed=0)
+        beyond = exact > TOLERANCE
+        assert departing.limits == ("workspace", "obstacles")
+        assert departing.share == beyond.any(axis=1).mean()
+        assert departing.interval == interval_of(int(beyond.any(axis=1).sum()), COUNT)
+        limits = {limit.name: limit for limit in path_limits(problem)}
+        sizes = [limits["workspace"].rows_for(np.zeros((1, 2)), 0.0).size, 0.295]
+        outside = np.sort((exact * sizes).max(axis=1)[beyond.any(axis=1)])
+        # Of few robots the 95th percentile is the farthest.
+        assert departing.distance == pytest.approx(outside[-1], abs=1e-4)
+
+    @pytest.mark.slow
+    def test_distance_is_0_where_no_robot_leaves(self):
+        problem, drive = boxed(3.0)
+        departing = departures(replace(problem, limits=problem.limits[:3]), drive, draws=COUNT)
+        assert (departing.share, departing.distance) == (0.0, 0.0)
+
+    def test_limits_that_are_none_on_positions_are_not_looked_at(self):
+        problem, drive = trailing()
+        assert departures(problem, drive, draws=COUNT) is None
 
 
 class TestDraws:

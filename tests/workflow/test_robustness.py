@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from driven_robot import QUICKLY, ROOM_STUDY, write_log
+from places import PROBLEMS
 from recorded import record_from
 from studies import GENETIC, saved_study, small
 
@@ -162,9 +163,16 @@ class TestWhatIsAsked:
         study = saved_study(tmp_path, small(solvers="", baselines="[straight]"))
         assert run(study, workers=1).data["robustness"] is None
 
-    def test_an_uncertainty_that_nothing_has_to_survive_is_refused(self, tmp_path):
+    def test_uncertainty_of_a_system_that_nothing_has_to_survive_is_refused(self):
+        text = (PROBLEMS / "heated_tank.yaml").read_text() + "\nuncertainty: {loss: 5 %}\n"
         with pytest.raises(StudyError, match="uncertainty: is what a robust drive has to survive"):
-            saved_study(tmp_path, small(solvers="", baselines="[straight]", uncertainty=WITHIN))
+            parse_study(text)
+
+    def test_uncertainty_of_a_robot_is_what_robots_are_drawn_from(self, tmp_path):
+        study = saved_study(tmp_path, small(solvers="", baselines="[straight]", uncertainty=WITHIN))
+        departures = run(study, workers=1).departures
+        assert (departures.usual, departures.robust) == (False, False)
+        assert [quantity.name for quantity in departures.uncertain][-1] == "x"
 
     def test_the_search_without_reserve_is_never_the_best(self, ran):
         study, _, _ = ran

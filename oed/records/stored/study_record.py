@@ -21,6 +21,7 @@ from oed.foundation.presenting import (
 )
 from oed.foundation.text import Unit, count, listing, own_unit
 from oed.kernel.dynamics.system import FORCES
+from oed.records.stored.departures import StoredDepartures
 from oed.records.stored.door import SavedFile, read_echo
 from oed.records.stored.parts import (
     Count,
@@ -180,6 +181,8 @@ class Record(Presented, SavedFile):
         named: name of the best feasible result.
         certificate: what is proved of all drives.
         robustness: how many robots violate the limits on the drives; of a study that is robust.
+        departures: how many robots leave the workspace or hit an obstacle; None of other systems, and in
+            records of earlier versions.
         validation: whether simulated estimates scatter as predicted.
         trial: drives of a simulated robot with slip.
         interrupted: whether the run was cut short.
@@ -201,6 +204,7 @@ class Record(Presented, SavedFile):
     named: str | None = Field(default=None, alias="best")
     certificate: StoredCertificate | None
     robustness: StoredRobustness | None = None
+    departures: StoredDepartures | None = None
     validation: StoredValidation | None
     trial: StoredTrial | None = Field(default=None, alias="physics")
     interrupted: bool = False
@@ -377,5 +381,6 @@ class Record(Presented, SavedFile):
             for place, one in enumerate(self.validation.results):
                 require_known(f"validation.results.{place}.name", [one.name], names)
                 require_known(f"validation.results.{place}.parameters", one.parameters, parameters)
-        if self.robustness is not None:
-            require_known("robustness.results", (one.name for one in self.robustness.results), driven)
+        for key in ("robustness", "departures"):
+            drives = getattr(self, key)
+            require_known(f"{key}.results", (one.name for one in drives.results) if drives else (), driven)
