@@ -85,7 +85,7 @@ def _solve_arguments(parser: argparse.ArgumentParser) -> None:
 def _solve(options: argparse.Namespace) -> int:
     out = Path(options.out) if options.out else None
     record, outcome = _searched(options, out, search_only=True)
-    kept = ("format", "oed_version", "seed", "parameters", "results")
+    kept = ("format", "oed_version", "seed", "parameters", "results", "departures")
     plain = record.plain()
     data = {key: plain[key] for key in kept} | ({} if out is None else outcome.place)
     outcome.show(options, data, lambda: _found(options, record, outcome), record.failures)

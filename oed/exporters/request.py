@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from oed.exporters.commands import Commands, commands, commands_along
 from oed.exporters.vehicle import Vehicle, motions_of, recorded_vehicle, vehicle_of
@@ -78,6 +79,12 @@ class Request:
     def name(self) -> str:
         """The result's name."""
         return self.entry.name
+
+    @property
+    def departures(self) -> dict[str, Any] | None:
+        """Robots that leave the workspace on the drive, as the record says; None where it says nothing."""
+        departures = self.record.departures
+        return None if departures is None else departures.exported(self.name)
 
     @property
     def drive(self) -> StoredDrive:

@@ -72,6 +72,7 @@ def _text(request: Request, file: str) -> str:
         study=_literal(record.provenance.study or "STUDY.yaml"),
         drive=_literal(file_stem(request.name)),
         design=_literal(design_hash(request)),
+        departures=_tuple(map(_literal, _departures(request))),
         topic=_literal(message.topic),
         recorded=_tuple(map(_literal, form.topics)),
         readable=_tuple(map(_literal, form.types)),
@@ -121,6 +122,12 @@ def _about(request: Request, runs: tuple[PlayedRun, ...]) -> list[str]:
     if lead > 0:
         lines.append(f"Ramps:    {quantity(lead, 's')} from rest to the design's start, and to rest after it")
     return [_plain(line) for line in lines]
+
+
+def _departures(request: Request) -> list[str]:
+    # How many robots leave, in lines.
+    known = request.departures
+    return [] if known is None else textwrap.wrap(known["sentence"], WIDTH, break_long_words=False)
 
 
 def _metres(size: float) -> str:

@@ -71,6 +71,7 @@ def _json(request: Request) -> dict[str, Any]:
         "rate": request.runs[0].rate,
         "inputs": list(request.vehicle.input_names),
         "units": _units(request),
+        "departures": request.departures,
         "runs": [_json_run(request, run) for run in request.runs],
     }
 

@@ -60,12 +60,14 @@ class Answer:
         rows: what is estimated.
         baseline: name of the best baseline that can be driven; "" for none.
         sentences: how it compares, what is proved, what simulations say.
+        warning: what a reader has to know before everything else; "" for nothing.
     """
 
     title: str
     rows: tuple[Estimated, ...]
     baseline: str
     sentences: tuple[str, ...]
+    warning: str = ""
 
 
 def answer_of(record: Record) -> Answer | None:
@@ -82,6 +84,7 @@ def answer_of(record: Record) -> Answer | None:
         _compared(record, winner, baseline),
         _proved(record, winner),
         _holds(record, winner),
+        "" if _warns(record, winner) else _departing(record, winner),
         _with_usual_drift(record, parameters, winner),
         *_tried(record),
     )
@@ -90,6 +93,7 @@ def answer_of(record: Record) -> Answer | None:
         rows,
         "" if beside is None else _pattern(beside),
         tuple(filter(None, said if rows else (SAY("noiseless"), *said))),
+        _departing(record, winner) if _warns(record, winner) else "",
     )
 
 
@@ -287,6 +291,23 @@ def _holds(record: Record, winner: Result) -> str:
     replicates = simulations.replicates if simulations is not None and own else 0
     agreement = "" if simulations is None else simulations.agreement(own)
     failed = [check.question for one in own for check in one.checks if not check.passed]
-    tried = [] if record.robustness is None else record.robustness.results
-    violating = next((one.interval[1] for one in tried if one.name == winner.name), None)
-    return SAY("holds", replicates, failed, agreement, violating, f"{100 * (1 - TAIL):g}")
+    violating, departing = _violating(record, winner), bool(_departing(record, winner))
+    satisfied = violating is None and not departing
+    return SAY("holds", replicates, failed, agreement, violating, f"{100 * (1 - TAIL):g}", satisfied)
+
+
+def _violating(record: Record, winner: Result) -> float | None:
+    # Largest probability that robots violate limits; None where that was not simulated, or where these are
+    # robots that leave, of which another sentence tells.
+    tried, departures = record.robustness, record.departures
+    if tried is None or (departures is not None and set(tried.limits) <= set(departures.limits)):
+        return None
+    return next((entry.interval[1] for entry in tried.results if entry.name == winner.name), None)
+
+
+def _departing(record: Record, winner: Result) -> str:
+    return "" if record.departures is None else record.departures.sentence(winner.name)
+
+
+def _warns(record: Record, winner: Result) -> bool:
+    return record.departures is not None and record.departures.warns(winner.name)

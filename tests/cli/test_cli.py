@@ -320,7 +320,8 @@ class TestRun:
     def test_in_words_into_another_folder(self, capsys, folder: Path):
         code, out, _ = call(capsys, "run", "quick.yaml", "--quiet", "--workers", "1", "--out", "there")
         assert code == 0
-        assert "Limits satisfied." in out
+        assert re.search(r"(^Warning: [\d.]+ %|None|[\d.]+ %) of 1,000\s+robots with wheel\s+radii", out)
+        assert "Limits satisfied." not in out
         assert "Page:  there" in out
         assert "Drive: oed export there --to ros2_node\n   or: oed export there --to rosbag2\n" in out
         assert not (folder / "reports").exists()
@@ -407,7 +408,7 @@ class TestEvaluate:
         assert lines[0] == "path: 10 s of motion"
         assert lines[1].split() == ["value", "standard", "error"]
         assert [line.split()[0] for line in lines[2:-1]] == ["c21", "c22"]
-        assert lines[-1] == "Limits satisfied."
+        assert lines[-1] == "None of 1,000 robots with wheel radii ±2 %, track ±4 % leave the workspace."
         code, out, _ = call(capsys, "evaluate", "study.yaml", "path.csv", "--verbose")
         assert out.splitlines()[: len(lines)] == lines
         assert "objective" in out.splitlines()[len(lines)]
@@ -417,6 +418,7 @@ class TestEvaluate:
         code, data, _ = call_json(capsys, "evaluate", "study.yaml", "path.csv")
         assert code == 0
         assert (data["name"], data["kind"], data["status"]) == ("path", "path", "scored")
+        assert data["departures"]["results"][0]["share"] == 0
         assert data["trajectory"] == "path.csv"
         assert data["objective"] > 0
         assert data["feasible"]

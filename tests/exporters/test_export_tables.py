@@ -140,6 +140,7 @@ class TestJson:
         study = study_of()
         data = json.loads(exported(tmp_path, study, "json").read_text())
         (run,) = data.pop("runs")
+        assert data.pop("departures") is None
         assert data == {
             "format": 1,
             "study": "Out to the robot",

@@ -113,7 +113,7 @@ def _table(headings: Sequence[str], left: Sequence[str], *, kept: Sequence[str] 
 
 def print_answer(answer: Answer) -> None:
     """What a study found: every standard error, beside the best baseline, and its grounds."""
-    print_lines([answer.title])
+    print_lines(filter(None, [answer.warning, answer.title]))
     if answer.rows:
         _print_rows(answer.rows, answer.baseline and f"best baseline ({answer.baseline})")
     print_lines(answer.sentences)
@@ -243,11 +243,16 @@ def print_driven(
     beside = "" if found.design is None else f"best design ({found.design.name})"
     for one in found.paths:
         rows = rows_of(found.parameters, one.result, found.design, units)
+        departing, warns = found.departing(one)
+        print_lines([departing] if warns else [])
         print_lines([f"{one.name}: {one.seconds:.3g} s of motion" if units is None else one.name])
         if rows:
             _print_rows(rows, beside)
         print_lines(filter(None, [_message(one.result)]))
-        print_lines(["Limits satisfied."] if one.result.feasible and limited else [])
+        if departing and not warns:
+            print_lines([departing])
+        elif not departing and one.result.feasible and limited:
+            print_lines(["Limits satisfied."])
         print_lines(_broken(one.result, found.robustness, limits))
 
 

@@ -42,9 +42,8 @@ def summary(record: Record) -> Section:
         else None,
     )
     table = Table.of(found.rows, columns) if found.rows else None
-    return Section.of(
-        "Summary", found.title + ".", *found.sentences, table, notices=[*record.failures, *record.notes]
-    )
+    notices = [*filter(None, [found.warning]), *record.failures, *record.notes]
+    return Section.of("Summary", found.title + ".", *found.sentences, table, notices=notices)
 
 
 def question(record: Record) -> Section:
