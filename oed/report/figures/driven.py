@@ -159,12 +159,14 @@ class Path:
         runs: one after the other.
         feasible: whether the drive satisfies every limit.
         sideways: whether the robot drives sideways as well, so that its heading has to be shown.
+        robots: paths of simulated robots with other parameters, by robot and run, (n, 2) each [m].
     """
 
     title: str
     runs: tuple[Run, ...]
     feasible: bool
     sideways: bool = False
+    robots: tuple[tuple[Array, ...], ...] = ()
 
     @property
     def goes(self) -> bool:
@@ -184,6 +186,15 @@ def path_of(record: Record, result: Result) -> Path:
     sideways = moves_sideways(record)
     runs = tuple(_run(record, poses, drive.trajectory.period, sideways) for poses in drive.by_run)
     return Path(heading(result, called(record, result)), runs, result.feasible, sideways)
+
+
+def simulated_robots(record: Record) -> tuple[tuple[Array, ...], ...]:
+    """Return paths of simulated robots on the best drive, by robot and run; () where there are none."""
+    best, departures, robustness = record.best, record.departures, record.robustness
+    bundles = [departures.bundle] if departures is not None and departures.bundle is not None else []
+    bundles += robustness.bundles if robustness is not None else []
+    chosen = [bundle for bundle in bundles if best is not None and bundle.name == best.name]
+    return tuple(tuple(map(np.array, runs)) for bundle in chosen[:1] for runs in bundle.paths)
 
 
 def moves_sideways(record: Record) -> bool:

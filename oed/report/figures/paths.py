@@ -50,6 +50,7 @@ START = mark("o", 9, "white", 1.6, 5)
 END = mark("s", 5.5, INK, 0.8, 6)
 SEGMENT = mark("|", 9, INK, 1.2, 3)
 TRAILER = stroke(GREY, 1.5, 1.8, (1, 1.5))
+ROBOT = stroke("#a9a9a4", 0.6, 1.5)
 INSIDE = stroke("#8fb4d9", 0.7, 1.6)
 OUTSIDE = stroke("#c2410c", 0.8, 1.7, (4, 1.6))
 NOMINAL = stroke(INK, 1.6, 3)
@@ -139,7 +140,8 @@ def _view(drives: Sequence[Path], room: Room) -> Box:
     # in sight.
     areas = [] if room.area is None else [room.area]
     marks = [Box(place, place) for place in room.beacons]
-    every = Box.around([*(_extent(one, room) for one in drives), *marks, *room.shapes, *areas])
+    robots = [Box.of(*(run for runs in one.robots for run in runs)) for one in drives if one.robots]
+    every = Box.around([*(_extent(one, room) for one in drives), *robots, *marks, *room.shapes, *areas])
     core = [*(_extent(one, room) for one in drives if one.feasible), *areas]
     if not core:
         return every
@@ -179,6 +181,8 @@ def _path(drive: Path, room: Room, across: spec.Axis, scale: float) -> Iterator[
     # Every run with its start, end, direction and segments.
     assert across.ends is not None
     width = across.ends[1] - across.ends[0]
+    for robot in drive.robots:
+        yield from (spec.Line.through(path, ROBOT) for path in robot)
     for run in drive.runs:
         if run.trailer is not None:
             yield spec.Line.through(run.trailer, {**TRAILER, "linewidth": scale * TRAILER["linewidth"]})
@@ -256,6 +260,8 @@ def _path_keys(drives: Sequence[Path]) -> Iterator[spec.Key]:
         yield spec.Key("backwards", _arrow(False))
     if any(0 < len(run.edges) < MOST_TICKS for run in runs):
         yield spec.Key("segments meet", SEGMENT)
+    if any(one.robots for one in drives):
+        yield spec.Key("other robots", {**ROBOT, "linewidth": 1.6})
 
 
 def _room_keys(drives: Sequence[Path], room: Room) -> Iterator[spec.Key]:

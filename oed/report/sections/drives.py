@@ -11,7 +11,15 @@ from oed.records.stored.parts import plain
 from oed.records.stored.result import Result
 from oed.report.figures import chart
 from oed.report.figures import paths as path_figures
-from oed.report.figures.driven import Path, Room, path_of, robot_width, room_of, view_of
+from oed.report.figures.driven import (
+    Path,
+    Room,
+    path_of,
+    robot_width,
+    room_of,
+    simulated_robots,
+    view_of,
+)
 from oed.report.parts.inputs import Group, Series, groups_of, sampled, series_of
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import called, drivable, heading, in_place, runs_of, segments, time_scale
@@ -38,10 +46,11 @@ def paths(record: Record) -> Section | None:
 
 
 def best_path(record: Record) -> Picture | None:
-    """The path of the best drive alone; None without one."""
+    """The path of the best drive alone, with those of simulated robots; None without one."""
     if record.best is None:
         return None
     drive, room = path_of(record, record.best), room_of(record)
+    drive = replace(drive, robots=simulated_robots(record))
     note = _caption(record, [record.best], [drive], room)
     return Picture("best_path", SAY("best_path"), note, path_figures.paths([drive], room))
 
@@ -57,6 +66,7 @@ def _caption(record: Record, results: list[Result], drives: list[Path], room: Ro
         any(one.tows for one in drives),
         any(map(in_place, results)),
         not all(one.feasible for one in results),
+        max(len(one.robots) for one in drives),
     )
 
 
