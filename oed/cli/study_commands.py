@@ -123,7 +123,7 @@ def _bound(options: argparse.Namespace) -> int:
     from oed.foundation.errors import Failure
     from oed.foundation.vocabulary import speak
     from oed.kernel.solution import scored
-    from oed.workflow.runner import certified
+    from oed.workflow.certificates import certified
     from oed.workflow.studies import load_study
 
     study = load_study(options.study)

@@ -18,10 +18,9 @@ from oed.foundation.work.signals import interrupts_named
 from oed.kernel.criteria import Criterion
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.solution import Solution, Status
-from oed.optimize import SOLVERS, Progress, Silent, Workers, solve
+from oed.optimize import Progress, Silent, Workers, solve
 from oed.optimize.selection import rated
 from oed.records.outcomes import (
-    certificate_of,
     nuisance_table,
     parameter_table,
     provenance,
@@ -34,10 +33,10 @@ from oed.records.stored.departures import StoredDepartures
 from oed.records.stored.door import FORMAT
 from oed.records.stored.result import Result
 from oed.records.stored.simulation import StoredTrial, StoredValidation
-from oed.records.stored.study_record import StoredCertificate
 from oed.simulation.trial import require_ready
 from oed.study.study import Study
 from oed.workflow.after_search import Failures
+from oed.workflow.certificates import certified
 from oed.workflow.compared import compared
 from oed.workflow.criteria import criteria_of, scores_by_criteria
 from oed.workflow.departures import departures_on
@@ -354,34 +353,6 @@ def record_files(study: Study, solutions: Sequence[Solution], made: Record) -> d
 
 def _file(solution: Solution) -> str:
     return f"{file_stem(solution.name)}.csv"
-
-
-def certified(
-    study: Study, certificate: Certificate, solutions: Sequence[Solution]
-) -> StoredCertificate | None:
-    """A certificate with its gap to the best feasible of these solutions.
-
-    Args:
-        study: that was bounded.
-        certificate: of its problem.
-        solutions: the drives known.
-    """
-    samples = study.problem.design.all_samples
-    # A path of the user's own with other samples is measured otherwise, and the bound is not about it.
-    found = [
-        (one.evaluation, one.kind)
-        for one in solutions
-        if one.evaluation is not None and one.evaluation.feasible
-        if one.trajectory is not None and one.trajectory.samples == samples
-    ]
-    searched = {solver.model_fields["kind"].default for solver in SOLVERS}
-    splines = [evaluation.objective for evaluation, kind in found if kind in searched]
-    return certificate_of(
-        certificate,
-        max((evaluation for evaluation, _ in found), key=lambda one: one.objective, default=None),
-        LATTICE if any(one.kind == LATTICE for one in solutions) else None,
-        max(splines, default=None),
-    )
 
 
 def _certificate(work: Work) -> Certificate | None:

@@ -41,7 +41,7 @@ from oed.robots.models import Model
 from oed.robots.sensors import Displacements, Poses
 from oed.robots.sensors.poses import AbsoluteNoise
 from oed.robots.space import DesignSpace
-from oed.workflow.runner import certified
+from oed.workflow.certificates import certified
 
 
 class RevolutionsPerMinute(BareLimit):
