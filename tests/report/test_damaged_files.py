@@ -273,12 +273,13 @@ def _added(one: dict[str, Any]) -> dict[str, Any]:
     # What drives of one run left out before there were several, and margins before they were of all times
     # and said what looser limits gain; whether a drive tells all parameters apart, before results did;
     # which readings are taken, before they were chosen; what would be without drift, before it counted;
-    # what a search spent, before it had a budget; levels of splines, before these were refined; how precise a
-    # drive is over time.
+    # and what would be with usual drift; what a search spent, before it had a budget; levels of splines,
+    # before these were refined; how precise a drive is over time.
     drive, margins = one["drive"], [{"certain": None, "gain": None, **margin} for margin in one["margins"]]
     said = {key: one.get(key) for key in ("identifiable", "singular")}
     known = None if drive is None else {"runs": 1, "weights": None, **drive}
     later = {"selection": None, "steady_deviations": {}, "explored": None, "levels": [], "over_time": None}
+    later |= {"usual_drift_deviations": {}}
     said |= {key: one.get(key, value) for key, value in later.items()}
     return {"drive": known, "margins": margins, **said}
 
