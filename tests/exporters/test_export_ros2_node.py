@@ -254,6 +254,20 @@ class TestPlaying:
         assert "ros2 bag record" in said
         assert "at 0.5 of its speed" in said
 
+    def test_robots_that_leave_are_told_of_first(self, tmp_path: Path, run, capsys):
+        folder = saved(tmp_path, study_of())
+        data = json.loads((folder / "record.json").read_text())
+        track = {"name": "track", "unit": "m", "nominal": 0.2, "low": 0.19, "high": 0.21, "uniform": True}
+        entry = {"name": "my drive", "share": 0.43, "interval": [0.4, 0.46], "distance": 0.04}
+        known = {"usual": False, "robust": False, "limits": ["workspace"], "draws": 1000, "seed": 0}
+        data["departures"] = {**known, "uncertain": [track], "results": [entry]}
+        (folder / "record.json").write_text(json.dumps(data))
+        assert run(export(folder, "ros2_node"), "--dry-run") == 0
+        said = capsys.readouterr().out
+        assert said.startswith("Warning: 43 % of 1,000 robots with track ±5 % leave the workspace")
+        exported = json.loads(export(folder, "json").read_text())["departures"]
+        assert (exported["share"], exported["distance"], exported["name"]) == (0.43, 0.04, "my drive")
+
     def test_options_of_ros_are_ros(self, plain: Path, run):
         assert run(plain, *QUIET, "--ros-args", "-p", "use_sim_time:=true") == 0
 

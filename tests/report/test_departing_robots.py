@@ -12,7 +12,7 @@ from sample_records import full
 from oed.cli.terminal.console import print_answer
 from oed.records.record import Record
 from oed.report.answer import answer_of
-from oed.report.sections.drives import best_path
+from oed.report.sections.drives import best_path, player
 from oed.report.sections.summary import summary
 
 TRACK = {"name": "track", "unit": "m", "nominal": 0.18, "low": 0.171, "high": 0.189, "uniform": True}
@@ -105,3 +105,10 @@ def test_the_best_path_is_drawn_with_those_of_other_robots():
     assert "other robots" not in [key.label for key in plain.figure.legend.keys]
     assert "3 simulated robots" in picture.caption
     assert "simulated robots" not in plain.caption
+
+
+def test_the_player_has_the_paths_of_other_robots_on_the_best_drive_alone():
+    best, *others = player(made(0.003)).drives
+    assert np.shape(best["robots"]) == (3, 30, 2)
+    assert not any(drive["robots"] for drive in others)
+    assert not any(drive["robots"] for drive in player(made(None)).drives)

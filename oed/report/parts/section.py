@@ -181,7 +181,8 @@ class Animation:
 
     Attributes:
         drives: each a run with name, duration [s], and x, y, heading at even times, of a tractor the
-            trailer's angle, too; and its inputs chart by chart, each at even times, which hold if `steps`.
+            trailer's angle, too; its inputs chart by chart, each at even times, which hold if `steps`; and
+            the paths of simulated robots.
         view: x_min, x_max, y_min, y_max of what is shown.
         workspace: its outline, a circle (x, y, radius) or a polygon (points).
         obstacles: outlines alike.

@@ -145,7 +145,9 @@ def player(record: Record) -> Animation | None:
         body_radius=room.body_radius,
         trailer=robot.towed,
         charts=tuple(_chart(record, one) for one in groups),
-        caption=SAY("player", hasattr(robot, "track"), room.body_radius, robot.towed),
+        caption=SAY(
+            "player", hasattr(robot, "track"), room.body_radius, robot.towed, len(simulated_robots(record))
+        ),
     )
 
 
@@ -166,6 +168,8 @@ def _plain(outline: Outline) -> dict[str, Any]:
 def _runs(record: Record, result: Result, groups: list[Group]) -> list[dict[str, Any]]:
     drive = result.drive
     assert drive is not None
+    best = record.best is not None and result.name == record.best.name
+    others = simulated_robots(record) if best else ()
     found = []
     for number, poses in enumerate(drive.by_run, 1):
         title = called(record, result)
@@ -176,5 +180,6 @@ def _runs(record: Record, result: Result, groups: list[Group]) -> list[dict[str,
             [plain(column, DECIMALS) for column in sampled(result, group, number - 1).T] for group in groups
         ]
         timing = {"duration": drive.knots[-1] / drive.runs, "steps": drive.degree == 0}
-        found.append({"name": name, **timing, **places, "inputs": inputs})
+        robots = [plain(robot[number - 1], DECIMALS) for robot in others]
+        found.append({"name": name, **timing, **places, "inputs": inputs, "robots": robots})
     return found

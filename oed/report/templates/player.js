@@ -127,10 +127,24 @@ document.querySelectorAll(".player").forEach(function (player) {
     word(context, bar + " m", to + 7, floor + 28, "left", "middle", ink.ink);
   }
 
+  // Where simulated robots with other parameters go; what is beyond the axes is cut.
+  function drawRobots(at) {
+    context.save();
+    context.beginPath();
+    context.rect(ROOM.left, ROOM.top, at.width, at.height);
+    context.clip();
+    context.globalAlpha = 0.55;
+    (drive.robots || []).forEach(function (path) {
+      line(context, ink.faint, 0.7, path.map((point) => [at.toX(point[0]), at.toY(point[1])]));
+    });
+    context.restore();
+  }
+
   function drawPath(at, now) {
     const last = drive.x.length - 1;
     const started = time > 0 && time < drive.duration;
     const faded = (k) => { context.globalAlpha = started && k > now.index ? 0.28 : 1; };
+    drawRobots(at);
     context.lineCap = "round";
     for (let k = 0; k < last; k += 1) {
       faded(k);
