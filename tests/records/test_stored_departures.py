@@ -45,6 +45,18 @@ def test_no_robot_leaves():
     assert departing(0.0, 0.0).sentence("ipopt") == f"None of 1,000 robots {RANGES} leave the workspace."
 
 
+@pytest.mark.parametrize(
+    ("share", "text"), [(1.0, "All"), (0.997, "99.7 %"), (0.982, "98 %"), (0.0042, "0.42 %")]
+)
+def test_shares_are_plain_numbers(share: float, text: str):
+    assert f"{text} of 1,000 robots" in departing(share).sentence("ipopt")
+
+
+def test_quantities_of_the_same_range_are_named_together():
+    sentence = departing(uncertain=[*RADII, {**TRACK, "low": 0.196, "high": 0.204}]).sentence("ipopt")
+    assert "with wheel radii and track ±2 % leave" in sentence
+
+
 @pytest.mark.parametrize(("share", "warns"), [(0.01, False), (0.011, True), (0.43, True)])
 def test_a_warning_is_given_above_1_per_cent(share: float, warns: bool):
     found = departing(share)

@@ -23,6 +23,8 @@ from oed.records.stored.simulation import Paths, Uncertain
 
 MOST_LEAVING = 0.01
 """Share of robots that may leave without a warning."""
+NEARLY_ALL = 99.0
+"""Per cent of robots from which three digits are given."""
 ALIKE = 1e-9
 """Share by which two ends of a range may differ in size and count as the same."""
 ACTIONS = {"workspace": "leave the workspace", "obstacles": "hit an obstacle"}
@@ -125,7 +127,10 @@ class StoredDepartures(Stored):
 
 
 def _share_text(share: float) -> str:
-    return f"{100 * share:.2g} %" if share else "None"
+    if share in (0.0, 1.0):
+        return "All" if share else "None"
+    size = 100 * share
+    return f"{size:.3g} %" if size >= NEARLY_ALL else f"{size:.2g} %"
 
 
 def _distance_text(distance: float | None) -> str:
@@ -135,9 +140,10 @@ def _distance_text(distance: float | None) -> str:
 
 
 def _names_text(names: Sequence[str]) -> str:
-    if len(names) > 1 and all(name.startswith("wheel_radius") for name in names):
-        return "wheel radii"
-    return listing([words(name) for name in names])
+    radii = [name for name in names if name.startswith("wheel_radius")]
+    if len(radii) < 2:
+        return listing([words(name) for name in names])
+    return listing(["wheel radii", *(words(name) for name in names if name not in radii)])
 
 
 def _range_text(quantity: Uncertain) -> str:
