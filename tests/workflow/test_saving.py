@@ -106,14 +106,19 @@ class TestAgain:
         assert again.folder == finished.with_name("out.interrupted-2")
 
     @pytest.mark.slow
-    def test_one_that_fails_leaves_it_too_and_keeps_what_it_has(self, study: Study, finished: Path):
+    def test_a_search_that_fails_leaves_it_bit_for_bit(self, study: Study, finished: Path):
         before = contents(finished)
-        with pytest.raises(Failure, match="no memory") as caught:
-            run(study, finished, workers=1, progress=Striking("score", Failure("no memory")))
+        with pytest.raises(Failure, match="no memory"):
+            run(study, finished, workers=1, progress=Striking("genetic", Failure("no memory")))
         assert contents(finished) == before
-        kept = finished.with_name("out.interrupted")
-        assert str(kept) in caught.value.__notes__[0]
-        assert load_record(kept).best.name == "genetic"
+        assert [path.name for path in finished.parent.iterdir()] == ["out"]
+
+    @pytest.mark.slow
+    def test_a_step_that_fails_after_the_search_is_noted_in_the_record(self, study: Study, finished: Path):
+        record = run(study, finished, workers=1, progress=Striking("score", Failure("no memory")))
+        (sentence,) = load_record(finished).failures
+        assert "no memory" in sentence
+        assert record.best.name == "genetic"
 
     @pytest.mark.slow
     @pytest.mark.usefixtures("blank_figures")
