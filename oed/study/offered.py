@@ -35,13 +35,18 @@ class Offer:
     relative: bool = False
     alone: bool = False
 
+    @property
+    def drifts(self) -> bool:
+        """True where odometry drift is part of the sensor's likelihood."""
+        return any("drift:" in entry for entry in self.entries)
+
 
 POSITION, HEADING = "1 cm", "1 deg"
 OFFERS = {
     "poses": Offer(
         "motion capture: position and heading at every sample",
         {"position": POSITION, "heading": HEADING},
-        ["{{kind: poses, noise: {{position: {position}, heading: {heading}}}}}"],
+        ["{{kind: poses, noise: {{position: {position}, heading: {heading}}}, drift: usual}}"],
         (
             "pose",
             "motion capture",
@@ -59,7 +64,7 @@ OFFERS = {
     "positions": Offer(
         "laser tracker or GPS: positions only",
         {"position": POSITION},
-        ["{{kind: poses, quantities: [x, y], noise: {{position: {position}}}}}"],
+        ["{{kind: poses, quantities: [x, y], noise: {{position: {position}}}, drift: usual}}"],
         ("laser tracker", "total station", "satellite", "gps", "gnss", "rtk"),
         headings=False,
     ),
@@ -67,7 +72,7 @@ OFFERS = {
         "positions, and a gyroscope whose bias is not known",
         {"position": POSITION, "yaw_rate": "1 deg/s"},
         [
-            "{{kind: poses, quantities: [x, y], noise: {{position: {position}}}}}",
+            "{{kind: poses, quantities: [x, y], noise: {{position: {position}}}, drift: usual}}",
             "{{kind: yaw_rate, noise: {yaw_rate}}}",
         ],
         ("gyroscope", "imu"),
@@ -76,21 +81,27 @@ OFFERS = {
     "relative_poses": Offer(
         "lidar scan matching or visual odometry: how the sensor moved since the reading before",
         {"position": "0.5 cm", "heading": "0.5 deg"},
-        ["{{kind: relative_poses, every: 5, noise: {{position: {position}, heading: {heading}}}{mounting}}}"],
+        [
+            "{{kind: relative_poses, every: 5, noise: {{position: {position}, heading: {heading}}}{mounting}"
+            ", drift: usual}}"
+        ],
         ("relative pose", "scan matching", "scan matcher", "visual odometry", "icp", "lidar"),
         relative=True,
     ),
     "ranges": Offer(
         "distances to beacons in three corners of the room",
         {"distance": "3 cm"},
-        ["{{kind: ranges, beacons: [{beacons}], noise: {distance}}}"],
+        ["{{kind: ranges, beacons: [{beacons}], noise: {distance}, drift: usual}}"],
         ("beacons", "anchors", "uwb", "ultra-wideband"),
         headings=False,
     ),
     "landmarks": Offer(
         "ranges and bearings of landmarks in three corners of the room, seen from the robot",
         {"range": "3 cm", "bearing": "1 deg"},
-        ["{{kind: landmarks, landmarks: [{beacons}], noise: {{range: {range}, bearing: {bearing}}}}}"],
+        [
+            "{{kind: landmarks, landmarks: [{beacons}], noise: {{range: {range}, bearing: {bearing}}}, "
+            "drift: usual}}"
+        ],
         ("reflectors", "poles", "features", "radar"),
         headings=False,
     ),

@@ -42,9 +42,7 @@ TYPICAL = {
 }
 """Sizes of a typical robot, for those that are not given."""
 DRAWS = 2000
-"""Robots that a first drive of a robot that skids is tried with: enough to show 99 %, in seconds."""
-LONGER = "3 to 8"
-"""How many times as long a run with a robust drive takes."""
+"""Robots that a first drive is simulated with: enough to show 99 %, in seconds."""
 ROOM = "3 m x 3 m"
 """The room of a first study, where none is given."""
 DURATION = "20 s"
@@ -55,8 +53,9 @@ SHORT = "7 s"
 """Duration of a drive of a robot with inertia, whose periods are to be short."""
 EFFECTIVE, LEAST, MOST = 1.8, 1.4, 2.4
 """How many times wider than its wheels' own the track of a robot that skids acts: usual, least and most."""
-UNSURE = "5 %"
-"""How far the parameters of a robot may be from their nominal values before its first drive."""
+RADII, LENGTHS, DYNAMICS, ANGLES = "2 %", "4 %", "5 %", "1 deg"
+"""Half-widths of the ranges that parameters lie in before a calibration: radii and gains, other lengths (of
+those that are 0, a share of the length they scale with), constants of the dynamics, and angles."""
 IDENTIFIABLE = {"skid_steer": ("wheel_radius_right", "wheel_radius_left", "track")}
 """What to estimate of robots whose parameters are not identifiable all together."""
 INERT = ("bicycle_dynamic",)
@@ -233,7 +232,6 @@ def _text(
         typical=[key for key in known if not choice.sizes.get(key)],
         sizes={**known, **{key: value for key, value in choice.sizes.items() if value or key not in known}},
         effective=EFFECTIVE,
-        longer=LONGER,
         draws=DRAWS,
         duration=choice.duration or usual_duration(choice.robot),
         radius=radius,
@@ -272,11 +270,20 @@ def _amount(choice: Choice, parameter: Parameter) -> str:
     if skids(choice.robot) and parameter.name in ("track", "y_icr_left", "y_icr_right"):
         ends = sorted(parameter.nominal * share / EFFECTIVE for share in (LEAST, MOST))
         return f"[{ends[0]:.3g} m, {ends[1]:.3g} m]"
+    if parameter.unit == "rad":
+        return ANGLES
+    share = _share(parameter)
     if parameter.nominal:
-        return UNSURE
+        return share
     if not parameter.scale:
         return ""
-    return f"{parse_quantity(UNSURE, '') * parameter.scale:.2g} {parameter.unit}"
+    return f"{parse_quantity(share, '') * parameter.scale:.2g} {parameter.unit}"
+
+
+def _share(parameter: Parameter) -> str:
+    if not parameter.unit or parameter.name.startswith("wheel_radius"):
+        return RADII
+    return LENGTHS if parameter.unit == "m" else DYNAMICS
 
 
 def _model(robot: str) -> type[Model]:
