@@ -69,7 +69,8 @@ def outside(folder: Path, draws: int = DRAWS, seed: int = SEED) -> Outside:
         *((entry["name"], (entry["low"], entry["high"])) for entry in record["robustness"]["uncertain"]),
         strict=True,
     )
-    values = np.random.default_rng(seed).uniform(*np.array(ranges).T, (draws, len(names)))
+    low, high = np.array(ranges).T
+    values = np.random.default_rng(seed).uniform(low, high, (draws, len(names)))
     drawn = {name: values[:, [column]] for column, name in enumerate(names)}
     table = np.genfromtxt(folder / f"{record['best']}.csv", delimiter=",", names=True)
     held = np.column_stack([table[entry["name"]][:-1] for entry in record["inputs"]])
