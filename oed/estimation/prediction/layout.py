@@ -24,6 +24,8 @@ from oed.foundation.errors import FileIssue, LogError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.logs.log import BRIDGED, Log
 
+READINGS_APART = 0.1
+"""Share of the time between two readings of the inputs by which a part of a step may be longer: jitter."""
 REMEMBERED = 3
 """Offsets of the clocks whose inputs are remembered: those of a point and of its slopes."""
 FULL_TURN = 2 * np.pi
@@ -31,6 +33,8 @@ CLOCK_STEP = 1e-3
 """Step of the difference quotient by a clock's offset [s]: motion is piecewise linear in time anyway."""
 BEFORE, PARTS = 5.0, 50
 """Time that is looked back on before a segment [s], and in how many periods: longer than any lag lasts."""
+MOST_PARTS = 2_000_000
+"""Parts of all steps together, at most: what is carried along takes some hundred bytes for each."""
 JITTER = 1.1
 """Parts of a motion, in those of the usual one, up to which it is driven along with this."""
 SHORTEST, FEWEST = 1.0, 8
@@ -121,6 +125,27 @@ class SegmentLayout:
     def last(self) -> Places:
         """Place of each segment's last time on its grid, (S,)."""
         return np.asarray(np.count_nonzero(self.steps > 0, axis=1))
+
+    @cached_property
+    def parts_of_steps(self) -> int:
+        """Number of equal parts that each step of logs is driven in: none is longer than the time between two
+        readings of the inputs, for what these do within a step is more than one arc.
+        """
+        usual = np.array([usual_of(log.input_times) for log in self.logs])
+        if self.relative or not len(usual):
+            return 1
+        longest = float((self.steps / usual[self.owner][:, None]).max())
+        return int(np.clip(np.ceil(longest - READINGS_APART), 1, max(1, MOST_PARTS // self.steps.size)))
+
+    @cached_property
+    def in_small_steps(self) -> SegmentLayout:
+        """The grid on which the segments are driven: every step in its parts."""
+        parts = self.parts_of_steps
+        if parts == 1:
+            return self
+        within = self.times[:, :-1, None] + self.steps[..., None] * (np.arange(parts) / parts)
+        times = np.concatenate([within.reshape(self.count, -1), self.times[:, -1:]], axis=1)
+        return replace(self, times=times)
 
     @cached_property
     def in_parts(self) -> tuple[tuple[Places, SegmentLayout], ...]:

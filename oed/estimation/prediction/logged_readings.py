@@ -73,10 +73,9 @@ class LoggedReadings:
         if self.layout.relative:
             found, slopes = self._motions.derivatives(Moved(self._begun(starts), offsets, parameters, place))
         else:
-            inputs = self.layout.inputs(offsets)
-            driven = Driven(starts, inputs, self.layout.steps, parameters, place)
+            driven = self._driven(starts, offsets, parameters, place)
             found, slopes = self._segments.derivatives(driven)
-            found = self._beside_inputs(found, starts, inputs, parameters, place)
+            found = self._beside_inputs(found, driven)
         columns, size = [self.unknowns.slopes(slopes)], len(parameters)
         if len(clocks):
             read = partial(self._at, starts, parameters, place)
@@ -98,9 +97,8 @@ class LoggedReadings:
         if not any(sensor.when == "in periods" for _, sensor in self.sensors):
             return None
         parameters, place, clocks = self.unknowns.parts(values)
-        inputs, steps = self.layout.inputs(self._offsets(clocks)), self.layout.steps
-        found = self._segments.by_twist(Driven(starts, inputs, steps, parameters, place))
-        lengths = np.pad(steps, ((0, 0), (0, 1)))[..., None, None]
+        found = self._segments.by_twist(self._driven(starts, self._offsets(clocks), parameters, place))
+        lengths = np.pad(self.layout.steps, ((0, 0), (0, 1)))[..., None, None]
         mean = np.divide(found, lengths, out=np.zeros_like(found), where=lengths > 0)
         each = [sensor.when == "in periods" for _, sensor in self.sensors for _ in sensor.entries]
         return np.asarray(mean * np.array([False] * len(self.quantities) + each)[:, None])
@@ -121,10 +119,9 @@ class LoggedReadings:
             noise: of every period's inputs, (S, n, inputs).
         """
         parameters, place, clocks = self.unknowns.parts(values)
-        inputs = self.layout.inputs(self._offsets(clocks)) + noise
-        found, slopes = self._segments.derivatives(
-            Driven(starts, inputs, self.layout.steps, parameters, place)
-        )
+        driven = self._driven(starts, self._offsets(clocks), parameters, place)
+        added = np.repeat(noise, self.layout.parts_of_steps, axis=1)
+        found, slopes = self._segments.derivatives(driven._replace(inputs=driven.inputs + added))
         own = self.unknowns.slopes(slopes)
         return found, np.pad(own, (*[(0, 0)] * (own.ndim - 1), (0, len(clocks))))
 
@@ -157,12 +154,12 @@ class LoggedReadings:
     def _misfit(self, values: Array) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
         # Residuals in units of the noise specified, (S, K), by the starts, and their slopes, (S, K, states).
         (parameters, place, clocks), layout = self.unknowns.parts(values), self.layout
-        inputs, first, count = layout.inputs(self._offsets(clocks)), len(parameters), layout.count
+        first, count = len(parameters), layout.count
         each = (one.deviations or (1.0,) * len(one.entries) for _, one in self.sensors)
         weights = layout.valid / np.concatenate([np.ones(len(self.quantities)), *each])
 
         def driven(starts: Array) -> Driven:
-            return Driven(starts, inputs, layout.steps, parameters, place[: self._constants])
+            return self._driven(starts, self._offsets(clocks), parameters, place[: self._constants])
 
         def residuals(starts: Array) -> Array:
             left = without_turns(layout.readings - self._segments(driven(starts)), self.wrapping)
@@ -193,19 +190,19 @@ class LoggedReadings:
         own = place[: self._constants]
         if self.layout.relative:
             return self._motions(Moved(self._begun(starts), offsets, parameters, own))
-        inputs = self.layout.inputs(offsets)
-        driven = Driven(starts, inputs, self.layout.steps, parameters, own)
-        return self._beside_inputs(self._segments(driven), starts, inputs, parameters, own)
+        driven = self._driven(starts, offsets, parameters, own)
+        return self._beside_inputs(self._segments(driven), driven)
 
-    def _beside_inputs(
-        self, found: Array, starts: Array, inputs: Array, parameters: Array, own: Array
-    ) -> Array:
+    def _driven(self, starts: Array, offsets: Array, parameters: Array, own: Array) -> Driven:
+        finer = self.layout.in_small_steps
+        return Driven(starts, finer.inputs(offsets), finer.steps, parameters, own)
+
+    def _beside_inputs(self, found: Array, driven: Driven) -> Array:
         # What is read on the inputs' own clock is that of the times which it was put on the grid with.
-        layout, chosen = self.layout, self.layout.beside_inputs if self.sensors else None
-        if chosen is None or inputs is layout.cut_inputs:
+        finer, chosen = self.layout.in_small_steps, self.layout.beside_inputs if self.sensors else None
+        if chosen is None or driven.inputs is finer.cut_inputs:
             return found
-        driven = Driven(starts, layout.cut_inputs, layout.steps, parameters, own)
-        return np.where(chosen, self._segments(driven), found)
+        return np.where(chosen, self._segments(driven._replace(inputs=finer.cut_inputs)), found)
 
     def _offsets(self, clocks: Array) -> Array:
         return self.offsets + clocks if len(clocks) else self.offsets
@@ -214,7 +211,12 @@ class LoggedReadings:
     def _segments(self) -> SegmentReadings:
         layout = self.layout
         return SegmentReadings.logged(
-            self.unknowns.robot, self.quantities, layout.count, layout.periods, self.sensors
+            self.unknowns.robot,
+            self.quantities,
+            layout.count,
+            layout.periods,
+            self.sensors,
+            layout.parts_of_steps,
         )
 
     @cached_property

@@ -31,6 +31,8 @@ Labelled = tuple[tuple[str, Sensor], ...]
 
 PERIODS = 10
 """Periods that one call of a function takes, for a call takes longer than a period."""
+SHORTEST = 1e-300
+"""Time of a period of no time, in which nothing moves [s]."""
 BASE = 4
 """Calls that CasADi nests in one: with more of them a function takes longer to be made."""
 WHITENING = 2
@@ -70,6 +72,8 @@ class LoggedStates(PlacedSensor):
 
     Attributes:
         places: of what is read among the robot's states.
+        every: periods from one reading to the next, in which the robot is driven; what is read of a period is
+            the mean of them.
         lever_arm: unknown, like the angle by which the sensor is turned.
         others: further sensors by their names.
     """
@@ -137,7 +141,13 @@ class SegmentReadings:
 
     @classmethod
     def logged(
-        cls, model: Model, quantities: Sequence[str], count: int, periods: int, sensors: Labelled = ()
+        cls,
+        model: Model,
+        quantities: Sequence[str],
+        count: int,
+        periods: int,
+        sensors: Labelled = (),
+        parts: int = 1,
     ) -> SegmentReadings:
         """What logs hold of segments: the model's states of those names, at all n + 1 times.
 
@@ -147,9 +157,11 @@ class SegmentReadings:
             count: segments.
             periods: of each, n.
             sensors: that read beside them.
+            parts: in which each of the periods is driven.
         """
-        sensor = LoggedStates(places=tuple(map(model.states.index, quantities)), others=sensors)
-        return cls(model, sensor, count, periods)
+        places = tuple(map(model.states.index, quantities))
+        sensor = LoggedStates(places=places, others=sensors, every=parts)
+        return cls(model, sensor, count, parts * periods)
 
     def __call__(self, driven: Driven) -> Array:
         """The readings (S, K, q), SI."""
@@ -244,11 +256,10 @@ def _segment(model: System, sensor: Sensor, periods: int, what: What) -> ca.Func
     poses = whole[:states, :]
     instants = sensor.instants(periods)
     count = len(instants[0])
-    # At the last time the inputs are those held until then.
-    held = [inputs[:, [min(column, periods - 1) for column in columns]] for columns in instants]
+    held, lengths = _held(sensor, inputs, times, instants)
     moments = [ca.vertcat(*(poses[:, columns] for columns in instants)), ca.vertcat(*held)]
     moments += [ca.repmat(parameters, 1, count), ca.repmat(nuisances, 1, count)]
-    moments.append(_lengths(sensor, times, instants))
+    moments.append(lengths)
     if slopes:
         width = size + states
         carried = ca.reshape(whole[states:, :], states, width * (periods + 1))
@@ -309,6 +320,28 @@ def _period(model: System, *, slopes: bool) -> ca.Function:
     own = ca.SX.sym("S", states, size + states)
     both = ca.vertcat(after, ca.vec(carrier(model)(own, *given)))
     return ca.Function("period", [ca.vertcat(start, ca.vec(own)), *given[1:]], [ca.cse(both)])
+
+
+def _held(
+    sensor: Sensor, inputs: Expression, times: Expression, instants: Sequence[Sequence[int]]
+) -> tuple[list[Expression], Expression]:
+    # Inputs at the readings' instants, and how long each reading lasts.
+    if isinstance(sensor, LoggedStates) and sensor.of_periods and sensor.every > 1:
+        # What is read of a period that is driven in parts is the mean of these.
+        instants = [range(len(instants[0]))]
+        inputs, times = _means(inputs, times, sensor.every)
+    last = times.shape[1] - 1
+    # At the last time the inputs are those held until then.
+    held = [inputs[:, [min(column, last) for column in columns]] for columns in instants]
+    return held, _lengths(sensor, times, instants)
+
+
+def _means(inputs: Expression, times: Expression, parts: int) -> tuple[Expression, Expression]:
+    # Of periods that so many parts make up each: mean inputs, and how long they are.
+    sums = ca.kron(ca.DM.eye(times.shape[1] // parts), ca.DM.ones(parts, 1))
+    lengths = times @ sums
+    driven = (inputs * ca.repmat(times, inputs.shape[0], 1)) @ sums
+    return driven / ca.repmat(ca.fmax(lengths, SHORTEST), inputs.shape[0], 1), lengths
 
 
 def _lengths(sensor: Sensor, times: Expression, instants: Sequence[Sequence[int]]) -> Expression:

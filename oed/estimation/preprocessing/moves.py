@@ -74,8 +74,8 @@ class Moves:
 
     @cached_property
     def inputs(self) -> Array:
-        """As they were logged, (S, n, inputs)."""
-        return self.layout.inputs(self.offsets)
+        """As they were logged, in the small steps in which moves are driven, (S, n, inputs)."""
+        return self.layout.in_small_steps.inputs(self.offsets)
 
     def predicted(self, inputs: Array | None = None) -> dict[str, Array]:
         """What can be compared of `rolled` with the measured moves."""
@@ -86,7 +86,7 @@ class Moves:
 
     def rolled(self, inputs: Array | None = None) -> dict[str, Array]:
         """Each move by the wheels, with logged inputs or others: forward, to the left [m], turn [rad]."""
-        layout = self.layout
+        layout = self.layout.in_small_steps
         chosen = self.inputs if inputs is None else inputs
         readings = SegmentReadings.logged(self.robot, ("x", "y", "heading"), layout.count, layout.periods)
         nominal, place = np.array(self.robot.nominal), np.zeros(len(PLACE))
