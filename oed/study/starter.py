@@ -13,12 +13,12 @@ import yaml
 from oed.foundation.errors import StudyError, UserMistake
 from oed.foundation.quantities import parse_quantity
 from oed.foundation.text import did_you_mean
-from oed.kernel.dynamics.system import Parameter
 from oed.robots.baselines import suited
 from oed.robots.models import MODELS, Model, PythonRobot
 from oed.robots.models.coefficients import nominal_coefficients
 from oed.robots.models.model import robot_of
 from oed.robots.presets import preset, preset_names
+from oed.robots.usual_uncertainty import EFFECTIVE, usual_uncertainty
 from oed.study.offered import OFFERS, entries_of, noise_of, offer_of, require_unit, usual_noise
 from oed.study.study import Study, read_study
 from oed.study.yaml_source import parse_yaml
@@ -51,11 +51,6 @@ PILOT = "8 s"
 """Duration of a drive before anything is known of a robot that skids: short, to stay in the room."""
 SHORT = "7 s"
 """Duration of a drive of a robot with inertia, whose periods are to be short."""
-EFFECTIVE, LEAST, MOST = 1.8, 1.4, 2.4
-"""How many times wider than its wheels' own the track of a robot that skids acts: usual, least and most."""
-RADII, LENGTHS, DYNAMICS, ANGLES = "2 %", "4 %", "5 %", "1 deg"
-"""Half-widths of the ranges that parameters lie in before a calibration: radii and gains, other lengths (of
-those that are 0, a share of the length they scale with), constants of the dynamics, and angles."""
 IDENTIFIABLE = {"skid_steer": ("wheel_radius_right", "wheel_radius_left", "track")}
 """What to estimate of robots whose parameters are not identifiable all together."""
 INERT = ("bicycle_dynamic",)
@@ -150,7 +145,7 @@ def starter(choice: Choice) -> str:
         widened = {**choice.sizes, "track": f"{EFFECTIVE * own:.3g} m"}
         choice = replace(choice, sizes=widened)
         model = robot_of(_read(_text(choice)).problem.model)
-    amounts = _amounts(choice, model)
+    amounts = _ranges(choice, model)
     scaling = _scaling(choice, model)
     study = _read(_text(choice, scaling=scaling), "the new study")
     study.require_identifiable()
@@ -259,31 +254,14 @@ def _template(designs: bool) -> jinja2.Template:
     return made.get_template("first_study.yaml.jinja" if designs else "logs_study.yaml.jinja")
 
 
-def _amounts(choice: Choice, model: Model) -> dict[str, str]:
-    # How far the robot may be from its numbers: the drive is to survive it.
-    identifiable = IDENTIFIABLE.get(_kind(choice.robot))
-    names = [one for one in model.parameters if identifiable is None or one.name in identifiable]
-    return {one.name: amount for one in names if (amount := _amount(choice, one))}
-
-
-def _amount(choice: Choice, parameter: Parameter) -> str:
-    if skids(choice.robot) and parameter.name in ("track", "y_icr_left", "y_icr_right"):
-        ends = sorted(parameter.nominal * share / EFFECTIVE for share in (LEAST, MOST))
-        return f"[{ends[0]:.3g} m, {ends[1]:.3g} m]"
-    if parameter.unit == "rad":
-        return ANGLES
-    share = _share(parameter)
-    if parameter.nominal:
-        return share
-    if not parameter.scale:
-        return ""
-    return f"{parse_quantity(share, '') * parameter.scale:.2g} {parameter.unit}"
-
-
-def _share(parameter: Parameter) -> str:
-    if not parameter.unit or parameter.name.startswith("wheel_radius"):
-        return RADII
-    return LENGTHS if parameter.unit == "m" else DYNAMICS
+def _ranges(choice: Choice, model: Model) -> dict[str, str]:
+    # Ranges of the parameters before a calibration, as YAML.
+    judged = IDENTIFIABLE.get(_kind(choice.robot))
+    return {
+        name: amount if isinstance(amount, str) else f"[{', '.join(amount)}]"
+        for name, amount in usual_uncertainty(model).items()
+        if judged is None or name in judged
+    }
 
 
 def _model(robot: str) -> type[Model]:

@@ -21,10 +21,9 @@ from oed.optimize import Ipopt, solve
 from oed.records.path_file import write_trajectory
 from oed.robots.presets import preset_names
 from oed.robots.sensors.drift import USUAL
+from oed.robots.usual_uncertainty import LEAST, MOST
 from oed.study.starter import (
     DRAWS,
-    LEAST,
-    MOST,
     PILOT,
     SENSORS,
     Choice,
