@@ -20,7 +20,7 @@ def integration_notes(study: Study, best: Solution | None) -> list[str]:
         best: design.
     """
     problem = study.problem
-    if best is None or best.trajectory is None or study.file.validation is None:
+    if best is None or best.trajectory is None:
         return []
     if not isinstance(problem.model, Equations) or not problem.model.states:
         return []
