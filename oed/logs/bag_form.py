@@ -114,6 +114,11 @@ class BagForm(LogForm):
         return read_twice(each)
 
     @property
+    def named_states(self) -> frozenset[str]:
+        """States of the robot whose fields are named."""
+        return frozenset() if self.reference is None else frozenset(self.reference.fields)
+
+    @property
     def clock_hint(self) -> str:
         """Which key may mend times that do not rise."""
         usual = "times have to rise: `clock: received` takes those of the recording"

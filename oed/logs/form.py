@@ -20,6 +20,7 @@ from oed.foundation.arguments import typed
 from oed.foundation.component import Component
 from oed.foundation.errors import FileIssue, Issue, LogError, ProblemError
 from oed.foundation.quantities import Duration
+from oed.foundation.text import listing
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.measurement import Measurement
 from oed.logs.log import Log
@@ -27,6 +28,8 @@ from oed.logs.series import together
 
 Repeats = Literal["keep", "drop"]
 """What is done with poses that repeat the one before while the wheels turn, as a slower sensor's do."""
+POSES, PLANE = "poses", ("x", "y", "heading")
+"""Kind of sensor that reads a robot's pose, and what that may be."""
 BAG_ENDINGS = (".mcap", ".db3", ".bag")
 """By which a file is known to be a ROS bag."""
 
@@ -53,6 +56,11 @@ class LogForm(Component, ABC):
     def clock_hint(self) -> str:
         """Which keys may mend times that do not rise; "" where none does."""
         return ""
+
+    @property
+    def named_states(self) -> frozenset[str]:
+        """States of the robot whose place in the log the study names."""
+        return frozenset()
 
     @abstractmethod
     def read(self, file: Path, model: System) -> list[Log]:
@@ -138,7 +146,32 @@ def read_logs(
 
 
 def _read(file: Path, form: LogForm, model: System, measurement: Measurement | None) -> list[Log]:
-    return form.sensed(file, form.read(file, model), measurement)
+    logs = [_as_measured(log, form, measurement) for log in form.read(file, model)]
+    return form.sensed(file, logs, measurement)
+
+
+def _as_measured(log: Log, form: LogForm, measurement: Measurement | None) -> Log:
+    # A column or message may have more than the study's poses measure, of another instrument for example.
+    sensors = () if measurement is None else measurement.joint_sensors
+    measured = [
+        name for sensor in sensors if sensor.kind == POSES for name in getattr(sensor, "quantities", ())
+    ]
+    unmeasured = [
+        name for name in log.quantities if name in PLANE and name not in {*measured, *form.named_states}
+    ]
+    columns = [place for place, name in enumerate(log.quantities) if name not in unmeasured]
+    if not measured or not unmeasured or not columns or log.motions is not None:
+        return log
+    text = (
+        f"{listing(unmeasured)} left out: the study's poses measure {listing(measured)} alone; to use more, "
+        "name it under `log: poses` or in `quantities`"
+    )
+    findings = tuple(
+        finding for finding in log.findings if not any(name in finding.name.split("_") for name in unmeasured)
+    )
+    quantities = tuple(log.quantities[place] for place in columns)
+    kept = replace(log, poses=log.poses[:, columns], quantities=quantities, findings=findings)
+    return kept.found("not_measured", text)
 
 
 def _with_wheels_checked(logs: Sequence[Log], model: System) -> list[Log]:

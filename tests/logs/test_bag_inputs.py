@@ -30,6 +30,7 @@ from pydantic import ValidationError
 from oed.foundation.errors import ProblemError
 from oed.logs import BagForm, read_logs
 from oed.robots.models import Ackermann, DifferentialDrive, Model, Tricycle, Unicycle
+from oed.robots.sensors import Poses
 
 TABLE = drive(60)
 TIMES = TABLE[:, 0]
@@ -237,6 +238,14 @@ class TestFields:
         np.testing.assert_allclose(log.poses, TABLE[:, 3:] * [0.01, 1, 1], atol=1e-9)
         only = read(path, poses={"topic": "/mocap", **keys})
         assert only.quantities == ("x", "y")
+
+    @pytest.mark.slow
+    def test_headings_of_messages_that_the_study_does_not_measure_are_left_out(self, tmp_path: Path):
+        path = write_bag(tmp_path / "drive", [*commanded(), *reference()])
+        measurement = Poses(quantities=("x", "y"), noise={"position": 0.01})
+        (log,) = read_logs([path], BagForm.model_validate({"poses": "/mocap"}), UNICYCLE, measurement)
+        assert log.quantities == ("x", "y")
+        assert "not_measured" in [finding.name for finding in log.findings]
 
     @pytest.mark.slow
     def test_the_heading_of_an_imu(self, tmp_path: Path):

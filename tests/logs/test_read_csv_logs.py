@@ -14,9 +14,11 @@ from logged import HEADER, INPUTS, PERIOD, ROBOT, cells, doubtful, drive, form, 
 from oed.foundation.errors import LogError
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
+from oed.kernel.measurement.measurement import Measurement
 from oed.logs import read_logs
 from oed.records.path_file import write_trajectory
 from oed.robots.models import DifferentialDrive, TractorTrailer, Tricycle
+from oed.robots.sensors import Poses, Ranges, Several
 from oed.robots.space import DesignSpace
 
 TABLE = drive()
@@ -220,6 +222,39 @@ class TestUnits:
         log = read_one(file, poses={"heading": "none"})
         assert log.quantities == ("x", "y")
         assert log.poses.shape == (len(TABLE), 2)
+
+    def test_a_column_that_the_study_does_not_measure_is_left_out_and_told(self, tmp_path: Path):
+        file = write(tmp_path / "a.csv", cells(TABLE))
+        measurement = Poses(quantities=("x", "y"), noise={"position": 0.01})
+        (log,) = read_logs([file], form(poses={"x": "x", "y": "y"}), ROBOT, measurement)
+        assert log.quantities == ("x", "y")
+        np.testing.assert_allclose(log.poses, TABLE[:, 3:5], rtol=0, atol=1e-9)
+        assert [finding.name for finding in log.findings] == ["not_measured"]
+
+    @pytest.mark.parametrize(
+        ("measurement", "poses"),
+        [
+            (Poses(quantities=("x", "y"), noise={"position": 0.01}), {"heading": "heading"}),
+            (Poses(noise={"position": 0.01, "heading": 0.01}), {}),
+            (Ranges(beacons=[(3.0, 0.0)], noise=0.02), {}),
+            (None, {}),
+        ],
+        ids=["named in the log", "measured", "no sensor of poses", "no study"],
+    )
+    def test_a_column_is_used_where_the_log_or_the_study_has_it(
+        self, tmp_path: Path, measurement: Measurement | None, poses: dict[str, str]
+    ):
+        file = write(tmp_path / "a.csv", cells(TABLE))
+        (log,) = read_logs([file], form(poses=poses), ROBOT, measurement)
+        assert log.quantities == ("x", "y", "heading")
+        assert log.findings == ()
+
+    def test_what_two_sensors_of_poses_measure_is_used(self, tmp_path: Path):
+        file = write(tmp_path / "a.csv", cells(TABLE))
+        positions = Poses(quantities=("x", "y"), noise={"position": 0.01})
+        measurement = Several(sensors=[positions, Poses(quantities=("heading",), noise={"heading": 0.01})])
+        (log,) = read_logs([file], form(), ROBOT, measurement)
+        assert log.quantities == ("x", "y", "heading")
 
 
 class TestRuns:

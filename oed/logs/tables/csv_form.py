@@ -68,6 +68,11 @@ class CsvForm(LogForm):
         )
 
     @property
+    def named_states(self) -> frozenset[str]:
+        """States of the robot whose columns are named."""
+        return frozenset(self.poses.columns) & self.poses.model_fields_set
+
+    @property
     def types_of_poses(self) -> Records | None:
         """Types of rows where the poses have one of their own, else None."""
         return None if self.records is None or self.records.poses is None else self.records
