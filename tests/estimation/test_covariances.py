@@ -41,6 +41,7 @@ from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_
 from oed.estimation.methods.fit import SUREST, Fit, degrees_of
 from oed.estimation.methods.segment_length import longest_without_drift, spread
 from oed.estimation.setup.noise import estimated, greatest
+from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Knowledge, inverse_of_identifiable
 from oed.robots.models import SkidSteer, SkidSteerSlip
 from oed.robots.sensors.logged import Noise
@@ -433,6 +434,15 @@ class TestDiagnostics:
         assert not found["outliers", "position"].passed
         assert 0.01 < found["outliers", "position"].statistic < 0.04
         assert found["outliers", "position"].message.endswith("outliers; the loss bounds what they do")
+
+    @pytest.mark.parametrize("loss", ["linear", "huber"])
+    def test_a_loss_is_said_to_bound_outliers_of_padded_segments_only_if_it_does(self, loss: Loss):
+        logs = [*several(2, noise=NOISE, outliers=0.02), *several(1, seconds=7.0, noise=NOISE, outliers=0.02)]
+        fit = fit_of(logs, loss=loss)
+        assert not fit.layout.valid.all()
+        outliers = verdicts(fit)["outliers", "position"]
+        assert not outliers.passed
+        assert outliers.message.endswith("the loss bounds what they do") == (loss == "huber")
 
     @pytest.mark.parametrize(("factor", "passes"), [(1.0, True), (1.3, False), (0.7, False)])
     def test_stated_noise_is_judged(self, factor: float, passes: bool):

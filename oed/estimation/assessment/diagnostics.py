@@ -161,13 +161,14 @@ def _after_not_white(fit: Fit) -> str:
 
 
 def _outliers(fit: Fit, group: str, places: list[int]) -> Diagnostic:
-    z = fit.white[..., places][fit.layout.valid[..., places]]
+    valid = fit.layout.valid[..., places]
+    z, weights = fit.white[..., places][valid], fit.weights[..., places][valid]
     count, expected = int((np.abs(z) > FAR).sum()), z.size * 2 * scipy.stats.norm.sf(FAR)
     passed = bool(count <= max(5 * expected, 3))
     share = count / z.size
     text = f"{100 * share:.2f} % of the {group} residuals lie beyond {FAR:g} standard deviations"
     asked = "loss: huber, method: joint" if fit.innovations else "loss: huber"
-    robust = "the loss" if (fit.weights < 1).any() else f"a robust loss ({asked})"
+    robust = "the loss" if (weights < 1).any() else f"a robust loss ({asked})"
     text += "" if passed else f": outliers; {robust} bounds what they do"
     return Diagnostic("outliers", group, share, None, passed, text)
 
