@@ -294,12 +294,12 @@ class MultiStart:
         self, points: Sequence[Array], results: list[Local | None], barrier: float | None = None
     ) -> None:
         results += [None] * len(points)
+        ends = [0.0] * len(points)
 
         def take(index: int, result: Local) -> None:
-            results[begun + index] = result
-            self._note_history(result)
+            seconds = time.perf_counter() - self.began
+            results[begun + index], ends[begun + index] = result, seconds
             if result.evaluation is not None:
-                seconds = time.perf_counter() - self.began
                 announce_drive(self.context, self.problem, result.evaluation, seconds)
             self.context.progress.advance(self._standing(results))
             if self._out_of_time():
@@ -313,15 +313,19 @@ class MultiStart:
                 run_tasks(work, part, workers, take)
                 begun += len(part)
         finally:
-            # In the order of the starts, so that ties fall alike whatever the workers' timing.
+            # In the order of the starts, so that counts and ties are alike whatever the workers' timing.
+            self._note_history(results, ends)
             self._keep_best(results)
 
-    def _note_history(self, result: Local) -> None:
-        self.evaluations += result.evaluations
-        risen = not self.history or result.objective > self.history[-1].objective
-        if np.isfinite(result.objective) and risen:
-            seconds = time.perf_counter() - self.began
-            self.history.append(HistoryPoint(self.evaluations, seconds, result.objective))
+    def _note_history(self, results: Sequence[Local | None], ends: Sequence[float]) -> None:
+        # A later start may have ended before an earlier one; time in the history does not go back.
+        for result, seconds in zip(results, np.maximum.accumulate(ends).tolist(), strict=True):
+            if result is None:
+                continue
+            self.evaluations += result.evaluations
+            risen = not self.history or result.objective > self.history[-1].objective
+            if np.isfinite(result.objective) and risen:
+                self.history.append(HistoryPoint(self.evaluations, seconds, result.objective))
 
     def _earlier_design(self, name: str) -> Array:
         return earlier_design(self.context.earlier, name, self.design)

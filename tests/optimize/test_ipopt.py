@@ -170,6 +170,26 @@ def test_the_same_seed_gives_the_same_design_whatever_the_workers(shared: list[W
 
 
 @pytest.mark.slow
+def test_the_history_is_the_same_in_whichever_order_starts_end(monkeypatch: pytest.MonkeyPatch):
+    problem = problem_of(samples=8, coefficients=6)
+    options = Ipopt(starts=4, perturbations=4, second_stage="none", max_iterations=10)
+
+    def reversed_tasks(function, tasks, workers, take) -> None:
+        for index in reversed(range(len(tasks))):
+            take(index, function(tasks[index]))
+
+    histories = []
+    for run in (run_tasks, reversed_tasks):
+        monkeypatch.setattr(multi_start, "run_tasks", run)
+        histories.append(solve(problem, options, seed=3, workers=1).history)
+    points = [[(point.evaluations, point.objective) for point in history] for history in histories]
+    assert points[0] == points[1]
+    assert len(points[0]) > 1
+    seconds = [point.seconds for point in histories[1]]
+    assert seconds == sorted(seconds)
+
+
+@pytest.mark.slow
 def test_equal_optima_are_chosen_alike_whatever_the_workers(shared: list[Workers]):
     # All starts reach the cap to within rounding, which must not decide among them.
     problem = make_flagship(design=DesignSpace(duration=20, samples=40))
