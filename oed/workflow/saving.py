@@ -30,6 +30,8 @@ from oed.records.record import (
 
 Files = Mapping[str, str]
 """Texts by file name."""
+Contents = Mapping[str, str | bytes]
+"""Texts and other contents by file name."""
 
 
 class NotSaved(Failure):
@@ -101,7 +103,7 @@ class RunFolder:
                 return draft.put_aside()
             return draft.publish(drop)
         except OedError as error:
-            raise NotSaved(_rescued(draft.target, error, files, draft), found) from None
+            raise NotSaved(rescued(draft.target, error, files, draft), found) from None
 
 
 def save_into(draft: Draft, record: Record) -> Record:
@@ -141,7 +143,7 @@ def save_estimate(record: EstimateRecord, folder: str | Path) -> Path:
             draft.write(files)
             draft.publish(pages(target, ESTIMATE))
     except OedError as error:
-        raise NotSaved(_rescued(target, error, files), record) from None
+        raise NotSaved(rescued(target, error, files), record) from None
     return target / ESTIMATE_FILE
 
 
@@ -174,8 +176,15 @@ def outdated(folder: Path, record: Record | None) -> set[str]:
     return pages(folder) | (drives - kept)
 
 
-def _rescued(folder: Path, error: Exception, files: Files, draft: Draft | None = None) -> str:
-    """What is said of results that cannot be saved, having written them wherever they can be."""
+def rescued(folder: Path, error: Exception, files: Contents, draft: Draft | None = None) -> str:
+    """Write results that do not fit in their folder wherever they can be; return what to say of them.
+
+    Args:
+        folder: where they should be.
+        error: why they are not.
+        files: the results, by name.
+        draft: what there is of them beside the folder; discarded when they are complete elsewhere.
+    """
     text = str(error)
     if folder.exists():
         text += f"; what was in {folder} is as it was"
@@ -189,7 +198,7 @@ def _rescued(folder: Path, error: Exception, files: Files, draft: Draft | None =
     return text if kept is None else f"{text}. What there was room for is in {kept}"
 
 
-def _written_elsewhere(name: str, files: Files) -> Path | None:
+def _written_elsewhere(name: str, files: Contents) -> Path | None:
     for place in (tempfile.gettempdir, Path.home, Path.cwd):
         with suppress(OSError, RuntimeError):
             folder = Path(tempfile.mkdtemp(dir=place(), prefix=f"oed-{name}-"))
@@ -202,7 +211,7 @@ def _written_elsewhere(name: str, files: Files) -> Path | None:
     return None
 
 
-def _what_fits(draft: Draft, files: Files) -> Path | None:
+def _what_fits(draft: Draft, files: Contents) -> Path | None:
     for name, text in files.items():
         with suppress(OedError):
             draft.write({name: text})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -184,23 +185,32 @@ def test_what_a_killed_sweep_had_done_is_kept(swept, tmp_path: Path, monkeypatch
 
 
 @pytest.mark.slow
-def test_no_room_for_a_point(swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    folder, _ = swept
+def test_without_room_for_a_point_all_that_are_done_are_readable_elsewhere(
+    swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    folder, data = swept
     real = Draft.write
 
     def full(draft: Draft, files: dict[str, str]) -> None:
         if any(name.startswith("wheel_speed_10") for name in files):
-            raise Failure(f"{draft.path}/record.json: cannot be written: No space left on device")
+            # As on a disk that fills up: what is small still fits.
+            real(draft, {name: text for name, text in files.items() if name.endswith(".csv")})
+            raise Failure(f"{draft.target}/record.json: cannot be written: No space left on device")
         real(draft, files)
 
     monkeypatch.setattr(Draft, "write", full)
-    with pytest.raises(
-        NotSaved, match=r"out/record.json: .* No space left .* kept in .*out\.interrupted"
-    ) as caught:
+    (tmp_path / "spare").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "spare"))
+    with pytest.raises(NotSaved, match=r"out/record.json: .* No space left") as caught:
         sweep(folder / "study.yaml", axes(OVER), tmp_path / "out", workers=1)
-    found = caught.value.found.data
-    assert [row["objective"] is not None for row in found["points"]] == [True, True]
-    assert [path.name for path in tmp_path.iterdir()] == ["out.interrupted"]
+    (place,) = (tmp_path / "spare").iterdir()
+    assert f"The results are in {place} instead" in str(caught.value)
+    table = load_sweep(place)
+    assert table == caught.value.found.found
+    for row, point in zip(data["points"], table.points, strict=True):
+        assert load_record(place / point.record).best.objective == row["objective"]
+    assert main(["report", str(place), "--json"]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["spare"]
 
 
 @pytest.mark.slow
@@ -213,7 +223,8 @@ def test_no_room_for_any_record_promises_no_report(swept, tmp_path: Path, monkey
         raise Failure(f"{draft.path}/record.json: cannot be written: No space left on device")
 
     monkeypatch.setattr(Draft, "write", full)
-    with pytest.raises(NotSaved, match="not saved") as caught:
+    monkeypatch.setattr("oed.workflow.saving._written_elsewhere", lambda *_: None)
+    with pytest.raises(NotSaved, match="nowhere else either") as caught:
         sweep(folder / "study.yaml", axes(OVER), tmp_path / "out", workers=1)
     assert "oed report" not in str(caught.value)
 

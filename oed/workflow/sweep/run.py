@@ -14,7 +14,7 @@ from oed.foundation.errors import OedError, RecordError
 from oed.foundation.extras import package_version
 from oed.foundation.files import inside
 from oed.foundation.presenting import Brief
-from oed.foundation.work.folders import Draft, drafted, interrupted_runs, kept_in
+from oed.foundation.work.folders import Draft, drafted, interrupted_runs
 from oed.foundation.work.parallel import run_tasks
 from oed.foundation.work.signals import interrupts_named
 from oed.optimize import Progress, Silent, Workers, default_workers
@@ -25,7 +25,7 @@ from oed.records.stored.door import FORMAT
 from oed.records.stored.sweep import StoredSweep, SweptKey, SweptPoint
 from oed.study.study import Study
 from oed.workflow.runner import run
-from oed.workflow.saving import NotSaved, require_readable
+from oed.workflow.saving import Contents, NotSaved, require_readable, rescued
 from oed.workflow.sweep.axes import Axis
 from oed.workflow.sweep.points import Point, grid, short_names
 
@@ -124,6 +124,7 @@ class _Sweep:
         self.failures: dict[int, str] = {}
         self.interrupted = False
         self.unsaved: OedError | None = None
+        self.unwritten: dict[str, str] = {}
         for place in (draft.target, *reversed(interrupted_runs(draft.target))):
             self._keep(place)
         self.kept = sorted(self.records)
@@ -158,15 +159,16 @@ class _Sweep:
             self.failures[index] = str(error)
             return
         self.records[index] = record
+        # The record last: where it is, everything is.
+        names = sorted(result.files, key=lambda name: name == RECORD)
+        files = {f"{folder}/{name}": result.files[name] for name in names}
         try:
-            # The record last: where it is, everything is.
-            names = sorted(result.files, key=lambda name: name == RECORD)
-            self.draft.write({f"{folder}/{name}": result.files[name] for name in names})
+            self.draft.write(files)
             # Lest the process be killed: what is there by now is a sweep that was cut short.
             self.draft.write(_file(self._table().model_copy(update={"interrupted": True})))
         except OedError as error:
             # Without room for this one there is none for the others.
-            self.unsaved = error
+            self.unsaved, self.unwritten = error, files
             raise KeyboardInterrupt from None
         if record.interrupted:
             raise KeyboardInterrupt
@@ -217,14 +219,16 @@ class _Sweep:
         fresh = [self.points[index].folder for index in self.records if index not in self.kept]
         return any(_is_finished(inside(self.draft.target, folder)) for folder in fresh)
 
-    def _not_saved(self, error: OedError, found: StoredSweep) -> NotSaved:
-        kept = self.draft.put_aside()
-        text = f"{error}: make room"
-        if kept is None or not (kept / FILE).exists():
-            # The point that did not fit is lost, and so is what has no table.
-            text = f"{text}; what was found is not saved"
-            return NotSaved(text if kept is None else f"{text}, but for files in {kept}", Swept(found))
-        return NotSaved(f"{text}; {kept_in(kept)}", Swept(found))
+    def _not_saved(self, error: OedError, table: StoredSweep) -> NotSaved:
+        # All points, also the one there was no room for.
+        draft = self.draft
+        files: Contents = {
+            path.relative_to(draft.path).as_posix(): path.read_bytes()
+            for path in draft.path.rglob("*")
+            if path.is_file()
+        }
+        files = {**files, **self.unwritten, **_file(table)}
+        return NotSaved(rescued(draft.target, error, files, draft), Swept(table))
 
     def _table(self) -> StoredSweep:
         # The points side by side.
