@@ -28,7 +28,12 @@ from oed.estimation import calibrate
 from oed.estimation.preprocessing.moves import Moves, clock_offsets, unexplained
 from oed.estimation.preprocessing.outliers import without_outliers
 from oed.estimation.preprocessing.preprocess import preprocess
-from oed.estimation.preprocessing.wiring_checks import poorly_explained, unit_fault, wiring_fault
+from oed.estimation.preprocessing.wiring_checks import (
+    MIRRORED_FRAME,
+    poorly_explained,
+    unit_fault,
+    wiring_fault,
+)
 from oed.foundation.errors import LogError
 from oed.logs.findings import IN_DEGREES
 from oed.logs.log import Finding, Log
@@ -149,7 +154,28 @@ class TestNamed:
 
     def test_wheels_exchanged_where_only_headings_are_read(self):
         log = log_of(DRIVE, noise=NOISE, quantities=("heading",))
-        assert SWAPPED in (suspected(exchanged(log)) or "")
+        text = suspected(exchanged(log)) or ""
+        assert SWAPPED in text
+        assert "the heading has the wrong sign" in text
+
+    @pytest.mark.parametrize(
+        ("axes", "zero", "wrong", "text"),
+        [
+            ([[0, 1], [1, 0]], math.pi / 2, exchanged, SWAPPED),
+            ([[1, 0], [0, -1]], 0.0, exchanged, SWAPPED),
+            ([[-1, 0], [0, 1]], 0.0, lambda log: negated(log, 0, 1), "all inputs have the wrong sign"),
+        ],
+        ids=["x north, y east", "y to the right", "x backwards"],
+    )
+    def test_a_mirrored_frame_and_wheels_that_explain_it_alike_are_both_named_whichever_is_true(
+        self, axes, zero: float, wrong, text: str
+    ):
+        poses = np.column_stack([LOG.poses[:, :2] @ np.array(axes), zero - LOG.poses[:, 2]])
+        for log in (replace(LOG, poses=poses), wrong(LOG)):
+            fault = suspected(log) or ""
+            assert text in fault
+            assert MIRRORED_FRAME in fault
+            assert fault.count("; or ") == 1
 
     @pytest.mark.parametrize("robot", cases(PLANAR))
     def test_inputs_of_any_robot_of_the_wrong_sign(self, robot: Example):

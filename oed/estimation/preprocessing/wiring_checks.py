@@ -56,6 +56,11 @@ MIRRORED: tuple[Axes, ...] = ((1j, 1), (-1, 1j), (1, -1j))
 """Axes of positions that are exchanged, or of which one points the other way."""
 MIRROR = "positions are mirrored: are x and y exchanged, or has one of them the wrong sign?"
 """In words."""
+MIRRORED_FRAME = (
+    "positions are mirrored and headings turn clockwise, as where x points north and y east: exchange the "
+    "columns of x and y, or negate one of them, and negate the heading"
+)
+"""In words, of positions and headings."""
 ALIKE = 0.02
 """By how much faults may differ in the share that they leave to be the same to a log."""
 Possibility = tuple[str, tuple[Array, float, float, Axes]]
@@ -76,7 +81,7 @@ def wiring_fault(moves: Moves) -> str | None:
     as_given = worst(moves, moves.inputs, any_side=True)
     fault = None
     if as_given >= BAD and not explained_by_other_sizes(moves):
-        fault = _most_likely(moves, _possibilities(moves), as_given)
+        fault = _most_likely(moves, _possibilities(moves), as_given, ALIKE)
     # Positions alone: distances are the same whatever side a robot turns to.
     turned = _turned_over(moves) if {*moves.layout.quantities} == {"x", "y"} else None
     return turned or fault
@@ -97,14 +102,24 @@ def unit_fault(moves: Moves) -> str | None:
     return None if text is None else f"{ratio}{text}"
 
 
-def _most_likely(moves: Moves, possibilities: Iterable[Possibility], as_given: float) -> str | None:
+def _most_likely(
+    moves: Moves, possibilities: Iterable[Possibility], as_given: float, alike: float = 0.0
+) -> str | None:
+    # What explains a log best, with all that leaves no more than `alike` beside it; units differ in size.
     tried = [(worst(moves, *what), text) for text, what in possibilities]
-    left, text = min(tried, key=lambda pair: pair[0], default=(math.inf, ""))
+    left = min((share for share, _ in tried), default=math.inf)
     if left < min(BETTER * as_given, BAD):
         before = f"{100 * as_given:.0f} %" if as_given < 1 else "all of it"
         rest = f"{100 * max(left, 0.0):.0f} %"
-        return f"{text}: that leaves {rest} of the motion unexplained instead of {before}"
+        return (
+            f"{_alike(tried, left + alike)}: that leaves {rest} of the motion unexplained instead of {before}"
+        )
     return None
+
+
+def _alike(tried: Iterable[tuple[float, str]], most: float) -> str:
+    # All faults that explain a log as well as the best, for the log does not tell them apart.
+    return "; or ".join(dict.fromkeys(text for share, text in tried if share <= most))
 
 
 def _turned_over(moves: Moves) -> str | None:
@@ -122,9 +137,9 @@ def _turned_over(moves: Moves) -> str | None:
     least = min(one for one, _ in tried)
     if least >= min(BETTER * as_given, BAD) or any(left(inputs) < BAD for inputs in _other_sizes(moves)):
         return None
-    named = "; or ".join(text for one, text in tried if one < least + ALIKE)
     before = f"{100 * as_given:.0f} %" if as_given < 1 else "all"
-    return f"{named}: that leaves {100 * least:.0f} % of the path's bends unexplained instead of {before}"
+    rest, named = f"{100 * least:.0f} %", _alike(tried, least + ALIKE)
+    return f"{named}: that leaves {rest} of the path's bends unexplained instead of {before}"
 
 
 def explained_by_other_sizes(moves: Moves) -> bool:
@@ -291,6 +306,7 @@ def _possibilities(moves: Moves) -> Iterator[Possibility]:
         yield "the heading is in radians, not in degrees", (inputs, 1.0, 180 / math.pi, AS_READ)
         for axes in MIRRORED if "x" in moves.layout.quantities else ():
             yield MIRROR, (inputs, 1.0, 1.0, axes)
+            yield MIRRORED_FRAME, (inputs, -1.0, 1.0, axes)
 
 
 def _sign_groups(count: int) -> Iterator[tuple[int, ...]]:
