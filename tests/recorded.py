@@ -36,6 +36,19 @@ def record_from(data: Mapping[str, Any]) -> Record:
     return Record.model_validate({**REST, **data})
 
 
+def keep_results(data: dict[str, Any], *names: str) -> None:
+    """Leave results of other names out of a record's data, and what was simulated on their drives."""
+    data["results"] = [result for result in data["results"] if result["name"] in names]
+    for key in ("validation", "robustness", "departures"):
+        part = data.get(key)
+        if part is not None:
+            part["results"] = [result for result in part["results"] if result["name"] in names]
+    # Paths of some robots on a drive.
+    departures = data.get("departures")
+    if departures is not None and departures["bundle"] and departures["bundle"]["name"] not in names:
+        departures["bundle"] = None
+
+
 def exceeding(result: Result, **shares: float) -> Result:
     """A result that exceeds limits by shares of their sizes."""
     margins = [

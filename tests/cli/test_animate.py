@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from places import REPORTS
+from recorded import keep_results
 
 from oed.cli import main
 from oed.report.film.writing import Frame
@@ -23,14 +24,6 @@ QUICK = ("--speed", "40", "--fps", "5", "--quiet")
 def folder(tmp_path: Path) -> Path:
     shutil.copy(RECORD, tmp_path)
     return tmp_path
-
-
-def keep_results(folder: Path, *names: str) -> None:
-    """Leave all other drives out of the record, so that its report is soon made."""
-    data = json.loads((folder / "record.json").read_text())
-    data["results"] = [entry for entry in data["results"] if entry["name"] in names]
-    data["validation"] = None
-    (folder / "record.json").write_text(json.dumps(data))
 
 
 def names(folder: Path) -> set[str]:
@@ -52,7 +45,10 @@ def test_one_object_and_a_film(folder: Path, capsys: pytest.CaptureFixture[str])
 @pytest.mark.slow
 @pytest.mark.usefixtures("blank_figures")
 def test_the_report_shows_it(folder: Path, capsys: pytest.CaptureFixture[str]):
-    keep_results(folder, "ipopt", "circle")
+    data = json.loads((folder / "record.json").read_text())
+    keep_results(data, "ipopt", "circle")
+    # Without simulated experiments the report is soon made.
+    (folder / "record.json").write_text(json.dumps({**data, "validation": None}))
     assert main(["report", str(folder)]) == 0
     assert "](drive.gif)" not in (folder / "report.md").read_text()
     assert main(["animate", str(folder), "--result", "ipopt", "circle", *QUICK]) == 0

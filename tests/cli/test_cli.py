@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from places import REPORTS
+from recorded import keep_results
 from studies import GENETIC, INFEASIBLE, SMALL, small, write_study
 
 from oed.cli import main
@@ -560,10 +561,7 @@ class TestValidate:
         saved = REPORTS / "choi_skid_steer" / "record.json"
         data = json.loads(saved.read_text())
         # A search, a path like any other and one that tells nothing.
-        names = ("ipopt", "straight", "square")
-        data["results"] = [entry for entry in data["results"] if entry["name"] in names]
-        simulated = data["validation"]
-        simulated["results"] = [entry for entry in simulated["results"] if entry["name"] in names]
+        keep_results(data, "ipopt", "straight", "square")
         folder = tmp_path / "saved"
         folder.mkdir()
         (folder / "record.json").write_text(json.dumps(data))
