@@ -20,7 +20,7 @@ from pydantic import (
     GetJsonSchemaHandler,
     ValidationError,
 )
-from pydantic_core import CoreSchema, core_schema
+from pydantic_core import CoreSchema, InitErrorDetails, core_schema
 
 from oed.foundation.arguments import WrongKind, count_issue
 from oed.foundation.moved import require_new_methods
@@ -110,10 +110,17 @@ class Component(Tidy, metaclass=_Worded):
 def _no_truth_for_a_number(part: type[Component], field: str, value: Any) -> Any:
     # To Python, and so to Pydantic, true is the number 1.
     if isinstance(value, bool | list | tuple | Mapping):
-        truth = next(_truths(value, _levels(part, field)), None)
-        if truth is not None:
-            path = "".join(f"{key}: " for key in truth[0])
-            raise ValueError(f"{path}true and false mean nothing here, got {truth[1]!r}")
+        entries = [
+            InitErrorDetails(
+                type="value_error",
+                loc=keys,
+                input=truth,
+                ctx={"error": ValueError(f"true and false mean nothing here, got {truth!r}")},
+            )
+            for keys, truth in _truths(value, _levels(part, field))
+        ]
+        if entries:
+            raise ValidationError.from_exception_data(part.__name__, entries)
     return value
 
 
@@ -125,8 +132,8 @@ def _truths(value: Any, levels: float, keys: tuple[Any, ...] = ()) -> Iterator[t
         for key, entry in value.items():
             yield from _truths(entry, levels - 1, (*keys, key))
     elif isinstance(value, list | tuple):
-        for entry in value:
-            yield from _truths(entry, levels, keys)
+        for place, entry in enumerate(value):
+            yield from _truths(entry, levels, (*keys, place))
 
 
 @cache

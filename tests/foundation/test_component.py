@@ -74,7 +74,7 @@ def test_no_field_takes_true_for_a_number(value: bool):
         ("samples: 40", "samples: true", "trajectory.samples"),
         ("every: 1", "every: true", "measurement.every"),
         ("20 s", "true", "trajectory.duration"),
-        ('"10 rad/s"', "[false, true]", "limits.wheel_speed"),
+        ('"10 rad/s"', "[0, true]", "limits.wheel_speed.1"),
         ("seed: 0", "seed: false", "seed"),
     ],
 )
