@@ -49,8 +49,8 @@ def export(
     """Write a result's drive, or the robot's parameters, for use outside of the package.
 
     At a rate other than the design's own the commands are resampled so that every wheel turns by the same
-    angles, see `oed.exporters.commands.resampled`; the poses are those that the commands written lead to. The
-    last command of every run stops the robot.
+    angles; the poses are those that the commands written lead to. The last command of every run stops the
+    robot.
 
     Args:
         record_folder: folder of a saved record; for `ros2_yaml` an estimate will do.

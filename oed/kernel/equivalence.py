@@ -39,7 +39,6 @@ def weight_bound(
 ) -> float:
     """What no weights of the readings within budgets exceed by a criterion.
 
-    The others' elimination only lowers tr(G F): with T of these weights, tr(G F') <= tr(T'GT M').
     Infinite where there is no such plane, as of weights that leave undetermined what the criterion asks for.
 
     Args:
@@ -52,6 +51,7 @@ def weight_bound(
     """
     if not np.all(np.isfinite(gradient)) or not np.any(gradient):
         return float(np.inf)
+    # The others' elimination only lowers tr(G F): with T of these weights, tr(G F') <= tr(T'GT M').
     # By a root of G, and of exactly that product: rounding of G is no matter then, and that of rows small.
     root = root_of(gradient)
     back = parts.projection(weights).T @ root

@@ -56,7 +56,7 @@ def best_weights(
     """The weights within budgets that make a concave criterion largest.
 
     Args:
-        criterion: with a supergradient, of one block: the `objective` of a problem.
+        criterion: concave, of one block: the `objective` of a problem.
         parts: of the information.
         budgets: of all readings; spent in full, unless there are costs.
         costs: that the weights may not exceed.
@@ -201,7 +201,7 @@ def _present(parts: Parts) -> tuple[Places, Places]:
 @typed
 def whole_weights(criterion: Criterion, parts: Parts, weights: Array, budgets: Sequence[Budget]) -> Weights:
     """Whole readings within budgets: as near to weights as whole numbers are, then exchanged one by one while
-    that is better. How good they are shows beside the bound on all weights.
+    that is better. `weight_bound` judges them.
 
     Args:
         criterion: to be large, concave.

@@ -68,9 +68,8 @@ def run(
 
     Args:
         study: what to do.
-        out: folder for record.json and the trajectories' CSV files, which take the place of those of an
-            earlier run when all of them are there; nothing is written without it. An interrupted run does not
-            take the place of any: it is kept beside. The record says where it is.
+        out: folder for record.json and the trajectories' CSV files, which replace those of an earlier run
+            when all of them are there; an interrupted run is kept beside. Nothing is written without it.
         seed: instead of the study's.
         workers: processes, or a cluster; does not change the result.
         progress: informed how far the work is.
