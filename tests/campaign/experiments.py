@@ -262,8 +262,11 @@ def _selected(rng: Rng, judged: JudgedTrial) -> Iterator[Verdict]:
     study, problem = judged.study, judged.problem
     with np.errstate(all="ignore"):
         draws = [draw_weights(rng, study.spec, judged.trial) for _ in range(TRIED)]
-        scores = [judged.weighted(weights).true for weights in draws]
-    known = [one.objective for one in scores if one.sort == "well"]
+        tried = [judged.weighted(weights) for weights in draws]
+    # Weights are chosen within budgets of the study.
+    budgets = {limit["name"] for limit in study.spec.get("limits", ()) if limit["kind"] == "budget"}
+    within = [one for one in tried if not any(x.amount > 0 for x in one.limits() if x.limit in budgets)]
+    known = [one.true.objective for one in within if one.true.sort == "well"]
     if len(known) < TRIED // 2:
         return
     found = select(problem, judged.trajectory)

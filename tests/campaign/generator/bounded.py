@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..oracle.experiments import Experiment
+from ..oracle.experiments import Experiment, sensors_of
 from .amounts import TIME, Amount, Dimension, product
 from .quantities import one_of
 from .systems import Draft
@@ -26,6 +26,8 @@ def draw_limits(rng: Rng, draft: Draft, reference: Experiment) -> list[dict[str,
         if not np.isfinite([low, high]).all():
             continue
         spread = (high - low) or abs(high) or 1.0
+        if kind == "budget" and not _can_be_counted(reference):
+            continue
         if kind == "budget":
             own = product(own, TIME) if draft.states else own
             found.append({**limit, "most": Amount(high + abs(high or 1.0) * rng.uniform(-0.3, 0.5), own)})
@@ -34,6 +36,17 @@ def draw_limits(rng: Rng, draft: Draft, reference: Experiment) -> list[dict[str,
             least, most = low - spread * rng.uniform(inside, 0.5), high + spread * rng.uniform(inside, 0.5)
             found.append({**limit, "range": [Amount(least, own), Amount(most, own)]})
     return found
+
+
+def _can_be_counted(reference: Experiment) -> bool:
+    # Whether a budget goes with the study's weights, if it has any.
+    study = reference.study
+    chosen, states = study.get("weights"), reference.system.states
+    if chosen is None:
+        return True
+    if "readings" in chosen or not (states or len(sensors_of(study)) == 1):
+        return False
+    return chosen.get("of") == "trials" or not states or "candidates" not in study["experiment"]
 
 
 def _expression(rng: Rng, draft: Draft, *, budget: bool) -> tuple[str, Dimension]:

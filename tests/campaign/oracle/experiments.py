@@ -19,6 +19,9 @@ from .score import SHAKEN, Estimate, Score, sort_of, steady
 
 Array = npt.NDArray[Any]
 
+NODES = 12
+"""Points in each period by which budgets are integrated."""
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -275,20 +278,41 @@ class Experiment:
             return np.real(np.broadcast_to(found, (1, count))).reshape(1, *u.shape[1:])
 
         held = trial.held.transpose(2, 0, 1)
+        if limit["kind"] == "budget" and not system.states:
+            return np.array([(self.counts * value_of(states[..., :-1], held)[0]).sum()])
+        u = list(held.reshape(len(system.inputs), trial.trials * trial.samples))
+        begin = states[..., :-1].reshape(len(states), 1, trial.trials * trial.samples)
         if limit["kind"] == "budget":
-            if not system.states:
-                return np.array([value_of(states[..., :-1], held).sum()])
-            each = value_of(states[..., :-1], held) + value_of(states[..., 1:], held)
-            return np.array([each.sum() / 2 * trial.period])
+            # The integral, by Gauss's rule in every period.
+            spent = 0.0
+            for node, weight in zip(*np.polynomial.legendre.leggauss(NODES), strict=True):
+                x = system.step(begin, u, p, (1 + node) / 2 * trial.period)
+                spent += weight / 2 * (self.counts * value_of(x, held)[0]).sum()
+            return np.array([spent * trial.period])
         nothing = 0 * self.inputs
         if limit["kind"] == "end":
             return value_of(states[..., -1:], nothing[..., -1:])
-        u = list(held.reshape(len(system.inputs), trial.trials * trial.samples))
-        begin = states[..., :-1].reshape(len(states), 1, -1)
         found = [value_of(begin, nothing[..., :-1]).ravel(), value_of(states, nothing).ravel()]
         for share in np.arange(1, points) / points:
             found.append(value_of(system.step(begin, u, p, share * trial.period), nothing[..., :-1]).ravel())
         return np.concatenate(found)
+
+    @property
+    def counts(self) -> Array:
+        """How often each period is carried out by the weights, (trials, N)."""
+        trial = self.trial
+        found = np.ones((trial.trials, trial.samples))
+        if trial.weights is None or (self.system.states and self.study["weights"].get("of") != "trials"):
+            return found
+        found[:] = 0.0
+        places = [np.unique(one.reading, return_index=True)[1] for one in self.rows]
+        trials = np.concatenate([one.trial[first] for one, first in zip(self.rows, places, strict=True)])
+        if self.system.states:
+            np.maximum.at(found, trials, trial.weights[:, None])
+            return found
+        columns = np.concatenate([one.column[first] for one, first in zip(self.rows, places, strict=True)])
+        np.maximum.at(found, (trials, columns), trial.weights)
+        return found
 
     def spent(self) -> list[tuple[float, float]]:
         """Of each budget of weights what is spent, and its total."""
