@@ -221,3 +221,26 @@ def test_an_interrupt_in_a_finaliser_is_raised_after_it_and_not_printed(capsys):
         work()
     assert time.monotonic() - before < 1
     assert capsys.readouterr().err == ""
+
+
+def test_an_interrupt_sent_again_before_the_finaliser_has_ended_is_not_lost(monkeypatch, capsys):
+    late = [0.02]
+
+    class BusyTimer(threading.Timer):
+        """A timer whose signal comes before its start is over, the first time."""
+
+        def start(self) -> None:
+            super().start()
+            time.sleep(late.pop() if late else 0)
+
+    def work() -> None:
+        Finalised()
+        time.sleep(5)
+
+    monkeypatch.setattr(threading, "Timer", BusyTimer)
+    before = time.monotonic()
+    with ending_alike(), pytest.raises(KeyboardInterrupt):
+        work()
+    assert not late
+    assert time.monotonic() - before < 1
+    assert capsys.readouterr().err == ""

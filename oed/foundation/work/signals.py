@@ -68,7 +68,7 @@ def _unraisable_raised(ending: Ending) -> Iterator[None]:
 
     def hook(unraisable: sys.UnraisableHookArgs) -> None:
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
-            ending.come_again(signal.SIGINT)
+            ending.hear_unraisable()
         else:
             before(unraisable)
 
@@ -118,7 +118,7 @@ class Ending:
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Raise it, or see again very soon."""
-        if _within(WRAPPERS, frame):
+        if _is_lost(frame):
             self.come_again(number)
         else:
             self.at_once(number, frame)
@@ -130,6 +130,10 @@ class Ending:
         self._waiting = threading.Timer(SOON, _send, [number])
         self._waiting.daemon = True
         self._waiting.start()
+
+    def hear_unraisable(self) -> None:
+        """Send an interrupt again that Python could not raise; it waits on if it comes before this ends."""
+        self.come_again(signal.SIGINT)
 
     @property
     def waits(self) -> bool:
@@ -179,9 +183,10 @@ def _send(number: int) -> None:
         signal.raise_signal(number)
 
 
-def _within(module: str, frame: FrameType | None) -> bool:
+def _is_lost(frame: FrameType | None) -> bool:
+    # Whether what a handler raises in a frame is caught by CasADi's wrappers, or printed by Python.
     while frame is not None:
-        if frame.f_globals.get("__name__") == module:
+        if frame.f_globals.get("__name__") == WRAPPERS or frame.f_code is Ending.hear_unraisable.__code__:
             return True
         frame = frame.f_back
     return False
