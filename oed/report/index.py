@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -143,7 +144,7 @@ def _nothing(source: Path, unreadable: Sequence[tuple[str, str]]) -> str:
         expected = f"{', '.join(RESULTS[:-1])} or {RESULTS[-1]}"
         return (
             f"{source}: no run in it or in its folders: expected {expected}; "
-            f"`oed run STUDY --out {source}` writes one{beside(source)}"
+            f"`oed run STUDY --out {shlex.quote(str(source))}` writes one{beside(source)}"
         )
     why = "\n".join(f"{name}: {reason}" for name, reason in unreadable[:NAMED])
     return f"{source}: none of its {len(unreadable)} runs can be read:\n{why}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -319,24 +320,25 @@ class TestRun:
 
     @pytest.mark.usefixtures("blank_figures")
     def test_in_words_into_another_folder(self, capsys, folder: Path):
-        code, out, _ = call(capsys, "run", "quick.yaml", "--quiet", "--workers", "1", "--out", "there")
+        code, out, _ = call(capsys, "run", "quick.yaml", "--quiet", "--workers", "1", "--out", "put there")
         assert code == 0
         assert re.search(r"(^Warning: [\d.]+ %|None|[\d.]+ %) of 1,000\s+robots with wheel\s+radii", out)
         assert "Limits satisfied." not in out
-        assert "Page:  there" in out
-        assert "Drive: oed export there --to ros2_node\n   or: oed export there --to rosbag2\n" in out
+        assert "Page:  put there" in out
+        exports = [shlex.join(["oed", "export", "put there", "--to", to]) for to in ("ros2_node", "rosbag2")]
+        assert f"Drive: {exports[0]}\n   or: {exports[1]}\n" in out
         assert not (folder / "reports").exists()
-        assert load_record(folder / "there").best.name == "genetic"
+        assert load_record(folder / "put there").best.name == "genetic"
 
     def test_an_interrupt_while_the_report_is_written(self, capsys, folder: Path, monkeypatch):
         def strike(*_: object) -> None:
             raise KeyboardInterrupt
 
         monkeypatch.setattr("oed.report.write_report", strike)
-        code, out, err = call(capsys, "run", "quick.yaml", "--out", "there", "--workers", "1", "--quiet")
+        code, out, err = call(capsys, "run", "quick.yaml", "--out", "put there", "--workers", "1", "--quiet")
         assert (code, out) == (1, "")
-        assert err == "interrupted; the record is saved: `oed report there` makes the report\n"
-        assert (folder / "there" / "record.json").is_file()
+        assert err == "interrupted; the record is saved: `oed report 'put there'` makes the report\n"
+        assert (folder / "put there" / "record.json").is_file()
 
     @pytest.mark.usefixtures("blank_figures")
     def test_without_a_solution(self, capsys, folder: Path):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import re
 import shlex
 from pathlib import Path
 
@@ -12,6 +14,10 @@ from studies import SMALL
 from oed.cli import main
 from oed.foundation.work.folders import kept_in
 from oed.report.page import code_span
+
+NAME = "my out; $(x)"
+"""Name of a folder that a shell reads as several words and commands."""
+CHOICE = ("--robot", "unicycle", "--sensor", "poses", "--room", "2 m x 2 m")
 
 
 @pytest.mark.parametrize("name", ["my out", "a;b", "$(x)", "it's"])
@@ -26,9 +32,33 @@ def test_a_backtick_does_not_end_a_code_span():
 
 
 @pytest.mark.slow
+def test_init_quotes_the_study_to_run(tmp_path: Path, capsys):
+    file = tmp_path / NAME / "study.yaml"
+    assert main(["init", str(file), *CHOICE]) == 0
+    command = capsys.readouterr().err.split("then: ")[1]
+    assert shlex.split(command) == ["oed", "run", str(file)]
+
+
+@pytest.mark.slow
+def test_examples_quotes_the_study_to_run(tmp_path: Path, capsys):
+    folder = tmp_path / NAME
+    assert main(["examples", "choi_skid_steer", "--out", str(folder)]) == 0
+    command = capsys.readouterr().err.split("then: ")[1]
+    assert shlex.split(command) == ["oed", "run", str(folder / "choi_skid_steer.yaml")]
+
+
+def test_report_quotes_the_folder_that_has_no_results(tmp_path: Path, capsys):
+    folder = tmp_path / NAME
+    folder.mkdir()
+    assert main(["report", str(folder)]) == 2
+    (command,) = re.findall(r"`(oed run [^`]*)`", capsys.readouterr().err)
+    assert shlex.split(command) == ["oed", "run", "STUDY", "--out", str(folder)]
+
+
+@pytest.mark.slow
 def test_estimate_refuses_a_log_that_is_a_link_to_itself(tmp_path: Path, capsys):
     study, log = tmp_path / "study.yaml", tmp_path / "loop.csv"
     study.write_text(SMALL)
     log.symlink_to(log.name)
     assert main(["estimate", str(study), str(log), "--quiet"]) == 2
-    assert os.strerror(40) in capsys.readouterr().err
+    assert os.strerror(errno.ELOOP) in capsys.readouterr().err

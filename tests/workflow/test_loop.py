@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import json
+import re
+import shlex
 import sys
 import threading
 import time
@@ -177,6 +180,18 @@ class TestGoingOn:
         assert found.found.finished
         assert not found.reached
         assert "as many drives as are allowed (1)" in found.found.reason
+
+    def test_a_page_that_cannot_be_written_names_the_command_with_its_folder_quoted(self, study, logs):
+        def no_room(_: Path) -> None:
+            raise OSError(errno.ENOSPC, "no room")
+
+        out, heard = logs.parent / "my out; $(x)", Heard()
+        oed.loop(
+            study, logs, out, targets=dict.fromkeys(TRUTH, "50 %"), command=robot(study), written=no_room,
+            progress=heard, **SOON,
+        )  # fmt: skip
+        command, *_ = re.findall(r"`(oed report [^`]*)`", "\n".join(heard.said))
+        assert shlex.split(command) == ["oed", "report", str(out / "round1")]
 
 
 @pytest.mark.slow
