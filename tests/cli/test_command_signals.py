@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from studies import GENETIC, small, write_study
+
+from oed.records.record import load_record
 
 pytestmark = [
     pytest.mark.slow,
@@ -24,6 +30,8 @@ class Finder:
 
 sys.meta_path.insert(0, Finder())
 """
+ANSWERED = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
+"""Ctrl-C is answered even where the tests ignore it."""
 AT_EXIT = """
 import signal, sys, threading, time
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -39,18 +47,25 @@ threading.Thread(target=late).start()
 
 def command(folder: Path, before: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run the command after some code, in a file that is called as the installed one."""
+    process = started(folder, before, *arguments)
+    out, err = process.communicate(timeout=60)
+    return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+
+def started(folder: Path, before: str, *arguments: str) -> subprocess.Popen[str]:
+    """Start the same in a group of processes of its own."""
     program = folder / "oed"
-    program.write_text(f"{before}\nfrom oed.cli import main\nsys.exit(main())\n")
-    root = str(Path(__file__).parents[2])
-    environment = {**os.environ, "PYTHONPATH": root}
-    return subprocess.run(
+    program.write_text(
+        f"{before}\nfrom oed.cli import main\nif __name__ == '__main__':\n    sys.exit(main())\n"
+    )
+    return subprocess.Popen(
         [sys.executable, str(program), *arguments],
-        env=environment,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
         cwd=folder,
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
-        check=False,
-        timeout=60,
+        start_new_session=True,
     )
 
 
@@ -68,3 +83,24 @@ def test_a_signal_after_the_command_leaves_its_exit_code(tmp_path: Path, number:
     ended = command(tmp_path, AT_EXIT.replace("NUMBER", number), "schema")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert ended.stdout
+
+
+def test_a_second_interrupt_of_two_workers_keeps_what_is_done(tmp_path: Path):
+    slow = "{kind: genetic, population: 20, generations: 100000"
+    write_study(tmp_path, small(solvers=f"{GENETIC}, {slow}, name: slow}}, {slow}, name: slower}}"))
+    process = started(tmp_path, ANSWERED, "run", "study.yaml", "--out", "out", "--workers", "2", "--quiet")
+    kept = tmp_path / ".out.oed" / "draft" / "out" / "record.json"
+    give_up = time.monotonic() + 60
+    while not kept.exists() and time.monotonic() < give_up:
+        time.sleep(0.02)
+    began = time.monotonic()
+    # A terminal sends Ctrl-C to the workers, too.
+    os.killpg(process.pid, signal.SIGINT)
+    time.sleep(0.2)
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert time.monotonic() - began < 10
+    assert process.returncode == 1
+    assert "Traceback" not in err
+    assert load_record(tmp_path / "out").results[0].name == "genetic"

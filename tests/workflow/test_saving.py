@@ -13,7 +13,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -332,23 +331,3 @@ class TestProcess:
             assert interrupted_runs(finished) == [beside]
         assert load_record(beside).results[0].name == "genetic"
         assert not list(finished.parent.glob(".*"))
-
-    def test_a_second_interrupt_with_two_workers_keeps_what_is_done(self, tmp_path: Path):
-        slow = "{kind: genetic, population: 20, generations: 100000"
-        write_study(tmp_path, small(solvers=f"{GENETIC}, {slow}, name: slow}}, {slow}, name: slower}}"))
-        process = started(tmp_path, "run", "study.yaml", "--out", "out", "--workers", "2", "--quiet")
-        kept = tmp_path / ".out.oed" / "draft" / "out" / "record.json"
-        give_up = time.monotonic() + 60
-        while not kept.exists() and time.monotonic() < give_up:
-            time.sleep(0.02)
-        began = time.monotonic()
-        # A terminal sends Ctrl-C to the workers, too.
-        os.killpg(process.pid, signal.SIGINT)
-        time.sleep(0.2)
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGINT)
-        _, err = process.communicate(timeout=60)
-        assert time.monotonic() - began < 10
-        assert process.returncode == 1
-        assert "Traceback" not in err
-        assert load_record(tmp_path / "out").results[0].name == "genetic"
