@@ -39,7 +39,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 def late():
     threading.main_thread().join()
     signal.pthread_kill(threading.main_thread().ident, signal.NUMBER)
-    time.sleep(5)
+    time.sleep(1)
 
 threading.Thread(target=late).start()
 """
