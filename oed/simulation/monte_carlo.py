@@ -199,8 +199,8 @@ def validate(
     Args:
         problem: whose measurement's noise is given.
         trajectory: the drive.
-        replicates: simulated experiments; at least one more than there are parameters. (Those of a study, and
-            of `oed validate`, are at least 100, for verdicts that mean something.)
+        replicates: simulated experiments; at least one more than there are parameters. (Studies and
+            `oed validate` need 100.)
         estimator: "ols", "sandwich", "gls", "errors_in_variables" for displacements, "nonlinear" for
             sensors; by default the one whose information the problem's measurement gives.
         heading: which headings the position regression of displacements uses: the true ones ("known"),

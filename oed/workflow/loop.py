@@ -90,9 +90,8 @@ def loop(
     """Design a drive, wait for its log, estimate from all logs so far, and design the next one.
 
     It ends when every parameter is as precise as wanted, or when another drive would gain too little. What
-    `out` has of the same loop is kept: the same call goes on where one was cut short. Logs that were in their
-    folder before the loop began are left alone; those that cannot be read are announced, and others waited
-    for.
+    `out` has of the same loop is kept: the same call goes on where one was cut short. Logs from before the
+    loop are left alone; those that cannot be read are announced, and others waited for.
 
     Args:
         study: of the first drive, a pilot for instance; and how logs are read.
