@@ -21,6 +21,7 @@ from simulated import (
     log_of,
     logged_problem,
     options,
+    rich_inputs,
     search_of,
     truth_of,
 )
@@ -36,6 +37,7 @@ from oed.estimation.methods.gauss_markov import GaussMarkov
 from oed.estimation.methods.noise_selection import Drift, ErrorModel, Lasting, Remainder, bounded_errors
 from oed.foundation.errors import ProblemError
 from oed.logs.log import Log
+from oed.robots.sensors.logged import Noise
 
 TRUE = truth_of(ROBOT, **TRUTH)
 POSITIONS = ("x", "y")
@@ -63,6 +65,13 @@ def drifted(seed: int, quantities: tuple[str, ...] = POSITIONS) -> Log:
 def estimate(logs: Sequence[Log], **keys) -> Calibration:
     own = options(sensor_place=(), clock_offset=False, replicates=100, **keys)
     return calibrate(logged_problem(), logs, own)
+
+
+def positions_by_satellite(seconds: float) -> Log:
+    """Positions at 1 Hz whose errors of 0.5 m last a minute, beside 0.3 m of white noise."""
+    inputs = 0.3 * rich_inputs(ROBOT, np.arange(seconds) + 0.5)
+    drive = course(seconds=seconds, period=1.0, inputs=inputs)
+    return lasting(log_of(drive, noise=(0.3, 0.0), quantities=POSITIONS), 0.5, 60.0)
 
 
 @cache
@@ -194,6 +203,23 @@ class TestLikelihoods:
             assert found[row, column] == pytest.approx(best.fun, abs=0.06)
 
 
+class TestThinning:
+    @pytest.mark.parametrize("seconds", [2.0, 15.0, np.inf])
+    def test_segments_keep_both_ends_whatever_their_number_and_length(self, seconds: float):
+        search = search_of([positions_by_satellite(1100.0), positions_by_satellite(604.0)], seconds=seconds)
+        starts = search.first_starts(TRUE)
+        noises = {"position": Noise(0.3)}
+        layout, rest = search.layout, Remainder.of(search, TRUE, starts, noises)
+        np.testing.assert_array_equal(rest.layout.times[:, [0, -1]], layout.times[:, [0, -1]])
+        read = rest.valid.all(axis=-1)
+        assert read[:, 0].all()
+        most = max(8, 500 // layout.count)
+        np.testing.assert_array_equal(read.sum(axis=1), np.minimum(layout.last + 1, most))
+        for row, chosen in enumerate(read):
+            assert np.all(np.diff(rest.layout.times[row, chosen]) > 0)
+            assert rest.layout.times[row, chosen][-1] == layout.times[row, -1]
+
+
 class TestSelection:
     @pytest.mark.parametrize("quantities", [POSITIONS, XYH])
     @pytest.mark.parametrize("seed", [0, pytest.param(4, marks=pytest.mark.slow)])
@@ -254,6 +280,14 @@ class TestEstimate:
         assert found.fit.correlated is not None
         assert found.fit.converged
         assert found.values == pytest.approx(estimated().values, rel=1e-4)
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize("seconds", [500.0, 760.0])
+    def test_noise_of_many_short_segments_is_that_from_reading_to_reading(self, seconds: float):
+        # What lasts a minute is the same all through a segment of two seconds.
+        keys = options(segment=2.0, noise="correlated", clock_offset=False)
+        noise = calibrate(logged_problem(), [positions_by_satellite(seconds)], keys).fit.correlated
+        assert np.hypot(*noise.sizes[:2]) == pytest.approx(0.3, rel=0.15)
 
     @pytest.mark.slow
     def test_gls_of_positions_alone(self):

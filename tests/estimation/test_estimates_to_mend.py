@@ -5,31 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from simulated import (
-    ROBOT,
     TRUTH,
     course,
-    lasting,
     log_of,
     logged_problem,
     options,
-    rich_inputs,
     truth_of,
 )
 
 from oed.estimation import calibrate
-from oed.estimation.methods.gauss_markov import GaussMarkov
-from oed.logs.log import Log
 from oed.robots.models import Unicycle
 
 LAGGING = Unicycle(lag_v=0.15, lag_omega=0.25)
 LAGS = truth_of(LAGGING, gain_v=0.97, gain_omega=1.04, lag_v=0.16, lag_omega=0.23)
-
-
-def positions_by_satellite(seconds: float) -> Log:
-    """Positions at 1 Hz whose errors of 0.5 m last a minute, beside 0.3 m of white noise."""
-    inputs = 0.3 * rich_inputs(ROBOT, np.arange(seconds) + 0.5)
-    drive = course(seconds=seconds, period=1.0, inputs=inputs)
-    return lasting(log_of(drive, noise=(0.3, 0.0), quantities=("x", "y")), 0.5, 60.0)
 
 
 def commands(seed: int, seconds: float = 20.0, period: float = 0.05) -> np.ndarray:
@@ -56,22 +44,6 @@ def test_standard_errors_of_the_robot_are_the_same_wherever_the_sensors_heading_
         covariance = calibrate(logged_problem(), [log], options()).covariance
         deviations.append(np.sqrt(np.diag(covariance))[: len(TRUTH)])
     assert deviations[1] == pytest.approx(deviations[0], rel=0.02)
-
-
-@pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="issue 54: times of short segments are thinned to none")
-def test_correlated_noise_of_many_short_segments_is_estimated():
-    keys = options(noise="correlated", segment=2.0, clock_offset=False)
-    assert np.isfinite(calibrate(logged_problem(), [positions_by_satellite(1100.0)], keys).values).all()
-
-
-@pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="issue 54: times of short segments are thinned to next to none")
-def test_correlated_noise_of_short_segments_lasts_longer_than_a_reading():
-    keys = options(noise="correlated", segment=2.0, clock_offset=False)
-    noise = calibrate(logged_problem(), [positions_by_satellite(500.0)], keys).fit.correlated
-    assert isinstance(noise, GaussMarkov)
-    assert noise.seconds > 1.0
 
 
 @pytest.mark.slow

@@ -23,12 +23,12 @@ from oed.estimation.methods.gauss_markov import GaussMarkov
 from oed.estimation.methods.joint import JointSearch
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.noise import LEAST, Noise, group_of, groups
-from oed.foundation.arrays import Array, Bools
+from oed.foundation.arrays import Array, Bools, Places
 
 POSE = ("x", "y", "heading")
 """What errors are looked for in."""
-MOST = 500
-"""Times of all logs together that are looked at, spread evenly."""
+MOST, FEWEST_OF_SEGMENT = 500, 8
+"""Times of all logs together that are looked at, spread evenly, and how many of a segment all the same."""
 RIGID = 1e-6
 """Least variance of a step, relative to that of what it shows in: precisions are to be finite."""
 LEAST_LIKELY = 1e12
@@ -92,17 +92,18 @@ class Remainder:
         found, layout = search.linearised(values, starts), search.layout
         names = [name for name in POSE if name in layout.quantities]
         places = [layout.quantities.index(name) for name in names]
-        every = max(1, -(-layout.times.size // MOST))
-        rows = np.concatenate([found.residuals[..., None], found.slopes, found.own], axis=-1)
+        chosen, new = _spread_evenly(layout)
+        segments = np.arange(layout.count)[:, None]
+        rows = np.concatenate([found.residuals[..., None], found.slopes, found.own], axis=-1)[..., places, :]
         path = (layout.readings - found.residuals)[..., places[:2]]
-        valid = layout.valid[:, ::every, places]
+        valid = layout.valid[..., places][segments, chosen] & new[..., None]
         return cls(
-            replace(layout, times=layout.times[:, ::every]),
+            replace(layout, times=layout.times[segments, chosen]),
             tuple(names),
-            np.where(valid[..., None], rows[:, ::every, places], 0.0),
+            np.where(valid[..., None], rows[segments, chosen], 0.0),
             valid,
-            path[:, ::every],
-            found.rates[1][:, ::every],
+            path[segments, chosen],
+            found.rates[1][segments, chosen],
             search.known.information,
             {name: max(noises[name].at_rest, LEAST) for name in groups(names)},
             search.specified is not None,
@@ -350,6 +351,14 @@ class Drift(ErrorModel):
     def _turned(self) -> Array:
         rates = self.rest.yaw_rates
         return np.asarray(self.rest.layout.steps * (rates[:, 1:] + rates[:, :-1]) / 2)
+
+
+def _spread_evenly(layout: SegmentLayout) -> tuple[Places, Bools]:
+    # Places of the times that are looked at, both ends of each segment among them, (S, k), and which of them
+    # are no repetition of the place before: short segments have fewer than k.
+    count = min(layout.periods + 1, max(FEWEST_OF_SEGMENT, MOST // layout.count))
+    places = np.rint(layout.last[:, None] * np.linspace(0.0, 1.0, count)).astype(int)
+    return places, np.diff(places, axis=1, prepend=-1) > 0
 
 
 def has_lasting_form(quantities: Sequence[str]) -> bool:
