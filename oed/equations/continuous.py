@@ -5,10 +5,10 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from functools import cached_property, lru_cache
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import casadi as ca
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, PrivateAttr
 
 from oed.equations.dimensions import Dimension, parse_unit
 from oed.equations.given import AS_DATA, Begin, Readable, Start, SystemKeys, begins_of, pairs
@@ -38,6 +38,7 @@ class ContinuousSystem(SystemKeys, Readable):
     start: Annotated[tuple[tuple[str, Start], ...], BeforeValidator(pairs), AS_DATA] = ()
     integrator: Literal["runge_kutta", "radau"] = "runge_kutta"
     substeps: Annotated[int, Field(ge=1, le=10_000)] | None = None
+    _finer: int = PrivateAttr(1)
 
     @abstractmethod
     def derivative(self, state: Expression, inputs: Expression, parameters: Expression) -> Expression:
@@ -60,6 +61,24 @@ class ContinuousSystem(SystemKeys, Readable):
             inputs: (inputs,), SI.
             parameters: (p,), SI.
         """
+
+    @property
+    def integrates(self) -> bool:
+        """Whether it has states."""
+        return bool(self.states)
+
+    def refined(self, times: int) -> Self:
+        """The system with so many times more substeps."""
+        other = self.model_copy()
+        other._finer = times * self._finer
+        return other
+
+    @property
+    def refinement(self) -> tuple[Self, int]:
+        """The system with its own substeps, and how many times more there are."""
+        coarse = self.model_copy()
+        coarse._finer = 1
+        return coarse, self._finer
 
     @property
     def system(self) -> ContinuousSystem:
@@ -130,7 +149,7 @@ class ContinuousSystem(SystemKeys, Readable):
         """By the integrator, in `substeps` steps."""
         if not self.states:
             return state
-        steps = self.substeps or INTEGRATORS[self.integrator]
+        steps = self._finer * (self.substeps or INTEGRATORS[self.integrator])
         if self.integrator == "runge_kutta":
             return runge_kutta(lambda now: self.derivative(now, inputs, parameters), state, period, steps)
         method, held = _radau(self), ca.vertcat(inputs, parameters)

@@ -37,6 +37,7 @@ class Equations(Readable):
         responses: outputs, alike, by name.
         integrator: "runge_kutta", of fourth order and explicit, or "radau", of fifth order and implicit.
         substeps: its steps in a period.
+        finer: number of times that these are more than the study's.
         written: quantities of the parameters as they were given, by name.
     """
 
@@ -52,6 +53,7 @@ class Equations(Readable):
     responses: tuple[tuple[str, Expression], ...]
     integrator: str
     substeps: int
+    finer: int = field(default=1, init=False)
     kind: str = field(default="equations", init=False)
     written: tuple[tuple[str, str], ...] = field(default=(), init=False, compare=False, repr=False)
 
@@ -173,8 +175,25 @@ class Equations(Readable):
 
     def by_radau(self, times: int) -> Equations:
         """The system by the Radau IIA method, in so many times more steps."""
+        return self._changed(integrator="radau", substeps=times * self.substeps)
+
+    @property
+    def integrates(self) -> bool:
+        """Whether it has states."""
+        return bool(self.states)
+
+    def refined(self, times: int) -> Equations:
+        """The system with so many times more substeps."""
+        return self._changed(substeps=times * self.substeps, finer=times * self.finer)
+
+    @property
+    def refinement(self) -> tuple[Equations, int]:
+        """The system with the study's substeps, and how many times more there are."""
+        return self._changed(substeps=self.substeps // self.finer, finer=1), self.finer
+
+    def _changed(self, **attributes: Any) -> Equations:
         other = copy(self)
-        for name, value in (("integrator", "radau"), ("substeps", times * self.substeps)):
+        for name, value in attributes.items():
             object.__setattr__(other, name, value)
         return other
 

@@ -232,6 +232,24 @@ class Problem(Presented, Renamed):
         longer = self.design.model_copy(update={"duration": (1 + share) * self.design.duration})
         return replace(self, design=longer, excess=share)
 
+    def refined(self, times: int) -> Problem:
+        """The problem with so many times more steps of its system's integration in a period; itself where
+        nothing is integrated.
+
+        Args:
+            times: factor, at least 1.
+        """
+        if not self.system.integrates:
+            return self
+        if times not in self._refinements:
+            self._refinements[times] = replace(self, model=self.model.refined(times))
+        return self._refinements[times]
+
+    @cached_property
+    def _refinements(self) -> dict[int, Problem]:
+        # Those that were asked for: their compiled functions are kept with them.
+        return {1: self}
+
     @cached_property
     def steady(self) -> Problem:
         """The problem without process noise: of every drive it has more information, or as much."""

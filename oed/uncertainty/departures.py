@@ -232,7 +232,7 @@ def _between(
     problem: Problem, limit: PathLimit, robots: _Robots, found: Array, exactly: Bools
 ) -> tuple[Array, bool]:
     # The same of some draws at all times, of most only whether they exceed the limit; and whether it is sure.
-    system = given_spread(problem.uncertain_system).system
+    system, parts = given_spread(problem.uncertain_system).system.refinement
     try:
         if limit.looks_at != "state":
             raise NotEnclosed
@@ -240,7 +240,7 @@ def _between(
     except NotEnclosed:
         closer, _ = _at_points(problem, (limit,), robots, FINE)
         return closer[:, 0], limit.looks_at is not None and limit.looks_at != "state"
-    periods = periods_of(system, robots.trajectory, robots.parameters, robots.starts)
+    periods = periods_of(system, robots.trajectory, robots.parameters, robots.starts, parts=parts)
     floor = np.where(exactly, found, np.maximum(found, DECIDED * TOLERANCE)) * excess.size
     enough = np.where(exactly, np.inf, TOLERANCE * excess.size)
     most, sure = largest(excess, periods, floor, enough=enough)

@@ -142,7 +142,7 @@ class Excess:
         values = self._call("at", self._at, np.vstack(list(ends)))
         found = _highest(*np.split(values[:, :-1], 2))
         speeds = values[: len(found), -1]
-        bounds = found + self.per_metre * speeds * width[:, 0] * periods.trajectory.period / 2
+        bounds = found + self.per_metre * speeds * width[:, 0] * periods.lasting / 2
         near = ~(bounds <= np.maximum(enough, found))
         if near.any():
             _, closer = self._closer(self._call("over", self._over, table[near]), width[near])

@@ -57,17 +57,29 @@ class Periods:
         states: at their begin, (drives * N, states), drive by drive.
         parameters: of the robots, (drives, p).
         sensitivities: of those states, by columns, (drives * N, s); s = 0 where nobody asks for them.
+        parts: number of rows that each period is cut into: N is the number of samples times that.
     """
 
     trajectory: Trajectory
     states: Array
     parameters: Array
     sensitivities: Array
+    parts: int = 1
 
     @cached_property
     def held(self) -> Array:
         """Inputs held in each period of a drive, (N, inputs)."""
-        return self.trajectory.inputs
+        return np.repeat(self.trajectory.inputs, self.parts, axis=0)
+
+    @property
+    def lasting(self) -> float:
+        """How long each is [s]."""
+        return self.trajectory.period / self.parts
+
+    @property
+    def of_a_run(self) -> int:
+        """How many a run has."""
+        return self.parts * self.trajectory.samples // self.trajectory.runs
 
     @property
     def drives(self) -> int:
@@ -81,7 +93,7 @@ class Periods:
         """
         rows = np.arange(len(self.states))
         parts = [self.states, self.held[self.place_of(rows)], self.parameters[self.drive_of(rows)]]
-        return np.hstack([*parts, self.sensitivities, np.full((len(rows), 1), self.trajectory.period)])
+        return np.hstack([*parts, self.sensitivities, np.full((len(rows), 1), self.lasting)])
 
     @cached_property
     def whole(self) -> Stretches:
@@ -94,10 +106,9 @@ class Periods:
         """The periods of one drive, cut at the knots of its splines."""
         if self.trajectory.degree == 0:
             return self.whole
-        cuts = [_cuts(one) for one in self.trajectory.each]
-        each = self.trajectory.samples // self.trajectory.runs
+        cuts = [_cuts(one, self.of_a_run) for one in self.trajectory.each]
         begins, ends = (np.concatenate([cut[side] for cut in cuts]) for side in (1, 2))
-        rows = np.concatenate([run * each + row for run, (row, _, _) in enumerate(cuts)])
+        rows = np.concatenate([run * self.of_a_run + row for run, (row, _, _) in enumerate(cuts)])
         return Stretches(rows, begins, ends)
 
     @cached_property
@@ -116,26 +127,26 @@ class Periods:
         tables = np.zeros((6, len(stretches), drive.coefficients.shape[1]))
         if drive.degree == 0:
             # Steps are what is held: nobody drives a value between two periods' middles.
-            tables[:4] = drive.inputs[place]
+            tables[:4] = self.held[place]
             return tables
-        each = drive.samples // drive.runs
+        each = self.of_a_run
         for run, one in enumerate(drive.each):
             own = place // each == run
             begin, end = (
-                (place % each + side)[own] * drive.period for side in (stretches.begin, stretches.end)
+                (place % each + side)[own] * self.lasting for side in (stretches.begin, stretches.end)
             )
             bounds = spline.enclosure(one.knots, one.degree, one.coefficients, begin, end)
-            slopes = [bounds.least * drive.period, bounds.most * drive.period]
+            slopes = [bounds.least * self.lasting, bounds.most * self.lasting]
             tables[:, own] = [bounds.begin, bounds.end, bounds.low, bounds.high, *slopes]
         return tables
 
     def drive_of(self, rows: Places) -> Places:
         """The drives that periods belong to."""
-        return np.asarray(rows // self.trajectory.samples)
+        return np.asarray(rows // len(self.held))
 
     def place_of(self, rows: Places) -> Places:
         """Which of their drive's periods they are."""
-        return np.asarray(rows % self.trajectory.samples)
+        return np.asarray(rows % len(self.held))
 
 
 def periods_of(
@@ -145,6 +156,7 @@ def periods_of(
     starts: Array,
     *,
     sensitive: bool = False,
+    parts: int = 1,
 ) -> Periods:
     """The periods of systems with parameters (drives, p) from starts (drives, runs, states).
 
@@ -154,22 +166,24 @@ def periods_of(
         parameters: of each, (drives, p), SI.
         starts: start states of each, (drives, runs, states).
         sensitive: whether the sensitivities of the states are wanted.
+        parts: number of rows that each period is cut into.
     """
-    count, states = len(parameters), len(system.states)
-    function = _rolled(system, trajectory.samples, trajectory.runs, sensitive, count)
-    begun, period = starts.transpose(0, 2, 1), np.array(trajectory.period)
-    found, slopes = direct_call(function, trajectory.inputs.T, begun, parameters, period)
-    table = found.reshape(count, states, trajectory.samples).transpose(0, 2, 1)
+    count, states, samples = len(parameters), len(system.states), parts * trajectory.samples
+    function = _rolled(system, samples, trajectory.runs, sensitive, count)
+    begun, period = starts.transpose(0, 2, 1), np.array(trajectory.period / parts)
+    held = np.repeat(trajectory.inputs, parts, axis=0)
+    found, slopes = direct_call(function, held.T, begun, parameters, period)
+    table = found.reshape(count, states, samples).transpose(0, 2, 1)
     width = len(system.parameters) + states if sensitive else 0
-    wide = slopes.reshape(count * trajectory.samples, width, states)
-    return Periods(trajectory, table.reshape(-1, states), parameters, wide.reshape(count * len(table[0]), -1))
+    wide = slopes.reshape(count * samples, width, states).reshape(count * samples, -1)
+    return Periods(trajectory, table.reshape(-1, states), parameters, wide, parts)
 
 
-def _cuts(run: Trajectory) -> tuple[Places, Array, Array]:
+def _cuts(run: Trajectory, periods: int) -> tuple[Places, Array, Array]:
     # The parts of a run's periods between its knots: the period, from which fraction to which.
-    knots = np.unique(run.knots) / run.period
-    edges = np.sort(np.append(np.arange(run.samples + 1), knots[np.abs(knots - np.rint(knots)) > NARROWEST]))
-    rows = np.minimum(((edges[:-1] + edges[1:]) / 2).astype(int), run.samples - 1)
+    knots = np.unique(run.knots) / (run.duration / periods)
+    edges = np.sort(np.append(np.arange(periods + 1), knots[np.abs(knots - np.rint(knots)) > NARROWEST]))
+    rows = np.minimum(((edges[:-1] + edges[1:]) / 2).astype(int), periods - 1)
     return rows, edges[:-1] - rows, edges[1:] - rows
 
 

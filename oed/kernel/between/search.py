@@ -56,8 +56,10 @@ class Sight:
             states: at the samples, (N + runs, states).
             speeds: mean speed in every period [m/s], (N,).
         """
+        nominal, (system, parts) = np.array([problem.system.nominal]), problem.system.refinement
+        if parts > 1:
+            return cls(periods_of(system, drive, nominal, drive.starts[None], parts=parts), speeds)
         begins = np.concatenate([run[:-1] for run in np.split(states, drive.runs)])
-        nominal = np.array([problem.system.nominal])
         return cls(Periods(drive, begins, nominal, np.zeros((len(begins), 0))), speeds)
 
 
@@ -96,20 +98,21 @@ def _looked_at(
     # The nominal system, with its back-off; and the other systems that are to keep the limit.
     tightening, drive = problem.robust, sight.periods.trajectory
     if tightening is None or not isinstance(limit, PathLimit):
-        excess = excess_of(limit, problem.system)
+        excess = excess_of(limit, problem.system.refinement[0])
         yield excess, sight.periods, _near(excess, sight, seen, found)
         return
     scenarios = tightening.scenarios(problem.uncertain_system)
-    system = scenarios.system
+    system, parts = scenarios.system.refinement
     if tightening.backs_off:
         for run, one in enumerate(drive.each):
             parameters, start = np.array([system.nominal]), one.starts[None, :]
-            nominal = periods_of(system, one, parameters, start, sensitive=True)
+            nominal = periods_of(system, one, parameters, start, sensitive=True, parts=parts)
             yield _backed_off(tightening, limit, problem.uncertain_system, run), nominal, None
     else:
         scenarios = scenarios.after_nominal
     if len(scenarios.parameters):
-        others = periods_of(system, drive, scenarios.parameters, drive.starts + scenarios.shifts)
+        starts = drive.starts + scenarios.shifts
+        others = periods_of(system, drive, scenarios.parameters, starts, parts=parts)
         yield excess_of(limit, system), others, None
 
 
@@ -141,7 +144,7 @@ def _backed_off(tightening: Tightening, limit: PathLimit, uncertain: UncertainSy
     def rows(instant: Instant) -> Rows:
         return tightening.backed_off(limit, instant, uncertain)
 
-    system = tightening.scenarios(uncertain).system
+    system, _ = tightening.scenarios(uncertain).system.refinement
     return Excess(rows, system, sensitive=True, run=run)
 
 

@@ -204,6 +204,24 @@ class System(ABC):
         return self
 
     @property
+    def integrates(self) -> bool:
+        """Whether its steps are those of a numerical integration, and so as exact as they are short."""
+        return False
+
+    def refined(self, times: int) -> System:
+        """The system with so many times more steps of its integration in a period.
+
+        Args:
+            times: factor, at least 1.
+        """
+        return self
+
+    @property
+    def refinement(self) -> tuple[System, int]:
+        """The system that this one refines, and the number of its periods that a period is made of."""
+        return self, 1
+
+    @property
     def shown_units(self) -> Mapping[str, Unit]:
         """Units in which parameters are given, and their factors from SI, by name; {} where none are."""
         return {}
@@ -242,6 +260,12 @@ def label_of(system: System) -> str:
 @lru_cache(maxsize=32)
 def stepper(system: System) -> ca.Function:
     """The function (state, inputs, parameters, period [s]) -> next state."""
+    coarse, parts = system.refinement
+    if parts > 1:
+        state, *held, period = _loop_symbols(system)
+        return ca.Function(
+            "step", [state, *held, period], [_part_states(coarse, parts, state, held, period)[:, -1]]
+        )
     given = _symbols(system)
     return ca.Function("step", given, [system.step(*given)])
 
@@ -251,9 +275,16 @@ def carrier(system: System) -> ca.Function:
     """The function (S, state, inputs, parameters, period) -> S at the next sample, for the derivatives
     S (states, p + states) of the state by the parameters and the start state.
     """
+    states, size = len(system.states), len(system.parameters)
+    coarse, parts = system.refinement
+    if parts > 1:
+        begin = ca.MX.sym("S", states, size + states)
+        first, *held, period = _loop_symbols(system)
+        begins = ca.horzcat(first, _part_states(coarse, parts, first, held, period)[:, :-1])
+        along = carrier(coarse).mapaccum(parts)(begin, begins, *held, period / parts)
+        return ca.Function("carry", [begin, first, *held, period], [along[:, -(size + states) :]])
     given = _symbols(system)
     state, _, parameters, _ = given
-    states, size = len(system.states), len(system.parameters)
     before = ca.SX.sym("S", states, size + states)
     following = stepper(system)(*given)
     direct = ca.horzcat(ca.jacobian(following, parameters), ca.SX(states, states))
@@ -273,6 +304,7 @@ def signaller(system: System) -> ca.Function:
 @lru_cache(maxsize=32)
 def mover(system: System) -> ca.Function:
     """The function (state, inputs, parameters) -> the motion at an instant (m,)."""
+    system, _ = system.refinement
     *given, _ = _symbols(system)
     return ca.Function("motion", given, [_motion(system, *given, ca.SX(0))])
 
@@ -280,8 +312,19 @@ def mover(system: System) -> ca.Function:
 @lru_cache(maxsize=32)
 def follows_state(system: System) -> bool:
     """Whether the motion depends on the state, not on the inputs alone."""
+    system, _ = system.refinement
     given = _symbols(system)
     return bool(ca.depends_on(_motion(system, *given), given[0]))
+
+
+def _part_states(system: System, parts: int, state: ca.MX, held: Sequence[ca.MX], period: ca.MX) -> ca.MX:
+    # States (states, parts) at the ends of the parts of a period: a loop, which takes no more memory the
+    # more parts there are.
+    return stepper(system).mapaccum(parts)(state, *held, period / parts)
+
+
+def _loop_symbols(system: System) -> list[ca.MX]:
+    return [ca.MX.sym("given", *one.shape) for one in _symbols(system)]
 
 
 def _motion(system: System, *given: Expression) -> Expression:

@@ -105,6 +105,11 @@ class BicycleDynamic(WheeledRobot):
         """That of a cart of such a wheelbase [m]."""
         return 0.6 * self.wheelbase
 
+    @property
+    def integrates(self) -> bool:
+        """Its speeds are."""
+        return True
+
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
         """Twist of steady driving: where the throttle balances the drag, that of cornering included."""
         return _steady(self)(inputs, parameters)
@@ -247,7 +252,7 @@ def _integrated(robot: BicycleDynamic) -> ca.Function:
         lambda state: jacobian(state, inputs, parameters),
         ca.vertcat(ca.SX.zeros(3), begin),
         period,
-        robot.substeps,
+        robot.substeps * robot.refinement[1],
     )
     return ca.Function("integrated", [begin, inputs, parameters, period], [mean[:3], ended[3:]])
 

@@ -57,6 +57,7 @@ class Model(Component, System):
     short_forms: ClassVar[tuple[str, ...]] = ()
     """Keys that stand for several parameters at once."""
     _integration: Integration = PrivateAttr("arc")
+    _finer: int = PrivateAttr(1)
 
     @property
     def integration(self) -> Integration:
@@ -75,6 +76,28 @@ class Model(Component, System):
         other = self.model_copy()
         other._integration = rule
         return other
+
+    @property
+    def integrates(self) -> bool:
+        """Whether its twist changes within a period, for which an arc stands."""
+        return self.integration == "arc" and follows_state(self)
+
+    def refined(self, times: int) -> Self:
+        """This robot with so many times more steps in a period.
+
+        Args:
+            times: factor, at least 1.
+        """
+        other = self.model_copy()
+        other._finer = times * self._finer
+        return other
+
+    @property
+    def refinement(self) -> tuple[Self, int]:
+        """This robot with its own steps, and how many times more there are."""
+        coarse = self.model_copy()
+        coarse._finer = 1
+        return coarse, self._finer
 
     def doubts(self, problem: Problem) -> Sequence[Issue]:
         """Durations, rooms, robots and noise of sizes that no robot has: a unit is missing, or wrong."""
@@ -156,8 +179,11 @@ class Model(Component, System):
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
     ) -> Expression:
         """The pose after an arc, or its chord, and the further states, shared by all robots."""
-        twist, further = self.motion(state, inputs, parameters, period)
-        return after_arc(state, twist, further, period, self.integration)
+        lasting = period / self._finer
+        for _ in range(self._finer):
+            twist, further = self.motion(state, inputs, parameters, lasting)
+            state = after_arc(state, twist, further, lasting, self.integration)
+        return state
 
     def signals(
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
@@ -258,7 +284,8 @@ class Model(Component, System):
         if strangers:
             raise ValueError(f"expected parameters ({', '.join(nominal)}), got {', '.join(strangers)}")
         given = self.model_dump(exclude_none=True, exclude=set(self.short_forms))
-        return type(self).model_validate({**given, **nominal, **values}).system(self.integration)
+        other = type(self).model_validate({**given, **nominal, **values}).system(self.integration)
+        return other.refined(self._finer)
 
     def estimating(self, names: Collection[str]) -> Model:
         """The robot that has the parameters `names`: itself, or the same seen through its coefficients.
@@ -271,7 +298,7 @@ class Model(Component, System):
     @property
     def by_coefficients(self) -> Model:
         """The robot seen through its coefficients."""
-        return CoefficientRobot(base=self)
+        return CoefficientRobot(base=self).refined(self._finer)
 
     @property
     def physical(self) -> Model:
