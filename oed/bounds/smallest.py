@@ -25,8 +25,9 @@ from oed.foundation.work.parallel import Workers, default_workers
 from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.criteria import A, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import TOLERANCE, evaluate
+from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import score
 from oed.robots.limits import Rectangle
 from oed.robots.models.model import Model, robot_of
 from oed.robots.sensors.displacements import Displacements
@@ -309,5 +310,5 @@ def _lattice_drive(problem: Problem, found: LatticeBound) -> Trajectory | None:
     ]
     if not drives:
         return None
-    scored = [(evaluate(problem, drive), drive) for drive in drives]
+    scored = [(score(problem, drive), drive) for drive in drives]
     return max(scored, key=lambda pair: (pair[0].feasible, -sum(pair[0].violations.values())))[1]

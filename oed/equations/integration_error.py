@@ -20,11 +20,11 @@ from oed.foundation.text import significant
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.moment import moment_reading
 from oed.kernel.measurement.sensor import sensor_labels
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import score
 
 FINER = 2
 """How many times finer Radau's steps are to the middles of periods, which SUNDIALS is not asked about. What a
@@ -92,7 +92,7 @@ def validate_integration(problem: Problem, trajectory: Trajectory) -> Integratio
     system = problem.system
     if not isinstance(system, Equations) or not system.states:
         raise UserMistake("only systems given by equations that have states are integrated")
-    evaluate(problem, trajectory)
+    score(problem, trajectory)
     states, sensitivities = own_solution(system, trajectory)
     sundials = Sundials(system, trajectory, states, sensitivities)
     own = _Judged.of(problem, system, trajectory, states, sensitivities)

@@ -22,7 +22,7 @@ from oed.foundation.presenting import (
     number,
     parameter_rows,
 )
-from oed.foundation.text import Unit, quantity, size_text, words
+from oed.foundation.text import Unit, quantity, significant, size_text, words
 from oed.kernel.margin import Margin
 from oed.kernel.measurement.square_root import SquareRoot
 
@@ -32,6 +32,36 @@ def _amount(margin: Margin) -> str:
     if margin.unit.startswith("rad/"):
         return quantity(margin.violation, margin.unit, 2)
     return size_text(margin.violation, margin.unit, 2)
+
+
+@dataclass(frozen=True)
+class Steps:
+    """How fine the integration steps are by which a trajectory was scored.
+
+    Attributes:
+        times: number of times that they are finer than the study's.
+        enough: number of times finer by which information and limits are the same as by still finer steps; 1
+            where those of the study are fine enough.
+        change: largest share by which information, standard errors and margins of limits change from the
+            study's steps to these; infinite where the study's give no numbers.
+        settled: whether steps were found that are fine enough.
+    """
+
+    times: int
+    enough: int
+    change: float
+    settled: bool
+
+    @property
+    def sentence(self) -> str:
+        """What a reader is to know of them; "" where the study's steps are fine enough."""
+        if self.enough == 1 and self.settled:
+            return ""
+        change = f"by {significant(2)(100 * self.change)} %" if np.isfinite(self.change) else "without bound"
+        coarse = f"The integration steps of the study are coarse: results change {change} with finer steps"
+        if self.settled:
+            return f"{coarse}. All results are those of steps {self.times} times finer."
+        return f"{coarse}, and still change with steps {self.times} times finer: take more samples."
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -58,6 +88,8 @@ class Evaluation(ByValue, Presented, Renamed):
         states: at the samples, (N + runs, states), run by run.
         path: on the fine grid, (10 N + runs, states).
         nominal, units: nominal values and SI units of the estimated parameters, by name.
+        steps: by which the system was integrated; None of one whose steps are exact, or that was scored by
+            its own.
     """
 
     objective: float
@@ -77,6 +109,7 @@ class Evaluation(ByValue, Presented, Renamed):
     path: Array
     nominal: Mapping[str, float] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    steps: Steps | None = None
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
@@ -153,6 +186,7 @@ class Evaluation(ByValue, Presented, Renamed):
             ("path length", size_text(self.path_length, "m")),
             ("objective", number(self.objective)),
             ("condition number", number(self.condition_number)),
+            ("integration", "" if self.steps is None else self.steps.sentence),
             ("not identifiable", "" if self.identifiable else "a combination that the criterion asks about"),
         )
 

@@ -10,7 +10,7 @@ from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import jacobians
+from oed.kernel.evaluation import jacobians, resolved
 from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.measurement.square_root import SquareRoot, rounding_of
 from oed.kernel.parts import Parts, laid_out, rows_of
@@ -30,7 +30,10 @@ def parts_of(problem: Problem, trajectory: Trajectory) -> Parts:
     if not sensors or not alone:
         text = "its readings do not add up one by one: weights need sensors with independent readings"
         raise ProblemError.about(("measurement", "kind"), text)
-    (one,), (jacobian,) = problem.any_estimations, jacobians(problem, replace(trajectory, weights=None))
+    whole, bare = replace(trajectory, weights=None), problem
+    if problem.system.integrates and problem.selection is not None:
+        bare = replace(problem, selection=None)
+    (one,), (jacobian,) = problem.any_estimations, jacobians(resolved(bare, whole), whole)
     block, count = one.block, len(one.parameters)
     own = [block.parameters.index(name) for name in one.parameters]
     nuisances = range(len(block.parameters), jacobian.shape[1])

@@ -17,6 +17,7 @@ from oed.kernel.identifiability import require_identifiable
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status, scored
 from oed.optimize.assurance import assured
+from oed.optimize.enough_steps import by_enough_steps
 from oed.optimize.genetic import CmaEs, DifferentialEvolution, Genetic
 from oed.optimize.ipopt import Ipopt
 from oed.optimize.lifted import lifted, lowered
@@ -59,11 +60,18 @@ def solve(
     own = options.own(problem)
     own.require_designed()
     require_identifiable(own)
-    solution = _searched(options, own, context)
+    if own.system.integrates:
+        solution = by_enough_steps(_searched, options, own, context)
+    else:
+        solution = _searched(options, own, context)
+        if own is problem:
+            return replace(solution, problem=problem)
+    # Found by another measure of quality, or by other steps, but scored by the problem's.
+    evaluation = None
+    if solution.trajectory is not None and solution.status is not Status.UNSCORED:
+        evaluation = evaluate(problem, solution.trajectory)
     if own is problem:
-        return replace(solution, problem=problem)
-    # Found by another measure of quality, but scored by the problem's.
-    evaluation = None if solution.trajectory is None else evaluate(problem, solution.trajectory)
+        return replace(solution, evaluation=evaluation, problem=problem)
     other = None if options.criterion is None else options.criterion.kind
     return replace(solution, evaluation=evaluation, criterion=other, gains={}, problem=problem)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from oed.foundation.text import chance_text
-from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import score
 from oed.kernel.solution import Solution, Status, Violation
 from oed.optimize.solver import Context, Solver
 from oed.uncertainty.departures import violation_probability
@@ -95,7 +95,7 @@ class _Assured:
         if solution.trajectory is None:
             return solution
         # Scored by the problem as it was given, however limits were tightened.
-        scored = replace(solution, evaluation=evaluate(self.problem, solution.trajectory), robust=tightened)
+        scored = replace(solution, evaluation=score(self.problem, solution.trajectory), robust=tightened)
         # With draws of its own each time, lest the drive suit the draws that it is judged by.
         return self._tried(scored, FINAL + len(self.solutions))
 

@@ -22,8 +22,9 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import NotFinite
 from oed.foundation.quantities import Duration
 from oed.foundation.work.parallel import Workers, at_once, run_tasks
-from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.evaluation import Evaluation
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import score
 from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Status
 from oed.optimize.generations import Generations, OfPymoo, OnArrays, Operators, Scored, Standing
 from oed.optimize.solver import Context, Solver
@@ -332,7 +333,7 @@ class _Run:
                 return
             # A drive that is not finite keeps no limit.
             with contextlib.suppress(NotFinite):
-                evaluation = evaluate(self.problem, self.grid.trajectory(unknowns))
+                evaluation = score(self.problem, self.grid.trajectory(unknowns))
                 if evaluation.feasible:
                     self._keep(value, unknowns, evaluation)
                     return

@@ -20,7 +20,6 @@ from oed.kernel.dynamics.signals import Constant, PiecewiseConstant, Signal
 from oed.kernel.dynamics.space import SignalSpace, Spline
 from oed.kernel.dynamics.system import Input, Parameter, System
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import evaluate
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.process_noise import Period, ProcessNoise
@@ -28,6 +27,7 @@ from oed.kernel.measurement.sensor import Moment, Sensor, Start, When, joined
 from oed.kernel.pace import PACE
 from oed.kernel.problem import Problem
 from oed.kernel.repetitions import EFFORT
+from oed.kernel.scorer import score
 from oed.kernel.solution import Solution
 
 
@@ -342,7 +342,7 @@ def lowered(problem: Problem, solution: Solution) -> Solution:
     if solution.trajectory is None:
         return replace(solution, problem=problem)
     trajectory = _own(problem, solution.trajectory)
-    return replace(solution, trajectory=trajectory, evaluation=evaluate(problem, trajectory), problem=problem)
+    return replace(solution, trajectory=trajectory, evaluation=score(problem, trajectory), problem=problem)
 
 
 def _own(problem: Problem, trajectory: Trajectory) -> Trajectory:

@@ -17,10 +17,11 @@ from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate
+from oed.kernel.evaluation import TOLERANCE, Evaluation
 from oed.kernel.limit import PathLimit
 from oed.kernel.measurement.square_root import SQUARED
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import score
 from oed.kernel.solution import Status
 from oed.optimize.exchange import Exchange
 from oed.optimize.local_results import Local, Settings
@@ -172,7 +173,7 @@ class LocalSearch:
         if not self._may_be_better(unknowns, standing):
             return None
         try:
-            found = evaluate(self.problem, self.grid.trajectory(unknowns))
+            found = score(self.problem, self.grid.trajectory(unknowns))
         except NotFinite:
             return None
         usable = found.feasible and found.identifiable
@@ -258,7 +259,7 @@ class LocalSearch:
             # Limits and corrections change little from round to round: each goes on from the one before.
             unknowns, after = outcome.unknowns, outcome if outcome.succeeded else None
             drive = self.grid.trajectory(unknowns)
-            evaluation = evaluate(self.problem, drive)
+            evaluation = score(self.problem, drive)
             yield outcome, evaluation
             excess = self._excess(evaluation)
             # A second stage that fails under tighter limits has no room left to choose in.

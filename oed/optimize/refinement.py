@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 
 from oed.foundation.text import listing, significant
 from oed.kernel.dynamics.space import Spline
-from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import score
 from oed.kernel.solution import Level, Solution, Status
 from oed.optimize.solver import Context, Solver
 
@@ -145,7 +145,7 @@ class _Refinement:
         # By the problem as it was given.
         if solution.trajectory is None:
             return solution
-        return replace(solution, evaluation=evaluate(self.problem, solution.trajectory))
+        return replace(solution, evaluation=score(self.problem, solution.trajectory))
 
     def _gain(self, value: float, before: float) -> float:
         size = sum(len(one.judged) for one in self.problem.any_estimations)

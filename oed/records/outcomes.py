@@ -16,7 +16,7 @@ from oed.bounds import LOOSE, Certificate
 from oed.foundation.arrays import Array
 from oed.foundation.extras import package_version
 from oed.kernel.dynamics.system import label_of
-from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate, precision_over_time
+from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate, precision_over_time, resolved
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.records.stored.result import NUMBERS, Covariance, Margin, PrecisionOverTime, Result, StoredDrive
@@ -127,7 +127,7 @@ def _over_time(solution: Solution) -> PrecisionOverTime | None:
     times = np.linspace(0.0, max(run.duration for run in trajectory.each), TIMES + 1)[1:]
 
     def by_name(of: Problem) -> dict[str, list[float | None]]:
-        found = precision_over_time(of, trajectory, times).T
+        found = precision_over_time(resolved(of, trajectory), trajectory, times).T
         columns = ([size if math.isfinite(size) else None for size in row] for row in found.tolist())
         return dict(zip(one.parameters, columns, strict=True))
 

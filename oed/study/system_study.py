@@ -25,11 +25,11 @@ from oed.foundation.text import Unit, listing, words
 from oed.foundation.vocabulary import Vocabulary
 from oed.kernel.dynamics.held import HeldSpace
 from oed.kernel.dynamics.space import Space
-from oed.kernel.evaluation import evaluate
 from oed.kernel.limit import Limit
 from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import score
 from oed.robots.own_parts import PythonSensor
 from oed.study.cross_checks import file_issues
 from oed.study.parts import AnySystemPrior, PathFile, PriorReadings
@@ -115,7 +115,7 @@ class SystemStudyFile(StudyFile):
         with earlier._own_keys():
             problem = earlier.problem_of(alone)
         assert alone.only is not None
-        found = evaluate(problem, alone.only)
+        found = score(problem, alone.only)
         (covariance,), (names,) = found.covariances.values(), found.parameters.values()
         if not np.all(np.isfinite(covariance)):
             text = f"these do not identify {', '.join(names)} by themselves: add some"

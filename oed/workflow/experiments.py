@@ -18,6 +18,7 @@ from oed.simulation import validate
 from oed.simulation.trial import run_trial
 from oed.study.cross_checks import validation_issues
 from oed.study.study import ValidationOptions
+from oed.workflow.integration_steps import with_enough_steps
 from oed.workflow.studies import Work
 
 
@@ -87,6 +88,7 @@ def validated(
         for one in saved.results
         if one.drive is not None
     ]
+    study = with_enough_steps(study, solutions)
     work = Work(study, saved.seed if seed is None else seed, workers, progress or Silent())
     return saved.with_validation(_simulated(work, solutions, options))
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import full_information
+from oed.kernel.evaluation import full_information, resolved
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 
@@ -44,7 +44,8 @@ def information_of(problem: Problem, trajectory: Trajectory) -> dict[str, Square
     Raises:
         NotFinite: a drive, or what is measured of it, that is not finite.
     """
-    return full_information(replace(problem, prior=None, robust=None), trajectory)
+    alone = replace(problem, prior=None, robust=None)
+    return full_information(resolved(alone, trajectory), trajectory)
 
 
 def drives_needed(

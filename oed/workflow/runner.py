@@ -41,7 +41,7 @@ from oed.workflow.compared import compared
 from oed.workflow.criteria import criteria_of, scores_by_criteria
 from oed.workflow.departures import departures_on
 from oed.workflow.experiments import driven_in_physics, simulated
-from oed.workflow.integration import integration_notes
+from oed.workflow.integration_steps import integration_notes, with_enough_steps
 from oed.workflow.readings import readings_csv, selection_of
 from oed.workflow.robustness import nominal_search, robustness, safe, tried
 from oed.workflow.saving import RunFolder, run_folder
@@ -106,7 +106,6 @@ class _Run:
     physics: StoredTrial | None = None
     departures: StoredDepartures | None = None
     interrupted: bool = False
-    remarks: list[str] = field(default_factory=list)
     failures: Failures = field(default_factory=Failures)
 
     def everything(self) -> None:
@@ -124,8 +123,9 @@ class _Run:
             self.interrupted = True
 
     def search(self) -> None:
-        """The searches."""
+        """The searches; what follows them takes integration steps as fine as their designs need."""
         self.solutions, self.interrupted = search(self.work, self._keep, self.failures)
+        self.work = replace(self.work, study=with_enough_steps(self.work.study, self.solutions))
 
     def simulate_departures(self) -> None:
         """Simulate how many robots leave the workspace on the drives that there are."""
@@ -153,9 +153,7 @@ class _Run:
         self._keep(self.solutions)
 
     def _simulate(self) -> None:
-        work, study, attempt = self.work, self.work.study, self.failures.attempt
-        best = best_of(safe(study, self.solutions), study.problem.criterion)
-        self.remarks = attempt("check of the integration", lambda: integration_notes(study, best), [])
+        work, attempt = self.work, self.failures.attempt
         self.validation = attempt("validation", lambda: simulated(work, self.solutions), None)
         self.physics = attempt(
             "trial on a simulated robot", lambda: driven_in_physics(work, self.solutions), None
@@ -177,7 +175,6 @@ class _Run:
             physics=self.physics,
             departures=self.departures,
             interrupted=interrupted,
-            remarks=self.remarks,
             failures=self.failures,
         )
         return made, record_files(self.work.study, solutions, made)
@@ -260,7 +257,6 @@ def record(
     physics: StoredTrial | None = None,
     departures: StoredDepartures | None = None,
     interrupted: bool = False,
-    remarks: Sequence[str] = (),
     failures: Failures | None = None,
 ) -> Record:
     """The record of solutions.
@@ -275,7 +271,6 @@ def record(
         physics: a trial on a simulated robot.
         departures: robots that leave the workspace or hit an obstacle.
         interrupted: whether the run was.
-        remarks: what else is to be known.
         failures: steps that failed; those of the record itself that fail are added.
     """
     problem, best = study.problem, best_of(safe(study, solutions), study.problem.criterion)
@@ -301,7 +296,7 @@ def record(
         validation=validation,
         trial=physics,
         interrupted=interrupted,
-        notes=[*_notes(certificate, interrupted), *remarks],
+        notes=[*_notes(certificate, interrupted), *integration_notes(best)],
         failures=failures.sentences,
         provenance=provenance(study.source),
     ).of_study(study.file)

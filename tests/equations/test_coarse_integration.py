@@ -23,7 +23,6 @@ measurement: {kind: outputs, noise: {seen: 1 mm}}
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="issue 52: drives are scored by the steps of the study alone")
 def test_limit_is_exceeded_where_coarse_steps_damp_a_swing():
     problem = oed.parse_study(STUDY).problem
     drive = oed.Trajectory.from_samples(np.array([[4.0], [-4.0], [4.0], [-4.0]]), 4.0, [0.0, 0.0])

@@ -21,6 +21,7 @@ from oed.kernel.dynamics.space import SignalSpace
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.process_noise import spread
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import score
 from oed.kernel.solution import scored
 from oed.optimize.lifted import lifted, lowered
 from oed.optimize.terms.layout import PieceLayout
@@ -101,9 +102,9 @@ def test_information_is_that_of_dense_generalised_least_squares():
     covariance = np.eye(SAMPLES + 1) + effect * sizes @ effect.T
     whole = jacobian.T @ np.linalg.solve(covariance, jacobian)
     expected = whole[:2, :2] - whole[:2, 2:] @ np.linalg.solve(whole[2:, 2:], whole[2:, :2])
-    found = evaluate(problem, trial).full_square_roots["joint"].matrix
+    found = score(problem, trial).full_square_roots["joint"].matrix
     np.testing.assert_allclose(found, expected, rtol=1e-8)
-    steady = evaluate(problem.steady, trial).full_square_roots["joint"].matrix
+    steady = score(problem.steady, trial).full_square_roots["joint"].matrix
     assert np.all(np.linalg.eigvalsh(steady - found) > 0)
 
 

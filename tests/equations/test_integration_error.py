@@ -12,6 +12,7 @@ import oed
 from oed.equations.system import Equations
 from oed.foundation.arguments import WrongKind
 from oed.foundation.errors import NotFinite, UserMistake
+from oed.kernel.scorer import score
 
 EXCHANGE: dict[str, Any] = {
     "states": {"x": ""},
@@ -69,7 +70,7 @@ def test_the_information_is_that_of_the_closed_form(integrator: str):
     ends = {share: lagged(inputs, 0.3, 0.5 + share * change) for share in (-2, -1, 1, 2)}
     slopes = (8 * (ends[1] - ends[-1]) - (ends[2] - ends[-2])) / (12 * change)
     assert np.exp(found.objective) == pytest.approx(np.sum(slopes**2) / 0.1**2, rel=1e-8)
-    exact = oed.evaluate(own, own.design.trajectory(inputs[:, None], own.fixed_starts)).objective
+    exact = score(own, own.design.trajectory(inputs[:, None], own.fixed_starts)).objective
     assert found.own_objective == exact
     # With one parameter the determinant is the information itself.
     assert found.information == pytest.approx(abs(np.expm1(exact - found.objective)), rel=1e-5)
@@ -81,7 +82,7 @@ def test_differences_are_shares_and_standard_deviations():
     inputs = np.array([1.0, 0.0, 2.0, 0.0, 0.0, 1.0])
     own = problem(system(EXCHANGE, substeps=1), (0.3,), {"y": 0.1})
     found = checked(own, inputs[:, None])
-    evaluation = oed.evaluate(own, own.design.trajectory(inputs[:, None], own.fixed_starts))
+    evaluation = score(own, own.design.trajectory(inputs[:, None], own.fixed_starts))
     exact = lagged(inputs, 0.3, 0.5)
     off = np.abs(evaluation.states[:, 0] - exact).max()
     assert found.states["x"] == pytest.approx(off / exact.max(), rel=1e-5)

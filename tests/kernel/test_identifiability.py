@@ -332,7 +332,7 @@ class TestSubset:
 
 def test_limits_are_not_asked_about(monkeypatch: pytest.MonkeyPatch):
     """Of drives of any length: what limits are kept between the points may take long to find."""
-    monkeypatch.setattr("oed.kernel.evaluation.most_exceeded", None)
+    monkeypatch.setattr("oed.kernel.scorer.most_exceeded", None)
     assert ambiguities(posed_problem(model=DIFFERENTIAL, measurement=POSES)) == ()
 
 

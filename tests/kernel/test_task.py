@@ -15,6 +15,7 @@ import oed
 from oed.foundation.errors import PartError, ProblemError, StudyError
 from oed.kernel.criteria import I, Leg, TaskDrive
 from oed.kernel.evaluation import evaluate
+from oed.kernel.scorer import score
 from oed.optimize import Ipopt, solve
 
 LEG = Leg(inputs=(5, 4), duration=2)
@@ -155,7 +156,7 @@ def test_a_task_like_the_experiment_is_predicted_as_it_is_read():
     problem = oed.parse_study(TANK.format(kind="I", aim=aim, start="330 K"), "tank.yaml").problem
     held = np.full((problem.design.all_coefficients, 1), HEAT)
     drive = problem.design.trajectory(held, problem.fixed_starts)
-    (known,) = evaluate(problem, drive).information.values()
+    (known,) = score(problem, drive).information.values()
     rows = np.array(problem.objective.rows[0][0])
     np.testing.assert_allclose(rows.T @ rows, known * 0.5**2 / len(periods), rtol=1e-12)
 

@@ -200,7 +200,7 @@ class TestLevel:
             return Violation(count / draws, found, draws, seed, {}, 0.0, np.zeros((0, 3)))
 
         monkeypatch.setattr(assurance, "violation_probability", tried)
-        monkeypatch.setattr(assurance, "evaluate", lambda *_: scored)
+        monkeypatch.setattr(assurance, "score", lambda *_: scored)
         monkeypatch.setattr(Larger, "search", lambda self, problem, context: found)
 
         def times(draws: int) -> int:

@@ -187,7 +187,7 @@ def test_drives_refused_between_the_samples_make_room_for_others(monkeypatch: py
             return replace(found, margins=margins)
         return found
 
-    monkeypatch.setattr(genetic, "evaluate", refusing)
+    monkeypatch.setattr(genetic, "score", refusing)
     options = Genetic(population=60, generations=3)
     solution = solve(problem, options, seed=0, workers=1)
     assert len({drive.coefficients.tobytes() for drive in seen}) == 40
@@ -212,7 +212,7 @@ def refusing(drives: list[Any], search: LocalSearch) -> Any:
 def test_a_feasible_start_of_a_search_that_ends_not_finite_is_returned(monkeypatch: pytest.MonkeyPatch):
     search, poor, _, outside = drives(small())
     monkeypatch.setattr(LocalSearch, "exchanged", ending([outside]))
-    monkeypatch.setattr(local, "evaluate", refusing([outside], search))
+    monkeypatch.setattr(local, "score", refusing([outside], search))
     found = search.maximise(poor)
     np.testing.assert_array_equal(found.unknowns, poor)
     assert (found.status, found.reason) == (Status.UNIMPROVED, "")
@@ -225,7 +225,7 @@ def test_a_feasible_start_of_a_search_that_ends_not_finite_is_returned(monkeypat
 def test_rounds_before_one_that_is_not_finite_count(monkeypatch: pytest.MonkeyPatch):
     search, poor, good, outside = drives(small())
     monkeypatch.setattr(LocalSearch, "_misled", lambda *_: True)
-    monkeypatch.setattr(local, "evaluate", refusing([outside], search))
+    monkeypatch.setattr(local, "score", refusing([outside], search))
     for search_from, stage in (
         (search.maximise, "program"),
         (lambda one: search.second_stage(one, 0.9), "second"),
@@ -241,7 +241,7 @@ def test_rounds_with_more_points_that_are_not_finite_take_nothing(monkeypatch: p
     monkeypatch.setattr(LocalSearch, "exchanged", ending([good, outside]))
     monkeypatch.setattr(LocalSearch, "_misled", lambda *_: True)
     monkeypatch.setattr(LocalSearch, "_slips", lambda own, _: own is search)
-    monkeypatch.setattr(local, "evaluate", refusing([outside], search))
+    monkeypatch.setattr(local, "score", refusing([outside], search))
     np.testing.assert_array_equal(search.maximise(poor).unknowns, good)
 
 
@@ -252,7 +252,7 @@ def test_a_second_stage_that_is_not_finite_leaves_the_design_found(monkeypatch: 
 
     def broken(self: LocalSearch, unknowns: Any, share: float) -> Any:
         with monkeypatch.context() as patch:
-            patch.setattr(local, "evaluate", not_finite)
+            patch.setattr(local, "score", not_finite)
             return settle(self, unknowns, share)
 
     monkeypatch.setattr(LocalSearch, "second_stage", broken)
@@ -268,7 +268,7 @@ def test_genetic_candidates_that_are_not_finite_make_room_for_others(monkeypatch
         seen.append(drive)
         return not_finite() if len(seen) <= 5 else evaluate(problem, drive)
 
-    monkeypatch.setattr(genetic, "evaluate", scored)
+    monkeypatch.setattr(genetic, "score", scored)
     solution = solve(small(), Genetic(population=60, generations=3), seed=0, workers=1)
     assert len(seen) > 5
     assert solution.evaluation is not None

@@ -26,6 +26,7 @@ from oed.kernel.dynamics.signals import (
     SplineSignal,
 )
 from oed.kernel.limit import Limit, Rows
+from oed.kernel.scorer import score
 from oed.optimize.terms.layout import divisible
 from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
@@ -140,7 +141,7 @@ class TestTermsOfSignals:
         (z,) = random_drives(design, np.array([0.7]), np.random.default_rng(0))
         drive = design.trajectory(z)
         ((matrix,),) = design.matrices_of(z)
-        (scored,) = oed.evaluate(problem, drive).information.values()
+        (scored,) = score(problem, drive).information.values()
         np.testing.assert_allclose(matrix, scored, rtol=1e-8)
         np.testing.assert_allclose(design.unknowns_of(drive), z, atol=1e-12)
 

@@ -343,7 +343,7 @@ def test_a_coarse_integration_is_named():
     text = TANK.replace("  outputs:", "  substeps: 1\n  outputs:").replace("samples: 60", "samples: 3")
     coarse = oed.parse_study(text.replace("[1 h, 4 h]", "9 h").replace("pieces: 6", "pieces: 3"))
     (note,) = oed.run(coarse.changed(limits=[], **keys)).notes
-    assert note.startswith("The integration is coarse: ")
+    assert note.startswith("The integration steps of the study are coarse: ")
     fine = oed.parse_study(TANK.replace("samples: 60", "samples: 12"))
     assert oed.run(fine.changed(**keys)).notes == []
 

@@ -71,7 +71,6 @@ STEPS = [
     ("compared", "comparison with baselines"),
     ("tried", "check of robustness"),
     ("robustness", "report of robustness"),
-    ("integration_notes", "check of the integration"),
     ("simulated", "validation"),
     ("driven_in_physics", "trial on a simulated robot"),
     ("nominal_search", "search without back-off"),

@@ -28,12 +28,13 @@ from oed.estimation.setup.unknowns import Knowledge, Unknowns
 from oed.foundation.arrays import Array, Places
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import evaluate, require_shape
+from oed.kernel.evaluation import require_shape
 from oed.kernel.measurement.measurement import Nuisance
 from oed.kernel.measurement.process_noise import process_noise_of
 from oed.kernel.measurement.sensor import labelled_nuisances, start_nuisances
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import score
 from oed.robots.models.model import Model
 
 
@@ -78,7 +79,7 @@ class Nonlinear(Estimator):
         slopes = self._white_slopes(self._initial)
         if not np.all(np.isfinite(slopes)):
             # It says which number is not finite, and when.
-            evaluate(problem, trajectory)
+            score(problem, trajectory)
         found = SquareRoot.of_rows(self._with_known(slopes))
         if not found.complete:
             text = f"the drive does not identify {', '.join(self.parameters)}; nothing to estimate"

@@ -13,8 +13,9 @@ import numpy as np
 
 from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import evaluate, limits_exceeded
+from oed.kernel.evaluation import limits_exceeded
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import score
 from oed.robots.limits.workspace import Area
 
 BISECTIONS = 20
@@ -111,7 +112,7 @@ def _tried(problem: Problem, shape: Shape, laps: int, below: float) -> _Found | 
     if size is None:
         return None
     try:
-        evaluation = evaluate(problem, shape.drive(size, laps))
+        evaluation = score(problem, shape.drive(size, laps))
     except NotFinite:
         return None
     return _Found(shape, laps, size, (evaluation.objective, evaluation.path_length))
@@ -253,7 +254,7 @@ def of_length(problem: Problem, shape: Shape, length: float, most: float) -> tup
 
     def reached(size: float) -> float:
         try:
-            return evaluate(problem, shape.drive(size, laps)).path_length
+            return score(problem, shape.drive(size, laps)).path_length
         except NotFinite:
             return 0.0
 

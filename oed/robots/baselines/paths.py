@@ -26,6 +26,10 @@ from oed.robots.limits.workspace import workspace_of
 
 STREAM = 17
 """Of random paths: their draws are independent of all others of a seed."""
+FINER = 16
+"""Number of times that integration steps are finer than the study's where baselines are made as large as the
+limits allow: with coarser ones they exceed these as `evaluate` sees them.
+"""
 
 
 def baselines(
@@ -56,14 +60,15 @@ def baselines(
     name, reason = label(asked), refusal(problem, asked)
     if reason:
         return [unscored(name, "baseline", f"{reason}.", Status.IMPOSSIBLE)]
+    exact = problem.refined(FINER)
     if asked == RANDOM:
-        shape, laps, below = chosen(problem, [_random_shape(problem, seed)], 1)
+        shape, laps, below = chosen(exact, [_random_shape(problem, seed)], 1)
     else:
-        shape, laps, below = _chosen(problem, _ways(problem, asked, one_way))
-    scored = [_scored(problem, name, shape, (largest(problem, shape, laps, below=below), laps), seed)]
+        shape, laps, below = _chosen(exact, _ways(problem, asked, one_way))
+    scored = [_scored(problem, name, shape, (largest(exact, shape, laps, below=below), laps), seed)]
     if length is not None:
         most = scored[0].evaluation.path_length if scored[0].evaluation else 0.0
-        fitted = of_length(problem, shape, length, most / laps)
+        fitted = of_length(exact, shape, length, most / laps)
         scored.append(_scored(problem, f"{name}_same_length", shape, fitted, seed))
     return scored
 

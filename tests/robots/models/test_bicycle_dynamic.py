@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 import oed
 from oed.foundation.errors import PartError, ProblemError
 from oed.kernel.dynamics.system import stepper
+from oed.kernel.scorer import score
 from oed.robots.baselines import NAMES, refusal, suited
 from oed.robots.models.arcs import after_arc
 
@@ -199,7 +200,7 @@ def test_speeds_known_to_rest_make_a_drive_more_informative():
 def test_limits_hold_between_samples():
     problem = study(rest_to_rest=False, limits=(*INPUTS, oed.Rectangle(x=(-2, 2), y=(-2, 2))))
     drive = oed.Trajectory.from_samples(swerving(32), 4.0, np.zeros(6), rest_to_rest=False)
-    margins = {one.name: one for one in oed.evaluate(problem, drive).margins}
+    margins = {one.name: one for one in score(problem, drive).margins}
     states = [np.zeros(6)]
     for inputs in drive.inputs:
         states.append(cars.rosenbrock(states[-1], inputs, drive.period, cars.CAR, 1))

@@ -39,8 +39,9 @@ from sensors import (
 from oed.foundation.errors import PartError, ProblemError, UserMistake
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.evaluation import Evaluation
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import score
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import (
     SENSORS,
@@ -150,7 +151,7 @@ sensor_problem = cache(
 
 
 def driven(problem: Problem, inputs: np.ndarray, start: Sequence[float] = START) -> Evaluation:
-    return evaluate(problem, Trajectory.from_samples(inputs, PERIOD * len(inputs), start, rest_to_rest=False))
+    return score(problem, Trajectory.from_samples(inputs, PERIOD * len(inputs), start, rest_to_rest=False))
 
 
 def told(measurement, inputs: np.ndarray, start: Sequence[float] = START, **parts) -> np.ndarray:

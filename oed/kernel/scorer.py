@@ -1,0 +1,387 @@
+"""The one scorer of trajectories: what is said of them by a problem's own integration steps.
+
+Searches score by it; what is reported comes from `evaluate`, which takes steps that are fine enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import cached_property, lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from oed.foundation.arrays import Array
+from oed.foundation.errors import Issue, NotFinite
+from oed.kernel.between import GAP, Sight, most_exceeded
+from oed.kernel.dynamics.direct_call import Outputs
+from oed.kernel.dynamics.rollout import FINE, any_drive
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluated import Evaluation
+from oed.kernel.finiteness import require_driven, require_measured
+from oed.kernel.limit import Limit, Rows
+from oed.kernel.margin import Margin
+from oed.kernel.measurement.sensor import row_times
+from oed.kernel.measurement.square_root import SquareRoot
+from oed.kernel.parts import root_weights
+from oed.kernel.problem import Estimation, Problem
+from oed.kernel.repetitions import repetitions
+
+EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
+"""What a drive's splines are among, as `roll_out` takes it."""
+
+NEVER = 1e-6
+"""Share of a period within which readings never follow each other."""
+
+
+def score(problem: Problem, trajectory: Trajectory) -> Evaluation:
+    """Score a trajectory as `evaluate` does, by the problem's own steps however coarse they are.
+
+    Args:
+        problem: that scores it.
+        trajectory: what is driven.
+
+    Raises:
+        ValueError, NotFinite: as `evaluate` does.
+    """
+    scorer, extremes = _scorer_of(problem, trajectory)
+    return scorer.evaluation(trajectory, extremes)
+
+
+def full_information(problem: Problem, trajectory: Trajectory) -> dict[str, SquareRoot]:
+    """A trajectory's `full_square_roots` alone, whatever limits it keeps.
+
+    Raises:
+        ValueError, NotFinite: as `evaluate` does.
+    """
+    scorer, _ = _scorer_of(problem, trajectory)
+    return scorer.full_information(trajectory)
+
+
+def jacobians(problem: Problem, trajectory: Trajectory) -> tuple[Array, ...]:
+    """Derivatives of a trajectory's readings, by every block's parameters and nuisances, (rows, n) each.
+
+    Raises:
+        ValueError, NotFinite: as `evaluate` does.
+    """
+    scorer, _ = _scorer_of(problem, trajectory)
+    return scorer.jacobians(trajectory)
+
+
+def precision_over_time(problem: Problem, trajectory: Trajectory, times: Array) -> Array:
+    """Standard deviations (n, p), SI, of what sensors estimate by every run's readings until times (n,) [s];
+    infinite of what these do not identify.
+
+    Under drift a time's readings are innovations, which say what is new beside all readings before.
+
+    Args:
+        problem: with the sensors.
+        trajectory: what is driven.
+        times: [s].
+
+    Raises:
+        ValueError, NotFinite: as `evaluate` does.
+    """
+    scorer, _ = _scorer_of(problem, trajectory)
+    return scorer.precision_over_time(trajectory, times)
+
+
+def limits_exceeded(problem: Problem, trajectory: Trajectory, share: float) -> frozenset[str]:
+    """Names of the limits that a trajectory exceeds by more than a share of their size: as by the margins of
+    `evaluate`, for less, because nobody asks how large these are.
+
+    Args:
+        problem: with the limits.
+        trajectory: what is driven.
+        share: of each limit's size.
+
+    Raises:
+        ValueError, NotFinite: as `evaluate` does.
+    """
+    scorer, extremes = _scorer_of(problem, trajectory)
+    return scorer.exceeded(trajectory, extremes, share)
+
+
+def _scorer_of(problem: Problem, trajectory: Trajectory) -> tuple[_Scorer, list[Array]]:
+    # The scorer of a trajectory, and its splines' extremes, which are further arguments.
+    require_shape(problem, trajectory)
+    extremes = [trajectory.extremes(order) for order in range(3)]
+    extremes.append(_asked(trajectory) if _checked_at_points(problem) else trajectory.inputs)
+    return _scorer(problem, trajectory.samples, trajectory.runs, *map(len, extremes)), extremes
+
+
+def require_shape(problem: Problem, trajectory: Trajectory) -> None:
+    """Refuse a trajectory of another system.
+
+    Raises:
+        ValueError: inputs or states that do not match the system's, another number of runs.
+    """
+    expected = len(problem.model.inputs)
+    if trajectory.coefficients.shape[1] != expected:
+        names = ", ".join(problem.model.input_names)
+        raise ValueError(f"expected {expected} inputs ({names}), got {trajectory.coefficients.shape[1]}")
+    states, runs = len(problem.model.states), problem.design.runs
+    if trajectory.starts.shape != (runs, states):
+        raise ValueError(
+            f"expected start of {runs} run(s), {states} states each, got {trajectory.start.shape}"
+        )
+
+
+class _Scorer:
+    """The compiled functions that score trajectories of one number of samples."""
+
+    def __init__(self, problem: Problem, samples: int, runs: int, *counts: int) -> None:
+        system = problem.system
+        self._extremes = [ca.MX.sym("extremes", count, len(system.inputs)) for count in counts]
+        given = dict(zip(EXTREMES, self._extremes, strict=True))
+        if not _checked_at_points(problem):
+            given["motion_inputs"] = None
+        self._symbols, drive = any_drive(system, samples, runs, refine=FINE, **given)
+        self._repetitions = ca.MX.sym("repetitions", samples)
+        self._drive = replace(drive, repetitions=self._repetitions)
+        self.problem = problem
+
+    @cached_property
+    def rows(self) -> list[Rows]:
+        """The limits'; what only asks for information does not pay for them."""
+        return self.problem.limit_rows(self._drive)
+
+    @cached_property
+    def estimations(self) -> Sequence[Estimation]:
+        """Of this number of samples; what only asks for limits does not pay for them."""
+        return self.problem.estimations(self._drive)
+
+    @cached_property
+    def _of_driving(self) -> Outputs:
+        drive = self._drive
+        groups = [
+            [drive.path_length(), drive.states, drive.path, drive.speeds],
+            [rows.expression for rows in self.rows],
+        ]
+        return Outputs("driven", [*self._symbols, *self._extremes, self._repetitions], groups)
+
+    @cached_property
+    def _of_measuring(self) -> Outputs:
+        groups = [
+            # Of sensors the jacobian's first columns: they are not asked for twice.
+            [one.block.design_matrix for one in self.estimations if one.block.raw],
+            [one.block.response for one in self.estimations],
+            [one.block.jacobian for one in self.estimations],
+            [one.block.magnitudes for one in self.estimations],
+            [self._drive.states],
+        ]
+        return Outputs("measured", self._symbols, groups)
+
+    @cached_property
+    def _jacobians(self) -> ca.Function:
+        # Of any robot, with what their columns add up; only where others than the nominal one count.
+        blocks = [one.block for one in self.estimations]
+        results = [*(one.jacobian for one in blocks), *(one.magnitudes for one in blocks)]
+        return ca.Function("jacobians", self._symbols, results)
+
+    def _robots(self, trajectory: Trajectory, roots: Sequence[SquareRoot]) -> list[Sequence[SquareRoot]]:
+        """What the criterion sees of every robot that is judged."""
+        problem, found = self.problem, list[Sequence[SquareRoot]]()
+        if problem.robust is None or problem.robust.objective == "nominal":
+            return [roots]
+        for parameters, shift in problem.judged_systems:
+            given = [trajectory.inputs, trajectory.starts + shift, parameters, trajectory.period]
+            results = [np.array(each) for each in self._jacobians.call(given)]
+            jacobians, summed = results[: len(results) // 2], results[len(results) // 2 :]
+            jacobians = self._weighted(jacobians, trajectory)
+            found.append(self._square_roots(jacobians, summed)[0])
+        return found
+
+    def _weighted(self, jacobians: list[Array], drive: Trajectory) -> list[Array]:
+        # A reading that counts w times says as much as w readings.
+        roots = root_weights(self.problem.measurement.joint_sensors, self.problem.system, drive)
+        return jacobians if roots is None else [roots[:, None] * one for one in jacobians]
+
+    def _square_roots(
+        self, jacobians: Sequence[Array], summed: Sequence[Array]
+    ) -> tuple[Sequence[SquareRoot], Sequence[SquareRoot]]:
+        # What the criterion sees of each block, and of all its estimated parameters.
+        each = zip(self.estimations, jacobians, summed, strict=True)
+        pairs = [one.square_roots(jacobian, own.ravel()) for one, jacobian, own in each]
+        seen, full = zip(*pairs, strict=True)
+        return seen, full
+
+    def _designs(self, regressors: Sequence[Array], jacobians: Sequence[Array]) -> list[Array]:
+        own = iter(regressors)
+        return [
+            next(own) if one.block.raw else jacobian[:, : len(one.block.parameters)]
+            for one, jacobian in zip(self.estimations, jacobians, strict=True)
+        ]
+
+    def _driven(self, drive: Trajectory, extremes: Sequence[Array]) -> tuple[list[Array], list[Array]]:
+        # Its length, states at the samples, path and speeds; the limits' rows.
+        given = *self._given(drive), *(one.T for one in extremes), repetitions(self.problem, drive)
+        known, limits = self._of_driving.values(*given)
+        require_driven(self.problem, drive, known[2])
+        return known, limits
+
+    def _measured(self, drive: Trajectory) -> list[list[Array]]:
+        # Regressors, responses, jacobians and what their columns add up, of every block of readings.
+        *groups, (states,) = self._of_measuring.values(*self._given(drive))
+        require_driven(self.problem, drive, states)
+        groups[2] = self._weighted(groups[2], drive)
+        require_measured(self.problem, drive, groups[1], groups[2])
+        return groups
+
+    def _given(self, drive: Trajectory) -> list[Array]:
+        robot, period = np.array(self.problem.system.nominal), np.array(drive.period)
+        return [drive.inputs.T, drive.starts.T, robot, period]
+
+    def full_information(self, trajectory: Trajectory) -> dict[str, SquareRoot]:
+        *_, jacobians, summed = self._measured(trajectory)
+        _, full = self._square_roots(jacobians, summed)
+        return {one.block.name: root for one, root in zip(self.estimations, full, strict=True)}
+
+    def jacobians(self, trajectory: Trajectory) -> tuple[Array, ...]:
+        *_, found, _ = self._measured(trajectory)
+        return tuple(found)
+
+    def precision_over_time(self, trajectory: Trajectory, times: Array) -> Array:
+        """Standard deviations (n, p) by the readings until times (n,) [s] of every run."""
+        *_, (jacobian,), (summed,) = self._measured(trajectory)
+        (one,), samples = self.estimations, trajectory.samples // trajectory.runs
+        rows = row_times(
+            self.problem.measurement.joint_sensors, self.problem.system, samples, trajectory.runs
+        )
+        periods = np.array([trajectory.each[run].period for _, run, _ in rows])
+        read = periods * np.array([time for _, _, time in rows])
+        # What is read at a time counts, however that is rounded.
+        until = [jacobian * (read <= time + NEVER * trajectory.period)[:, None] for time in times]
+        each = [one.square_roots(rows, summed.ravel())[1].covariance for rows in until]
+        return np.sqrt([np.diag(covariance) for covariance in each])
+
+    def exceeded(self, trajectory: Trajectory, extremes: Sequence[Array], share: float) -> frozenset[str]:
+        """Names of the limits exceeded by more than a share of their size.
+
+        Args:
+            trajectory: what is driven.
+            extremes: of its splines.
+            share: of each limit's size.
+        """
+        margins = self._margins(trajectory, *self._driven(trajectory, extremes), share)
+        return frozenset(margin.name for margin in margins if margin.violation > share * margin.size)
+
+    def _margins(
+        self,
+        trajectory: Trajectory,
+        driven: Sequence[Array],
+        limits: Sequence[Array],
+        share: float | None = None,
+    ) -> tuple[Margin, ...]:
+        problem, (_, states, _, speeds) = self.problem, driven
+        sight = Sight.of(problem, trajectory, states, speeds.ravel())
+        margins = [
+            _margin(problem, limit, sight, rows, values.ravel(), share)
+            for limit, rows, values in zip(problem.limits, self.rows, limits, strict=True)
+        ]
+        chosen = () if problem.selection is None else problem.selection.margins(problem, trajectory)
+        return (*margins, *_conditions(problem, trajectory), *chosen)
+
+    def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
+        problem = self.problem
+        driven, limits = self._driven(trajectory, extremes)
+        regressors, responses, jacobians, summed = self._measured(trajectory)
+        length, states, path, _ = driven
+        designs = self._designs(regressors, jacobians)
+        roots, full = self._square_roots(jacobians, summed)
+        robots, criterion = self._robots(trajectory, roots), problem.objective
+        # Of the paper's regressors W is what it is, of sensors what is left of it.
+        singular = [
+            (SquareRoot.of_rows(design) if one.block.raw else root).singular_values
+            for one, design, root in zip(self.estimations, designs, roots, strict=True)
+        ]
+        names = [one.block.name for one in self.estimations]
+        return Evaluation(
+            objective=float(problem.together([float(criterion.judge(own)) for own in robots])),
+            lambda_min=float(min(root.smallest for root in roots)),
+            lambda_max=float(max(root.largest for root in roots)),
+            singular_values=np.sort(np.concatenate(singular))[::-1],
+            norm_y=float(np.linalg.norm(np.concatenate(responses))),
+            path_length=float(length.item()),
+            margins=self._margins(trajectory, driven, limits),
+            design_matrices=dict(zip(names, designs, strict=True)),
+            square_roots=dict(zip(names, roots, strict=True)),
+            full_square_roots=dict(zip(names, full, strict=True)),
+            identifiable=all(bool(criterion.identifiable(own)) for own in robots),
+            covariances={
+                one.block.name: root.covariance
+                for one, root in zip(self.estimations, full, strict=True)
+                if one.block.noise is not None
+            },
+            parameters={one.block.name: one.parameters for one in self.estimations},
+            states=states,
+            path=path,
+            nominal={name: float(value) for name, value in self._by_parameter("nominal")},
+            units=dict(self._by_parameter("units")),
+        )
+
+    def _by_parameter(self, what: str) -> Iterable[tuple[str, Any]]:
+        for one in self.estimations:
+            yield from zip(one.parameters, getattr(one, what), strict=True)
+
+
+_scorer = lru_cache(maxsize=64)(_Scorer)
+
+
+def _checked_at_points(problem: Problem) -> bool:
+    return any(limit.looks_at is None for limit in problem.limits)
+
+
+def _asked(trajectory: Trajectory) -> Array:
+    # What the splines ask for between the samples too: for limits that are checked at points only.
+    times = [np.linspace(0.0, one.duration, FINE * one.samples + 1) for one in trajectory.each]
+    return np.concatenate([one.inputs_at(own) for one, own in zip(trajectory.each, times, strict=True)])
+
+
+def _margin(
+    problem: Problem, limit: Limit, sight: Sight, rows: Rows, values: Array, share: float | None
+) -> Margin:
+    # Where only a violation by more than a share of the limit's size counts, it is no closer than that.
+    if np.isnan(values).any():
+        raise NotFinite(Issue(("limits", limit.name), "not a number somewhere along the drive"))
+    # Between the points the limit is looked at as it stands; where it is widened, so are the margins.
+    spare = problem.excess * rows.size
+    excess = np.maximum(values - rows.upper, rows.lower - values) + spare
+    # Nothing to satisfy, as with a limit of changes on a drive of one sample, is satisfied as at rest.
+    excess = excess if excess.size else np.array([-rows.size])
+    asked = (-np.inf, np.inf) if share is None else (spare - GAP * rows.size, spare + share * rows.size)
+    most, certain = most_exceeded(problem, limit, sight, excess, asked)
+    return Margin(limit.name, spare - limit.amount(most), rows.size, rows.unit, certain)
+
+
+def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
+    # What the design space itself asks; a solver's design keeps it by construction, a user's path may not.
+    space, model = problem.design, problem.model
+    if not model.states:
+        # Settings take no time: there are only so many.
+        left = space.all_samples - trajectory.samples
+        return [Margin("settings", float(left), float(space.all_samples), "")]
+    spare = space.whole_duration - trajectory.duration
+    margins = [Margin("duration", spare, space.whole_duration, "s")]
+    shortest = space.runs * (space.shortest_duration or 0.0)
+    if shortest:
+        margins.append(Margin("shortest_duration", trajectory.duration - shortest, shortest, "s"))
+    if problem.fixed_starts is not None:
+        apart = np.abs(trajectory.starts - problem.fixed_starts)
+        if not model.velocity_signal:
+            # States of any size; those of robots are metres and radians.
+            sizes = np.where(problem.fixed_starts != 0, np.abs(problem.fixed_starts), 1.0)
+            apart = apart / sizes
+        offset = apart.max(initial=0.0)
+        units = dict.fromkeys(model.state_units[: model.chosen_states])
+        margins.append(Margin("start", problem.start_spare - float(offset), 1.0, " or ".join(units)))
+    elif problem.chosen_starts is not None and problem.chosen_starts.bounded:
+        outside = problem.chosen_starts.excess(trajectory.starts)
+        margins.append(Margin("start", problem.start_spare - outside, 1.0, ""))
+    if space.rest_to_rest and model.inputs:
+        size = float(np.abs(problem.input_bounds).max())
+        spare = problem.rest_spare - float(np.abs(trajectory.ends).max())
+        margins.append(Margin("rest_to_rest", spare, size, model.inputs[0].unit))
+    return margins

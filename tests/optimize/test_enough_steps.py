@@ -1,0 +1,101 @@
+"""Searches whose integration steps are too coarse for what they find."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import oed
+from oed.kernel.evaluation import evaluate
+from oed.kernel.scorer import score
+from oed.kernel.solution import Status
+
+SWING = """format: 1
+name: Swing
+system:
+  kind: equations
+  states: {place: 0 m, speed: 0 m/s}
+  inputs: {push: m/s^2}
+  parameters: {stiff: 4 1/s^2, gain: 1}
+  derivatives: {place: speed, speed: gain * push - stiff * place}
+  outputs: {seen: place}
+  substeps: SUBSTEPS
+experiment: {duration: 8 s, samples: 8, inputs: {push: [-1 m/s^2, 1 m/s^2]}}
+limits: [{kind: always, name: narrow, of: place, range: [-15 cm, 15 cm]}]
+measurement: {kind: outputs, noise: {seen: 1 mm}}
+criterion: D
+baselines: []
+solvers: [{kind: ipopt, starts: 2, perturbations: 0}]
+seed: 0
+"""
+
+
+def study(substeps: int) -> oed.Study:
+    return oed.parse_study(SWING.replace("SUBSTEPS", str(substeps)))
+
+
+def farthest(drive: oed.Trajectory) -> float:
+    """Of the swing, in closed form."""
+    place, speed, seen = 0.0, 0.0, [0.0]
+    times = np.linspace(0, drive.period, 2001)[1:]
+    for (push,) in drive.inputs:
+        off = place - push / 4
+        seen += list(np.abs(push / 4 + off * np.cos(2 * times) + speed / 2 * np.sin(2 * times)))
+        end = 2 * drive.period
+        place, speed = (
+            push / 4 + off * np.cos(end) + speed / 2 * np.sin(end),
+            speed * np.cos(end) - 2 * off * np.sin(end),
+        )
+    return max(seen)
+
+
+@pytest.mark.slow
+def test_a_search_ends_with_steps_on_which_its_design_no_longer_depends():
+    problem = study(1).problem
+    solution = oed.solve(problem, study(1).solvers[0], workers=1)
+    assert "times finer" in solution.detail
+    assert solution.evaluation.feasible
+    assert farthest(solution.trajectory) == pytest.approx(0.15, rel=2e-3)
+    fine = study(40).problem
+    assert evaluate(fine, solution.trajectory).objective == pytest.approx(
+        solution.evaluation.objective, rel=1e-3
+    )
+    reached = oed.solve(fine, study(40).solvers[0], workers=1)
+    assert "times finer" not in reached.detail
+    assert reached.evaluation.objective == pytest.approx(solution.evaluation.objective, rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_search_by_the_study_s_steps_alone_breaks_the_limit():
+    """What the search above is spared."""
+    problem = study(1).problem
+    solver = study(1).solvers[0]
+    from oed.optimize import _searched
+    from oed.optimize.solver import Context
+
+    found = _searched(solver, problem, Context(workers=1))
+    assert score(problem, found.trajectory).feasible
+    assert farthest(found.trajectory) > 0.16
+
+
+@pytest.mark.slow
+def test_a_run_notes_steps_that_were_too_coarse():
+    record = oed.run(study(1))
+    assert any(note.startswith("The integration steps of the study are coarse") for note in record.notes)
+
+
+def test_a_search_that_was_interrupted_is_not_taken_up_again(monkeypatch: pytest.MonkeyPatch):
+    from oed.optimize import enough_steps
+    from oed.optimize.solver import Context
+
+    problem, seen = study(1).problem, []
+    drive = problem.design.trajectory(
+        np.full((problem.design.all_coefficients, 1), 0.5), problem.fixed_starts
+    )
+
+    def search(*_: object) -> oed.Solution:
+        seen.append(1)
+        return oed.Solution("ipopt", "ipopt", drive, score(problem, drive), Status.INTERRUPTED)
+
+    enough_steps.by_enough_steps(search, study(1).solvers[0], problem, Context(workers=1))
+    assert len(seen) == 1
