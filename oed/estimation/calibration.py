@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from oed.estimation.assessment.by_likelihood import covariance_of, likeliest
+from oed.estimation.assessment.cautions import cautions
 from oed.estimation.assessment.covariance import Covariance
 from oed.estimation.assessment.dead_reckoning import HeldOut, cross_validated, held_out
 from oed.estimation.assessment.diagnostics import Diagnostic, diagnostics, weak_directions
@@ -267,6 +268,7 @@ class _Work:
     def _notes(self, found: PreparedLogs, of_fit: Sequence[str], judged: _Judged) -> list[str]:
         notes = [*thinning_notes(self.logs, found.logs), *of_fit]
         notes += [*unread(self.problem.measurement, found.logs), *judged.notes]
+        notes += cautions(judged.fit, judged.covariances[0], judged.segmenting)
         rates, chosen = judged.drift, judged.covariances[0]
         if rates is not None and (judged.errors is not None or chosen.name == "drift"):
             notes.append(rates.words)

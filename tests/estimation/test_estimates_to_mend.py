@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from simulated import (
@@ -13,7 +15,8 @@ from simulated import (
     truth_of,
 )
 
-from oed.estimation import calibrate
+from oed.estimation import Calibration, calibrate
+from oed.estimation.assessment.cautions import OF_LAGS, TURNS_IN_SHORT_SEGMENTS
 from oed.robots.models import Unicycle
 
 LAGGING = Unicycle(lag_v=0.15, lag_omega=0.25)
@@ -57,3 +60,39 @@ def test_errors_of_a_lagging_robot_without_drift_are_as_large_as_its_standard_er
         deviations = np.sqrt(np.diag(calibration.covariance))[: len(LAGS)]
         squares.append(((calibration.values[: len(LAGS)] - LAGS) / deviations) ** 2)
     assert 0.6 < np.sqrt(np.mean(squares)) < 1.5
+
+
+def nearly_straight(quantities: tuple[str, ...], seed: int = 0, seconds: float = 12.0) -> Calibration:
+    """A drive that hardly turns, by odometry whose heading errs by 0.1 rad for 0.3 s."""
+    robot, rng, period = Unicycle(), np.random.default_rng([seed, 9]), 0.05
+    count = round(seconds / period)
+    turning = 0.06 * np.sin(2 * np.pi * period * np.arange(count) / 9 + seed)
+    inputs = np.column_stack([np.full(count, 0.6), turning])
+    parameters = truth_of(robot, gain_v=0.955, gain_omega=0.96)
+    drive = course(robot, parameters, seconds=seconds, period=period, inputs=inputs)
+    log = log_of(drive, noise=(0.001, 0.0026), quantities=quantities, seed=seed)
+    play, keep = np.zeros(count + 1), np.exp(-period / 0.3)
+    for step in range(count):
+        play[step + 1] = keep * play[step] + 0.1 * np.sqrt(1 - keep**2) * rng.normal()
+    log = replace(log, integrals=log.integrals + np.column_stack([0 * play, play]))
+    return calibrate(logged_problem(model=robot), [log], options(clock_offset=False, sensor_place=()))
+
+
+@pytest.mark.slow
+def test_a_note_says_that_drift_of_a_lagging_robot_is_assumed():
+    drive = course(LAGGING, LAGS, seconds=20.0, period=0.05, inputs=commands(0))
+    log = log_of(drive, noise=(0.002, 0.005), every=2)
+    calibration = calibrate(logged_problem(model=LAGGING), [log], options(clock_offset=False))
+    assert OF_LAGS in calibration.notes
+
+
+@pytest.mark.slow
+def test_a_note_says_that_short_segments_of_positions_hardly_show_turns():
+    assert TURNS_IN_SHORT_SEGMENTS in nearly_straight(("x", "y")).notes
+
+
+@pytest.mark.slow
+def test_an_ordinary_log_has_no_such_notes():
+    log = log_of(course(seconds=20.0), noise=(0.002, 0.005))
+    calibration = calibrate(logged_problem(), [log], options(clock_offset=False))
+    assert not {OF_LAGS, TURNS_IN_SHORT_SEGMENTS} & set(calibration.notes)
