@@ -107,8 +107,18 @@ class BicycleDynamic(WheeledRobot):
 
     @property
     def integrates(self) -> bool:
-        """Its speeds are."""
-        return True
+        """Its speeds are, and on arcs its poses."""
+        return self.integration == "arc"
+
+    @property
+    def refinement(self) -> tuple[BicycleDynamic, int]:
+        """The car with a single step a period, and how many of these its period is made of: bounds over a
+        single step are close, and fast.
+        """
+        coarse, finer = super().refinement
+        if not self.integrates:
+            return coarse, finer
+        return coarse.model_copy(update={"substeps": 1}), finer * self.substeps
 
     def twist(self, inputs: Expression, parameters: Expression) -> Expression:
         """Twist of steady driving: where the throttle balances the drag, that of cornering included."""
@@ -252,7 +262,7 @@ def _integrated(robot: BicycleDynamic) -> ca.Function:
         lambda state: jacobian(state, inputs, parameters),
         ca.vertcat(ca.SX.zeros(3), begin),
         period,
-        robot.substeps * robot.refinement[1],
+        robot.substeps * robot._finer,
     )
     return ca.Function("integrated", [begin, inputs, parameters, period], [mean[:3], ended[3:]])
 
