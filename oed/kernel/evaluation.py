@@ -36,9 +36,8 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
     """Score any trajectory by a problem's measurement, criterion and limits.
 
     The trajectory keeps its own duration and samples; where it breaks the study's duration, start or
-    rest, that is a violation like any other. A system that is integrated numerically is integrated with finer
-    steps than the study's, and with still finer ones until information and limits no longer change:
-    `Evaluation.steps` says how many.
+    rest, that is a violation like any other. Integration steps are made finer until results no longer change:
+    see `Evaluation.steps`.
 
     Raises:
         ValueError: inputs or states that do not match the robot's, another number of runs.

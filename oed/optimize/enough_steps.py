@@ -17,6 +17,8 @@ FINEST_SEARCHED = 16
 """Number of times that steps of a search are finer than the study's at most: it takes as much longer."""
 NEARLY = 0.1
 """Share by which results may change with finer steps where a search from the design alone will do."""
+COARSER = "A search with finer integration steps found no design; this one is of coarser steps."
+"""What is said of a design whose search could not be taken up again."""
 
 
 def by_enough_steps(search: Search, options: Solver, problem: Problem, context: Context) -> Solution:
@@ -43,9 +45,13 @@ def by_enough_steps(search: Search, options: Solver, problem: Problem, context: 
         times = min(times * (2 if quick else steps.enough), FINEST_SEARCHED)
         again = options if lifted(problem) is not None else options.again(quick=quick)
         known = replace(context, earlier={**context.earlier, options.label: solution})
-        solution = search(again, problem.refined(times), known)
-        solution = replace(solution, wall_seconds=time.perf_counter() - began)
-    if times == 1:
+        further = search(again, problem.refined(times), known)
+        if further.trajectory is None:
+            # What was found with coarser steps is kept, and scored by finer ones.
+            solution = replace(solution, status=further.status, detail=f"{solution.detail} {COARSER}".strip())
+            break
+        solution = replace(further, wall_seconds=time.perf_counter() - began)
+    if times == 1 or COARSER in solution.detail:
         return solution
     said = f"Searched with integration steps {times} times finer than those of the study."
     return replace(solution, detail=f"{solution.detail} {said}".strip())

@@ -12,6 +12,7 @@ import numpy as np
 
 import oed
 from oed.kernel import evaluation as scoring
+from oed.kernel import scorer
 from oed.optimize.selection import select
 from oed.workflow.studies import parse_study
 
@@ -148,7 +149,7 @@ class JudgedTrial:
     @cached_property
     def said(self) -> oed.Evaluation:
         """What the package says."""
-        return oed.evaluate(self.problem, self.trajectory)
+        return scorer.score(self.problem, self.trajectory)
 
     @cached_property
     def true(self) -> Score:

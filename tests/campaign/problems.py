@@ -12,6 +12,7 @@ import numpy as np
 
 import oed
 from oed.kernel import evaluation as scoring
+from oed.kernel import scorer
 from oed.workflow.studies import parse_study
 
 from .cases import Verdict, quoted
@@ -118,7 +119,7 @@ class _Judged:
     @cached_property
     def said(self) -> oed.Evaluation:
         """What the package says."""
-        return oed.evaluate(self.problem, trajectory_of(self.problem, self.drive))
+        return scorer.score(self.problem, trajectory_of(self.problem, self.drive))
 
     @cached_property
     def true(self) -> Score:

@@ -16,6 +16,7 @@ from oed.equations.system import Equations
 from oed.foundation.errors import NotFinite, ProblemError
 from oed.kernel.dynamics.integration import NODES, collocation
 from oed.kernel.dynamics.system import carrier, signaller, stepper
+from oed.kernel.scorer import score
 
 EVERY = np.concatenate([[0.0], np.geomspace(1e-5, 40.0, 48)])
 """Times [s] that Robertson's fast begin needs."""
@@ -262,4 +263,4 @@ def test_a_step_that_is_not_solved_is_said_and_no_design():
     own = tank(1, jacket="330 K")
     drive = own.design.trajectory(np.full((4, 1), 360.0), own.fixed_starts)
     with pytest.raises(NotFinite, match=r"not finite from .* s on; .* take more substeps"):
-        oed.evaluate(own, drive)
+        score(own, drive)

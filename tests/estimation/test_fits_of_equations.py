@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 import oed
 from oed.estimation.methods import Estimate
 from oed.foundation.errors import NotFinite, ProblemError
+from oed.kernel.scorer import score
 
 CLOSE = 1e-6
 """Share of a standard error by which two least squares may differ."""
@@ -112,7 +113,7 @@ class TestWhatIsFitted:
         taken = weights > 0
         weighted = replace(one.trajectory, weights=weights)
         estimator = oed.make_estimator(one.problem, weighted)
-        (covariance,) = oed.evaluate(one.problem, weighted).covariances.values()
+        (covariance,) = score(one.problem, weighted).covariances.values()
         np.testing.assert_allclose(estimator.covariance, covariance, rtol=1e-9)
         nominal = np.array(one.problem.system.nominal)
         readings = one.read(nominal) + 0.1 * np.random.default_rng(1).standard_normal(7)
@@ -137,7 +138,7 @@ class TestWhatIsFitted:
         ]
         problem = replace(plain.problem, measurement=sensors)
         estimator = oed.make_estimator(problem, plain.trajectory)
-        (covariance,) = oed.evaluate(problem, plain.trajectory).covariances.values()
+        (covariance,) = score(problem, plain.trajectory).covariances.values()
         np.testing.assert_allclose(estimator.covariance, covariance, rtol=1e-9)
         assert estimator.nuisances == ("start.prey", "start.predators")
         found = estimator.fit(estimator.predicted())

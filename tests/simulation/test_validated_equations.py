@@ -9,6 +9,7 @@ import pytest
 from experiments import Experiment, box_and_lucas, compartmental, pond, response, rooney_and_biegler
 
 import oed
+from oed.kernel.scorer import score
 from oed.simulation.checks import Moments
 from oed.simulation.linearisation import Linearisation, differences, directions_of
 
@@ -52,7 +53,7 @@ class TestSmallNoise:
     @pytest.mark.parametrize("name", SMALL)
     def test_estimates_scatter_as_evaluate_says(self, name: str):
         one, found = SMALL[name], found_of(name)
-        (covariance,) = oed.evaluate(one.problem, one.trajectory).covariances.values()
+        (covariance,) = score(one.problem, one.trajectory).covariances.values()
         np.testing.assert_allclose(found.predicted, covariance, rtol=1e-9)
         assert found.passed, found.verdict
         assert np.all(np.abs(found.paired_ratio - 1) < 0.02)
