@@ -21,7 +21,7 @@ from oed.optimize.enough_steps import by_enough_steps
 from oed.optimize.genetic import CmaEs, DifferentialEvolution, Genetic
 from oed.optimize.ipopt import Ipopt
 from oed.optimize.lifted import lifted, lowered
-from oed.optimize.refinement import refined
+from oed.optimize.refinement import ENDED, refined
 from oed.optimize.selection import with_readings
 from oed.optimize.solver import Context, Solver
 
@@ -70,6 +70,11 @@ def solve(
     evaluation = None
     if solution.trajectory is not None and solution.status is not Status.UNSCORED:
         evaluation = evaluate(problem, solution.trajectory)
+        if own.system.integrates and solution.status not in ENDED and not evaluation.feasible:
+            # By its own steps the search had satisfied the limits.
+            exceeded = f"With fine integration steps, limits are not satisfied: {evaluation.limits_text}."
+            detail = f"{solution.detail} {exceeded}".strip()
+            solution = replace(solution, status=Status.INFEASIBLE, detail=detail)
     if own is problem:
         return replace(solution, evaluation=evaluation, problem=problem)
     other = None if options.criterion is None else options.criterion.kind

@@ -48,10 +48,10 @@ def by_enough_steps(search: Search, options: Solver, problem: Problem, context: 
         further = search(again, problem.refined(times), known)
         if further.trajectory is None:
             # What was found with coarser steps is kept, and scored by finer ones.
-            solution = replace(solution, status=further.status, detail=f"{solution.detail} {COARSER}".strip())
-            break
+            status = further.status if further.status in ENDED else solution.status
+            return replace(solution, status=status, detail=f"{solution.detail} {COARSER}".strip())
         solution = replace(further, wall_seconds=time.perf_counter() - began)
-    if times == 1 or COARSER in solution.detail:
+    if times == 1:
         return solution
     said = f"Searched with integration steps {times} times finer than those of the study."
     return replace(solution, detail=f"{solution.detail} {said}".strip())

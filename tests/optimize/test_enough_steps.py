@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +12,8 @@ import oed
 from oed.kernel.evaluation import evaluate
 from oed.kernel.scorer import score
 from oed.kernel.solution import Status
+from oed.optimize import _searched, enough_steps
+from oed.optimize.solver import Context
 
 SWING = """format: 1
 name: Swing
@@ -70,9 +75,6 @@ def test_a_search_by_the_study_s_steps_alone_breaks_the_limit():
     """What the search above is spared."""
     problem = study(1).problem
     solver = study(1).solvers[0]
-    from oed.optimize import _searched
-    from oed.optimize.solver import Context
-
     found = _searched(solver, problem, Context(workers=1))
     assert score(problem, found.trajectory).feasible
     assert farthest(found.trajectory) > 0.16
@@ -84,10 +86,31 @@ def test_a_run_notes_steps_that_were_too_coarse():
     assert any(note.startswith("The integration steps of the study are coarse") for note in record.notes)
 
 
-def test_a_search_that_was_interrupted_is_not_taken_up_again(monkeypatch: pytest.MonkeyPatch):
-    from oed.optimize import enough_steps
-    from oed.optimize.solver import Context
+@pytest.mark.slow
+def test_a_design_that_exceeds_a_limit_with_fine_steps_is_not_called_converged(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    monkeypatch.setattr(enough_steps, "FINEST_SEARCHED", 1)
+    solution = oed.solve(study(1).problem, study(1).solvers[0], workers=1)
+    assert not solution.evaluation.feasible
+    assert solution.status is Status.INFEASIBLE
+    assert "narrow exceeded by" in solution.message
+    record = oed.run(study(1), tmp_path / "out")
+    assert not record.results[0].feasible
 
+
+@pytest.mark.slow
+def test_a_design_is_kept_where_finer_steps_find_none():
+    problem, solver = study(1).problem, study(1).solvers[0]
+    coarse = _searched(solver, problem, Context(workers=1))
+    answers = iter([coarse, replace(coarse, trajectory=None, evaluation=None, status=Status.INTERRUPTED)])
+    kept = enough_steps.by_enough_steps(lambda *_: next(answers), solver, problem, Context(workers=1))
+    assert kept.trajectory is coarse.trajectory
+    assert kept.status is Status.INTERRUPTED
+    assert enough_steps.COARSER in kept.detail
+
+
+def test_a_search_that_was_interrupted_is_not_taken_up_again():
     problem, seen = study(1).problem, []
     drive = problem.design.trajectory(
         np.full((problem.design.all_coefficients, 1), 0.5), problem.fixed_starts
