@@ -49,7 +49,7 @@ DURATION = "20 s"
 """Duration of a first drive."""
 PILOT = "8 s"
 """Duration of a drive before anything is known of a robot that skids: short, to stay in the room."""
-SHORT = "7 s"
+SHORT = "5 s"
 """Duration of a drive of a robot with inertia, whose periods are to be short."""
 IDENTIFIABLE = {"skid_steer": ("wheel_radius_right", "wheel_radius_left", "track")}
 """What to estimate of robots whose parameters are not identifiable all together."""
