@@ -311,7 +311,14 @@ def test_an_older_record_is_read(tmp_path: Path):
 def test_names_are_no_formulas(tmp_path: Path):
     data = copy.deepcopy(shipped("obstacle_course"))
     data["results"] = data["results"][:1]
-    data["results"][0]["name"] = data["best"] = "a $x^$ drive"
+    (departing,) = data["departures"]["results"]
+    for named, key in (
+        (data["results"][0], "name"),
+        (data, "best"),
+        (departing, "name"),
+        (data["departures"]["bundle"], "name"),
+    ):
+        named[key] = "a $x^$ drive"
     saved(tmp_path, data)
     (picture,) = paths(load_record(tmp_path)).figures
     assert "<svg" in svg_text(picture.figure)

@@ -376,11 +376,18 @@ class Record(Presented, SavedFile):
         require_alike(states, **{f"{what}.drive.poses.0": one.drive.poses[0]})
 
     def _require_simulated(self, names: list[str], parameters: list[str]) -> None:
-        driven = [one.name for one in self.results if one.drive is not None]
+        drives = {one.name: one.drive for one in self.results if one.drive is not None}
         if self.validation is not None:
             for place, one in enumerate(self.validation.results):
                 require_known(f"validation.results.{place}.name", [one.name], names)
                 require_known(f"validation.results.{place}.parameters", one.parameters, parameters)
         for key in ("robustness", "departures"):
-            drives = getattr(self, key)
-            require_known(f"{key}.results", (one.name for one in drives.results) if drives else (), driven)
+            simulated = getattr(self, key)
+            named = (one.name for one in simulated.results) if simulated else ()
+            require_known(f"{key}.results", named, drives)
+        bundles = [*self.robustness.bundles] if self.robustness is not None else []
+        if self.departures is not None and self.departures.bundle is not None:
+            bundles.append(self.departures.bundle)
+        for bundle in bundles:
+            for robot in bundle.paths:
+                require_alike(drives[bundle.name].runs, **{f"paths of robots on {bundle.name}": robot})

@@ -24,9 +24,9 @@ def drift(record: Record) -> Section | None:
     None where nothing drifts.
     """
     noise = process_noise_of(record.study.measurement.joint_sensors)
-    results = [one for one in with_drive(record) if one.standard_deviations and one.steady_deviations]
+    results = [one for one in with_drive(record) if _ratios(one)]
     winner = record.best
-    if noise is None or winner is None or not winner.steady_deviations:
+    if noise is None or winner is None or not _ratios(winner):
         return None
     blind = {solver.label for solver in record.study.solvers if solver.without_drift}
     lost = [(called(record, one), _times(one), _share(record, one)) for one in results if one.name in blind]
@@ -44,15 +44,18 @@ def _over_time(record: Record, winner: Result, blind: list[Result]) -> Picture |
     for one in record.parameters:
         unit, factor = record.shown_unit(one.name, one.unit)
 
-        def sizes(of: Numbers, factor: float = factor) -> tuple[float | None, ...]:
-            return tuple(None if size is None else factor * size for size in of)
+        def sizes(
+            of: dict[str, Numbers], name: str = one.name, factor: float = factor
+        ) -> tuple[float | None, ...]:
+            column = of.get(name, [None] * len(course.t))
+            return tuple(None if size is None else factor * size for size in column)
 
         lines = [
-            ("with drift", sizes(course.standard_deviations.get(one.name, []))),
-            ("without drift", sizes(course.steady_deviations.get(one.name, []))),
+            ("with drift", sizes(course.standard_deviations)),
+            ("without drift", sizes(course.steady_deviations)),
         ]
         lines += [
-            (called(record, other), sizes(other.over_time.standard_deviations.get(one.name, [])))
+            (called(record, other), sizes(other.over_time.standard_deviations))
             for other in blind
             if other is not winner and other.over_time is not None and other.over_time.t == course.t
         ]
@@ -73,11 +76,16 @@ def _share(record: Record, result: Result) -> float | None:
 
 def _times(result: Result) -> float:
     # How many times larger standard errors are with drift: of the parameter that it does most to.
-    return max(
-        (found / without)
-        for name, found in result.standard_deviations.items()
-        if found is not None and (without := result.steady_deviations.get(name))
-    )
+    return max(_ratios(result))
+
+
+def _ratios(result: Result) -> list[float]:
+    # Standard errors with drift over those without, of parameters that have both.
+    return [
+        size / without
+        for name, size in result.standard_deviations.items()
+        if size is not None and (without := result.steady_deviations.get(name))
+    ]
 
 
 def _table(record: Record, results: list[Result]) -> Table:
