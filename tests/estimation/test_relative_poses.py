@@ -306,6 +306,37 @@ class TestBadMatches:
         assert np.ptp(everything.poses - everything.poses[:1], axis=0).max() > 1
 
 
+def corrected_on_a_grid(drive: Matched, step: float) -> Matched:
+    """The same with headings from a matcher that corrects those of odometry by multiples of a step [rad]."""
+    turned = np.array([np.interp(drive.spans, drive.times, wheel) for wheel in drive.turned.T])
+    right, left = turned[..., 1] - turned[..., 0]
+    odometry = NOMINAL.wheel_radius * (right - left) / NOMINAL.track
+    motions = drive.motions.copy()
+    motions[:, 2] = odometry + step * np.round((motions[:, 2] - odometry) / step)
+    assert np.mean(motions[:, 2] == odometry) > 0.5
+    return replace(drive, motions=motions)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_every_loss_has_like_error_bars_of_matches_on_a_grid_of_corrections(tmp_path: Path, seed: int):
+    truth = {"wheel_radius_right": 0.0201, "wheel_radius_left": 0.02, "track": 0.0897}
+    logs = logs_of(tmp_path, corrected_on_a_grid(matched(seed, truth=truth), 0.005))
+    deviations = {}
+    for loss in ("linear", "huber", "cauchy"):
+        found = estimated(logs, loss=loss, clock_offset=False)
+        assert not [finding for finding in found.logs[0].findings if "stray" in finding.name]
+        assert not [doubt for doubt in found.doubts if doubt.name == "stray_motions"]
+        # What headings show: how fast the robot turns by its wheels.
+        right, _, track = found.values[:3]
+        slopes = np.array([1 / track, 0, -right / track**2])
+        deviations[loss] = np.sqrt(slopes @ found.covariance[:3, :3] @ slopes)
+        error = right / track - truth["wheel_radius_right"] / truth["track"]
+        assert abs(error) < 3 * deviations[loss]
+    assert 0.5 < deviations["huber"] / deviations["linear"] < 2
+    assert 0.5 < deviations["cauchy"] / deviations["linear"] < 2
+
+
 @pytest.mark.slow
 def test_other_robots_are_compared(tmp_path: Path):
     other = {"kind": "skid_steer", "wheel_radius": 0.02, "track": 0.09, "estimate": list(TRUTH)}

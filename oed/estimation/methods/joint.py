@@ -7,7 +7,7 @@ Of a designed drive, of whose starts something may be known, they are unknowns l
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -28,6 +28,7 @@ from oed.estimation.prediction.drive_readings import DriveReadings
 from oed.estimation.prediction.layout import SegmentLayout, without_turns
 from oed.estimation.prediction.logged_readings import POSE, LoggedReadings
 from oed.estimation.setup.noise import (
+    LEAST,
     estimated,
     group_of,
     groups,
@@ -35,6 +36,7 @@ from oed.estimation.setup.noise import (
     of_readings,
     places_of,
     sensor_noise,
+    step_of_grid,
 )
 from oed.estimation.setup.options import Loss
 from oed.estimation.setup.unknowns import Knowledge, Unknowns, inverse_of_sum
@@ -177,9 +179,11 @@ class JointSearch:
 
 @dataclass(frozen=True)
 class _Weighted:
-    # A search's rows in units of a noise.
+    # A search's rows in units of a noise, and the least noise by group: the step of a grid met on the way.
+    # With less a loss would hold on to the parameters that make most residuals 0.
     search: JointSearch
     noises: Mapping[str, Noise]
+    least: Mapping[str, float] = field(default_factory=dict)
 
     def __call__(self, values: Array, starts: Array) -> Rows:
         found = self.search.linearised(values, starts)
@@ -237,18 +241,21 @@ class _Weighted:
         valid, quantities, found = layout.valid, layout.quantities, dict[str, Noise]()
         rates, alike, left = np.stack(at.rates), layout.sizes is None, self._left(at)
         residuals = at.residuals if alike else left.white * self._deviations(at.rates)
-        single = residuals * self._roots
+        single, least = residuals * self._roots, dict(self.least)
         for group in groups(quantities):
             own = places_of(group, quantities)
+            group_residuals = single[..., own][valid[..., own]]
+            least[group] = max(least.get(group, LEAST), step_of_grid(group_residuals))
             found[group] = estimated(
-                single[..., own][valid[..., own]],
+                group_residuals,
                 left.redundancy[..., own][valid[..., own]],
                 of_readings(rates, valid[..., own]),
                 robust=self.search.loss != "linear",
                 grows=self.search.grows and alike,
                 jumps=None if layout.relative else jumps(single[..., own], rates, valid[..., own]),
+                least=least[group],
             )
-        return replace(self, noises=found)
+        return replace(self, noises=found, least=least)
 
     def fit(self, values: Array, starts: Array) -> Fit:
         """The solution, if these are the least squares."""

@@ -15,6 +15,7 @@ from oed.estimation.prediction.layout import SegmentLayout, without_turns
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.prediction.motion_layout import motion_segments
 from oed.estimation.preprocessing.moves import CLEAR, COARSE, FEWEST, FINE, REACH
+from oed.estimation.setup.noise import step_of_grid
 from oed.estimation.setup.unknowns import PLACE, Unknowns
 from oed.foundation.arrays import Array, Bools, Places
 from oed.logs.log import Log
@@ -50,6 +51,15 @@ class Off(NamedTuple):
         return cls(by, np.array([_size(one) for one in by]))
 
     @property
+    def steps(self) -> Array:
+        """Steps of the grids that headings and positions are off by, (2,), SI; 0 where there is no grid."""
+        return np.array([step_of_grid(by) for by in self.by])
+
+    def at_least(self, sizes: Array) -> Off:
+        """Return the same with robust standard deviations of at least those, (2,)."""
+        return self._replace(sizes=np.maximum(self.sizes, sizes))
+
+    @property
     def strays(self) -> Bools:
         """Which are plainly wrong, (m,)."""
         return np.asarray((self.by > STRAY * self.sizes[:, None]).any(axis=0))
@@ -76,7 +86,8 @@ class MotionComparison:
         """Motions (m,) far off the wheels', with any sizes and mounting, at the clocks' offset [s]."""
         begin, plain = self._regressed(self._unknowns.nominal, offset)
         found = self._off(self._fitted(begin, offset), offset)
-        return min(plain, found, key=lambda one: float(one.sizes.prod())).strays
+        best = min(plain, found, key=lambda off: float(off.sizes.prod()))
+        return best.at_least(self._off(self._unknowns.nominal, offset).steps).strays
 
     def offset(self) -> float:
         """What the inputs' clock shows when the poses' shows 0 [s]; 0 where no motion shows it."""

@@ -25,6 +25,11 @@ lasts longer is no noise but the model's error, for wheels slip in turns."""
 LEAST = 1e-6
 """Smallest noise that is believed [m, rad]: exact logs leave residuals of rounding, or of exactly 0."""
 
+EQUAL = 1e-4
+"""Difference of equal residuals at most [m, rad]: half of the readings of a sensor scatter more than that."""
+FEWEST_AWAY = 5
+"""Number of equal residuals off 0 that show a grid at least."""
+
 
 def group_of(quantity: str) -> str:
     """The name of the noise that a quantity has: `ranges` of `ranges[2]`."""
@@ -115,6 +120,7 @@ def estimated(
     robust: bool,
     grows: bool,
     jumps: Array | None = None,
+    least: float = LEAST,
 ) -> Noise:
     """The noise of residuals that a fit left.
 
@@ -125,10 +131,11 @@ def estimated(
         robust: judge by the median, so that outliers do not matter; the noise is then constant.
         grows: whether parts that grow with speed and with the yaw rate are looked for.
         jumps: of the same residuals: growth with the yaw rate has to show there as well.
+        least: smallest noise that the median may give, SI.
     """
     if robust:
         spread = np.median(np.abs(residuals)) / scipy.stats.norm.ppf(0.75)
-        return Noise(max(float(spread / np.sqrt(max(redundancy.mean(), 1e-3))), LEAST))
+        return Noise(max(float(spread / np.sqrt(max(redundancy.mean(), 1e-3))), least))
     squares = residuals**2 / np.maximum(redundancy, 1e-3)
     # Less than one degree of freedom says nothing of noise.
     constant = float(np.sqrt((residuals**2).sum() / max(redundancy.sum(), 1.0)))
@@ -138,6 +145,26 @@ def estimated(
     if jumps is None or not found.per_yaw_rate or _jumps_alike(found, jumps):
         return found
     return _growing(squares, redundancy, rates * [[1.0], [0.0]], constant)
+
+
+def step_of_grid(residuals: Array) -> float:
+    """Return the step of the grid that residuals lie on, most of them at 0.
+
+    A scan matcher that corrects odometry on a grid leaves such residuals of the parameters that odometry has.
+    Their median is 0, but a correction by one step is no outlier: the step is a robust loss's least scale.
+
+    Args:
+        residuals: real or complex, (n,), SI.
+
+    Returns:
+        The step, SI; 0 where the residuals are not on a grid, or most of them are not at 0.
+    """
+    sizes = np.abs(residuals)
+    away = sizes[sizes > EQUAL]
+    if not FEWEST_AWAY <= len(away) < len(sizes) / 2:
+        return 0.0
+    step = float(np.median(away))
+    return step if np.mean(np.abs(away - step) < EQUAL) >= 0.5 else 0.0
 
 
 def _jumps_alike(found: Noise, jumps: Array) -> bool:
