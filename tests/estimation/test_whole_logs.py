@@ -161,7 +161,7 @@ def test_slopes_of_the_likelihood_are_its_differences():
         known=loosely(unknowns_of(place=("sensor_x",), clocks=2)),
     )
     search, errors = WholeLogs(fit), ErrorSizes.of({"position": 0.001, "heading": 0.002}, 4.0)
-    linear, logs_of = search._about(fit.values, search._first_paths), errors.guess + 0.1
+    linear, logs_of = search._iterate(fit.values, search._first_paths).linear, errors.guess + 0.1
     _, slope = linear.surprise(errors, logs_of)
     for place in range(len(SIZES)):
         off = 1e-4 * np.eye(len(SIZES))[place]
@@ -174,7 +174,7 @@ def test_the_likelihood_of_exact_readings_falls_with_the_sizes_of_their_noise():
     # White noise alone, of which readings show nothing: what is left are the readings less the unknowns.
     fit = fit_of([log_of(course(seconds=6.0, period=0.3))])
     search, none = WholeLogs(fit, together=1), dict.fromkeys((*PASSING[:3], *LASTING[:2], *DRIFT), 1e-9)
-    linear = search._about(fit.values, search._first_paths)
+    linear = search._iterate(fit.values, search._first_paths).linear
     small, large = (known(**none, position=0.001 * size, heading=0.002 * size) for size in (1.0, 3.0))
     rise = linear.surprise(large, large.guess)[0] - linear.surprise(small, small.guess)[0]
     freedom = fit.layout.valid.sum() - len(fit.values) - 3

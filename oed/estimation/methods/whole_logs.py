@@ -14,17 +14,16 @@ from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
-import scipy
 
-from oed.estimation.methods.fit import Fit, combinations, degrees_of
-from oed.estimation.methods.log_errors import DRIFT, FARTHEST, NONE, SIZES, WHITE, ErrorSizes, drift_shows
+from oed.estimation.methods.fit import Fit
+from oed.estimation.methods.linear_logs import LinearLogs
+from oed.estimation.methods.log_errors import NONE, SIZES, WHITE, ErrorSizes
 from oed.estimation.methods.log_filter import POSE, LogFilter
-from oed.estimation.methods.smoothing import smoothed
 from oed.estimation.prediction.layout import FULL_TURN, SegmentLayout, cut
 from oed.estimation.prediction.log_steps import LogSteps
 from oed.estimation.prediction.logged_readings import LoggedReadings
 from oed.estimation.setup.noise import LEAST
-from oed.foundation.arrays import Array, Places
+from oed.foundation.arrays import Array
 from oed.robots.sensors.logged import Noise
 
 READ = ("x", "y", "heading")
@@ -36,10 +35,8 @@ ROUNDS = 12
 NEAR, CLOSE = 0.1, 1e-3
 """Change of the unknowns, in standard errors, at which sizes are as good as found, and at which they have
 arrived."""
-ENOUGH = 0.02
-"""Change of -2 times the likelihood's logarithm at which a search for sizes has arrived."""
-STEP = 0.05
-"""Of logarithms of sizes, for second derivatives of the likelihood."""
+SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125)
+"""Shares of a step that are tried in turn."""
 LINEAR = 1e-6
 """How much a loss may bend to count as least squares."""
 
@@ -89,6 +86,14 @@ def whole_issue(fit: Fit) -> str | None:
 
 
 @dataclass(frozen=True)
+class _Iterate:
+    # Unknowns (q,), paths of the stretches, and the logs linear about them.
+    values: Array
+    paths: list[Array]
+    linear: LinearLogs
+
+
+@dataclass(frozen=True)
 class WholeLogs:
     """The search.
 
@@ -103,31 +108,44 @@ class WholeLogs:
     together: int | None = None
 
     def found(self) -> Likeliest:
-        """Where it ends."""
-        values, paths, errors = self.fit.values.copy(), self._first_paths, self._errors
-        logs, near, arrived = errors.guess.copy(), False, False
+        """Return where the search ends, which is never less likely than the fit that it begins from."""
+        errors, log_sizes = self._errors, self._errors.guess
+        here, is_near, has_arrived = self._iterate(self.fit.values.copy(), self._first_paths), False, False
+        hold_clocks = False
         for _ in range(ROUNDS):
-            linear = self._about(values, paths)
             # Sizes hardly depend on where it is linear, and would lead the unknowns to and fro.
-            logs = logs if near else linear.likeliest(errors, logs)
-            step, covariance = linear.step(logs)
-            values = values + step[: len(values)]
-            paths = linear.smoothed(logs, step, paths)
-            change = np.abs(step[: len(values)]) / np.sqrt(np.diag(covariance))
-            near, arrived = near or bool(change.max() <= NEAR), bool(change.max() <= CLOSE)
-            if arrived:
+            log_sizes = log_sizes if is_near else here.linear.likelier(errors, log_sizes)
+            step, covariance = here.linear.step(log_sizes, hold_clocks=hold_clocks)
+            change = float((np.abs(step[: len(here.values)]) / np.sqrt(np.diag(covariance))).max())
+            here, gain = self._likelier(here, step, log_sizes)
+            is_near = is_near or change <= NEAR
+            # In a corner of the clocks steps remain that gain next to nothing.
+            has_arrived = change <= CLOSE or (change <= NEAR and gain < NEAR**2)
+            if change <= CLOSE or (gain == 0 and hold_clocks):
                 break
-        last = self._about(values, paths)
-        spread = last.spread(errors, logs)
-        degrees, least = last.degrees(logs, spread)
-        fit = replace(self._as_fit(last, logs, values, paths), converged=arrived)
-        drifts = last.drifts(errors, logs)
-        return Likeliest(fit, last.step(logs)[1], logs, spread, degrees, least, drifts)
+            hold_clocks = hold_clocks or gain == 0
+        spread = here.linear.spread(errors, log_sizes)
+        degrees, least = here.linear.degrees(log_sizes, spread)
+        fit = replace(self._as_fit(here, log_sizes), converged=has_arrived)
+        drifts, covariance = here.linear.drifts(errors, log_sizes), here.linear.step(log_sizes)[1]
+        return Likeliest(fit, covariance, log_sizes, spread, degrees, least, drifts)
+
+    def _likelier(self, here: _Iterate, step: Array, log_sizes: Array) -> tuple[_Iterate, float]:
+        # What the first share of a step that is no less likely leads to, `here` itself if none does; and by
+        # how much -2 times the likelihood's logarithm falls.
+        before = here.linear.score(self._errors, log_sizes)
+        for share in SHARES:
+            values = here.values + share * step[: len(here.values)]
+            there = self._iterate(values, here.linear.smoothed(log_sizes, share * step, here.paths))
+            gain = before - there.linear.score(self._errors, log_sizes)
+            if gain > 0:
+                return there, gain
+        return here, 0.0
 
     def planned(self, sizes: Mapping[str, float]) -> Array:
         """F^-1 (q, q) where the fit is of a planned drive, under errors of these sizes."""
         logs = self._errors.known(sizes).guess
-        return self._about(self.fit.values, self._first_paths).step(logs)[1]
+        return self._iterate(self.fit.values, self._first_paths).linear.step(logs)[1]
 
     @cached_property
     def _errors(self) -> ErrorSizes:
@@ -160,20 +178,22 @@ class WholeLogs:
             found.append(np.column_stack([np.interp(at, times, column) for column in poses.T]))
         return found
 
-    def _about(self, values: Array, paths: list[Array]) -> _Linear:
+    def _iterate(self, values: Array, paths: list[Array]) -> _Iterate:
         unknowns, quantities = self.fit.unknowns, self.fit.layout.quantities
         common, filters = range(unknowns.size - unknowns.clocks), []
         for stretch in self._steps.about(values, paths):
             clock = () if stretch.clock < 0 else (len(common) + stretch.clock,)
             filters.append(LogFilter(stretch, (*common, *clock), quantities, np.sqrt(stretch.counts)))
         # At the segments' solution what was known before pulls as hard as all scores together.
-        begun = self.fit
-        pull = begun.scores.sum(axis=0) + begun.knowledge @ (values - begun.values)
-        none = np.zeros_like(pull)
-        return _Linear(tuple(filters), begun, begun.knowledge, pull if np.any(begun.knowledge) else none)
+        known, moved = self.fit.knowledge, values - self.fit.values
+        first = self.fit.scores.sum(axis=0) if np.any(known) else np.zeros_like(moved)
+        pull = first + known @ moved
+        linear = LinearLogs(tuple(filters), self.fit, known, pull, float(moved @ (first + pull)))
+        return _Iterate(values, paths, linear)
 
-    def _as_fit(self, linear: _Linear, logs: Array, values: Array, paths: list[Array]) -> Fit:
+    def _as_fit(self, iterate: _Iterate, logs: Array) -> Fit:
         steps, plain = self._steps, self.fit
+        values, paths, linear = iterate.values, iterate.paths, iterate.linear
         whole = steps.whole
         stretches = [one.stretch for one in linear.filters]
         counts = _padded([one.counts for one in stretches])
@@ -215,7 +235,7 @@ class WholeLogs:
             innovations=True,
         )
 
-    def _alone(self, linear: _Linear, logs: Array) -> tuple[Array, Array, Array]:
+    def _alone(self, linear: LinearLogs, logs: Array) -> tuple[Array, Array, Array]:
         # Of each stretch by itself: information (S, n, n), scores (S, n), and innovations over their errors.
         each, size = [one.alone(logs) for one in linear.filters], self.fit.unknowns.size
         information, scores = np.zeros((len(each), size, size)), np.zeros((len(each), size))
@@ -252,137 +272,3 @@ def _continued(layout: SegmentLayout, paths: Array) -> Array:
             turns = (found[row - 1, end, 2] - found[row, 0, 2]) / FULL_TURN
             found[row, :, 2] += FULL_TURN * np.rint(turns)
     return found
-
-
-@dataclass(frozen=True)
-class _Linear:
-    # All stretches, linear about paths.
-    filters: tuple[LogFilter, ...]
-    fit: Fit
-    known: Array
-    pull: Array
-
-    @property
-    def size(self) -> int:
-        return len(self.pull)
-
-    def likeliest(self, errors: ErrorSizes, begin: Array) -> Array:
-        # Logarithms of sizes.
-        free = np.flatnonzero(errors.free)
-        if not len(free):
-            return begin
-
-        def surprise(some: Array) -> tuple[float, Array]:
-            logs = begin.copy()
-            logs[free] = some
-            value, slope = self.surprise(errors, logs)
-            return value, slope[free]
-
-        bounds = np.column_stack([errors.guess - FARTHEST, errors.guess + FARTHEST])[free]
-        options = {"maxiter": 100, "ftol": ENOUGH / max(abs(surprise(begin[free])[0]), 1.0)}
-        found = scipy.optimize.minimize(
-            surprise, begin[free], jac=True, method="L-BFGS-B", bounds=bounds, options=options
-        )
-        logs = begin.copy()
-        logs[free] = found.x
-        return logs
-
-    def surprise(self, errors: ErrorSizes, logs: Array) -> tuple[float, Array]:
-        # Twice the negative logarithm of the restricted likelihood, but for a constant, and its slope.
-        square, volume = self._square(logs)
-        inverse, more = self._inverse(square)
-        pull = square[:-1, -1]
-        best = inverse @ pull
-        before, slope = errors.surprise(logs)
-        value = volume + more + float(square[-1, -1] - pull @ best) + before
-        by_square = np.zeros_like(square)
-        by_square[:-1, :-1] = inverse + np.outer(best, best)
-        by_square[:-1, -1] = by_square[-1, :-1] = -best
-        by_square[-1, -1] = 1.0
-        for one, places in zip(self.filters, self._places, strict=True):
-            slope = slope + one.slope(logs, by_square[np.ix_(places, places)])
-        return value, slope
-
-    def step(self, logs: Array) -> tuple[Array, Array]:
-        # Of the unknowns and all starts; and the covariance of the unknowns.
-        square, _ = self._square(logs)
-        inverse, _ = self._inverse(square)
-        return np.asarray(-inverse @ square[:-1, -1]), inverse[: self.size, : self.size]
-
-    def _inverse(self, square: Array) -> tuple[Array, float]:
-        # Of the normal matrix, in units in which unknowns and starts compare; and the logarithm of its
-        # determinant in these.
-        units = np.append(self.fit.unknowns.scale, np.ones(POSE * len(self.filters)))
-        scale = np.outer(units, units)
-        scaled = square[:-1, :-1] * scale
-        return np.linalg.inv(scaled) * scale, float(np.linalg.slogdet(scaled)[1])
-
-    def smoothed(self, logs: Array, step: Array, paths: Sequence[Array]) -> list[Array]:
-        found, whole = [], np.append(step, 1.0)
-        for one, places, path in zip(self.filters, self._places, paths, strict=True):
-            found.append(path + smoothed(one.passed(logs), whole[places][None])[0, :, :POSE])
-        return found
-
-    def spread(self, errors: ErrorSizes, logs: Array) -> Array:
-        # Covariance of the logarithms, by differences of slopes.
-        free = np.flatnonzero(errors.free)
-        found = np.zeros((len(logs),) * 2)
-        if not len(free):
-            return found
-        second, here = np.empty((len(free), len(free))), self.surprise(errors, logs)[1][free]
-        for column, place in enumerate(free):
-            off = np.zeros(len(logs))
-            off[place] = STEP
-            second[:, column] = (self.surprise(errors, logs + off)[1][free] - here) / STEP
-        # Of twice the logarithm; never surer than the prior alone would be of what curves the wrong way.
-        values, vectors = np.linalg.eigh((second + second.T) / 4)
-        least = 1 / errors.spread[free].max() ** 2
-        inverse = (vectors / np.maximum(values, least)) @ vectors.T
-        found[np.ix_(free, free)] = inverse
-        return found
-
-    def drifts(self, errors: ErrorSizes, logs: Array) -> bool | None:
-        # Against the most likely sizes of all else without it.
-        places = [SIZES.index(name) for name in DRIFT]
-        if not np.any(errors.free[places]):
-            return None
-        none = errors.without(DRIFT)
-        begin = np.where(none.free, logs, none.guess)
-        odds = self.surprise(errors, logs)[0] - self.surprise(none, self.likeliest(none, begin))[0]
-        return drift_shows(odds)
-
-    def degrees(self, logs: Array, spread: Array) -> tuple[float, float]:
-        # Of intervals, by how unsure the sizes leave the variances: of parameters, of combinations of them.
-        own = slice(len(self.fit.unknowns.parameters))
-        ways = np.hstack([np.eye(own.stop), combinations(self.step(logs)[1][own, own])])
-        slopes = np.zeros((len(logs), ways.shape[1]))
-        for place in np.flatnonzero(np.diag(spread)):
-            off = np.zeros(len(logs))
-            off[place] = STEP
-            each = (self.step(logs + way * off)[1][own, own] for way in (1, -1))
-            sizes = [np.log(np.einsum("au,ab,bu->u", ways, one, ways)) for one in each]
-            slopes[place] = np.subtract(*sizes) / (2 * STEP)
-        unsure = np.einsum("ku,kl,lu->u", slopes, spread, slopes)
-        return degrees_of(unsure[own].max(initial=0.0)), degrees_of(unsure.max(initial=0.0))
-
-    def _square(self, logs: Array) -> tuple[Array, float]:
-        # Of all unknowns, starts and 1; what is known from before included.
-        width = self.size + POSE * len(self.filters) + 1
-        total, volume = np.zeros((width, width)), 0.0
-        for one, places in zip(self.filters, self._places, strict=True):
-            equations = one.normal_equations(logs)
-            total[np.ix_(places, places)] += equations.square
-            volume += equations.volume
-        total[: self.size, : self.size] += self.known
-        total[: self.size, -1] += self.pull
-        total[-1, : self.size] += self.pull
-        return total, volume
-
-    @cached_property
-    def _places(self) -> list[Places]:
-        found = []
-        for number, one in enumerate(self.filters):
-            first = self.size + POSE * number
-            last = self.size + POSE * len(self.filters)
-            found.append(np.array([*one.columns, *range(first, first + POSE), last]))
-        return found
