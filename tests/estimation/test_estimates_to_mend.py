@@ -9,7 +9,6 @@ import pytest
 from simulated import (
     TRUTH,
     course,
-    lasting,
     log_of,
     logged_problem,
     options,
@@ -97,25 +96,3 @@ def test_an_ordinary_log_has_no_such_notes():
     log = log_of(course(seconds=20.0), noise=(0.002, 0.005))
     calibration = calibrate(logged_problem(), [log], options(clock_offset=False))
     assert not {OF_LAGS, TURNS_IN_SHORT_SEGMENTS} & set(calibration.notes)
-
-
-@pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True, reason="issue 54: the allowance for noise of the inputs misses straight drives"
-)
-def test_interval_of_a_gain_that_straight_positions_hardly_show_holds_the_truth():
-    robot, rng, period, count = Unicycle(omega_per_v=0.0), np.random.default_rng([0, 9]), 0.05, 1000
-    turning = 0.03 * np.sin(2 * np.pi * period * np.arange(count) / 9)
-    inputs = np.column_stack([np.full(count, 0.95), turning])
-    parameters = truth_of(robot, gain_v=0.955, gain_omega=0.96)
-    drive = course(robot, parameters, seconds=50.0, period=period, inputs=inputs)
-    log = lasting(log_of(drive, noise=(0.004, 0.0), quantities=("x", "y"), every=4), 0.01, 10.0)
-    # Play makes the heading of odometry err by 0.1 rad, for 0.3 s.
-    play, keep = np.zeros(count + 1), np.exp(-period / 0.3)
-    for step in range(count):
-        play[step + 1] = keep * play[step] + 0.1 * np.sqrt(1 - keep**2) * rng.normal()
-    log = replace(log, integrals=log.integrals + np.column_stack([0 * play, play]))
-    calibration = calibrate(logged_problem(model=robot), [log], options())
-    place = calibration.parameters.index("gain_omega")
-    reach = calibration.covariances[0].half_width * calibration.standard_deviations["gain_omega"]
-    assert abs(calibration.values[place] - 0.96) < reach

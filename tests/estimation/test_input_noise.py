@@ -6,13 +6,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulated import ROBOT, TRUTH, Course, course, fit_of, log_of, logged_problem, options
+from simulated import (
+    ROBOT,
+    TRUTH,
+    XYH,
+    Course,
+    course,
+    fit_of,
+    lasting,
+    log_of,
+    logged_problem,
+    options,
+    truth_of,
+)
 
 from oed.estimation import calibrate
 from oed.estimation.assessment.input_noise import MOST, Dilution, dilution_doubts, dilution_of
 from oed.logs.log import Log
+from oed.robots.models import Unicycle
 
 NOISE = (0.002, 0.003)
+UNICYCLE = Unicycle(omega_per_v=0.0)
+GAINS = truth_of(UNICYCLE, gain_v=0.955, gain_omega=0.96)
 TRUE = np.array([*TRUTH.values()])
 PERIOD, SECONDS = 0.05, 20.0
 
@@ -58,6 +73,19 @@ def turning(seed: int) -> Log:
     return log_of(course(seconds=SECONDS, period=PERIOD, seed=seed), noise=NOISE, seed=seed)
 
 
+def nearly_straight(seed: int, quantities: tuple[str, ...] = XYH) -> Log:
+    """Odometry of a drive that hardly turns: play lets its heading err by 0.1 rad for 0.3 s."""
+    rng, times = np.random.default_rng([seed, 9]), PERIOD * np.arange(round(12.0 / PERIOD))
+    turning = 0.06 * np.sin(2 * np.pi * times / 9 + rng.uniform(0, 6))
+    speeds = np.clip(np.minimum(times, 12.0 - times) / 2, 0, 0.5)
+    drive = course(UNICYCLE, GAINS, seconds=12.0, period=PERIOD, inputs=np.column_stack([speeds, turning]))
+    log = log_of(drive, noise=(0.001, 0.0026), quantities=quantities, seed=seed)
+    play, kept = np.zeros(len(times) + 1), np.exp(-PERIOD / 0.3)
+    for row in range(len(times)):
+        play[row + 1] = kept * play[row] + 0.1 * np.sqrt(1 - kept**2) * rng.normal()
+    return replace(log, integrals=log.integrals + np.column_stack([0 * play, play]))
+
+
 def diluted(log: Log, seconds: float = 2.0) -> Dilution:
     found = dilution_of(fit_of([log], seconds=seconds))
     assert found is not None
@@ -89,15 +117,18 @@ def test_where_the_poses_own_noise_explains_the_residuals_there_is_none(make):
 
 
 @pytest.mark.slow
-def test_bias_of_more_than_noise_is_bounded_by_the_parameters_size():
+def test_bias_by_more_than_noise_reaches_back_to_the_nominal_value_or_is_as_large_as_that():
     # Of a robot that does not turn at all its wheels' noise alone says how wide it is.
     still = course(seconds=8.0, inputs=np.full((80, 2), 4.0))
     rng = np.random.default_rng(0)
     log = log_of(still, noise=(0.002, 0.03))
     log = replace(log, integrals=log.integrals + np.cumsum(rng.normal(0.0, 0.05, (81, 2)), axis=0))
-    found = diluted(log, np.inf)
-    assert np.all(np.abs(found.bias) <= np.array(ROBOT.nominal) * (1 + 1e-9))
-    assert found.shares[2] > 0.5
+    fit = fit_of([log], seconds=np.inf)
+    found, nominal = dilution_of(fit), np.array(ROBOT.nominal)
+    assert found is not None
+    assert np.all(np.abs(found.bias[:2]) <= nominal[:2] * (1 + 1e-9))
+    assert found.shares[2] == 1
+    assert found.bias[2] == pytest.approx(max(nominal[2], fit.values[2] - nominal[2]))
 
 
 def test_a_covariance_allows_for_it_in_its_direction_only():
@@ -116,6 +147,41 @@ def test_it_is_said_beside_the_number():
         [-1, 1]
     )
     assert ends[0] < TRUE[2] < ends[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 5, 7])
+def test_a_gain_whose_motion_may_be_noise_alone_is_not_identified(seed: int):
+    found = calibrate(logged_problem(model=UNICYCLE), [nearly_straight(seed)], options())
+    place = found.parameters.index("gain_omega")
+    reach = found.covariances[0].half_width * found.standard_deviations["gain_omega"]
+    assert abs(found.values[place] - GAINS[place]) < reach
+    assert any("do not identify gain_omega" in sentence for sentence in found.weak_directions)
+    # Neither its size nor its sign says anything of wheels or axes.
+    doubts = {doubt.name: doubt.message for doubt in found.doubts if doubt.parameter == "gain_omega"}
+    assert doubts.keys() == {"input_noise"}
+    assert "100 % of the motion that identifies it" in doubts["input_noise"]
+    # What the drive shows is known as well as before.
+    assert found.standard_deviations["gain_v"] < 0.01
+
+
+@pytest.mark.slow
+def test_interval_of_a_gain_that_straight_positions_hardly_show_holds_the_truth():
+    rng, period, count = np.random.default_rng([0, 9]), 0.05, 1000
+    turning = 0.03 * np.sin(2 * np.pi * period * np.arange(count) / 9)
+    inputs = np.column_stack([np.full(count, 0.95), turning])
+    parameters = truth_of(UNICYCLE, gain_v=0.955, gain_omega=0.96)
+    drive = course(UNICYCLE, parameters, seconds=50.0, period=period, inputs=inputs)
+    log = lasting(log_of(drive, noise=(0.004, 0.0), quantities=("x", "y"), every=4), 0.01, 10.0)
+    # Play makes the heading of odometry err by 0.1 rad, for 0.3 s.
+    play, keep = np.zeros(count + 1), np.exp(-period / 0.3)
+    for step in range(count):
+        play[step + 1] = keep * play[step] + 0.1 * np.sqrt(1 - keep**2) * rng.normal()
+    log = replace(log, integrals=log.integrals + np.column_stack([0 * play, play]))
+    calibration = calibrate(logged_problem(model=UNICYCLE), [log], options())
+    place = calibration.parameters.index("gain_omega")
+    reach = calibration.covariances[0].half_width * calibration.standard_deviations["gain_omega"]
+    assert abs(calibration.values[place] - 0.96) < reach
 
 
 @pytest.mark.slow

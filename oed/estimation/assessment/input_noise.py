@@ -9,7 +9,8 @@ noise is no log says for sure; but it shows in residuals that are larger than th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -30,6 +31,8 @@ SMALL = 1e-3
 """Least noise that is drawn, relative to the inputs' root mean square: effects are then in proportion."""
 MOST = 0.9
 """Share of the information in any direction that noise of the inputs is taken to make up at most."""
+ALL = 0.99 * MOST
+"""Share of noise of the inputs from which on the information on an unknown may be nothing else."""
 OUTLYING = 10.0
 """Times their median that third differences are jumps, not noise."""
 WORTH_SAYING = 1.0
@@ -52,11 +55,16 @@ class Dilution:
 
     Attributes:
         bias: estimates less what they would be without it, at most, (q,), SI.
-        shares: of the information on each unknown that may be noise, (q,).
+        shares: of the information on each unknown that may be noise, (q,); 1 of parameters whose information
+            may be nothing else.
     """
 
     bias: Array
     shares: Array
+
+    def lost(self, names: Sequence[str]) -> set[str]:
+        """Return those of the parameters whose information may be noise alone."""
+        return {name for name, share in zip(names, self.shares, strict=False) if share == 1}
 
     def widened(self, matrix: Array) -> Array:
         """A covariance (q, q) that allows for the bias, whose sign is believed and whose size is not."""
@@ -89,9 +97,16 @@ def dilution_of(fit: Fit, seed: int = 0) -> Dilution | None:
         each = (left / own for left, own in zip(room, made, strict=True) if own > 0 and np.isfinite(left))
         largest = min(each, default=0.0)
         noise, slope = noise + largest * turned, slope + largest * along
-    found = _dilution(fit.total, noise, slope)
+    dilution, scale = _dilution(fit.total, noise, slope), fit.unknowns.scale
     # Beyond its own size nobody looks for a parameter.
-    return replace(found, bias=found.bias / max(1.0, float(np.abs(found.bias / fit.unknowns.scale).max())))
+    bias = dilution.bias / max(1.0, float(np.abs(dilution.bias / scale).max()))
+    is_parameter = np.arange(count) < len(fit.unknowns.parameters)
+    is_noise = is_parameter & (dilution.shares >= ALL)
+    # What noise alone has led away from the nominal value may as well be there.
+    off = fit.values - fit.unknowns.nominal
+    bias = np.where(is_noise, np.copysign(np.maximum(scale, np.abs(off)), off), bias)
+    shares = np.where(is_noise, 1.0, dilution.shares)
+    return Dilution(bias, shares)
 
 
 def _dilution(total: Array, noise: Array, slope: Array) -> Dilution:
