@@ -168,7 +168,8 @@ def _without_outliers(fit: Fit, number: int) -> Log:
 def _likelihood(fit: Fit, windows: Windows) -> Likelihood:
     motions, layout = windows.motions(fit.values), windows.layout
     residuals, counts = averaged(windows, motions)
-    course = Course(motions.path, layout.steps, windows.linked, counts)
+    sensor_heading = float(fit.unknowns.parts(fit.values)[1][PLACE.index("sensor_heading")])
+    course = Course(motions.path, layout.steps, windows.linked, counts, sensor_heading)
     parts = course.parts
     # Jitter of the poses' times is averaged along with them.
     parts[TIMING] = 0.0

@@ -16,7 +16,7 @@ from oed.estimation.methods.fit import ScoreParts
 from oed.estimation.methods.log_errors import BEYOND_DOUBT
 from oed.estimation.methods.window_noise import FIRST, OF_POSES, TIMING, Course, Likelihood
 from oed.estimation.methods.windows import Windows, pose_variances
-from oed.estimation.setup.unknowns import Knowledge
+from oed.estimation.setup.unknowns import PLACE, Knowledge
 from oed.foundation.arrays import Array
 from oed.robots.sensors.logged import Noise
 
@@ -44,7 +44,8 @@ def motion_likelihood(
         grows: whether noise of poses may grow with speed and yaw rate.
     """
     motions, scale = windows.motions(values), windows.unknowns.scale
-    course = Course(motions.path, windows.layout.steps, windows.linked)
+    sensor_heading = float(windows.unknowns.parts(values)[1][PLACE.index("sensor_heading")])
+    course = Course(motions.path, windows.layout.steps, windows.linked, sensor_heading=sensor_heading)
     parts = course.parts
     fixed = np.zeros(parts.shape[1:])
     if not grows:

@@ -43,12 +43,14 @@ class Course:
         steps: time between them, (S, n) [s].
         linked: whether a window begins where the one before it ends, (S - 1,).
         counts: of how many poses the first and the last one are the mean, (S, 2) or 1.
+        sensor_heading: of the sensor on the robot [rad]: drift is ahead and sideways of the robot.
     """
 
     path: Array
     steps: Array
     linked: Bools
     counts: Array | float = 1.0
+    sensor_heading: float = 0.0
 
     def of_poses(self, variances: Array) -> Array:
         """Covariance of the motions, as a band, by noise of the poses at their ends.
@@ -83,7 +85,7 @@ class Course:
     def _drifts(self) -> list[Array]:
         # Errors of the steps, independent of each other, carried along to the window's end.
         moves = np.diff(self.path, axis=1)
-        heading = self.path[:, :-1, 2] + moves[..., 2] / 2
+        heading = self.path[:, :-1, 2] + moves[..., 2] / 2 - self.sensor_heading
         rest = self.path[:, -1:] - (self.path[:, :-1] + moves / 2)
         cosine, sine, none = np.cos(heading), np.sin(heading), np.zeros(heading.shape)
         ahead = np.stack([cosine, sine, none], axis=-1)
