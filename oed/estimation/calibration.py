@@ -274,8 +274,8 @@ class _Work:
     def _notes(self, found: PreparedLogs, of_fit: Sequence[str], judged: _Judged) -> list[str]:
         notes = [*thinning_notes(self.logs, found.logs), *of_fit]
         notes += [*unread(self.problem.measurement, found.logs), *judged.notes]
-        notes += cautions(judged.fit, judged.covariances[0], judged.segmenting)
         rates, chosen = judged.drift, judged.covariances[0]
+        notes += cautions(judged.fit, chosen, judged.segmenting, rates, judged.errors)
         if rates is not None and (judged.errors is not None or chosen.name == "drift"):
             notes.append(rates.words)
         return [*notes, ITSELF_DRIFTING] if found.relative else notes

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 
 from oed.estimation.assessment.covariance import Covariance
+from oed.estimation.methods.drift_rates import DriftRates
 from oed.estimation.methods.fit import Fit
 from oed.estimation.methods.segment_length import Segmenting
+from oed.estimation.methods.whole_logs import Likeliest
 
 POSE_STATES = 3
 """Number of states of a robot that has none beside its pose."""
@@ -20,18 +22,45 @@ TURNS_IN_SHORT_SEGMENTS = (
 )
 
 
-def cautions(fit: Fit, chosen: Covariance, segmenting: Segmenting | None) -> list[str]:
+DRIVES_CONTRADICT = (
+    "the drives agree only beside an error of the pose that stays throughout each: standard errors leave out "
+    "how much the drives contradict each other; compare with estimates of each log alone, or with "
+    "`calibration: {method: joint}`"
+)
+
+
+def cautions(
+    fit: Fit,
+    chosen: Covariance,
+    segmenting: Segmenting | None,
+    rates: DriftRates | None = None,
+    whole_logs: Likeliest | None = None,
+) -> list[str]:
     """Return a sentence for each known weakness of the estimator that the result depends on.
 
     Args:
         fit: to all logs.
         chosen: the covariance in use.
         segmenting: how the length of segments was chosen; None where the user specified it.
+        rates: of drift, where there are any.
+        whole_logs: the most likely sizes of errors, by the method `likelihood` alone.
     """
     sentences = []
-    if chosen.name == "drift" and len(fit.unknowns.system.states) > POSE_STATES:
+    is_usual = chosen.name == "drift" and rates is not None and rates.seconds is None
+    if is_usual and len(fit.unknowns.system.states) > POSE_STATES:
         sentences.append(OF_LAGS)
+    if whole_logs is not None and _drives_contradict(whole_logs):
+        sentences.append(DRIVES_CONTRADICT)
     positions_alone = set(fit.layout.quantities) == {"x", "y"}
     if positions_alone and segmenting is not None and math.isfinite(segmenting.seconds):
         sentences.append(TURNS_IN_SHORT_SEGMENTS)
     return sentences
+
+
+def _drives_contradict(whole_logs: Likeliest) -> bool:
+    # What passes is to pass within a log. What does not, and is larger than the noise of a reading, makes up
+    # for what a robot of these parameters cannot do in all drives.
+    logs, sizes = whole_logs.fit.layout.logs, whole_logs.sizes
+    longest = max(float(log.pose_times[-1] - log.pose_times[0]) for log in logs)
+    largest = max(sizes["passing_ahead"], sizes["passing_sideways"])
+    return len(logs) > 1 and sizes["passing_seconds"] > longest and largest > sizes["position"]
