@@ -77,10 +77,12 @@ class _Assured:
         return self._without_design(replace(solution, status=Status.FAILED), last)
 
     def _searched_well(self, options: Solver, solution: Solution, tightened: Robust) -> Solution:
-        # How tight limits have to be was found with quick searches: now a whole one, from the best of them.
-        if len(self.solutions) == 1:
+        # How tight limits have to be was found with quick searches: now a whole one, from the best of them,
+        # where that is more than the last quick one was.
+        whole = options.again(quick=False)
+        if len(self.solutions) == 1 or whole == options.again():
             return self._summed(solution)
-        again = self._searched(options.again(quick=False), tightened, self._knowing(solution))
+        again = self._searched(whole, tightened, self._knowing(solution))
         better = self._enough(again) and _objective(again) > _objective(solution)
         if better and self.verified < self.drives:
             again = self._verified(again)

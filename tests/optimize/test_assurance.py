@@ -59,6 +59,11 @@ class Larger(Solver):
     stubborn: bool = False
     finds: bool = True
     status: Status = Field(default=Status.CONVERGED)
+    quick: bool = False
+
+    def again(self, *, quick: bool = True) -> Larger:
+        """A quick one, said to be so."""
+        return self.model_copy(update={"quick": quick})
 
     def search(self, problem: Problem, context: Context) -> Solution:
         """The fastest."""
@@ -111,6 +116,14 @@ class TestRaised:
         assert enough(problem, solution)
         assert [one.robust.reach for one, _ in asked] == pytest.approx(expected)
         assert solution.robust.reach == asked[-1][0].robust.reach
+
+    def test_what_is_as_quick_as_it_can_be_is_not_searched_once_more(self, raised, monkeypatch):
+        problem, solution, asked = raised
+        monkeypatch.setattr(Larger, "again", Solver.again)
+        Larger.asked.clear()
+        quick = solve(problem, Larger(name="mine"), seed=3, workers=1)
+        assert len(Larger.asked) == len(asked) - 1
+        assert quick.violation.probability == solution.violation.probability
 
     def test_no_more_than_needed(self, raised):
         _, _, asked = raised
