@@ -13,6 +13,7 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -46,6 +47,8 @@ WORTH = 0.5
 Sending one costs 15 ms here and 0.1 s on a cluster, starting processes some seconds. 200 drives of 200
 samples take 3 to 8 ms: they are scored here.
 """
+WRITING = 2e-5
+"""Time [s] for one operation of a drive that is written out, which every process does before it scores."""
 THREADS = 4
 """Threads that score a generation here, at most: the more there are, the less each adds."""
 COMPILED = 0.5
@@ -185,13 +188,15 @@ class Population:
         until: float = np.inf,
     ) -> None:
         """Compile nothing yet."""
-        self._expected, self._compiled, self._until = expected, False, until
+        self._expected, self._asked, self._until = expected, False, until
         self._design, self._refine, self._workers = design, refine, workers
         self._seconds = 0.0
+        self._binary: Path | None = None
 
     def score(self, candidates: Array) -> Scored:
         """Criterion (K,) and relative violation of each limit (K, limits) of candidates (K, size)."""
-        if self._workers != 1 and self._seconds * len(candidates) > WORTH:
+        self._expected -= len(candidates)
+        if self._workers != 1 and self._worth_sharing(len(candidates)):
             return self._shared(candidates)
         # Writing the drive out, on the first call, is not to be taken for scoring.
         self._design.terms.scores_written_out  # noqa: B018
@@ -199,19 +204,26 @@ class Population:
         threads = min(self._workers, THREADS) if isinstance(self._workers, int) else 1
         scores = self._design.score_many(candidates, threads)
         self._seconds = (time.perf_counter() - began) / len(candidates)
-        left = self._seconds * (self._expected - len(candidates))
-        left = min(left, self._until - time.perf_counter())
-        if not self._compiled and left >= COMPILED:
-            self._design.compile_scores(SPARED * left)
-            self._compiled = True
+        if not self._asked and self._left >= COMPILED:
+            self._binary = self._design.compile_scores(SPARED * self._left)
+            self._asked = True
             # To be found out again.
             self._seconds = 0.0
         return scores
 
+    @property
+    def _left(self) -> float:
+        # Time [s] of scoring all other candidates here.
+        return min(self._seconds * self._expected, self._until - time.perf_counter())
+
+    def _worth_sharing(self, count: int) -> bool:
+        seconds, share = self._seconds * count, 1 - 1 / at_once(self._workers)
+        return seconds > WORTH and share * (self._left + seconds) > WRITING * self._design.terms.written
+
     def _shared(self, candidates: Array) -> Scored:
         parts = np.array_split(candidates, at_once(self._workers))
         problem, refine = self._design.problem, self._refine
-        tasks = [_Part(problem, refine, part, self._compiled) for part in parts if len(part)]
+        tasks = [_Part(problem, refine, part, self._binary) for part in parts if len(part)]
         found: dict[int, Scored] = {}
         run_tasks(_scored, tasks, self._workers, found.__setitem__)
         values, violations = zip(*(found[index] for index in range(len(tasks))), strict=True)
@@ -223,14 +235,14 @@ class _Part:
     problem: Problem
     refine: int
     candidates: Array
-    compiled: bool
+    binary: Path | None
 
 
 def _scored(part: _Part) -> Scored:
-    # The terms are written once in each process; what was compiled is taken where it is kept.
+    # The terms are written once in each process; what was compiled is taken from where it is.
     design = DesignExpressions(part.problem, part.refine)
-    if part.compiled:
-        design.compile_scores(spared=0.0)
+    if part.binary is not None:
+        design.take_scores(part.binary)
     return design.score_many(part.candidates)
 
 

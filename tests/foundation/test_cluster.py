@@ -60,7 +60,8 @@ def workers(local: distributed.LocalCluster) -> Cluster:
 def always_shared(monkeypatch: pytest.MonkeyPatch) -> None:
     """Even work that is done sooner here goes to the workers."""
     monkeypatch.setattr(multi_start, "POOL_SECONDS", 0.0)
-    monkeypatch.setattr(genetic, "WORTH", 0.0)
+    for name in ("WORTH", "WRITING"):
+        monkeypatch.setattr(genetic, name, 0.0)
 
 
 @pytest.mark.slow

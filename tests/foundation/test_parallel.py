@@ -188,11 +188,12 @@ def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
         run_tasks(function, tasks, 1, take)
 
     monkeypatch.setattr(genetic, "run_tasks", counting)
-    monkeypatch.setattr(genetic, "WORTH", 0.0)
+    for name in ("WORTH", "WRITING"):
+        monkeypatch.setattr(genetic, name, 0.0)
     problem = problem_of()
     design = DesignExpressions(problem, refine=2)
     candidates = random_drives(design, np.linspace(0.1, 1, 11), np.random.default_rng(0))
-    scored = Population(design, 2, 3)
+    scored = Population(design, 2, 3, expected=30)
     for _ in range(2):
         values, violations = scored.score(candidates)
         expected = design.score_many(candidates)
@@ -209,12 +210,12 @@ def test_workers_take_what_was_compiled(monkeypatch: pytest.MonkeyPatch, tmp_pat
 
     def watching(function: Any, tasks: list[Any], workers: Any, take: Any) -> None:
         run_tasks(function, tasks, 1, take)
-        taken.append([task.compiled for task in tasks])
+        taken.append([task.binary is not None for task in tasks])
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(genetic, "run_tasks", watching)
-    for name in ("oed.optimize.genetic.WORTH", "oed.optimize.genetic.COMPILED"):
-        monkeypatch.setattr(name, 0.0)
+    for name in ("WORTH", "WRITING", "COMPILED"):
+        monkeypatch.setattr(genetic, name, 0.0)
     # However little it spares.
     monkeypatch.setattr(genetic, "SPARED", np.inf)
     design = DesignExpressions(problem_of(), refine=2)
@@ -227,6 +228,19 @@ def test_workers_take_what_was_compiled(monkeypatch: pytest.MonkeyPatch, tmp_pat
     # Here first, and again when compiled; one library, which the workers take.
     assert taken == [[True] * 3]
     assert len(list((tmp_path / "oed").iterdir())) == 1
+
+
+def test_a_population_is_scored_here_where_writing_its_drive_out_elsewhere_takes_longer(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(genetic, "run_tasks", None)
+    monkeypatch.setattr(genetic, "WORTH", 0.0)
+    monkeypatch.setattr(genetic, "WRITING", 1.0)
+    design = DesignExpressions(problem_of(), refine=2)
+    candidates = random_drives(design, np.full(5, 0.5), np.random.default_rng(0))
+    scored = Population(design, 2, 2, expected=1000)
+    for _ in range(2):
+        assert scored.score(candidates)[0].shape == (5,)
 
 
 def test_a_quick_population_is_scored_here(monkeypatch: pytest.MonkeyPatch):

@@ -17,11 +17,11 @@ from oed.kernel.dynamics.compiled import compiled, compiler
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
-from oed.optimize.terms.base import Terms
+from oed.optimize.terms.base import COMPILING, Terms
 from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.row_bounds import RowBounds, violation
 from oed.optimize.terms.unrolled import Unrolled
-from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.design import LOOKING, DesignExpressions
 from oed.robots.limits import BodySpeed, EndHeading, PathLength, WheelSpeed
 from oed.robots.limits.workspace import CircularObstacle, Obstacles
 from oed.robots.sensors import Displacements, Poses, RelativePoses
@@ -172,12 +172,15 @@ def test_compiled_anew_only_where_that_spares_time(cache: Path):
     problem: Problem = problem_of(**SPACE, limits=(SPEED, BOX))
     drives = candidates(design().terms).T
     plain = design().score_many(drives)
-    for spared, count in ((0.01, 0), (60.0, 1), (0.01, 1)):
+    # Per operation: less than finding out takes, enough to compile, and enough to find that.
+    for spared, count in ((0.5 * LOOKING, 0), (30 * COMPILING, 1), (1.5 * LOOKING, 1)):
         own = design()
-        own.compile_scores(spared)
+        assert (own.compile_scores(spared * own.terms.written) is None) == (count == 0)
         assert libraries() == count
         assert_same_bits(list(own.score_many(drives)), list(plain))
         assert own._scores.is_a("External") == bool(count)
+    unknown = design()
+    assert unknown.compile_scores(0.5 * LOOKING * unknown.terms.written) is None
 
 
 @pytest.mark.parametrize(

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.criteria.criterion import lifted
-from oed.kernel.dynamics.compiled import compiled
+from oed.kernel.dynamics.compiled import Making, taken
 from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -24,6 +25,12 @@ from oed.optimize.terms.unrolled import OtherRobots, Unrolled
 
 UNSOUND = 1e3
 """Violation of every limit, as a share of its size, of a drive that is not finite."""
+
+LOOKING = 1e-4
+"""Time [s] to be spared for one operation written out from which it is looked for what was compiled before.
+
+The source, by which that is known, takes a tenth of it to be written.
+"""
 
 
 class DesignExpressions:
@@ -139,16 +146,34 @@ class DesignExpressions:
     def _scores(self) -> ca.Function:
         return self.terms.scores_written_out
 
-    def compile_scores(self, spared: float = np.inf) -> None:
+    def compile_scores(self, spared: float = np.inf) -> Path | None:
         """Let generated C score candidates, where there is a compiler; the numbers stay the same.
 
+        Returns the library; None where there is none.
+
         Args:
-            spared: time [s] that this would spare; where compiling takes longer, it is given up.
+            spared: time [s] that this would spare; where compiling takes longer, it is given up, and where
+                nothing is compiled that was not before, that is looked for if that takes little of it.
         """
         anew = spared >= COMPILING * self.terms.written
-        found = compiled(self.terms.scores, anew=anew, patience=spared)
-        if found is not self.terms.scores:
-            self._scores = found
+        if not anew and spared < LOOKING * self.terms.written:
+            return None
+        making = Making([self.terms.scores], anew=anew)
+        making.wait(spared)
+        if making.binary is None or not self.take_scores(making.binary):
+            return None
+        return making.binary
+
+    def take_scores(self, binary: Path) -> bool:
+        """Let what was compiled score candidates; whether it is there.
+
+        Args:
+            binary: a file.
+        """
+        found = taken(binary, [self.terms.scores.name()])
+        if found is not None:
+            (self._scores,) = found
+        return found is not None
 
     def _judged(self, candidates: Array, threads: int = 1) -> tuple[list[list[Array]], Array]:
         # For every robot its matrices (K, p, p); relative violations (K, limits).
