@@ -251,6 +251,11 @@ class Problem(Presented, Renamed):
         return {1: self}
 
     @cached_property
+    def unlimited(self) -> Problem:
+        """The problem without limits and back-off: for information, or a drive's length, alone."""
+        return replace(self, limits=(), robust=None, designed=False)
+
+    @cached_property
     def steady(self) -> Problem:
         """The problem without process noise: of every drive it has more information, or as much."""
         measurement = self.measurement.steady()

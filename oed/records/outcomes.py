@@ -16,8 +16,9 @@ from oed.bounds import LOOSE, Certificate
 from oed.foundation.arrays import Array
 from oed.foundation.extras import package_version
 from oed.kernel.dynamics.system import label_of
-from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate, precision_over_time, resolved
+from oed.kernel.evaluation import TOLERANCE, Evaluation, precision_over_time
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import score
 from oed.kernel.solution import Solution
 from oed.records.stored.result import NUMBERS, Covariance, Margin, PrecisionOverTime, Result, StoredDrive
 from oed.records.stored.selection import StoredSelection
@@ -108,10 +109,19 @@ def result_of(
 
 def _steady_deviations(solution: Solution) -> dict[str, float | None]:
     # As they would be if nothing drifted; {} where nothing does.
-    problem, trajectory = solution.problem, solution.trajectory
-    if problem is None or trajectory is None or solution.evaluation is None or problem.steady is problem:
+    problem, trajectory = _drifting(solution), solution.trajectory
+    if problem is None or trajectory is None:
         return {}
-    return _finite(evaluate(problem.steady, trajectory).standard_deviations)
+    return _finite(score(problem.steady, trajectory).standard_deviations)
+
+
+def _drifting(solution: Solution) -> Problem | None:
+    # The problem of a process that drifts, with the integration steps that its drive was scored by.
+    problem, evaluation = solution.problem, solution.evaluation
+    if problem is None or evaluation is None or problem.steady is problem:
+        return None
+    steps = evaluation.steps
+    return (problem if steps is None else problem.refined(steps.times)).unlimited
 
 
 def _finite(deviations: Mapping[str, float]) -> dict[str, float | None]:
@@ -119,17 +129,16 @@ def _finite(deviations: Mapping[str, float]) -> dict[str, float | None]:
 
 
 def _over_time(solution: Solution) -> PrecisionOverTime | None:
-    # Of a process that drifts.
-    problem, trajectory = solution.problem, solution.trajectory
-    if problem is None or trajectory is None or solution.evaluation is None or problem.steady is problem:
+    problem, trajectory = _drifting(solution), solution.trajectory
+    if problem is None or trajectory is None:
         return None
     (one,) = problem.any_estimations
     times = np.linspace(0.0, max(run.duration for run in trajectory.each), TIMES + 1)[1:]
 
     def by_name(of: Problem) -> dict[str, list[float | None]]:
-        found = precision_over_time(resolved(of, trajectory), trajectory, times).T
-        columns = ([size if math.isfinite(size) else None for size in row] for row in found.tolist())
-        return dict(zip(one.parameters, columns, strict=True))
+        columns = precision_over_time(of, trajectory, times).T.tolist()
+        each = ([size if math.isfinite(size) else None for size in column] for column in columns)
+        return dict(zip(one.parameters, each, strict=True))
 
     return PrecisionOverTime.of(
         t=times, standard_deviations=by_name(problem), steady_deviations=by_name(problem.steady)

@@ -40,6 +40,10 @@ TAIL_RATIO = 4.0
 """Ratio of each of these to the next."""
 SMALLEST = SCANNED_RATIO * TAIL_RATIO**TAIL
 """The largest size over the smallest that is tried."""
+SHRUNK, MOST_SHRUNK = 2e-4, 0.05
+"""Share by which a size is made smaller at first where finer integration steps see a limit exceeded; it is
+doubled each time, up to the other one.
+"""
 MOST_LAPS = 50
 """Laps of a path of given length at most; each costs samples to stop and start."""
 PROPORTIONAL_STEPS = 8
@@ -129,6 +133,26 @@ def largest(problem: Problem, shape: Shape, laps: int = 1, *, below: float = mat
     """
     size = largest_size(problem, shape, laps, below=below)
     return max(shape.largest / 4, shape.smallest) if size is None else size
+
+
+def largest_by(exact: Problem, rough: Problem, shape: Shape, laps: int, *, below: float) -> float:
+    """The largest size [m] as by `largest`, looked for with coarser integration steps.
+
+    Args:
+        exact: with the limits, and steps by which the drive satisfies them.
+        rough: the same with coarser steps.
+        shape: the family of drives.
+        laps: how many.
+        below: size [m] that is not exceeded.
+    """
+    size, share = largest(rough, shape, laps, below=below), SHRUNK
+    if exact is rough:
+        return size
+    while _exceeded(exact, shape.drive(size, laps)):
+        if share > MOST_SHRUNK:
+            return largest(exact, shape, laps, below=below)
+        size, share = (1 - share) * size, 2 * share
+    return size
 
 
 def largest_size(
@@ -254,7 +278,7 @@ def of_length(problem: Problem, shape: Shape, length: float, most: float) -> tup
 
     def reached(size: float) -> float:
         try:
-            return score(problem, shape.drive(size, laps)).path_length
+            return score(problem.unlimited, shape.drive(size, laps)).path_length
         except NotFinite:
             return 0.0
 

@@ -16,7 +16,7 @@ from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status, unscored
 from oed.robots.baselines.baseline import Baseline
-from oed.robots.baselines.fitting import MOST_LAPS, Shape, chosen, largest, of_length
+from oed.robots.baselines.fitting import MOST_LAPS, Shape, chosen, largest_by, of_length
 from oed.robots.baselines.kinematics import kinematics
 from oed.robots.baselines.patterns import BENT, NAMES, ONE_WAY, PATTERNS, RANDOM, VARIANTS, Move, Pattern
 from oed.robots.baselines.placing import Placement, approach, joined, placements, start_of
@@ -26,9 +26,9 @@ from oed.robots.limits.workspace import workspace_of
 
 STREAM = 17
 """Of random paths: their draws are independent of all others of a seed."""
-FINER = 16
-"""Number of times that integration steps are finer than the study's where baselines are made as large as the
-limits allow: with coarser ones they exceed these as `evaluate` sees them.
+FINER, ROUGHLY = 16, 4
+"""Number of times that integration steps are finer than the study's by which baselines satisfy the limits, as
+`evaluate` sees them; and by which their family, laps and size are looked for.
 """
 
 
@@ -60,12 +60,13 @@ def baselines(
     name, reason = label(asked), refusal(problem, asked)
     if reason:
         return [unscored(name, "baseline", f"{reason}.", Status.IMPOSSIBLE)]
-    exact = problem.refined(FINER)
+    exact, rough = problem.refined(FINER), problem.refined(ROUGHLY)
     if asked == RANDOM:
-        shape, laps, below = chosen(exact, [_random_shape(problem, seed)], 1)
+        shape, laps, below = chosen(rough, [_random_shape(problem, seed)], 1)
     else:
-        shape, laps, below = _chosen(exact, _ways(problem, asked, one_way))
-    scored = [_scored(problem, name, shape, (largest(exact, shape, laps, below=below), laps), seed)]
+        shape, laps, below = _chosen(rough, _ways(problem, asked, one_way))
+    size = largest_by(exact, rough, shape, laps, below=below)
+    scored = [_scored(problem, name, shape, (size, laps), seed)]
     if length is not None:
         most = scored[0].evaluation.path_length if scored[0].evaluation else 0.0
         fitted = of_length(exact, shape, length, most / laps)
