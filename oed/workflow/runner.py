@@ -41,6 +41,7 @@ from oed.workflow.compared import compared
 from oed.workflow.criteria import criteria_of, scores_by_criteria
 from oed.workflow.departures import departures_on
 from oed.workflow.experiments import driven_in_physics, simulated
+from oed.workflow.from_baseline import searched_from_baseline
 from oed.workflow.integration_steps import integration_notes, with_enough_steps
 from oed.workflow.readings import readings_csv, selection_of
 from oed.workflow.robustness import nominal_search, robustness, safe, tried
@@ -130,7 +131,7 @@ class _Run:
     def simulate_departures(self) -> None:
         """Simulate how many robots leave the workspace on the drives that there are."""
         study = self.work.study
-        best = best_of(safe(study, self.solutions), study.problem.criterion)
+        best = self._best()
         try:
             with interrupts_named():
                 self.departures = self.failures.attempt(
@@ -141,14 +142,25 @@ class _Run:
         except KeyboardInterrupt:
             self.interrupted = True
 
+    def _best(self) -> Solution | None:
+        return best_of(safe(self.work.study, self.solutions), self.work.study.problem.criterion)
+
     def _compare(self) -> None:
         work, study, attempt = self.work, self.work.study, self.failures.attempt
         self.certificate = attempt("bound", lambda: _certificate(work), None)
         self.solutions += attempt(
             "score of the bound's own drive", lambda: _lattice_drive(study, self.certificate), []
         )
-        best = best_of(safe(study, self.solutions), study.problem.criterion)
-        self.solutions += attempt("comparison with baselines", lambda: compared(work, self.paths, best), [])
+        step, nothing = "comparison with baselines", list[Solution]()
+        against = attempt(step, lambda: compared(work, self.paths, self._best()), nothing)
+        self.solutions, searched = [*self.solutions, *against], self.solutions
+        further = attempt(
+            "search from a baseline", lambda: searched_from_baseline(work, self._best()), nothing
+        )
+        if further:
+            # Baselines of the same length as the best drive are now of another length.
+            against = attempt(step, lambda: compared(work, self.paths, further[0]), against)
+            self.solutions = [*searched, *further, *against]
         self.solutions = attempt("check of robustness", lambda: tried(work, self.solutions), self.solutions)
         self._keep(self.solutions)
 

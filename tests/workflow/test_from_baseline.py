@@ -1,0 +1,113 @@
+"""A baseline that is better than what the study's splines can drive: the search goes on from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from oed.kernel.solution import Solution, Status
+from oed.optimize import Silent
+from oed.robots.baselines import baselines
+from oed.study.study import Study
+from oed.workflow import from_baseline
+from oed.workflow.from_baseline import searched_from_baseline
+from oed.workflow.runner import run
+from oed.workflow.studies import Work, parse_study
+
+DRIFTING = """
+format: 1
+name: coarse splines
+robot: {preset: turtlebot3_burger}
+trajectory: {duration: 20 s, samples: SAMPLES, spline: {degree: DEGREE, coefficients: 6}}
+measurement: {kind: poses, noise: {position: 1 mm, heading: 0.2 deg}, drift: usual}
+limits:
+  workspace: {kind: rectangle, x: [-2 m, 2 m], y: [-1.5 m, 1.5 m]}
+criterion: {kind: E, scaling: relative}
+solvers: [SOLVER]
+baselines: [straight_and_spin]
+seed: 0
+"""
+ROBUST = """
+uncertainty: {wheel_radius_right: 2 %, wheel_radius_left: 2 %, track: 4 %}
+robust: {kind: chance, confidence: 0.97, draws: 300, compare: false}
+"""
+IPOPT = "{kind: ipopt, starts: 2, perturbations: 0}"
+
+
+def study(*, samples: int = 30, degree: int = 3, solver: str = IPOPT, more: str = "") -> Study:
+    text = DRIFTING.replace("SAMPLES", str(samples)).replace("DEGREE", str(degree))
+    return parse_study(text.replace("SOLVER", solver) + more)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("more", ["", ROBUST], ids=["nominal", "robust"])
+def test_a_search_beats_the_baselines_of_a_robot_that_drifts(more: str):
+    record = run(study(samples=16, more=more), workers=1)
+    best, baseline = record.best, record.result("straight_and_spin")
+    assert (best.kind, best.name) == ("ipopt", "ipopt_from_straight_and_spin")
+    assert best.feasible
+    assert best.objective > baseline.objective > record.result("ipopt").objective
+    assert "Begun from the baseline straight and spin" in best.message
+    # What has its length is compared with the drive that is reported.
+    same = [one.path_length for one in record.results if one.name.endswith("_same_length")]
+    assert same == pytest.approx([best.path_length] * len(same), rel=1e-4)
+
+
+@pytest.fixture(scope="module")
+def baseline() -> Solution:
+    """The best of the usual drives."""
+    (solution,) = baselines(study().problem, "straight_and_spin")
+    return solution
+
+
+def searched(own: Study, best: Solution | None) -> list[Solution]:
+    return searched_from_baseline(Work(own, seed=0, workers=1, progress=Silent()), best)
+
+
+class TestWithoutSuchASearch:
+    @pytest.fixture(autouse=True)
+    def nothing_is_searched(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def solve(*_: Any, **__: Any) -> Solution:
+            raise AssertionError("nothing is to be searched")
+
+        monkeypatch.setattr(from_baseline, "solve", solve)
+
+    def test_where_there_is_no_drive(self):
+        assert searched(study(), None) == []
+
+    def test_where_the_best_drive_is_a_searchs(self, baseline):
+        assert searched(study(), replace(baseline, kind="ipopt")) == []
+
+    def test_where_no_search_goes_on_from_a_drive(self, baseline):
+        assert searched(study(solver="{kind: genetic, generations: 2}"), baseline) == []
+
+    def test_where_splines_would_have_too_many_coefficients(self, baseline):
+        assert searched(study(samples=400), baseline) == []
+
+    def test_where_inputs_are_held_over_every_piece(self, baseline):
+        assert searched(study(degree=0), baseline) == []
+
+
+@pytest.mark.parametrize(
+    ("status", "share"), [(Status.CONVERGED, 0.5), (Status.INFEASIBLE, None)], ids=["worse", "none"]
+)
+def test_what_is_no_better_is_left_out(status, share, baseline, monkeypatch: pytest.MonkeyPatch):
+    drive = baseline.trajectory
+    slower = replace(drive, coefficients=share * drive.coefficients) if share else None
+
+    def solve(*_: Any, **__: Any) -> Solution:
+        return replace(baseline, status=status, trajectory=slower)
+
+    monkeypatch.setattr(from_baseline, "solve", solve)
+    assert searched(study(), baseline) == []
+
+
+def test_an_interrupt_of_it_ends_the_run(baseline, monkeypatch: pytest.MonkeyPatch):
+    def solve(*_: Any, **__: Any) -> Solution:
+        return replace(baseline, status=Status.INTERRUPTED)
+
+    monkeypatch.setattr(from_baseline, "solve", solve)
+    with pytest.raises(KeyboardInterrupt):
+        searched(study(), baseline)
