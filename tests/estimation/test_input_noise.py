@@ -136,6 +136,11 @@ def test_a_covariance_allows_for_it_in_its_direction_only():
     np.testing.assert_allclose(found.widened(np.diag([0.16, 0.04])), np.diag([0.25, 0.04]))
 
 
+def test_a_covariance_allows_for_each_of_several_parameters_whose_information_is_noise():
+    found = Dilution(np.array([0.3, -0.4, 0.1]), np.array([1.0, 1.0, 0.5]))
+    np.testing.assert_allclose(found.widened(np.zeros((3, 3))), np.diag([0.09, 0.16, 0.01]))
+
+
 @pytest.mark.slow
 def test_it_is_said_beside_the_number():
     asked = options(segment=2.0, replicates=100, clock_offset=False, sensor_place=())

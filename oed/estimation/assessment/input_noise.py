@@ -67,8 +67,14 @@ class Dilution:
         return {name for name, share in zip(names, self.shares, strict=False) if share == 1}
 
     def widened(self, matrix: Array) -> Array:
-        """A covariance (q, q) that allows for the bias, whose sign is believed and whose size is not."""
-        return np.asarray(matrix + np.outer(self.bias, self.bias))
+        """Return a covariance (q, q) that allows for the bias, whose sign is believed and whose size is not.
+
+        Biases of parameters whose information may be noise alone count one by one: no combination of them is
+        surer than each.
+        """
+        is_lost = self.shares == 1
+        bias = np.where(is_lost, 0.0, self.bias)
+        return np.asarray(matrix + np.outer(bias, bias) + np.diag(np.where(is_lost, self.bias**2, 0.0)))
 
 
 def dilution_of(fit: Fit, seed: int = 0) -> Dilution | None:
