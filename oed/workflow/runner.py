@@ -41,7 +41,7 @@ from oed.workflow.compared import compared
 from oed.workflow.criteria import criteria_of, scores_by_criteria
 from oed.workflow.departures import departures_on
 from oed.workflow.experiments import driven_in_physics, simulated
-from oed.workflow.from_baseline import searched_from_baseline
+from oed.workflow.from_baseline import left_out, searched_from_baseline
 from oed.workflow.integration_steps import integration_notes, with_enough_steps
 from oed.workflow.readings import readings_csv, selection_of
 from oed.workflow.robustness import nominal_search, robustness, safe, tried
@@ -51,6 +51,8 @@ from oed.workflow.usual_drift import usual_drift_deviations
 
 PRACTICALLY_EQUAL = 2e-3
 """Share of the objective by which two designs may differ and still count as equally good."""
+AGAINST = "comparison with baselines"
+"""Name of that step."""
 CUT_SHORT = "The run was interrupted; this is what had been done by then."
 """Note in the record of such a run."""
 
@@ -119,6 +121,7 @@ class _Run:
             with interrupts_named():
                 if not self.interrupted:
                     self._compare()
+                if not self.interrupted:
                     self._simulate()
         except KeyboardInterrupt:
             self.interrupted = True
@@ -151,18 +154,33 @@ class _Run:
         self.solutions += attempt(
             "score of the bound's own drive", lambda: _lattice_drive(study, self.certificate), []
         )
-        step, nothing = "comparison with baselines", list[Solution]()
-        against = attempt(step, lambda: compared(work, self.paths, self._best()), nothing)
-        self.solutions, searched = [*self.solutions, *against], self.solutions
-        further = attempt(
-            "search from a baseline", lambda: searched_from_baseline(work, self._best()), nothing
+        searched = list(self.solutions)
+        self.solutions += attempt(AGAINST, lambda: compared(work, self.paths, self._best()), [])
+        self._try_robots()
+        self._search_from_baseline(searched)
+
+    def _try_robots(self) -> None:
+        work = self.work
+        self.solutions = self.failures.attempt(
+            "check of robustness", lambda: tried(work, self.solutions), self.solutions
         )
-        if further:
-            # Baselines of the same length as the best drive are now of another length.
-            against = attempt(step, lambda: compared(work, self.paths, further[0]), against)
-            self.solutions = [*searched, *further, *against]
-        self.solutions = attempt("check of robustness", lambda: tried(work, self.solutions), self.solutions)
         self._keep(self.solutions)
+
+    def _search_from_baseline(self, searched: Sequence[Solution]) -> None:
+        # Of drives that enough robots keep the limits on.
+        work, attempt, best = self.work, self.failures.attempt, self._best()
+        further, self.interrupted = attempt(
+            "search from a baseline", lambda: searched_from_baseline(work, best), (list[Solution](), False)
+        )
+        if not further:
+            return
+        against = self.solutions[len(searched) :]
+        if not self.interrupted:
+            # Baselines of the same length as the best drive are now of another length.
+            against = attempt(AGAINST, lambda: compared(work, self.paths, further[0]), against)
+        self.solutions = [*searched, *further, *against]
+        if not self.interrupted:
+            self._try_robots()
 
     def _simulate(self) -> None:
         work, attempt = self.work, self.failures.attempt
@@ -308,7 +326,7 @@ def record(
         validation=validation,
         trial=physics,
         interrupted=interrupted,
-        notes=[*_notes(certificate, interrupted), *integration_notes(best)],
+        notes=[*_notes(certificate, interrupted), *integration_notes(best), *left_out(study, best)],
         failures=failures.sentences,
         provenance=provenance(study.source),
     ).of_study(study.file)
