@@ -48,7 +48,7 @@ Sending one costs 15 ms here and 0.1 s on a cluster, starting processes some sec
 samples take 3 to 8 ms: they are scored here.
 """
 WRITING = 2e-5
-"""Time [s] for one operation of a drive that is written out, which every process does before it scores."""
+"""Time [s] for one operation of a drive that is written out, as processes do which have no compiled code."""
 THREADS = 4
 """Threads that score a generation here, at most: the more there are, the less each adds."""
 COMPILED = 0.5
@@ -218,7 +218,8 @@ class Population:
 
     def _worth_sharing(self, count: int) -> bool:
         seconds, share = self._seconds * count, 1 - 1 / at_once(self._workers)
-        return seconds > WORTH and share * (self._left + seconds) > WRITING * self._design.terms.written
+        writing = 0.0 if self._binary is not None else WRITING * self._design.terms.written
+        return seconds > WORTH and share * (self._left + seconds) > writing
 
     def _shared(self, candidates: Array) -> Scored:
         parts = np.array_split(candidates, at_once(self._workers))

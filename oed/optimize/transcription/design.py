@@ -27,9 +27,9 @@ UNSOUND = 1e3
 """Violation of every limit, as a share of its size, of a drive that is not finite."""
 
 LOOKING = 1e-4
-"""Time [s] to be spared for one operation written out from which it is looked for what was compiled before.
+"""Time [s] per operation written out; only a search that may spare more looks for code compiled earlier.
 
-The source, by which that is known, takes a tenth of it to be written.
+Such code is known by its source, and to write that takes a tenth of this time.
 """
 
 
@@ -152,8 +152,8 @@ class DesignExpressions:
         Returns the library; None where there is none.
 
         Args:
-            spared: time [s] that this would spare; where compiling takes longer, it is given up, and where
-                nothing is compiled that was not before, that is looked for if that takes little of it.
+            spared: time [s] that compiled code would spare. Where the compiler takes longer, it is given up,
+                or not begun; code compiled earlier is taken if finding it takes little of that time.
         """
         anew = spared >= COMPILING * self.terms.written
         if not anew and spared < LOOKING * self.terms.written:

@@ -44,6 +44,8 @@ SHRUNK, MOST_SHRUNK = 2e-4, 0.05
 """Share by which a size is made smaller at first where finer integration steps see a limit exceeded; it is
 doubled each time, up to the other one.
 """
+CONFIRMED = 3
+"""Halvings of the last of these steps."""
 MOST_LAPS = 50
 """Laps of a path of given length at most; each costs samples to stop and start."""
 PROPORTIONAL_STEPS = 8
@@ -135,24 +137,36 @@ def largest(problem: Problem, shape: Shape, laps: int = 1, *, below: float = mat
     return max(shape.largest / 4, shape.smallest) if size is None else size
 
 
-def largest_by(exact: Problem, rough: Problem, shape: Shape, laps: int, *, below: float) -> float:
+def largest_by_coarse_steps(
+    exact: Problem, coarse: Problem, shape: Shape, laps: int, *, below: float
+) -> float:
     """The largest size [m] as by `largest`, looked for with coarser integration steps.
+
+    It is made a little smaller where finer ones see a limit exceeded.
 
     Args:
         exact: with the limits, and steps by which the drive satisfies them.
-        rough: the same with coarser steps.
+        coarse: the same with coarser steps.
         shape: the family of drives.
         laps: how many.
         below: size [m] that is not exceeded.
     """
-    size, share = largest(rough, shape, laps, below=below), SHRUNK
-    if exact is rough:
+    size, share = largest(coarse, shape, laps, below=below), SHRUNK
+    if exact is coarse or not _exceeded(exact, shape.drive(size, laps)):
         return size
-    while _exceeded(exact, shape.drive(size, laps)):
-        if share > MOST_SHRUNK:
-            return largest(exact, shape, laps, below=below)
-        size, share = (1 - share) * size, 2 * share
-    return size
+    while share <= MOST_SHRUNK:
+        too_large, size, share = size, (1 - share) * size, 2 * share
+        if not _exceeded(exact, shape.drive(size, laps)):
+            return _between_sizes(exact, shape, laps, size, too_large)
+    return largest(exact, shape, laps, below=below)
+
+
+def _between_sizes(problem: Problem, shape: Shape, laps: int, low: float, high: float) -> float:
+    # The largest size that satisfies the limits, between one that does and one that does not.
+    for _ in range(CONFIRMED):
+        middle = (low + high) / 2
+        low, high = (low, middle) if _exceeded(problem, shape.drive(middle, laps)) else (middle, high)
+    return low
 
 
 def largest_size(

@@ -16,7 +16,7 @@ from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status, unscored
 from oed.robots.baselines.baseline import Baseline
-from oed.robots.baselines.fitting import MOST_LAPS, Shape, chosen, largest_by, of_length
+from oed.robots.baselines.fitting import MOST_LAPS, Shape, chosen, largest_by_coarse_steps, of_length
 from oed.robots.baselines.kinematics import kinematics
 from oed.robots.baselines.patterns import BENT, NAMES, ONE_WAY, PATTERNS, RANDOM, VARIANTS, Move, Pattern
 from oed.robots.baselines.placing import Placement, approach, joined, placements, start_of
@@ -65,7 +65,7 @@ def baselines(
         shape, laps, below = chosen(rough, [_random_shape(problem, seed)], 1)
     else:
         shape, laps, below = _chosen(rough, _ways(problem, asked, one_way))
-    size = largest_by(exact, rough, shape, laps, below=below)
+    size = largest_by_coarse_steps(exact, rough, shape, laps, below=below)
     scored = [_scored(problem, name, shape, (size, laps), seed)]
     if length is not None:
         most = scored[0].evaluation.path_length if scored[0].evaluation else 0.0
