@@ -33,6 +33,8 @@ MOST = 0.9
 """Share of the information in any direction that noise of the inputs is taken to make up at most."""
 ALL = 0.99 * MOST
 """Share of noise of the inputs from which on the information on an unknown may be nothing else."""
+ROUNDING = 1e-9
+"""Relative, by which a move may be short of an unknown's size."""
 OUTLYING = 10.0
 """Times their median that third differences are jumps, not noise."""
 WORTH_SAYING = 1.0
@@ -54,27 +56,29 @@ class Dilution:
     """What noise of the inputs may have done to estimates.
 
     Attributes:
-        bias: estimates less what they would be without it, at most, (q,), SI.
-        shares: of the information on each unknown that may be noise, (q,); 1 of parameters whose information
-            may be nothing else.
+        moves: of the estimates, at most, (q, k), SI: what it has done to all of them together, and what it
+            may have done along each direction of which the information may be nothing else.
+        shares: of the information on each unknown that may be noise, (q,); 1 of parameters that such
+            directions take to their own size.
     """
 
-    bias: Array
+    moves: Array
     shares: Array
+
+    @property
+    def bias(self) -> Array:
+        """Estimates less what they would be without it, at most, (q,), SI; signs of moves are independent."""
+        return np.asarray(np.copysign(np.linalg.norm(self.moves, axis=1), self.moves.sum(axis=1)))
 
     def lost(self, names: Sequence[str]) -> set[str]:
         """Return those of the parameters whose information may be noise alone."""
         return {name for name, share in zip(names, self.shares, strict=False) if share == 1}
 
     def widened(self, matrix: Array) -> Array:
-        """Return a covariance (q, q) that allows for the bias, whose sign is believed and whose size is not.
-
-        Biases of parameters whose information may be noise alone count one by one: no combination of them is
-        surer than each.
+        """Return a covariance (q, q) that allows for its moves, whose directions are believed and whose sizes
+        are not: combinations that none of them changes stay as sure as they were.
         """
-        is_lost = self.shares == 1
-        bias = np.where(is_lost, 0.0, self.bias)
-        return np.asarray(matrix + np.outer(bias, bias) + np.diag(np.where(is_lost, self.bias**2, 0.0)))
+        return np.asarray(matrix + self.moves @ self.moves.T)
 
 
 def dilution_of(fit: Fit, seed: int = 0) -> Dilution | None:
@@ -103,27 +107,37 @@ def dilution_of(fit: Fit, seed: int = 0) -> Dilution | None:
         each = (left / own for left, own in zip(room, made, strict=True) if own > 0 and np.isfinite(left))
         largest = min(each, default=0.0)
         noise, slope = noise + largest * turned, slope + largest * along
-    dilution, scale = _dilution(fit.total, noise, slope), fit.unknowns.scale
-    # Beyond its own size nobody looks for a parameter.
-    bias = dilution.bias / max(1.0, float(np.abs(dilution.bias / scale).max()))
-    is_parameter = np.arange(count) < len(fit.unknowns.parameters)
-    is_noise = is_parameter & (dilution.shares >= ALL)
-    # What noise alone has led away from the nominal value may as well be there.
-    off = fit.values - fit.unknowns.nominal
-    bias = np.where(is_noise, np.copysign(np.maximum(scale, np.abs(off)), off), bias)
-    shares = np.where(is_noise, 1.0, dilution.shares)
-    return Dilution(bias, shares)
+    return _dilution(fit, noise, slope)
 
 
-def _dilution(total: Array, noise: Array, slope: Array) -> Dilution:
+def _dilution(fit: Fit, noise: Array, slope: Array) -> Dilution:
     # The root of the corrected score, with the share of noise in every direction held below 1; nothing along
     # what is not identifiable.
-    factor = SquareRoot.of_matrix(total).factor
-    shares, vectors = np.linalg.eigh(factor.T @ noise @ factor)
-    back, left = factor @ vectors, 1 - np.clip(shares, 0.0, MOST)
+    factor, scale = SquareRoot.of_matrix(fit.total).factor, fit.unknowns.scale
+    in_directions, vectors = np.linalg.eigh(factor.T @ noise @ factor)
+    back, left = factor @ vectors, 1 - np.clip(in_directions, 0.0, MOST)
     before, after = (back**2).sum(axis=1), (back**2 / left).sum(axis=1)
     ratio = np.divide(before, after, out=np.ones_like(before), where=after > 0)
-    return Dilution(-back @ ((back.T @ slope) / left), 1 - ratio)
+    relative, is_noise = back / scale[:, None], in_directions > MOST
+    # A direction is believed, its length is not; each is held back by itself, and not for another's unknowns.
+    most = _most(relative)
+    together = back[:, ~is_noise] @ np.clip(-(back.T @ slope) / left, -most, most)[~is_noise]
+    # What noise alone has led away from the nominal values may as well be as near to them as these directions
+    # lead, which any combinations of them span.
+    spanned = np.linalg.svd(relative[:, is_noise], full_matrices=False)[0]
+    apart = ((fit.values - fit.unknowns.nominal) / scale) @ spanned
+    alone = spanned * np.copysign(np.maximum(np.abs(apart), _most(spanned)), apart)
+    reaches = np.linalg.norm(alone, axis=1) >= 1 - ROUNDING
+    is_parameter = np.arange(len(scale)) < len(fit.unknowns.parameters)
+    shares = np.where(is_parameter & reaches & (1 - ratio >= ALL), 1.0, 1 - ratio)
+    return Dilution(np.column_stack([together, scale[:, None] * alone]), shares)
+
+
+def _most(relative: Array) -> Array:
+    # How far to go along directions of the unknowns in their sizes (q, k), (k,): beyond its own size nobody
+    # looks for any.
+    largest = np.abs(relative).max(axis=0, initial=0.0)
+    return np.asarray(np.divide(1.0, largest, out=np.full_like(largest, np.inf), where=largest > 0))
 
 
 @dataclass(frozen=True)
