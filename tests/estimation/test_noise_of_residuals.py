@@ -27,8 +27,18 @@ def test_residuals_fewer_of_which_are_zero_show_no_grid(errors: np.ndarray, step
     assert step_of_grid(0.002 * step * np.round(errors / step)) == 0
 
 
-def test_normal_residuals_show_no_grid(errors: np.ndarray):
-    assert step_of_grid(0.002 * errors) == 0
+@pytest.mark.parametrize("size", [3e-5, 5e-5, 7e-5, 1e-4, 1.5e-4, 2e-4, 0.002])
+@pytest.mark.parametrize("count", [400, 40_000])
+def test_normal_residuals_show_no_grid(size: float, count: int):
+    for seed in range(3):
+        assert step_of_grid(size * np.random.default_rng(seed).normal(size=count)) == 0
+
+
+@pytest.mark.parametrize("step", [3e-4, 0.002, 0.02])
+def test_outliers_between_do_not_hide_a_grid(errors: np.ndarray, step: float):
+    residuals = step * np.round(errors / 2)
+    residuals[::100] = step * np.linspace(0.3, 0.7, 4)
+    assert step_of_grid(residuals) == pytest.approx(step)
 
 
 def test_flipped_headings_of_a_good_sensor_show_no_grid(errors: np.ndarray):

@@ -25,8 +25,14 @@ lasts longer is no noise but the model's error, for wheels slip in turns."""
 LEAST = 1e-6
 """Smallest noise that is believed [m, rad]: exact logs leave residuals of rounding, or of exactly 0."""
 
-EQUAL = 1e-4
-"""Difference of equal residuals at most [m, rad]: half of the readings of a sensor scatter more than that."""
+AT_ZERO = 1e-4
+"""Residuals at the 0 of a grid at most [m, rad]."""
+EQUAL = 0.1
+"""Difference of residuals at the same point of a grid at most, relative to its step."""
+BETWEEN = (0.25, 0.75)
+"""Where a grid has no residuals, relative to its step: what is normal has more there than beyond."""
+HARDLY = 0.1
+"""Number of residuals there, relative to those off 0, that outliers may be at most."""
 FEWEST_AWAY = 5
 """Number of equal residuals off 0 that show a grid at least."""
 
@@ -160,11 +166,14 @@ def step_of_grid(residuals: Array) -> float:
         The step, SI; 0 where the residuals are not on a grid, or most of them are not at 0.
     """
     sizes = np.abs(residuals)
-    away = sizes[sizes > EQUAL]
+    away = sizes[sizes > AT_ZERO]
     if not FEWEST_AWAY <= len(away) < len(sizes) / 2:
         return 0.0
     step = float(np.median(away))
-    return step if np.mean(np.abs(away - step) < EQUAL) >= 0.5 else 0.0
+    first, last = BETWEEN
+    between = np.count_nonzero((sizes > first * step) & (sizes < last * step))
+    is_grid = between <= HARDLY * len(away) and np.mean(np.abs(away - step) < EQUAL * step) >= 0.5
+    return step if is_grid else 0.0
 
 
 def _jumps_alike(found: Noise, jumps: Array) -> bool:
