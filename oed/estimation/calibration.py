@@ -256,12 +256,8 @@ class _Work:
         fit, chosen = judged.fit, judged.covariances[0]
         doubts = exact_doubts(fit, noise_specified(self.problem.measurement, found.logs))
         doubts += stray_doubts(found.logs, self.options.loss)
-        # Noise of the inputs explains any value near 0.
         lost = set() if dilution is None else dilution.lost(fit.unknowns.parameters)
-        implausible = plausibility_doubts(fit, chosen.matrix)
-        doubts += tuple(
-            doubt for doubt in implausible if doubt.name == "prior" or doubt.parameter not in lost
-        )
+        doubts += plausibility_doubts(fit, chosen.matrix, lost)
         if dilution is not None:
             doubts += dilution_doubts(fit, dilution, chosen.matrix)
         doubts += odd_points(fit)

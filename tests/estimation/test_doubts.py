@@ -94,6 +94,18 @@ def test_an_estimate_that_contradicts_the_prior():
     assert doubts(0.205) == []
 
 
+def test_of_what_may_be_noise_alone_neither_sign_nor_size_is_doubted_but_what_contradicts_the_prior():
+    drive = course(seconds=8.0)
+    known = Knowledge(np.diag(np.array([0.01, 0.01, 0.004]) ** -2.0), np.array(ROBOT.nominal))
+    fit = fit_of([log_of(drive, noise=NOISE)], known=known)
+    of_another_sign = replace(fit, values=truth_of(ROBOT, track=-0.083))
+    assert names(plausibility_doubts(of_another_sign, fit.inverse)) == [("track", "sign")]
+    assert names(plausibility_doubts(of_another_sign, fit.inverse, {"track"})) == [("track", "prior")]
+    of_another_size = replace(fit, values=truth_of(ROBOT, wheel_radius_left=0.07))
+    assert names(plausibility_doubts(of_another_size, fit.inverse)) == [("wheel_radius_left", "size")]
+    assert plausibility_doubts(of_another_size, fit.inverse, {"wheel_radius_left"}) == ()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("seconds", "seed"), [(8.0, 0), (10.0, 2)])
 def test_whole_logs_of_wheels_half_as_large_are_fitted_all_the_same(seconds: float, seed: int):

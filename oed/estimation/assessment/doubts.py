@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,13 +60,14 @@ def stray_doubts(logs: Sequence[Log], loss: Loss) -> tuple[Doubt, ...]:
     return (Doubt("", "stray_motions", text),)
 
 
-def plausibility_doubts(fit: Fit, covariance: Array) -> tuple[Doubt, ...]:
+def plausibility_doubts(fit: Fit, covariance: Array, lost: Collection[str] = ()) -> tuple[Doubt, ...]:
     """Estimates of another sign or order of magnitude than a robot's parameters have, or that contradict the
     study's prior; the gravest of each parameter.
 
     Args:
         fit: of all logs.
         covariance: of all unknowns, (q, q), SI.
+        lost: parameters whose information may be noise of the inputs alone, which explains any sign and size.
     """
     robot, names = fit.unknowns.robot, fit.unknowns.parameters
     table = {parameter.name: parameter for parameter in robot.parameters}
@@ -74,11 +75,10 @@ def plausibility_doubts(fit: Fit, covariance: Array) -> tuple[Doubt, ...]:
     found: list[Doubt] = []
     for place, name in enumerate(names):
         value, error = float(fit.values[place]), float(np.sqrt(covariance[place, place]))
-        each = (
-            *_sign(robot, table[name], value, error),
-            *_size(robot, table[name], value, error),
-            *_prior(name, apart[place]),
-        )
+        each: list[Doubt] = []
+        if name not in lost:
+            each += [*_sign(robot, table[name], value, error), *_size(robot, table[name], value, error)]
+        each += _prior(name, apart[place])
         found += each[:1]
     return tuple(found)
 
