@@ -78,37 +78,37 @@ class LinearLogs:
         log_sizes[free] = minimum.x
         return log_sizes
 
-    def surprise(self, errors: ErrorSizes, logs: Array, *, moves: bool = True) -> tuple[float, Array]:
+    def surprise(self, errors: ErrorSizes, log_sizes: Array, *, moves: bool = True) -> tuple[float, Array]:
         """Return -2 times the logarithm of the restricted likelihood, but for a constant, and its slope by
         the logarithms of sizes, (13,).
 
         Args:
             errors: prior of the sizes.
-            logs: logarithms of sizes, (13,).
+            log_sizes: logarithms of sizes, (13,).
             moves: whether the likelihood is that after the best step of the unknowns, or without a step.
         """
-        square, volume = self._square(logs)
+        square, volume = self._square(log_sizes)
         inverse, more = self._inverse(square)
         pull = square[:-1, -1]
         best = inverse @ pull if moves else np.zeros_like(pull)
-        before, slope = errors.surprise(logs)
+        before, slope = errors.surprise(log_sizes)
         value = volume + more + float(square[-1, -1] - pull @ best) + before
         by_square = np.zeros_like(square)
         by_square[:-1, :-1] = inverse + np.outer(best, best)
         by_square[:-1, -1] = by_square[-1, :-1] = -best
         by_square[-1, -1] = 1.0
         for one, places in zip(self.filters, self._places, strict=True):
-            slope = slope + one.slope(logs, by_square[np.ix_(places, places)])
+            slope = slope + one.slope(log_sizes, by_square[np.ix_(places, places)])
         return value, slope
 
-    def score(self, errors: ErrorSizes, logs: Array) -> float:
+    def score(self, errors: ErrorSizes, log_sizes: Array) -> float:
         """Return -2 times the logarithm of the restricted likelihood of unknowns and paths as they are."""
-        square, volume = self._square(logs)
-        return volume + self._inverse(square)[1] + float(square[-1, -1]) + errors.surprise(logs)[0]
+        square, volume = self._square(log_sizes)
+        return volume + self._inverse(square)[1] + float(square[-1, -1]) + errors.surprise(log_sizes)[0]
 
-    def step(self, logs: Array, *, hold_clocks: bool = False) -> tuple[Array, Array]:
+    def step(self, log_sizes: Array, *, hold_clocks: bool = False) -> tuple[Array, Array]:
         """Return the best step of the unknowns and all starts, and the covariance of the unknowns."""
-        square, _ = self._square(logs)
+        square, _ = self._square(log_sizes)
         inverse, _ = self._inverse(square)
         step = np.asarray(-inverse @ square[:-1, -1])
         if hold_clocks:
@@ -124,24 +124,24 @@ class LinearLogs:
         scaled = square[:-1, :-1] * scale
         return np.linalg.inv(scaled) * scale, float(np.linalg.slogdet(scaled)[1])
 
-    def smoothed(self, logs: Array, step: Array, paths: Sequence[Array]) -> list[Array]:
+    def smoothed(self, log_sizes: Array, step: Array, paths: Sequence[Array]) -> list[Array]:
         """Return the most likely paths after a step of the unknowns and starts."""
         found, whole = [], np.append(step, 1.0)
         for one, places, path in zip(self.filters, self._places, paths, strict=True):
-            found.append(path + smoothed(one.passed(logs), whole[places][None])[0, :, :POSE])
+            found.append(path + smoothed(one.passed(log_sizes), whole[places][None])[0, :, :POSE])
         return found
 
-    def spread(self, errors: ErrorSizes, logs: Array) -> Array:
+    def spread(self, errors: ErrorSizes, log_sizes: Array) -> Array:
         """Return the covariance of the logarithms of sizes, (13, 13), by differences of slopes."""
         free = np.flatnonzero(errors.free)
-        found = np.zeros((len(logs),) * 2)
+        found = np.zeros((len(log_sizes),) * 2)
         if not len(free):
             return found
-        second, here = np.empty((len(free), len(free))), self.surprise(errors, logs)[1][free]
+        second, here = np.empty((len(free), len(free))), self.surprise(errors, log_sizes)[1][free]
         for column, place in enumerate(free):
-            off = np.zeros(len(logs))
+            off = np.zeros(len(log_sizes))
             off[place] = STEP
-            second[:, column] = (self.surprise(errors, logs + off)[1][free] - here) / STEP
+            second[:, column] = (self.surprise(errors, log_sizes + off)[1][free] - here) / STEP
         # Of twice the logarithm; never surer than the prior alone would be of what curves the wrong way.
         values, vectors = np.linalg.eigh((second + second.T) / 4)
         least = 1 / errors.spread[free].max() ** 2
@@ -149,38 +149,38 @@ class LinearLogs:
         found[np.ix_(free, free)] = inverse
         return found
 
-    def drifts(self, errors: ErrorSizes, logs: Array) -> bool | None:
+    def drifts(self, errors: ErrorSizes, log_sizes: Array) -> bool | None:
         """Say whether drift shows, against the most likely sizes of all else without it."""
         places = [SIZES.index(name) for name in DRIFT]
         if not np.any(errors.free[places]):
             return None
         none = errors.without(DRIFT)
-        begin = np.where(none.free, logs, none.guess)
-        odds = self.surprise(errors, logs)[0] - self.surprise(none, self.likeliest(none, begin))[0]
+        begin = np.where(none.free, log_sizes, none.guess)
+        odds = self.surprise(errors, log_sizes)[0] - self.surprise(none, self.likeliest(none, begin))[0]
         return drift_shows(odds)
 
-    def degrees(self, logs: Array, spread: Array) -> tuple[float, float]:
+    def degrees(self, log_sizes: Array, spread: Array) -> tuple[float, float]:
         """Return degrees of freedom by how unsure the sizes leave variances: those of parameters, and of
         combinations of them.
         """
         own = slice(len(self.fit.unknowns.parameters))
-        ways = np.hstack([np.eye(own.stop), combinations(self.step(logs)[1][own, own])])
-        slopes = np.zeros((len(logs), ways.shape[1]))
+        ways = np.hstack([np.eye(own.stop), combinations(self.step(log_sizes)[1][own, own])])
+        slopes = np.zeros((len(log_sizes), ways.shape[1]))
         for place in np.flatnonzero(np.diag(spread)):
-            off = np.zeros(len(logs))
+            off = np.zeros(len(log_sizes))
             off[place] = STEP
-            each = (self.step(logs + way * off)[1][own, own] for way in (1, -1))
+            each = (self.step(log_sizes + way * off)[1][own, own] for way in (1, -1))
             sizes = [np.log(np.einsum("au,ab,bu->u", ways, one, ways)) for one in each]
             slopes[place] = np.subtract(*sizes) / (2 * STEP)
         unsure = np.einsum("ku,kl,lu->u", slopes, spread, slopes)
         return degrees_of(unsure[own].max(initial=0.0)), degrees_of(unsure.max(initial=0.0))
 
-    def _square(self, logs: Array) -> tuple[Array, float]:
+    def _square(self, log_sizes: Array) -> tuple[Array, float]:
         # Of all unknowns, starts and 1; what is known from before included.
         width = self.size + POSE * len(self.filters) + 1
         total, volume = np.zeros((width, width)), 0.0
         for one, places in zip(self.filters, self._places, strict=True):
-            equations = one.normal_equations(logs)
+            equations = one.normal_equations(log_sizes)
             total[np.ix_(places, places)] += equations.square
             volume += equations.volume
         total[: self.size, : self.size] += self.known
