@@ -20,11 +20,9 @@ TURNS_IN_SHORT_SEGMENTS = (
     "positions alone say little of turning in short segments: estimates of turning may be far off, beyond "
     "their standard errors; compare with `calibration: {segment: log}`"
 )
-
-
 DRIVES_CONTRADICT = (
-    "the drives agree only beside an error of the pose that stays throughout each: standard errors leave out "
-    "how much the drives contradict each other; compare with estimates of each log alone, or with "
+    "the drives contradict each other: they agree only if each has an error of its own that stays constant; "
+    "standard errors leave that out; compare with estimates of each log alone, or with "
     "`calibration: {method: joint}`"
 )
 
