@@ -168,6 +168,20 @@ def test_a_straight_drive_does_not_identify_the_track_and_knows_the_mean_radius_
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_noise_that_would_be_more_than_all_of_the_information_hardly_moves_the_mean_radius(seed: int):
+    still = course(seconds=8.0, inputs=np.full((80, 2), 4.0))
+    log = log_of(still, noise=(0.002, 0.03), seed=seed)
+    errors = np.cumsum(np.random.default_rng(seed).normal(0.0, 0.05, (81, 2)), axis=0)
+    asked = options(clock_offset=False, sensor_place=())
+    found = calibrate(logged_problem(), [replace(log, integrals=log.integrals + errors)], asked)
+    assert found.dilution is not None
+    mean = np.array([0.5, 0.5, 0.0])
+    before = found.covariance - found.dilution.moves @ found.dilution.moves.T
+    assert mean @ found.covariance @ mean < 1.1**2 * (mean @ before @ mean)
+
+
+@pytest.mark.slow
 def test_it_is_said_beside_the_number():
     asked = options(segment=2.0, replicates=100, clock_offset=False, sensor_place=())
     found = calibrate(logged_problem(), [ticked(1)], asked)

@@ -119,9 +119,12 @@ def _dilution(fit: Fit, noise: Array, slope: Array) -> Dilution:
     before, after = (back**2).sum(axis=1), (back**2 / left).sum(axis=1)
     ratio = np.divide(before, after, out=np.ones_like(before), where=after > 0)
     relative, is_noise = back / scale[:, None], in_directions > MOST
+    # Noise cannot make up more than all of the information in any direction: there is so much less of it.
+    part = 1 / max(1.0, float(in_directions.max(initial=0.0)))
+    other, smaller = back[:, ~is_noise], part * in_directions[~is_noise]
     # A direction is believed, its length is not; each is held back by itself, and not for another's unknowns.
-    most = _most(relative)
-    together = back[:, ~is_noise] @ np.clip(-(back.T @ slope) / left, -most, most)[~is_noise]
+    most = _most(other / scale[:, None])
+    together = other @ np.clip(-part * (other.T @ slope) / (1 - smaller), -most, most)
     # What noise alone has led away from the nominal values may as well be as near to them as these directions
     # lead, which any combinations of them span.
     spanned = np.linalg.svd(relative[:, is_noise], full_matrices=False)[0]
