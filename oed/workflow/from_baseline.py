@@ -18,7 +18,9 @@ from oed.study.study import Study
 from oed.workflow.studies import Work
 
 MOST = 500
-"""Coefficients of all inputs and runs that are searched at most: 402 take 32 s, 802 more than 6 minutes."""
+"""Coefficients of all inputs and runs that are searched at most: 402 take 32 s, of a robust study 6 minutes; 802
+take more than 6 minutes in any case.
+"""
 
 
 def searched_from_baseline(work: Work, best: Solution | None) -> tuple[list[Solution], bool]:
