@@ -18,8 +18,9 @@ from oed.study.study import Study
 from oed.workflow.studies import Work
 
 MOST = 500
-"""Coefficients of all inputs and runs that are searched at most: 402 take 32 s, of a robust study 6 minutes; 802
-take more than 6 minutes in any case.
+"""Coefficients of all inputs and runs that are searched at most.
+
+402 take 32 s, of a robust study 6 minutes; 802 take more than 6 minutes in any case.
 """
 
 
