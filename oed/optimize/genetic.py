@@ -188,7 +188,7 @@ class Population:
         until: float = np.inf,
     ) -> None:
         """Compile nothing yet."""
-        self._expected, self._asked, self._until = expected, False, until
+        self._expected, self._compiled, self._until = expected, False, until
         self._design, self._refine, self._workers = design, refine, workers
         self._seconds = 0.0
         self._binary: Path | None = None
@@ -204,9 +204,9 @@ class Population:
         threads = min(self._workers, THREADS) if isinstance(self._workers, int) else 1
         scores = self._design.score_many(candidates, threads)
         self._seconds = (time.perf_counter() - began) / len(candidates)
-        if not self._asked and self._left >= COMPILED:
+        if not self._compiled and self._left >= COMPILED:
             self._binary = self._design.compile_scores(SPARED * self._left)
-            self._asked = True
+            self._compiled = True
             # To be found out again.
             self._seconds = 0.0
         return scores

@@ -10,7 +10,6 @@ from oed.foundation.text import words
 from oed.foundation.work.progress import Once
 from oed.kernel.dynamics.space import Space, Spline
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Ipopt, solve
 from oed.optimize.lifted import lifted
@@ -43,10 +42,10 @@ def searched_from_baseline(work: Work, best: Solution | None) -> tuple[list[Solu
         return [], False
     finer = _finer(work.study)
     near = replace(best, trajectory=_on_knots(best.trajectory, finer))
-    # Of a feasible drive readers have heard.
+    # The first feasible drive has been announced already.
     listener = Once(work.progress)
     listener.said = True
-    found = solve(
+    solution = solve(
         replace(problem, design=finer),
         options,
         seed=work.seed,
@@ -54,7 +53,7 @@ def searched_from_baseline(work: Work, best: Solution | None) -> tuple[list[Solu
         progress=listener,
         earlier={best.name: near},
     )
-    return _if_better(found, best, work), found.status is Status.INTERRUPTED
+    return _if_better(solution, best, work), solution.status is Status.INTERRUPTED
 
 
 def options_from(study: Study, best: Solution | None) -> Ipopt | None:
@@ -66,8 +65,8 @@ def options_from(study: Study, best: Solution | None) -> Ipopt | None:
         best: drive of it.
     """
     problem = study.problem
-    alike = (one for one in study.solvers if one.criterion is None and not one.without_drift)
-    options = next((one for one in alike if isinstance(one, Ipopt)), None)
+    for_study = (solver for solver in study.solvers if solver.criterion is None and not solver.without_drift)
+    options = next((solver for solver in for_study if isinstance(solver, Ipopt)), None)
     if options is None or best is None or best.kind != "baseline":
         return None
     if problem.selection is not None or lifted(problem) is not None or problem.design.own_spline.degree == 0:
@@ -89,8 +88,8 @@ def left_out(study: Study, best: Solution | None) -> list[str]:
     if count <= MOST:
         return []
     return [
-        f"A baseline is the best drive. A search that begins with it was left out: its splines would have "
-        f"{count} coefficients, more than {MOST}. With fewer samples there is one."
+        "The best drive is a baseline. No search began with it to improve it: the splines would have "
+        f"{count} coefficients, and {MOST} is the most that is searched. Fewer samples allow it."
     ]
 
 
@@ -99,24 +98,21 @@ def _finer(study: Study) -> Space:
     return space.with_spline(Spline(degree=1, coefficients=2 * space.samples + 1))
 
 
-def _if_better(found: Solution, best: Solution, work: Work) -> list[Solution]:
-    if found.trajectory is None:
-        return []
+def _if_better(solution: Solution, best: Solution, work: Work) -> list[Solution]:
+    # Scored by the finer splines' problem, which has the limits and sensors of the study's.
+    evaluation = solution.evaluation
     assert best.evaluation is not None
-    problem = work.study.problem
-    evaluation = evaluate(problem, found.trajectory)
-    if not evaluation.feasible or evaluation.objective <= best.evaluation.objective:
+    if evaluation is None or not evaluation.feasible or evaluation.objective <= best.evaluation.objective:
         return []
-    said = (
+    origin = (
         f"Begun from the baseline {words(best.name)}, which was better than what searches found on the "
         "study's splines; this drive is on splines of degree 1 with two knots a sample."
     )
-    detail = f"{found.detail} {said}".strip()
-    return [replace(found, evaluation=evaluation, detail=detail, problem=problem)]
+    return [replace(solution, detail=f"{solution.detail} {origin}".strip(), problem=work.study.problem)]
 
 
 def _on_knots(trajectory: Trajectory, space: Space) -> Trajectory:
-    # As a spline of degree 1 is: its coefficients are its values at the knots.
-    knots = [np.linspace(0.0, one.duration, space.own_spline.count) for one in trajectory.each]
-    table = np.concatenate([one.inputs_at(times) for one, times in zip(trajectory.each, knots, strict=True)])
-    return space.trajectory(table, trajectory.starts)
+    # The coefficients of a spline of degree 1 are its values at the knots.
+    count = space.own_spline.count
+    tables = [run.inputs_at(np.linspace(0.0, run.duration, count)) for run in trajectory.each]
+    return space.trajectory(np.concatenate(tables), trajectory.starts)

@@ -165,15 +165,15 @@ class DesignExpressions:
         return making.binary
 
     def take_scores(self, binary: Path) -> bool:
-        """Let what was compiled score candidates; whether it is there.
+        """Let compiled code score candidates; False where the file is missing.
 
         Args:
             binary: a file.
         """
-        found = taken(binary, [self.terms.scores.name()])
-        if found is not None:
-            (self._scores,) = found
-        return found is not None
+        functions = taken(binary, [self.terms.scores.name()])
+        if functions is not None:
+            (self._scores,) = functions
+        return functions is not None
 
     def _judged(self, candidates: Array, threads: int = 1) -> tuple[list[list[Array]], Array]:
         # For every robot its matrices (K, p, p); relative violations (K, limits).
