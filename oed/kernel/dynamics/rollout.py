@@ -63,7 +63,7 @@ class Drive(Brief, Named):
         path: states where limits on them apply, (G, states).
         motion: values of the system's signal of motion where limits on it apply, (K, m): those that the
             inputs ask for; of a system that follows them with a lag those that it has where each period
-            begins, then where each ends.
+            begins, then where each ends, then at the points of `path` between.
         input_values: values that bound the inputs at all times checked, (K, inputs).
         input_rates: values that bound their derivatives, (K', inputs).
         input_jerks: values that bound their second derivatives, (K'', inputs).
@@ -247,11 +247,7 @@ def roll_out(
     function = signaller(system)
     found = function.map(count).call([begun, held, parameters, period]) if function.n_out() else []
     signals = {name: one.T for name, one in zip(function.name_out(), found, strict=True)}
-    if follows_state(system):
-        # Where periods begin, then where they end: the inputs jump in between.
-        ends = ca.horzcat(*(part[:, 1:] for part in states))
-        motion = _motion(system, ca.horzcat(begun, ends), ca.horzcat(held, held), parameters)
-    elif motion_inputs is None:
+    if motion_inputs is None:
         motion = signals.get(system.motion_signal, inputs[:, []])
     else:
         motion = _motion(system, ca.DM.zeros(len(system.states)), motion_inputs.T, parameters)
@@ -270,7 +266,8 @@ def roll_out(
         runs=runs,
         refine=refine,
     )
-    return replace(drive, path=_refined(drive.states.T, stepper(system), [begun, held], drive).T)
+    drive = replace(drive, path=_refined(drive.states.T, stepper(system), [begun, held], drive).T)
+    return replace(drive, motion=_followed(drive)) if follows_state(system) else drive
 
 
 def any_drive(
@@ -308,6 +305,17 @@ def _stepped(
 def _motion(system: System, states: Expression, inputs: Expression, parameters: Expression) -> Expression:
     # That (K, m) which inputs (inputs, K) make in states.
     return mover(system).map(inputs.shape[1])(states, inputs, parameters).T
+
+
+def _followed(drive: Drive) -> Expression:
+    # The motion of a system that follows its inputs with a lag: where periods begin, then where they end,
+    # for the inputs jump there, then at the points between.
+    periods, refine = np.arange(drive.inputs.shape[0]), drive.refine
+    # Each run has a point more than its periods have.
+    begins = refine * periods + periods // drive.samples
+    rows = [begins + point for point in (0, refine, *range(1, refine))]
+    states = drive.path[np.concatenate(rows).tolist(), :].T
+    return _motion(drive.system, states, ca.repmat(drive.inputs.T, 1, len(rows)), drive.parameters)
 
 
 @dataclass(frozen=True)
