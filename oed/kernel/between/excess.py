@@ -10,7 +10,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.between.periods import Periods, Stretches
-from oed.kernel.dynamics.direct_call import DirectCall
+from oed.kernel.dynamics.direct_call import MOST, DirectCall
 from oed.kernel.dynamics.enclosures import Enclosure, enclosed
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.intervals import ONE, Interval, number
@@ -20,6 +20,10 @@ from oed.kernel.limit import Rows
 
 AT_ONCE = 1024
 """Stretches bounded in one call."""
+SHARED, THREADS = 1_000_000, 2
+"""Operations of a call that threads share out, which takes them 0.1 ms, and how many these are: searches and
+simulations have processes of their own.
+"""
 
 
 class Excess:
@@ -154,7 +158,7 @@ class Excess:
         count = len(table)
         size = 1 << (count - 1).bit_length()
         if (name, size) not in self._mapped:
-            self._mapped[name, size] = DirectCall(function.map(size))
+            self._mapped[name, size] = DirectCall(_side_by_side(function, size))
         filled = np.vstack([table, np.repeat(table[:1], size - count, axis=0)])
         (found,) = self._mapped[name, size](filled)
         return found.reshape(size, -1)[:count]
@@ -164,6 +168,12 @@ class Excess:
         begin, end, *bounds = np.split(over, 5, axis=1)
         found = _highest(begin, end)
         return found, np.maximum(found, _peaks(begin, end, bounds, width))
+
+
+def _side_by_side(function: ca.Function, size: int) -> ca.Function:
+    # What is short is compiled once it has been called for long; what is not is shared out.
+    long = function.n_instructions() > MOST and function.n_instructions() * size > SHARED
+    return function.map(size, "thread", THREADS) if long else function.map(size)
 
 
 def exceeded(rows: Rows) -> Expression:
