@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,9 @@ from oed.foundation.arrays import Array, Bools, Places
 
 Scored = tuple[Array, Array]
 Scoring = Callable[[Array], Scored]
-"""Candidates (K, size) -> criterion (K,) and relative violation of each limit (K, limits)."""
+"""Candidates (K, size) -> criterion (K,) and by how much each limit is exceeded, in shares of its size, below
+0 within it (K, limits).
+"""
 
 APART = 1e-16
 """Distance up to which pymoo takes two candidates for the same."""
@@ -33,17 +36,26 @@ class Standing:
     Attributes:
         unknowns: (K, size).
         costs: the criterion with its sign changed, (K,).
-        excess: sum of the relative violations of all limits, (K,).
+        excess: by how much each limit is exceeded, in shares of its size, (K, limits).
     """
 
     unknowns: Array
     costs: Array
     excess: Array
 
+    @cached_property
+    def violation(self) -> Array:
+        """Sum of what all limits are exceeded by, (K,)."""
+        return np.asarray(np.maximum(0.0, self.excess).sum(axis=1))
+
     @property
     def feasible(self) -> Bools:
         """Which candidates keep all limits, (K,)."""
-        return self.excess <= 0
+        return self.violation <= 0
+
+    def tightened(self, shares: Array) -> Standing:
+        """These candidates where each limit is tighter by a share of its size, (limits,)."""
+        return replace(self, excess=self.excess + shares)
 
     def chosen(self, places: Places) -> Standing:
         """Those at these places."""
@@ -81,6 +93,10 @@ class Generations(ABC):
     def standing(self) -> Standing:
         """The candidates selected last."""
 
+    @abstractmethod
+    def tighten(self, shares: Array) -> None:
+        """Make each limit tighter by a share of its size, (limits,), for those candidates."""
+
 
 class OfPymoo(Generations):
     """Those of an algorithm of pymoo's that is set up."""
@@ -102,8 +118,14 @@ class OfPymoo(Generations):
     @property
     def standing(self) -> Standing:
         """The algorithm's population."""
-        unknowns, costs, excess = self._algorithm.pop.get("X", "F", "CV")
-        return Standing(np.asarray(unknowns, dtype=float), costs[:, 0], excess[:, 0])
+        unknowns, costs, excess = self._algorithm.pop.get("X", "F", "G")
+        return Standing(np.asarray(unknowns, dtype=float), costs[:, 0], excess)
+
+    def tighten(self, shares: Array) -> None:
+        """Change what the algorithm knows of its population, and let it sum that up anew."""
+        population = self._algorithm.pop
+        population.set("G", population.get("G") + shares)
+        population.set("CV", [None] * len(population))
 
 
 @dataclass(frozen=True)
@@ -151,6 +173,10 @@ class OnArrays(Generations):
         assert self._selected is not None
         return self._selected
 
+    def tighten(self, shares: Array) -> None:
+        """Keep the fittest, however many of them exceed a limit now."""
+        self._selected = self.standing.tightened(shares)
+
     def advance(self) -> None:
         """Score the sampling; later, mate, score, and keep the fittest."""
         self._left -= 1
@@ -161,12 +187,12 @@ class OnArrays(Generations):
         if not len(children):
             self._left = 0
         both = self._selected.joined(self._scored(children)) if len(children) else self._selected
-        self._selected = both.chosen(np.lexsort([both.costs, both.excess])[: len(self._sampling)])
+        self._selected = both.chosen(np.lexsort([both.costs, both.violation])[: len(self._sampling)])
 
     def _scored(self, candidates: Array) -> Standing:
-        values, violations = self._scoring(candidates)
+        values, excess = self._scoring(candidates)
         self.evaluations += len(candidates)
-        return Standing(candidates, -values, np.maximum(0.0, violations).sum(axis=1))
+        return Standing(candidates, -values, excess)
 
     def _children(self) -> Array:
         wanted, standing = len(self._sampling), self.standing
@@ -209,10 +235,10 @@ def winners(standing: Standing, matings: int, rng: np.random.Generator) -> Place
     count, drawn = len(standing.costs), 4 * matings
     places = np.concatenate([rng.permutation(count) for _ in range(-(-drawn // count))])[:drawn]
     first, second = places.reshape(-1, 2).T
-    costs, excess = standing.costs, standing.excess
-    broken = (excess[first] > 0) | (excess[second] > 0)
-    one = np.where(broken, excess[first], costs[first])
-    other = np.where(broken, excess[second], costs[second])
+    costs, violation = standing.costs, standing.violation
+    broken = (violation[first] > 0) | (violation[second] > 0)
+    one = np.where(broken, violation[first], costs[first])
+    other = np.where(broken, violation[second], costs[second])
     won = np.where(one < other, first, second)
     for index in np.flatnonzero(~(one < other) & ~(one > other)):
         won[index] = rng.choice([first[index], second[index]])

@@ -13,7 +13,6 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -22,12 +21,12 @@ from pydantic import Field, PositiveInt
 from oed.foundation.arrays import Array
 from oed.foundation.errors import NotFinite
 from oed.foundation.quantities import Duration
-from oed.foundation.work.parallel import Workers, at_once, run_tasks
 from oed.kernel.evaluation import Evaluation
 from oed.kernel.problem import Problem
 from oed.kernel.scorer import score
 from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Status
 from oed.optimize.generations import Generations, OfPymoo, OnArrays, Operators, Scored, Standing
+from oed.optimize.population import Population
 from oed.optimize.solver import Context, Solver
 from oed.optimize.standing import announce_drive
 from oed.optimize.transcription.coarse import Grid
@@ -36,25 +35,12 @@ from oed.optimize.transcription.starting_points import random_drives, start_boun
 
 REFINE = 2
 """Path points per sample that the population is checked at; the best are re-scored at all times."""
+SLIPPED = 0.1
+"""Share of a limit's size by which it is tightened at most where it is exceeded between these points."""
 FINER, FINEST = 4, 32
 """Factor on these points where all that seems feasible slips through between them, and the most there are."""
 RESCORED = 3
 """Candidates of a generation that are re-scored at most, from the best down."""
-
-WORTH = 0.5
-"""Time [s] of scoring a generation here from which it is sent to workers.
-
-Sending one costs 15 ms here and 0.1 s on a cluster, starting processes some seconds. 200 drives of 200
-samples take 3 to 8 ms: they are scored here.
-"""
-WRITING = 2e-5
-"""Time [s] for one operation of a drive that is written out, as processes do which have no compiled code."""
-THREADS = 4
-"""Threads that score a generation here, at most: the more there are, the less each adds."""
-COMPILED = 0.5
-"""Time [s] of all that is still to be scored from which generated C is thought of."""
-SPARED = 0.6
-"""Share of that time that it spares."""
 
 
 class PopulationSearch(Solver):
@@ -168,85 +154,6 @@ class CmaEs(PopulationSearch):
         return self._of_pymoo(algorithm, searched, seed)
 
 
-class Population:
-    """Scores candidates of a problem; who scores them changes none of the numbers.
-
-    Args:
-        design: the problem's expressions in this process.
-        refine: points per sample at which positions are limited there.
-        workers: who scores, where a generation takes long.
-        expected: candidates that there will be at most.
-        until: when the search ends, by `time.perf_counter`.
-    """
-
-    def __init__(
-        self,
-        design: DesignExpressions,
-        refine: int,
-        workers: Workers,
-        expected: int = 0,
-        until: float = np.inf,
-    ) -> None:
-        """Compile nothing yet."""
-        self._expected, self._compiled, self._until = expected, False, until
-        self._design, self._refine, self._workers = design, refine, workers
-        self._seconds = 0.0
-        self._binary: Path | None = None
-
-    def score(self, candidates: Array) -> Scored:
-        """Criterion (K,) and relative violation of each limit (K, limits) of candidates (K, size)."""
-        self._expected -= len(candidates)
-        if self._workers != 1 and self._worth_sharing(len(candidates)):
-            return self._shared(candidates)
-        # Writing the drive out, on the first call, is not to be taken for scoring.
-        self._design.terms.scores_written_out  # noqa: B018
-        began = time.perf_counter()
-        threads = min(self._workers, THREADS) if isinstance(self._workers, int) else 1
-        scores = self._design.score_many(candidates, threads)
-        self._seconds = (time.perf_counter() - began) / len(candidates)
-        if not self._compiled and self._left >= COMPILED:
-            self._binary = self._design.compile_scores(SPARED * self._left)
-            self._compiled = True
-            # To be found out again.
-            self._seconds = 0.0
-        return scores
-
-    @property
-    def _left(self) -> float:
-        # Time [s] of scoring all other candidates here.
-        return min(self._seconds * self._expected, self._until - time.perf_counter())
-
-    def _worth_sharing(self, count: int) -> bool:
-        seconds, share = self._seconds * count, 1 - 1 / at_once(self._workers)
-        writing = 0.0 if self._binary is not None else WRITING * self._design.terms.written
-        return seconds > WORTH and share * (self._left + seconds) > writing
-
-    def _shared(self, candidates: Array) -> Scored:
-        parts = np.array_split(candidates, at_once(self._workers))
-        problem, refine = self._design.problem, self._refine
-        tasks = [_Part(problem, refine, part, self._binary) for part in parts if len(part)]
-        found: dict[int, Scored] = {}
-        run_tasks(_scored, tasks, self._workers, found.__setitem__)
-        values, violations = zip(*(found[index] for index in range(len(tasks))), strict=True)
-        return np.concatenate(values), np.concatenate(violations)
-
-
-@dataclass(frozen=True, eq=False)
-class _Part:
-    problem: Problem
-    refine: int
-    candidates: Array
-    binary: Path | None
-
-
-def _scored(part: _Part) -> Scored:
-    # The terms are written once in each process; what was compiled is taken from where it is.
-    design = DesignExpressions(part.problem, part.refine)
-    if part.binary is not None:
-        design.take_scores(part.binary)
-    return design.score_many(part.candidates)
-
-
 def _as_pymoo(design: DesignExpressions, population: Population) -> Any:
     # Made inside a function, for pymoo is loaded only when such a search runs.
     from pymoo.core.problem import Problem as PymooProblem
@@ -269,9 +176,9 @@ def _as_pymoo(design: DesignExpressions, population: Population) -> Any:
             return population.score(candidates)
 
         def _evaluate(self, x: Array, out: dict[str, Any], *_: Any, **__: Any) -> None:
-            values, violations = population.score(x)
+            values, excess = population.score(x)
             out["F"] = -values[:, None]
-            out["G"] = violations
+            out["G"] = excess
 
     return Design()
 
@@ -298,7 +205,9 @@ class _Run:
 
     def _refined(self) -> Status:
         # Again with more points of the path, as long as all that is found slips through between them.
-        rng, refine = self.context.rng(3), REFINE
+        # With a back-off a point takes as long as the whole way to it.
+        robust = self.problem.robust
+        rng, refine = self.context.rng(3), REFINE if robust is None or not robust.backs_off else 1
         while True:
             self.grid = Grid(self.problem, refine=refine)
             self.design = self.grid.design
@@ -328,7 +237,11 @@ class _Run:
         while not generations.ended:
             generations.advance()
             self.evaluations = before + generations.evaluations
-            self._keep_best(generations.standing)
+            tighter = self._keep_best(generations.standing)
+            # Walls thinner than the way between two points are not to forbid what is far from them.
+            tighter[population.tighter + tighter > SLIPPED] = 0.0
+            population.tighter += tighter
+            generations.tighten(tighter)
             kind = self.problem.criterion.kind
             note = "" if self.best is None else f"best by {kind}: {self.best[1].objective:.4g}"
             self.context.progress.advance(note)
@@ -340,26 +253,36 @@ class _Run:
             self._keep_best(generations.standing, last=True)
         return Status.SEARCHED
 
-    def _keep_best(self, standing: Standing, *, last: bool = False) -> None:
-        for value, unknowns in islice(self._fresh(standing), None if last else RESCORED):
+    def _keep_best(self, standing: Standing, *, last: bool = False) -> Array:
+        # How much tighter limits have to be for the best to satisfy them between the points too.
+        tighter = np.zeros(standing.excess.shape[1])
+        for place in islice(self._fresh(standing), None if last else RESCORED):
+            value, unknowns = -float(standing.costs[place]), standing.unknowns[place]
             if value <= self.standing:
-                return
+                break
             # A drive that is not finite keeps no limit.
             with contextlib.suppress(NotFinite):
                 evaluation = score(self.problem, self.grid.trajectory(unknowns))
                 if evaluation.feasible:
                     self._keep(value, unknowns, evaluation)
-                    return
+                    break
+                tighter = np.maximum(tighter, self._slipped(evaluation, standing.excess[place]))
             self.refused.add(unknowns.tobytes())
+        return tighter
 
-    def _fresh(self, standing: Standing) -> Iterator[tuple[float, Array]]:
+    def _slipped(self, evaluation: Evaluation, seen: Array) -> Array:
+        # By how much more limits are exceeded between the points than was seen at them.
+        margins = evaluation.margins[: len(seen)]
+        slips = np.array([one.violation / one.size for one in margins]) - seen
+        return np.where([one.satisfied for one in margins], 0.0, slips)
+
+    def _fresh(self, standing: Standing) -> Iterator[int]:
         # Drives that keep the limits where the population is checked, the best first, but those that do not
         # keep them between: surviving from generation to generation, they would be in the others' way.
         feasible = standing.feasible
-        for index in np.argsort(standing.costs, kind="stable"):
-            unknowns = standing.unknowns[index]
-            if feasible[index] and unknowns.tobytes() not in self.refused:
-                yield -float(standing.costs[index]), unknowns
+        for place in np.argsort(standing.costs, kind="stable"):
+            if feasible[place] and standing.unknowns[place].tobytes() not in self.refused:
+                yield int(place)
 
     def _keep(self, value: float, unknowns: Array, evaluation: Evaluation) -> None:
         self.standing = value

@@ -14,8 +14,9 @@ from pymoo.operators.mutation.gauss import GaussianMutation
 from pymoo.termination import get_termination
 
 from oed.foundation.arrays import Array
-from oed.optimize import CmaEs, Genetic
+from oed.optimize import CmaEs, DifferentialEvolution, Genetic
 from oed.optimize.generations import APART, OnArrays, known, repeated
+from oed.optimize.genetic import PopulationSearch
 
 SIZE, GENERATIONS = 5, 12
 
@@ -30,8 +31,8 @@ class Bowl(PymooProblem):
     def scored(self, candidates: Array) -> tuple[Array, Array]:
         self.scored_sizes.append(len(candidates))
         squares = (candidates**2).sum(axis=1)
-        violations = np.column_stack([0.5 - squares, candidates.sum(axis=1) - 0.2])
-        return -np.round(squares, self.digits), np.round(np.maximum(0, violations), self.digits)
+        excess = np.column_stack([0.5 - squares, candidates.sum(axis=1) - 0.2])
+        return -np.round(squares, self.digits), np.round(excess, self.digits)
 
     def _evaluate(self, x: Array, out: dict[str, Any], *_, **__):
         values, out["G"] = self.scored(x)
@@ -71,7 +72,7 @@ def assert_the_same(ours: OnArrays, algorithm: GA, own: Bowl, theirs: Bowl) -> i
         unknowns, costs, excess, feasible = algorithm.pop.get("X", "F", "CV", "feas")
         np.testing.assert_array_equal(ours.standing.unknowns, unknowns)
         np.testing.assert_array_equal(ours.standing.costs, costs[:, 0])
-        np.testing.assert_array_equal(ours.standing.excess, excess[:, 0])
+        np.testing.assert_array_equal(ours.standing.violation, excess[:, 0])
         np.testing.assert_array_equal(ours.standing.feasible, feasible)
         assert ours.evaluations == algorithm.evaluator.n_eval
         count += 1
@@ -113,6 +114,24 @@ def test_they_end_where_mating_gives_nothing_new():
         operators.mutation.prob.set(-1.0)
     assert assert_the_same(*searches) == 2
     assert searches[2].scored_sizes == [4]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("of", [Genetic, DifferentialEvolution])
+def test_tightened_limits_are_those_of_the_candidates_too(of: type[PopulationSearch]):
+    """What was feasible by 0.1 of a limit's size is feasible no more when that is tighter by more."""
+    generations = of(population=20, generations=GENERATIONS).begun(Bowl(), sampling(20), 3)
+    for _ in range(GENERATIONS // 2):
+        generations.advance()
+    before = generations.standing
+    assert (before.feasible & (before.excess.max(axis=1) > -0.1)).any()
+    generations.tighten(np.array([0.1, 0.0]))
+    after = generations.standing
+    np.testing.assert_allclose(after.excess - before.excess, [[0.1, 0.0]] * 20, atol=1e-15)
+    np.testing.assert_array_equal(after.feasible, (before.excess <= [-0.1, 0]).all(axis=1))
+    # What is selected next is selected by them.
+    generations.advance()
+    assert generations.standing.violation.sum() < after.violation.sum()
 
 
 class TestGaussianMutation:

@@ -134,13 +134,13 @@ class TestOperators:
 class TestEnd:
     @tiny
     def test_by_generations_each_scored_at_once(self, search, monkeypatch: pytest.MonkeyPatch):
-        calls, score_many = [], DesignExpressions.score_many
+        calls, measure_many = [], DesignExpressions.measure_many
 
         def counted(self, candidates, *more):
             calls.append(len(candidates))
-            return score_many(self, candidates, *more)
+            return measure_many(self, candidates, *more)
 
-        monkeypatch.setattr(DesignExpressions, "score_many", counted)
+        monkeypatch.setattr(DesignExpressions, "measure_many", counted)
         listener = Listener()
         solution = solve(PROBLEM, search, seed=0, workers=1, progress=listener)
         assert len(calls) == listener.steps == listener.total == search.generations
@@ -304,9 +304,9 @@ def test_generated_c_changes_no_design(monkeypatch, tmp_path):
     options = Genetic(population=20, generations=4)
     plain = solve(PROBLEM, options, seed=1, workers=1)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr("oed.optimize.genetic.COMPILED", 0.0)
+    monkeypatch.setattr("oed.optimize.population.COMPILED", 0.0)
     # However little it spares.
-    monkeypatch.setattr("oed.optimize.genetic.SPARED", np.inf)
+    monkeypatch.setattr("oed.optimize.population.SPARED", np.inf)
     quick = solve(PROBLEM, options, seed=1, workers=1)
     assert list((tmp_path / "oed").iterdir())
     np.testing.assert_array_equal(quick.trajectory.coefficients, plain.trajectory.coefficients)
@@ -316,5 +316,5 @@ def test_generated_c_changes_no_design(monkeypatch, tmp_path):
 def test_threads_change_no_score():
     design = DesignExpressions(PROBLEM, 2)
     drives = np.random.default_rng(0).uniform(-0.3, 0.3, (7, design.terms.size))
-    for alone, shared in zip(design.score_many(drives), design.score_many(drives, threads=3), strict=True):
+    for alone, shared in zip(design.measure_many(drives), design.measure_many(drives, 3), strict=True):
         assert np.array_equal(alone, shared)

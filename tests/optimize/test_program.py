@@ -121,12 +121,12 @@ def test_unknowns_of_another_spline_are_refused():
 def test_many_candidates_score_as_each_does(overrides):
     design = make_design(overrides)
     candidates = np.array([random_unknowns(design, seed) for seed in range(5)])
-    values, violations = design.score_many(candidates)
-    for candidate, value, violation in zip(candidates, values, violations, strict=True):
+    values, excess = design.measure_many(candidates)
+    for candidate, value, beyond in zip(candidates, values, excess, strict=True):
         _, single = design.terms.scores(candidate)
         expected = design.problem.criterion.value(design.matrices_of(candidate)[0])
         assert value == pytest.approx(float(expected), rel=1e-12)
-        np.testing.assert_allclose(violation, np.array(single).ravel(), rtol=1e-12)
+        np.testing.assert_allclose(beyond, np.array(single).ravel(), rtol=1e-12)
     assert 0 < design.scale < np.inf
 
 

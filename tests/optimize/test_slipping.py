@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from builders import problem_of
 
 from oed.kernel.criteria import E
-from oed.kernel.evaluation import evaluate
+from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import score
 from oed.optimize import Genetic, Ipopt, solve
+from oed.optimize.genetic import SLIPPED
+from oed.optimize.solver import Context
 from oed.robots.limits import EndPosition, Obstacles, Rectangle, WheelSpeed
 from oed.robots.sensors import Poses
 
 IPOPT = Ipopt(starts=1, perturbations=0, second_stage="none")
 GENETIC = Genetic(population=40, generations=15)
+POSES = Poses(noise={"position": 0.01, "heading": 0.02})
 THIN, THICK = 0.02, 0.4
 """Of walls across the way [m]; steps are up to half a metre long."""
 BEHIND_THICK = 13_100
@@ -27,7 +34,7 @@ def behind_a_wall(thickness: float, width: float) -> Problem:
     return problem_of(
         samples=10,
         coefficients=6,
-        measurement=Poses(noise={"position": 0.01, "heading": 0.02}),
+        measurement=POSES,
         limits=(
             WheelSpeed(bounds=10),
             Rectangle(x=(-0.3, 1.2), y=(-1, 1)),
@@ -83,3 +90,25 @@ def test_genetic_drives_around():
 @pytest.mark.slow
 def test_genetic_at_few_points_finds_nothing_but_slips(at_few_points: None):
     assert found_by(GENETIC, 6, THIN, 0.6) is None
+
+
+def more_between(problem: Problem, drive: Trajectory) -> Evaluation:
+    """A drive's scores, had every wheel turned a little faster between the points."""
+    found = score(problem, drive)
+    margins = [replace(one, margin=one.margin - 0.03 * one.size) for one in found.margins]
+    return replace(found, margins=(margins[0], *found.margins[1:]))
+
+
+def best_found(monkeypatch: pytest.MonkeyPatch, slipped: float) -> float:
+    """By a search whose limits are tightened by at most that share of their size."""
+    monkeypatch.setattr("oed.optimize.genetic.SLIPPED", slipped)
+    monkeypatch.setattr("oed.optimize.genetic.score", more_between)
+    problem = problem_of(measurement=POSES, limits=(WheelSpeed(bounds=10),))
+    search = Genetic(population=40, generations=100)
+    return search.search(problem, Context(seed=0, workers=1)).evaluation.objective
+
+
+@pytest.mark.slow
+def test_limits_that_are_exceeded_a_little_between_the_points_are_tightened(monkeypatch: pytest.MonkeyPatch):
+    """Else all that a search goes on from exceeds them there, and it finds no better drive any more."""
+    assert best_found(monkeypatch, SLIPPED) > 1.1 * best_found(monkeypatch, 0)

@@ -29,7 +29,7 @@ from oed.optimize.terms.link import Link
 from oed.optimize.terms.needs import needs_of
 from oed.optimize.terms.passes import BegunInPieces, Sweep
 from oed.optimize.terms.plan import Plan
-from oed.optimize.terms.row_bounds import RowBounds, scores_of, violation
+from oed.optimize.terms.row_bounds import RowBounds, excess, scores_of
 from oed.optimize.terms.totals import Totals
 from oed.optimize.terms.whole_rows import Formulas, WholeRows
 
@@ -113,8 +113,8 @@ class Pieces(Terms):
 
     @cached_property
     def scores(self) -> ca.Function:
-        """Z -> entries, the limits' largest violations at the samples' ends and points between; of motions
-        that lag at their begins, too.
+        """Z -> entries, the most that limits are exceeded by at the samples' ends and points between; of
+        motions that lag at their begins, too.
         """
         instants = self._instants
         # A motion that lags jumps at a sample's begin, with the inputs.
@@ -127,9 +127,9 @@ class Pieces(Terms):
             own = fixed[first : first + len(rows.lower)]
             first += len(rows.lower)
             if place in instants.limits:
-                worst.append(ca.fmax(0, ca.mmax(seen[instants.limits.index(place), :])))
+                worst.append(ca.mmax(seen[instants.limits.index(place), :]))
             else:
-                worst.append(violation(own, rows))
+                worst.append(excess(own, rows))
         return scores_of(swept.z, swept.entries, worst)
 
     def _at_starts(self, sweep: Sweep) -> list[Expression]:

@@ -40,18 +40,18 @@ def said_once(slopes: Array, constants: Array, rows: RowBounds | Rows) -> Bools:
     return kept
 
 
-def violation(values: Expression, rows: RowBounds | Rows) -> Expression:
-    """The most by which rows exceed their bounds, over their size; 0 where they do not."""
-    return ca.fmax(0, ca.fmax(_above(values, rows.upper), _below(values, rows.lower))) / rows.size
+def excess(values: Expression, rows: RowBounds | Rows) -> Expression:
+    """The most by which rows exceed their bounds, over their size; below 0 where they do not."""
+    return ca.fmax(_above(values, rows.upper), _below(values, rows.lower)) / rows.size
 
 
 def scores_of(unknowns: Expression, entries: Expression, worst: Sequence[Expression]) -> ca.Function:
-    """The function from unknowns to entries and violations, both dense.
+    """The function from unknowns to entries and what limits are exceeded by, both dense.
 
     Args:
         unknowns: z.
         entries: of the matrices.
-        worst: of every limit the largest violation over its size.
+        worst: of every limit the most that it is exceeded by, over its size.
     """
     both = [ca.densify(entries), ca.densify(ca.vertcat(type(entries)(0, 1), *worst))]
     return ca.Function("scores", [unknowns], both)

@@ -22,7 +22,7 @@ from oed.optimize.terms.begun import Begun, Weighted, first_entries, gathered, s
 from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.matrices import upper_half
 from oed.optimize.terms.needs import by_instants
-from oed.optimize.terms.row_bounds import RowBounds, said_once, scores_of, violation
+from oed.optimize.terms.row_bounds import RowBounds, excess, said_once, scores_of
 
 LARGE = 8_000_000
 """Operations of second derivatives from which on directions share one function, which takes half as long
@@ -93,8 +93,8 @@ class Unrolled(Terms):
 
     @cached_property
     def scores(self) -> ca.Function:
-        """Z -> entries, the limits' largest violations."""
-        worst = [violation(one.expression, one) for one in self.limits]
+        """Z -> entries, the most that limits are exceeded by."""
+        worst = [excess(one.expression, one) for one in self.limits]
         return scores_of(self.unknowns, self.entries, worst)
 
     @property

@@ -24,7 +24,7 @@ from oed.optimize.terms.matrices import stacks, symmetric_all
 from oed.optimize.terms.unrolled import OtherRobots, Unrolled
 
 UNSOUND = 1e3
-"""Violation of every limit, as a share of its size, of a drive that is not finite."""
+"""Share of its size by which a drive that is not finite exceeds every limit."""
 
 LOOKING = 1e-4
 """Time [s] per operation written out; only a search that may spare more looks for code compiled earlier.
@@ -130,17 +130,24 @@ class DesignExpressions:
         typical = float(smallest.max())
         return typical if typical > 0 else float(np.max(means)) or 1.0
 
-    def score_many(self, candidates: Array, threads: int = 1) -> tuple[Array, Array]:
+    def score_many(self, candidates: Array) -> tuple[Array, Array]:
         """Criterion (K,) and relative violation of each limit (K, limits) of candidates (K, size).
 
         For ranking candidates only: it looks at limits at the samples, `evaluate` between them too.
+        """
+        values, excess = self.measure_many(candidates)
+        return values, np.maximum(0.0, excess)
+
+    def measure_many(self, candidates: Array, threads: int = 1) -> tuple[Array, Array]:
+        """Criterion (K,) of candidates (K, size), and by how much they exceed each limit at the samples, in
+        shares of its size, below 0 within it (K, limits).
 
         Args:
             candidates: (K, size).
             threads: that share the nominal robot's scores; their number changes none of them.
         """
-        matrices, violations = self._judged(candidates, threads)
-        return self.objective(matrices), violations
+        matrices, excess = self._judged(candidates, threads)
+        return self.objective(matrices), excess
 
     @cached_property
     def _scores(self) -> ca.Function:
@@ -176,25 +183,25 @@ class DesignExpressions:
         return functions is not None
 
     def _judged(self, candidates: Array, threads: int = 1) -> tuple[list[list[Array]], Array]:
-        # For every robot its matrices (K, p, p); relative violations (K, limits).
+        # For every robot its matrices (K, p, p); by how much limits are exceeded, in shares of their size.
         count = len(candidates)
         several = ("thread", min(threads, count)) if min(threads, count) > 1 else ()
-        nominal, violations = direct_call(self._scores.map(count, *several), candidates)
+        nominal, excess = direct_call(self._scores.map(count, *several), candidates)
         found = [stacks(nominal.reshape(count, -1).T, self.sizes)] * len(self.robots)
         for place, parameters, shift in self.others:
             other = self.other_robots.values.map("robots", "serial", count, [1, 2], [])
             found[place] = stacks(np.array(other(candidates.T, parameters, shift)), self.sizes)
-        return _finite(found, violations.reshape(count, -1))
+        return _finite(found, excess.reshape(count, -1))
 
 
-def _finite(robots: list[list[Array]], violations: Array) -> tuple[list[list[Array]], Array]:
+def _finite(robots: list[list[Array]], excess: Array) -> tuple[list[list[Array]], Array]:
     # A drive that is not finite is not informative and exceeds all limits, whatever robot it is of.
-    parts = [violations, *(stack.reshape(len(stack), -1) for own in robots for stack in own)]
+    parts = [excess, *(stack.reshape(len(stack), -1) for own in robots for stack in own)]
     sound = np.asarray(np.isfinite(np.concatenate(parts, axis=1)).all(axis=1, keepdims=True))
     if sound.all():
-        return robots, violations
+        return robots, excess
     kept = [[np.where(sound[:, :, None], stack, 0.0) for stack in own] for own in robots]
-    return kept, np.where(sound, violations, UNSOUND)
+    return kept, np.where(sound, excess, UNSOUND)
 
 
 @dataclass(frozen=True)
