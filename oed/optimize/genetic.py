@@ -34,7 +34,9 @@ from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives, start_bounds
 
 REFINE = 2
-"""Path points per sample that the population is checked at; the best are re-scored at all times."""
+"""Path points per sample that the population is checked at first, of problems without back-off; the best are
+re-scored at all times.
+"""
 SLIPPED = 0.1
 """Share of a limit's size by which it is tightened at most where it is exceeded between these points."""
 FINER, FINEST = 4, 32
@@ -216,7 +218,7 @@ class _Run:
             slipped = self.best is None and self.refused and status is not Status.TIME_LIMIT
             if not slipped or self._enough or refine >= FINEST:
                 return status
-            refine *= FINER
+            refine = min(FINER * refine, FINEST)
 
     @property
     def _enough(self) -> bool:

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
-from builders import problem_of
+from builders import RADIUS, problem_of
 
+from oed.foundation.arrays import Array
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.scorer import score
 from oed.optimize import Genetic, Ipopt, solve
-from oed.optimize.genetic import SLIPPED
+from oed.optimize.generations import OnArrays
+from oed.optimize.genetic import FINEST, SLIPPED
 from oed.optimize.solver import Context
-from oed.robots.limits import EndPosition, Obstacles, Rectangle, WheelSpeed
+from oed.optimize.transcription.coarse import Grid
+from oed.robots.limits import BodySpeed, EndPosition, Obstacles, Rectangle, WheelSpeed
 from oed.robots.sensors import Poses
+from oed.uncertainty.robust import Robust
 
 IPOPT = Ipopt(starts=1, perturbations=0, second_stage="none")
 GENETIC = Genetic(population=40, generations=15)
@@ -112,3 +117,51 @@ def best_found(monkeypatch: pytest.MonkeyPatch, slipped: float) -> float:
 def test_limits_that_are_exceeded_a_little_between_the_points_are_tightened(monkeypatch: pytest.MonkeyPatch):
     """Else all that a search goes on from exceeds them there, and it finds no better drive any more."""
     assert best_found(monkeypatch, SLIPPED) > 1.1 * best_found(monkeypatch, 0)
+
+
+@pytest.mark.slow
+def test_limits_are_tightened_by_as_much_as_slips(monkeypatch: pytest.MonkeyPatch):
+    """Candidates and their children are judged by the same limits; those kept between the points stay."""
+    tighten, tightened = OnArrays.tighten, []
+
+    def watched(generations: OnArrays, shares: Array) -> None:
+        tighten(generations, shares)
+        standing = generations.standing
+        _, excess = generations._scoring(standing.unknowns)
+        np.testing.assert_allclose(standing.excess, excess, atol=1e-12)
+        tightened.append(shares)
+
+    monkeypatch.setattr(OnArrays, "tighten", watched)
+    monkeypatch.setattr("oed.optimize.genetic.score", more_between)
+    problem = problem_of(measurement=POSES, limits=(WheelSpeed(bounds=1), BodySpeed(bounds=RADIUS)))
+    Genetic(population=40, generations=40).search(problem, Context(seed=0, workers=1))
+    wheels, body = np.sum(tightened, axis=0)
+    assert 0 < wheels <= 0.03 + 1e-9
+    assert body == 0
+
+
+def test_a_search_looks_at_no_more_points_than_the_most(monkeypatch: pytest.MonkeyPatch):
+    """Those of a robust problem begin with one a sample."""
+    points = []
+
+    def watched(problem: Problem, refine: int) -> Grid:
+        points.append(refine)
+        return Grid(problem, refine=refine)
+
+    def slipping(problem: Problem, drive: Trajectory) -> Evaluation:
+        found = score(problem, drive)
+        return replace(found, margins=tuple(replace(one, margin=-one.size) for one in found.margins))
+
+    monkeypatch.setattr("oed.optimize.genetic.Grid", watched)
+    monkeypatch.setattr("oed.optimize.genetic.score", slipping)
+    problem = problem_of(
+        samples=8,
+        coefficients=6,
+        measurement=POSES,
+        limits=(WheelSpeed(bounds=10), Rectangle(x=(-3, 3), y=(-3, 3))),
+        within={"track": "2 %"},
+        robust=Robust(kind="chance"),
+    )
+    Genetic(population=4, generations=2).search(problem, Context(seed=1, workers=1))
+    assert points[0] == 1
+    assert points[-1] == FINEST
