@@ -122,7 +122,7 @@ class OfPymoo(Generations):
         return Standing(np.asarray(unknowns, dtype=float), costs[:, 0], excess)
 
     def tighten(self, shares: Array) -> None:
-        """Change what the algorithm knows of its population, and let it sum that up anew."""
+        """Change the constraints of the algorithm's population, and let pymoo sum up its violations anew."""
         population = self._algorithm.pop
         population.set("G", population.get("G") + shares)
         population.set("CV", [None] * len(population))
@@ -174,7 +174,7 @@ class OnArrays(Generations):
         return self._selected
 
     def tighten(self, shares: Array) -> None:
-        """Keep the fittest, however many of them exceed a limit now."""
+        """Tighten them for the fittest, which stay until the next generation is selected."""
         self._selected = self.standing.tightened(shares)
 
     def advance(self) -> None:

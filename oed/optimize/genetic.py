@@ -1,8 +1,9 @@
 """Global search without derivatives: the paper's genetic algorithm, and two relatives, by pymoo.
 
 Genes are the spline coefficients (and the start pose where it is free). A population is scored at once
-through the same compiled function that screens Ipopt's starts, by several processes where that is faster;
-constraints are pymoo's own affair.
+through the same compiled function that screens Ipopt's starts, by several processes where that is faster.
+What keeps all limits is better than what exceeds any, as in pymoo; limits that drives exceed a little between
+the points looked at are tightened by as much.
 """
 
 from __future__ import annotations

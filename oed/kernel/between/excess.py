@@ -21,8 +21,8 @@ from oed.kernel.limit import Rows
 AT_ONCE = 1024
 """Stretches bounded in one call."""
 SHARED, THREADS = 1_000_000, 2
-"""Operations of a call that threads share out, which takes them 0.1 ms, and how many these are: searches and
-simulations have processes of their own.
+"""Operations of a call (rows times operations of each) from which threads share it, for starting them takes
+0.1 ms, and how many threads: no more, for searches and simulations run in several processes already.
 """
 
 
@@ -171,7 +171,7 @@ class Excess:
 
 
 def _side_by_side(function: ca.Function, size: int) -> ca.Function:
-    # What is short is compiled once it has been called for long; what is not is shared out.
+    # Short functions are compiled once they have been called for long; threads share calls of long ones.
     long = function.n_instructions() > MOST and function.n_instructions() * size > SHARED
     return function.map(size, "thread", THREADS) if long else function.map(size)
 

@@ -216,8 +216,8 @@ class Terms(ABC):
     @property
     @abstractmethod
     def scores(self) -> ca.Function:
-        """Z -> entries of the matrices, and for every limit its largest violation at the samples over its
-        size.
+        """Z -> entries of the matrices, and the most by which every limit is exceeded at the points looked
+        at, over its size; below 0 where it is not.
         """
 
     @property

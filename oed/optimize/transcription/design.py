@@ -139,8 +139,8 @@ class DesignExpressions:
         return values, np.maximum(0.0, excess)
 
     def measure_many(self, candidates: Array, threads: int = 1) -> tuple[Array, Array]:
-        """Criterion (K,) of candidates (K, size), and by how much they exceed each limit at the samples, in
-        shares of its size, below 0 within it (K, limits).
+        """Criterion (K,) of candidates (K, size), and by how much they exceed each limit at the points
+        looked at, in shares of its size, below 0 within it (K, limits).
 
         Args:
             candidates: (K, size).
