@@ -12,6 +12,8 @@ import pytest
 from sample_robots import PLANAR, ROBOTS, Example, cases, draw_inputs
 
 from oed.kernel.dynamics.rollout import FINE, Drive, drive_shape, roll_out
+from oed.kernel.dynamics.system import mover, stepper
+from oed.robots.models import Unicycle
 from oed.robots.models.model import CoefficientRobot
 
 SAMPLES, PERIOD, START = 13, 0.17, np.array([0.3, -0.4, 0.5])
@@ -107,6 +109,34 @@ def test_limits_on_motion_see_what_a_robot_that_lags_does(example: Example, give
     # It never turns faster than it is asked to.
     yaw_rates = states[:, example.model.states.index("yaw_rate")]
     assert np.abs(yaw_rates).max() <= np.abs(asked[:, 2]).max()
+
+
+@pytest.mark.parametrize("refine", [1, 3])
+def test_motion_that_lags_is_taken_at_all_points_of_every_run(refine: int):
+    """At the begins of all periods, at their ends, then at the points between."""
+    system, runs, count = Unicycle(lag_v=0.15, lag_omega=0.25), 2, 4
+    rng = np.random.default_rng(0)
+    inputs = rng.uniform(-0.5, 0.5, (runs * count, 2))
+    starts = rng.uniform(-0.3, 0.3, (runs, len(system.states)))
+    parameters, step, move = ca.DM(system.nominal), stepper(system), mover(system)
+    expected: dict[int, list[np.ndarray]] = {point: [] for point in (0, refine, *range(1, refine))}
+    for start, held in zip(starts, np.split(inputs, runs), strict=True):
+        state = ca.DM(start)
+        for asked in held:
+            for point, rows in expected.items():
+                reached = step(state, asked, parameters, PERIOD * point / refine) if point else state
+                rows.append(np.array(move(reached, asked, parameters)).ravel())
+            state = step(state, asked, parameters, PERIOD)
+    drive = roll_out(
+        system,
+        inputs=ca.DM(inputs),
+        start=ca.DM(starts),
+        parameters=parameters,
+        period=ca.DM(PERIOD),
+        refine=refine,
+        runs=runs,
+    )
+    np.testing.assert_allclose(np.array(drive.motion), np.concatenate(list(expected.values())), atol=1e-12)
 
 
 @robots
