@@ -53,10 +53,6 @@ class Standing:
         """Which candidates keep all limits, (K,)."""
         return self.violation <= 0
 
-    def tightened(self, shares: Array) -> Standing:
-        """These candidates where each limit is tighter by a share of its size, (limits,)."""
-        return replace(self, excess=self.excess + shares)
-
     def chosen(self, places: Places) -> Standing:
         """Those at these places."""
         return Standing(self.unknowns[places], self.costs[places], self.excess[places])
@@ -175,7 +171,7 @@ class OnArrays(Generations):
 
     def tighten(self, shares: Array) -> None:
         """Tighten them for the fittest, which stay until the next generation is selected."""
-        self._selected = self.standing.tightened(shares)
+        self._selected = replace(self.standing, excess=self.standing.excess + shares)
 
     def advance(self) -> None:
         """Score the sampling; later, mate, score, and keep the fittest."""

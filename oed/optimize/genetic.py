@@ -38,8 +38,10 @@ REFINE = 2
 """Path points per sample that the population is checked at first, of problems without back-off; the best are
 re-scored at all times.
 """
-SLIPPED = 0.1
-"""Share of a limit's size by which it is tightened at most where it is exceeded between these points."""
+MOST_TIGHTENED = 0.1
+"""Share of a limit's size by which it is tightened at most: drives in a room exceed limits by up to 4 %
+between these points, those through a wall by about its thickness.
+"""
 FINER, FINEST = 4, 32
 """Factor on these points where all that seems feasible slips through between them, and the most there are."""
 RESCORED = 3
@@ -186,6 +188,22 @@ def _as_pymoo(design: DesignExpressions, population: Population) -> Any:
     return Design()
 
 
+def excess_between(evaluation: Evaluation, at_points: Array) -> Array:
+    """Return how much more a drive exceeds each limit between the points than at them, (limits,).
+
+    It is 0 where the limit is satisfied, and where it is more than `MOST_TIGHTENED`: a wall thinner than the
+    way between two points must not forbid drives far from it.
+
+    Args:
+        evaluation: of the drive, at all times.
+        at_points: by how much each limit is exceeded at the points, in shares of its size, (limits,).
+    """
+    margins = evaluation.margins[: len(at_points)]
+    further = np.array([margin.violation / margin.size for margin in margins]) - at_points
+    satisfied = np.array([margin.satisfied for margin in margins], dtype=bool)
+    return np.where(satisfied | (further > MOST_TIGHTENED), 0.0, further)
+
+
 @dataclass
 class _Run:
     options: PopulationSearch
@@ -240,11 +258,9 @@ class _Run:
         while not generations.ended:
             generations.advance()
             self.evaluations = before + generations.evaluations
-            tighter = self._keep_best(generations.standing)
-            # Walls thinner than the way between two points are not to forbid what is far from them.
-            tighter[population.tighter + tighter > SLIPPED] = 0.0
-            population.tighter += tighter
-            generations.tighten(tighter)
+            tightening = self._keep_best(generations.standing, population.tightening)
+            further, population.tightening = tightening - population.tightening, tightening
+            generations.tighten(further)
             kind = self.problem.criterion.kind
             note = "" if self.best is None else f"best by {kind}: {self.best[1].objective:.4g}"
             self.context.progress.advance(note)
@@ -253,12 +269,12 @@ class _Run:
             if self._enough:
                 break
         if self.best is None:
-            self._keep_best(generations.standing, last=True)
+            self._keep_best(generations.standing, population.tightening, last=True)
         return Status.SEARCHED
 
-    def _keep_best(self, standing: Standing, *, last: bool = False) -> Array:
-        # How much tighter limits have to be for the best to satisfy them between the points too.
-        tighter = np.zeros(standing.excess.shape[1])
+    def _keep_best(self, standing: Standing, tightening: Array, *, last: bool = False) -> Array:
+        # Returns the tightening, (limits,), with which the drives refused here would have been infeasible.
+        needed = tightening
         for place in islice(self._fresh(standing), None if last else RESCORED):
             value, unknowns = -float(standing.costs[place]), standing.unknowns[place]
             if value <= self.standing:
@@ -269,15 +285,10 @@ class _Run:
                 if evaluation.feasible:
                     self._keep(value, unknowns, evaluation)
                     break
-                tighter = np.maximum(tighter, self._slipped(evaluation, standing.excess[place]))
+                at_points = standing.excess[place] - tightening
+                needed = np.maximum(needed, excess_between(evaluation, at_points))
             self.refused.add(unknowns.tobytes())
-        return tighter
-
-    def _slipped(self, evaluation: Evaluation, seen: Array) -> Array:
-        # By how much more limits are exceeded between the points than was seen at them.
-        margins = evaluation.margins[: len(seen)]
-        slips = np.array([one.violation / one.size for one in margins]) - seen
-        return np.where([one.satisfied for one in margins], 0.0, slips)
+        return needed
 
     def _fresh(self, standing: Standing) -> Iterator[int]:
         # Drives that keep the limits where the population is checked, the best first, but those that do not

@@ -34,7 +34,7 @@ class Population:
     """Scores candidates of a problem; who scores them changes none of the numbers.
 
     Attributes:
-        tighter: share of its size by which each limit is tighter for candidates than it is, (limits,).
+        tightening: shares of the limits' sizes by which they are tightened for candidates, (limits,).
 
     Args:
         design: the problem's expressions in this process.
@@ -55,7 +55,7 @@ class Population:
         """Compile nothing yet."""
         self._expected, self._compiled, self._until = expected, False, until
         self._design, self._refine, self._workers = design, refine, workers
-        self.tighter = np.zeros(len(design.terms.rows))
+        self.tightening = np.zeros(len(design.terms.rows))
         self._seconds = 0.0
         self._binary: Path | None = None
 
@@ -64,7 +64,7 @@ class Population:
         here, in shares of its size (K, limits).
         """
         values, excess = self._measured(candidates)
-        return values, excess + self.tighter
+        return values, excess + self.tightening
 
     def _measured(self, candidates: Array) -> Scored:
         self._expected -= len(candidates)
