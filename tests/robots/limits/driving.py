@@ -89,7 +89,7 @@ def dense_times(drive: Trajectory) -> np.ndarray:
 
 def fine_twists(example: Example, drive: Trajectory, *, dense: bool = False) -> np.ndarray:
     """Twists (K, 3) that limits look at, by the oracle: of the splines at all times looked at; of a robot
-    that lags, those that it has at both ends of each period.
+    that lags, those that it has from the begin of each period to its end.
     """
     if not example.on_arcs:
         return _lagging_twists(example, drive)
@@ -100,9 +100,10 @@ def fine_twists(example: Example, drive: Trajectory, *, dense: bool = False) -> 
 def _lagging_twists(example: Example, drive: Trajectory) -> np.ndarray:
     state, found = np.array(drive.starts[0]), []
     for row in drive.inputs:
-        after = np.array([*state[:3], *example.further(state, row, drive.period)])
-        found += [example.moved(one, row, 0.0) for one in (state, after)]
-        state = after
+        times = np.linspace(0, drive.period, FINER + 1)
+        states = [np.array([*state[:3], *example.further(state, row, time)]) for time in times]
+        found += [example.moved(state, row, 0.0) for state in states]
+        state = states[-1]
     return np.array(found)
 
 
