@@ -22,6 +22,13 @@ MOST = 500
 402 take 32 s, of a robust study 6 minutes; 802 take more than 6 minutes in any case.
 """
 
+CLOSE = 1e-4
+"""Tolerance of Ipopt in such a search, at least.
+
+On so many coefficients the last digits take most iterations, and a robust search tightens its limits after
+each solve: it takes 20 s for a tricycle, 107 s with 1e-8.
+"""
+
 
 def searched_from_baseline(work: Work, best: Solution | None) -> tuple[list[Solution], bool]:
     """What a search by Ipopt finds from the best baseline, where that is the best drive of all.
@@ -71,8 +78,9 @@ def options_from(study: Study, best: Solution | None) -> Ipopt | None:
         return None
     if problem.selection is not None or lifted(problem) is not None or problem.design.own_spline.degree == 0:
         return None
-    name = f"{options.label}_from_{best.name}"
-    return options.again().model_copy(update={"name": name, "start_from": best.name, "second_stage": "none"})
+    name, tolerance = f"{options.label}_from_{best.name}", max(options.tolerance, CLOSE)
+    changes = {"name": name, "start_from": best.name, "second_stage": "none", "tolerance": tolerance}
+    return options.again().model_copy(update=changes)
 
 
 def left_out(study: Study, best: Solution | None) -> list[str]:
