@@ -19,7 +19,10 @@ def announce_drive(context: Context, problem: Problem, evaluation: Evaluation, s
         seconds: since the search began [s].
     """
     if evaluation.identifiable:
-        after = f"first feasible drive after {significant(2)(seconds)} s"
+        first = (
+            "first feasible drive" if problem.robust is None else "first drive, untried with other robots,"
+        )
+        after = f"{first} after {significant(2)(seconds)} s"
         announce(context.progress, f"{after}: {_worth(problem, evaluation)}; {_sought(problem)}")
 
 

@@ -78,7 +78,7 @@ def entry(record: Record, name: str) -> dict[str, Any]:
 def test_of_the_first_feasible_drive_is_told_once(heard):
     # The search without back-off, for comparison, finds feasible drives too.
     assert len(heard.said) == 1
-    assert heard.said[0].startswith("first feasible drive after")
+    assert heard.said[0].startswith("first drive, untried with other robots, after")
 
 
 @pytest.mark.slow
