@@ -13,7 +13,7 @@ from stiff_systems import CONSERVED, CSTR, ROBERTSON, cstr, robertson, sundials,
 
 import oed
 from oed.equations.system import Equations
-from oed.foundation.errors import NotFinite, ProblemError
+from oed.foundation.errors import NotFinite, ProblemError, UserMistake
 from oed.kernel.dynamics.integration import NODES, collocation
 from oed.kernel.dynamics.system import carrier, signaller, stepper
 from oed.kernel.scorer import score
@@ -264,3 +264,27 @@ def test_a_step_that_is_not_solved_is_said_and_no_design():
     drive = own.design.trajectory(np.full((4, 1), 360.0), own.fixed_starts)
     with pytest.raises(NotFinite, match=r"not finite from .* s on; .* take more substeps"):
         score(own, drive)
+
+
+STIFF = """
+format: 1
+name: stiff
+system:
+  kind: equations
+  states: {a: 1, b: 0}
+  inputs: {u: 1/s}
+  parameters: {K: 0.5 1/s, F: 200 1/s}
+  derivatives: {a: u - K * a - 0.1 * K * a * b, b: F * (sin(3 * a) - b)}
+  outputs: {b: b}
+experiment: {duration: 10 s, samples: 20, inputs: {u: {range: [0 1/s, 2 1/s]}}}
+measurement: {kind: outputs, noise: {b: 0.01}}
+criterion: D
+"""
+"""A fast state that follows a slow one, which explicit steps of 0.5 s do not."""
+
+
+def test_a_stiff_system_by_too_long_steps_is_told_what_helps():
+    with pytest.raises(UserMistake, match="take more `substeps` or `integrator: radau`"):
+        oed.parse_study(STIFF).require_identifiable()
+    radau = STIFF.replace("kind: equations", "kind: equations\n  integrator: radau")
+    oed.parse_study(radau).require_identifiable()
