@@ -23,7 +23,7 @@ from oed.records.stored.study_record import StoredParameter
 from oed.report.parts.judging import identifies, judged, repeatable, repetitions_of, study_aim
 from oed.report.parts.prose import Prose
 from oed.report.parts.reading import chosen_text, duration_text, in_place, kind_of, taken
-from oed.robots.limits import Workspace
+from oed.robots.limits import Circle, Workspace
 
 SAY = Prose("answer")
 EQUAL = 0.05
@@ -167,12 +167,15 @@ def _pattern(baseline: Result) -> str:
 def title_of(record: Record) -> str:
     """What was asked for: a drive of how long, in which room."""
     room = next((one for one in record.study.every_limit if isinstance(one, Workspace)), None)
-    size = None
-    if room is not None:
-        x_min, x_max, y_min, y_max = room.extent
-        size = given_text(x_max - x_min, "m"), given_text(y_max - y_min, "m")
-    turning = record.best is not None and in_place(record.best)
-    return SAY("title", record.study.name, chosen_text(record) or duration_text(record), size, turning)
+    turning, where = record.best is not None and in_place(record.best), _room_text(room) if room else ""
+    return SAY("title", record.study.name, chosen_text(record) or duration_text(record), where, turning)
+
+
+def _room_text(room: Workspace) -> str:
+    if isinstance(room, Circle):
+        return f"a round room of radius {given_text(room.radius, 'm')}"
+    x_min, x_max, y_min, y_max = room.extent
+    return f"a room of {given_text(x_max - x_min, 'm')} x {given_text(y_max - y_min, 'm')}"
 
 
 def rows_of(

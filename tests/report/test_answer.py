@@ -16,7 +16,7 @@ from oed.cli.terminal.console import print_answer
 from oed.foundation.text import words
 from oed.kernel.criteria import A, D, E
 from oed.records.record import Record, load_record
-from oed.report.answer import answer_of, best_baseline
+from oed.report.answer import answer_of, best_baseline, title_of
 from oed.report.page import write_report
 from oed.report.parts.judging import judged
 from oed.report.refusal import refusal_of
@@ -111,6 +111,12 @@ def test_it_is_the_same_on_page_and_terminal(tmp_path, capsys):
     lines = printed.splitlines()
     assert len(lines) <= 16
     assert max(map(len, lines)) <= 80
+
+
+def test_the_title_says_a_round_rooms_radius():
+    study = changed().data["study"]
+    study["limits"]["workspace"] = {"kind": "circle", "radius": 2.0}
+    assert title_of(changed(study=study)).endswith("a drive of 20 s in a round room of radius 2 m")
 
 
 def test_a_baseline_that_leaves_something_open_is_no_number():

@@ -129,6 +129,11 @@ def with_drift(text: str) -> str:
     return STUDY.replace(NOISE, f"{NOISE}, drift: {text}")
 
 
+def test_a_drift_that_is_no_amount_of_anything_is_told_both_forms():
+    with pytest.raises(StudyError, match=r"drift: expected usual, or .*ahead_per_metre.*, got '5 %'"):
+        parse_study(with_drift("5 %"))
+
+
 @pytest.mark.slow
 def test_an_estimate_of_logs_gives_their_drift(estimated: Path):
     file = estimated / "study.yaml"

@@ -7,12 +7,13 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import casadi as ca
 import numpy as np
-from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, field_validator, model_validator
 
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.quantities import Angle, Length, require_covariance
+from oed.foundation.shown import written
 from oed.foundation.text import given_text, listing
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
@@ -180,10 +181,17 @@ def _form(value: Any) -> str:
     return "from a record" if named else "as numbers"
 
 
+def _usual(value: str) -> str:
+    if value != "usual":
+        amounts = "its amounts, like {ahead_per_metre: 3 mm, heading_per_metre: 0.15 deg}"
+        raise ValueError(f"expected usual, or {amounts}, got {written(value)}")
+    return value
+
+
 AnyDrift = Annotated[
     Annotated[Drift, Tag("as numbers")]
     | Annotated[DriftRecord, Tag("from a record")]
-    | Annotated[Literal["usual"], Tag("by a word")],
+    | Annotated[Literal["usual"], BeforeValidator(_usual), Tag("by a word")],
     Discriminator(_form),
 ]
 
