@@ -1,6 +1,4 @@
-"""Pages that are made from the package itself: the gallery of studies, the reference of public names, and the
-names that have changed.
-"""
+"""Pages that are made from the package itself: the gallery of studies and the reference of public names."""
 
 from __future__ import annotations
 
@@ -9,7 +7,6 @@ from pathlib import Path
 
 import gallery
 import names
-import renames
 
 PLACE = "generated"
 """Folder of the pages, beside those that are written."""
@@ -20,7 +17,6 @@ SAMPLES = ("robust_laser_tracker/figures/bundles.svg",)
 def everything(docs: Path) -> None:
     """Write all generated pages into the folder of the documentation."""
     names.write(docs / PLACE / "api")
-    renames.write(docs / PLACE / "renames.md")
     gallery.write(docs.parent / "problems", docs / PLACE / "gallery")
     _samples(docs.parent / "reports" / "gallery", docs / PLACE / "samples")
 

@@ -77,7 +77,7 @@ start.begin()
 
 import lazy_loader  # noqa: E402
 
-from oed.foundation import moved, plots  # noqa: E402
+from oed.foundation import plots  # noqa: E402
 
 _public, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
 # Of all names: `help(oed)` prints what each of these says of itself, and a star should bring no E, G or I.
@@ -94,13 +94,10 @@ def __getattr__(name: str) -> object:
         from oed.foundation.extras import package_version
 
         return package_version(__name__)
-    if name in moved.NAMES:
-        return _public(moved.renamed(name))
     if name not in _names:
         text = f"module {__name__!r} has no attribute {name!r}"
         raise AttributeError(text, name=name, obj=sys.modules[__name__])
     return _public(name)
 
 
-moved.watch()
 plots.drawn_by(f"{__name__}.report.plots")

@@ -20,7 +20,6 @@ from places import PROBLEMS, ROOT
 
 import oed
 from oed.cli import main
-from oed.foundation import moved
 from oed.logs import CsvForm
 from oed.report.estimate.parameters import estimate_rows
 from oed.robots.limits import LIMITS
@@ -108,17 +107,6 @@ def test_every_public_name_is_in_the_reference(built: Path):
         one.read_text(encoding="utf-8") for one in (built / "generated" / "api").glob("*.html")
     )
     assert [name for name in dir(oed) if f'id="oed.{name}"' not in reference] == []
-
-
-@pytest.mark.slow
-def test_every_name_that_has_changed_is_in_one_table(built: Path):
-    shown = page(built, "generated/renames")
-    renamed = [(f"oed.{old}", f"oed.{new}") for old, new in {**moved.NAMES, **moved.PLACES}.items()]
-    for kind, names in moved.ATTRIBUTES.items():
-        renamed += [(f"{kind}.{old}", f"{kind}.{new}") for old, new in names.items()]
-    rows = re.findall(r"<tr[^>]*>(.*?)</tr>", shown, flags=re.DOTALL)
-    cells = {tuple(re.findall(r'<span class="pre">([^<]*)</span>', row)) for row in rows}
-    assert set(renamed) <= cells
 
 
 @pytest.mark.slow

@@ -9,7 +9,6 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.equality import ByValue
-from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Card, Presented, given, number
 from oed.foundation.text import significant
 from oed.kernel.criteria import Criterion, E
@@ -55,7 +54,7 @@ class Bound:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Certificate(ByValue, Presented, Renamed):
+class Certificate(ByValue, Presented):
     """The smallest of the bounds found, and what drives were found with it.
 
     Attributes:

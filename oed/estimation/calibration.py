@@ -35,7 +35,6 @@ from oed.estimation.setup.unknowns import PLACE
 from oed.foundation.arrays import Array
 from oed.foundation.equality import ByValue
 from oed.foundation.errors import LogError, ProblemError
-from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Brief
 from oed.kernel.problem import Problem
 from oed.logs.log import Log
@@ -53,7 +52,7 @@ CLOCKS_APART = 0.1
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Calibration(ByValue, Brief, Renamed):
+class Calibration(ByValue, Brief):
     """What logs say of a robot.
 
     Attributes:

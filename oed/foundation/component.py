@@ -23,7 +23,6 @@ from pydantic import (
 from pydantic_core import CoreSchema, InitErrorDetails, core_schema
 
 from oed.foundation.arguments import WrongKind, count_issue
-from oed.foundation.moved import require_new_methods
 from oed.foundation.shown import written
 from oed.foundation.text import did_you_mean
 from oed.foundation.tidy import Tidy, TidyKind
@@ -96,12 +95,7 @@ class Component(Tidy, metaclass=_Worded):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **keywords: Any) -> None:
-        """Have every field but the kind, by which classes are known, look out for true and false.
-
-        Raises:
-            TypeError: a method has a name that nobody calls any more.
-        """
-        require_new_methods(cls)
+        """Have every field but the kind, by which classes are known, look out for true and false."""
         for name, field in cls.model_fields.items():
             if name != "kind":
                 field.metadata = [*field.metadata, Before(partial(_no_truth_for_a_number, cls, name))]

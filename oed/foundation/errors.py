@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
-from oed.foundation.moved import Renamed
 from oed.foundation.shown import shown
 
 
@@ -39,7 +38,7 @@ class Issue:
         return shown(f"{path}: {self.message}" if path else self.message)
 
 
-class ProblemError(Renamed, UserMistake):
+class ProblemError(UserMistake):
     """A design problem whose parts do not fit together; `issues` lists every reason at once."""
 
     issues: tuple[Issue, ...]
@@ -92,7 +91,7 @@ class FileIssue:
         return shown(": ".join(filter(None, (place, self.key, self.message))))
 
 
-class FileError(Renamed, UserMistake):
+class FileError(UserMistake):
     """A file that cannot be used as it is; `issues` lists every reason at once."""
 
     issues: tuple[FileIssue, ...]

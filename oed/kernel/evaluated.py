@@ -11,7 +11,6 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.equality import ByValue
-from oed.foundation.moved import Renamed
 from oed.foundation.presenting import (
     PARAMETER_COLUMNS,
     Card,
@@ -65,7 +64,7 @@ class Steps:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Evaluation(ByValue, Presented, Renamed):
+class Evaluation(ByValue, Presented):
     """What `evaluate` says of a trajectory; all SI.
 
     Attributes:

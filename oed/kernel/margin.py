@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from oed.foundation.moved import Renamed
-
 TOLERANCE = 1e-3
 """A limit is satisfied when it is exceeded by at most this share of its size, and active within it."""
 
 
 @dataclass(frozen=True)
-class Margin(Renamed):
+class Margin:
     """How far a trajectory stays inside one limit.
 
     Attributes:

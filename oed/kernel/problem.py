@@ -13,7 +13,6 @@ import numpy.typing as npt
 from oed.foundation.arguments import called_in_words, real_array
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Issue, ProblemError
-from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Card, Fact, Presented, given
 from oed.foundation.text import given_text, words
 from oed.kernel.consistency import parts_of, problem_issues, unbounded
@@ -94,7 +93,7 @@ class Estimation:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Problem(Presented, Renamed):
+class Problem(Presented):
     """What to design for: a system, the drives allowed, a measurement, limits and a criterion.
 
     Attributes:

@@ -11,7 +11,6 @@ from oed.foundation import plots
 from oed.foundation.arrays import Array
 from oed.foundation.equality import ByValue
 from oed.foundation.errors import UserMistake
-from oed.foundation.moved import Renamed
 from oed.foundation.presenting import PARAMETER_COLUMNS, Card, Presented, given
 from oed.foundation.text import chance_text, count, quantity
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -192,7 +191,7 @@ class Violation:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Solution(ByValue, Presented, Renamed):
+class Solution(ByValue, Presented):
     """A solver's best design.
 
     Attributes:

@@ -20,7 +20,6 @@ from oed.foundation.arguments import require_count, typed
 from oed.foundation.arrays import Array
 from oed.foundation.equality import ByValue
 from oed.foundation.errors import ProblemError
-from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Card, Fact, Presented, dataframe
 from oed.foundation.text import deviation_text, significant
 from oed.foundation.work.parallel import Workers, run_tasks
@@ -44,7 +43,7 @@ STREAM = 5
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Validation(ByValue, Presented, Renamed):
+class Validation(ByValue, Presented):
     """Predicted against simulated precision; all SI.
 
     Attributes:

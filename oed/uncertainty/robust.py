@@ -15,7 +15,6 @@ from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_ser
 
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Issue
-from oed.foundation.moved import Renamed
 from oed.foundation.quantities import Ratio
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
@@ -36,7 +35,7 @@ OTHER_PARAMETERS = "the criterion of other robots is of their own parameters: om
 """Why the objective cannot be of other robots."""
 
 
-class Robust(Renamed, Tightening):
+class Robust(Tightening):
     """How a drive is kept within its limits for all robots that may be.
 
     Attributes:

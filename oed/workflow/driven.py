@@ -12,7 +12,6 @@ import numpy as np
 from oed.bounds import Certificate, bound, bound_on
 from oed.foundation.arguments import typed
 from oed.foundation.errors import LogError
-from oed.foundation.moved import Renamed
 from oed.foundation.work.folders import in_order
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -46,7 +45,7 @@ SAME = ("robot", "trajectory", "measurement", "estimate", "prior", "weights", "l
 
 
 @dataclass(frozen=True)
-class DrivenPath(Renamed):
+class DrivenPath:
     """A part of a log, as long as the study's drives, scored by the study's problem.
 
     Attributes:

@@ -166,12 +166,6 @@ class TestNonlinear:
         readings = estimator._readings.by_sensor(fit.layout.readings)
         np.testing.assert_array_equal(readings, estimator.predicted())
 
-    def test_old_names_say_the_new_ones(self):
-        estimator = Nonlinear(runs_problem(measurement=SENSORS["poses"]), drive_of())
-        for old, new in {"promised": "covariance", "replicate": "simulate"}.items():
-            with pytest.raises(AttributeError, match=f"it is now '{new}'"):
-                getattr(estimator, old)
-
     @pytest.mark.slow
     @sensors
     def test_side_by_side_estimates_are_those_of_one_after_another(self, measurement, monkeypatch):

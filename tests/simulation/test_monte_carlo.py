@@ -80,8 +80,6 @@ class TestKnownHeading:
         assert "as predicted" in result.verdict
         assert agreement_text(result.largest_ratio) in result.verdict
         assert 1 < result.largest_ratio < 1.06
-        with pytest.raises(AttributeError, match="it is now 'predicted'"):
-            _ = result.promised
 
     def test_estimates_are_linear(self):
         _, estimates, linear = simulated(make(), "known", 200)

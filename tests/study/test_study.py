@@ -635,12 +635,6 @@ def test_counts_that_no_machine_can_hold_are_refused(keys: str, key: str):
     assert "expected at most" in issue.message
 
 
-@pytest.mark.parametrize("name", ["load_study", "parse_study"])
-def test_readers_of_files_say_where_they_are_now(name: str):
-    with pytest.raises(ImportError, match=rf"oed\.study\.{name} is now oed\.{name}"):
-        exec(f"from oed.study import {name}")
-
-
 @pytest.mark.parametrize(
     ("track", "line"),
     [

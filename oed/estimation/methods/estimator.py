@@ -12,7 +12,6 @@ import numpy as np
 from oed.estimation.methods.fit import Fit
 from oed.foundation.arrays import Array
 from oed.foundation.equality import ByValue
-from oed.foundation.moved import Renamed
 from oed.foundation.presenting import Brief
 
 EstimatorName = Literal["ols", "sandwich", "gls", "errors_in_variables", "nonlinear"]
@@ -22,7 +21,7 @@ ASTRAY = "No step makes the misfit smaller, or too many were needed: begin neare
 LOSS_UNDER_DRIFT = "expected linear: a robust loss of readings does not go with drift, which they share"
 
 
-class Estimator(Renamed, ABC):
+class Estimator(ABC):
     """An estimator of the parameters from one drive, ready to be simulated.
 
     Attributes:

@@ -11,13 +11,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import casadi as ca
 import numpy.typing as npt
 
 from oed.foundation.errors import Issue
-from oed.foundation.moved import require_new_methods
 from oed.foundation.text import Unit
 from oed.kernel.dynamics.expression import Expression
 
@@ -108,15 +107,6 @@ class System(ABC):
     motion_signal: ClassVar[str] = ""
     velocity_signal: ClassVar[str] = ""
     renamed: ClassVar[Mapping[str, str]] = {}
-
-    def __init_subclass__(cls, **keywords: Any) -> None:
-        """Make sure that it has no method by a name that nobody calls any more.
-
-        Raises:
-            TypeError: it has.
-        """
-        super().__init_subclass__(**keywords)
-        require_new_methods(cls)
 
     @property
     @abstractmethod
