@@ -43,7 +43,7 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
     Criteria
         E, D, A, G, I, TaskDrive, ModifiedE, Criterion, Epigraph, Subject
     Searches
-        solve, Ipopt, Genetic, DifferentialEvolution, CmaEs, Cluster, Workers, Progress, Solver,
+        solve, Ipopt, Genetic, Cluster, Workers, Progress, Solver,
         Context
     Which readings to take
         parts_of, Parts, budgets_of, Budget, Cost, best_weights, whole_weights, Weights, weight_bound

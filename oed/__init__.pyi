@@ -84,9 +84,7 @@ from .logs import LogForm as LogForm
 from .logs import TupleForm as TupleForm
 from .logs import read_logs as read_logs
 from .optimize import Cluster as Cluster
-from .optimize import CmaEs as CmaEs
 from .optimize import Context as Context
-from .optimize import DifferentialEvolution as DifferentialEvolution
 from .optimize import Genetic as Genetic
 from .optimize import Ipopt as Ipopt
 from .optimize import Progress as Progress

@@ -34,7 +34,6 @@ _SENTENCES = {
 _PATTERNS = {
     NAME: "a name of letters, digits, spaces, _ and -, which begins with a letter, a digit or _",
     r"^[A-Za-z]\w*$": "a name of letters, digits and _, which begins with a letter",
-    r"^DE/(best|rand)/\d/(bin|exp)$": "'DE/best/1/bin' or the like, best or rand, a digit, and bin or exp",
 }
 """What a text of a pattern is, in words."""
 UNKNOWN = 5

@@ -18,14 +18,14 @@ from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status, scored
 from oed.optimize.assurance import assured
 from oed.optimize.enough_steps import by_enough_steps
-from oed.optimize.genetic import CmaEs, DifferentialEvolution, Genetic
+from oed.optimize.genetic import Genetic
 from oed.optimize.ipopt import Ipopt
 from oed.optimize.lifted import lifted, lowered
 from oed.optimize.refinement import ENDED, refined
 from oed.optimize.selection import with_readings
 from oed.optimize.solver import Context, Solver
 
-SOLVERS: tuple[type[Solver], ...] = (Ipopt, Genetic, CmaEs, DifferentialEvolution)
+SOLVERS: tuple[type[Solver], ...] = (Ipopt, Genetic)
 
 
 @typed
@@ -119,9 +119,7 @@ def _solver(given: Solver | str | None) -> Solver:
 __all__ = [
     "SOLVERS",
     "Cluster",
-    "CmaEs",
     "Context",
-    "DifferentialEvolution",
     "Genetic",
     "Ipopt",
     "Progress",

@@ -24,8 +24,8 @@ from oed.foundation.errors import Failure
 from oed.foundation.work import parallel
 from oed.foundation.work.parallel import BREAKDOWNS, run_tasks
 from oed.kernel.dynamics.compiled import compiler
-from oed.optimize import population
-from oed.optimize.population import Population
+from oed.optimize import candidate_scores
+from oed.optimize.candidate_scores import CandidateScorer
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives
 from oed.records.record import load_record
@@ -187,13 +187,13 @@ def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
         counts.append(len(tasks))
         run_tasks(function, tasks, 1, take)
 
-    monkeypatch.setattr(population, "run_tasks", counting)
+    monkeypatch.setattr(candidate_scores, "run_tasks", counting)
     for name in ("WORTH", "WRITING"):
-        monkeypatch.setattr(population, name, 0.0)
+        monkeypatch.setattr(candidate_scores, name, 0.0)
     problem = problem_of()
     design = DesignExpressions(problem, refine=2)
     candidates = random_drives(design, np.linspace(0.1, 1, 11), np.random.default_rng(0))
-    scored = Population(design, 2, 3, expected=30)
+    scored = CandidateScorer(design, 2, 3, expected=30)
     for _ in range(2):
         values, excess = scored.score(candidates)
         expected = design.measure_many(candidates)
@@ -213,15 +213,15 @@ def test_workers_take_what_was_compiled(monkeypatch: pytest.MonkeyPatch, tmp_pat
         taken.append([task.binary is not None for task in tasks])
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(population, "run_tasks", watching)
+    monkeypatch.setattr(candidate_scores, "run_tasks", watching)
     for name in ("WORTH", "WRITING", "COMPILED"):
-        monkeypatch.setattr(population, name, 0.0)
+        monkeypatch.setattr(candidate_scores, name, 0.0)
     # However little it spares.
-    monkeypatch.setattr(population, "SPARED", np.inf)
+    monkeypatch.setattr(candidate_scores, "SPARED", np.inf)
     design = DesignExpressions(problem_of(), refine=2)
     candidates = random_drives(design, np.linspace(0.1, 1, 11), np.random.default_rng(0))
     expected = DesignExpressions(problem_of(), refine=2).measure_many(candidates)
-    scored = Population(design, 2, 3, expected=1000)
+    scored = CandidateScorer(design, 2, 3, expected=1000)
     for _ in range(3):
         for found, other in zip(scored.score(candidates), expected, strict=True):
             np.testing.assert_array_equal(found, other)
@@ -233,20 +233,20 @@ def test_workers_take_what_was_compiled(monkeypatch: pytest.MonkeyPatch, tmp_pat
 def test_a_population_is_scored_here_where_writing_its_drive_out_elsewhere_takes_longer(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    monkeypatch.setattr(population, "run_tasks", None)
-    monkeypatch.setattr(population, "WORTH", 0.0)
-    monkeypatch.setattr(population, "WRITING", 1.0)
+    monkeypatch.setattr(candidate_scores, "run_tasks", None)
+    monkeypatch.setattr(candidate_scores, "WORTH", 0.0)
+    monkeypatch.setattr(candidate_scores, "WRITING", 1.0)
     design = DesignExpressions(problem_of(), refine=2)
     candidates = random_drives(design, np.full(5, 0.5), np.random.default_rng(0))
-    scored = Population(design, 2, 2, expected=1000)
+    scored = CandidateScorer(design, 2, 2, expected=1000)
     for _ in range(2):
         assert scored.score(candidates)[0].shape == (5,)
 
 
 def test_a_quick_population_is_scored_here(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(population, "run_tasks", None)
+    monkeypatch.setattr(candidate_scores, "run_tasks", None)
     design = DesignExpressions(problem_of(), refine=2)
     candidates = random_drives(design, np.full(5, 0.5), np.random.default_rng(0))
-    scored = Population(design, 2, 2)
+    scored = CandidateScorer(design, 2, 2)
     for _ in range(2):
         assert scored.score(candidates)[0].shape == (5,)

@@ -268,10 +268,6 @@ def test_a_solver_may_be_named(three_segments, monkeypatch):
             "digit or _, got 'a/b'$",
         ),
         (
-            lambda: oed.DifferentialEvolution(variant="DE/wurst/1/bin"),
-            "variant: expected 'DE/best/1/bin' or the like, best or rand, a digit, and bin or exp, got",
-        ),
-        (
             lambda: oed.Ipopt(**{f"key{number:02}": 1 for number in range(40)}),
             r"^Ipopt\.key00: unknown key; known here: .*\n(Ipopt\.key0[123]: .*\n){3}"
             r"Ipopt\.key04: unknown key, as are 35 more beside it$",

@@ -15,8 +15,7 @@ from oed.kernel.evaluation import Evaluation, evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.scorer import score
 from oed.optimize import Genetic, Ipopt, solve
-from oed.optimize.generations import OnArrays
-from oed.optimize.genetic import FINEST, MOST_TIGHTENED, excess_between
+from oed.optimize.genetic import FINEST, MOST_TIGHTENED, Candidates, Generations, excess_between
 from oed.optimize.solver import Context
 from oed.optimize.transcription.coarse import Grid
 from oed.robots.limits import BodySpeed, EndPosition, Obstacles, Rectangle, WheelSpeed
@@ -133,20 +132,27 @@ def test_drives_through_walls_tighten_no_limit():
 @pytest.mark.slow
 def test_limits_are_tightened_by_as_much_as_slips(monkeypatch: pytest.MonkeyPatch):
     """Candidates and their children are judged by the same limits; those kept between the points stay."""
-    tighten, tightened = OnArrays.tighten, []
+    tighten, advance, totals = Generations.tighten, Generations.advance, []
 
-    def watched(generations: OnArrays, shares: Array) -> None:
-        tighten(generations, shares)
-        standing = generations.standing
-        _, excess = generations._scoring(standing.unknowns)
-        np.testing.assert_allclose(standing.excess, excess, atol=1e-12)
-        tightened.append(shares)
+    def watched(generations: Generations, tightening: Array) -> None:
+        tighten(generations, tightening)
+        unknowns, excess = generations._algorithm.pop.get("X", "G")
+        np.testing.assert_allclose(excess, generations._scorer.score(unknowns)[1], atol=1e-12)
+        totals.append(tightening)
 
-    monkeypatch.setattr(OnArrays, "tighten", watched)
+    def advanced(generations: Generations) -> Candidates:
+        candidates = advance(generations)
+        # What pymoo selects by is what the candidates exceed.
+        violations = generations._algorithm.pop.get("CV")[:, 0]
+        np.testing.assert_allclose(violations, np.maximum(candidates.excess, 0).sum(axis=1), atol=1e-12)
+        return candidates
+
+    monkeypatch.setattr(Generations, "tighten", watched)
+    monkeypatch.setattr(Generations, "advance", advanced)
     monkeypatch.setattr("oed.optimize.genetic.score", more_between)
     problem = problem_of(measurement=POSES, limits=(WheelSpeed(bounds=1), BodySpeed(bounds=RADIUS)))
     Genetic(population=40, generations=40).search(problem, Context(seed=0, workers=1))
-    wheels, body = np.sum(tightened, axis=0)
+    wheels, body = totals[-1]
     assert 0 < wheels <= 0.03 + 1e-9
     assert body == 0
 

@@ -15,7 +15,7 @@ from studies import SMALL, saved_study, small
 from valid import VALID, assert_echo_is_equal, assert_echo_of, issues_of, line_of, replaced
 
 from oed.foundation.errors import FileIssue, StudyError
-from oed.optimize import CmaEs, DifferentialEvolution, Genetic, Ipopt
+from oed.optimize import Genetic, Ipopt
 from oed.robots.models import DifferentialDrive
 from oed.study.study import PathFile, json_schema
 from oed.workflow.studies import load_study, own_paths, parse_study
@@ -53,7 +53,7 @@ class TestShipped:
         SMALL.replace("differential_drive", "skid_steer, slip_outer: 5 %, slip_inner: -0.01"),
         SMALL.replace("wheel_radius: 4.9 cm", "wheel_radius_right: 5 cm, wheel_radius_left: 48 mm"),
         "\n".join(line for line in SMALL.splitlines() if "workspace" not in line and "accel" not in line),
-        small(solvers="{kind: cmaes, sigma: 0.1}, {kind: differential_evolution, time_limit: 1 min}"),
+        small(solvers="{kind: genetic, population: 40, time_limit: 1 min}, {kind: ipopt, starts: 3}"),
         SMALL.replace("coefficients: 8", "coefficients: auto"),
     ],
     ids=[
@@ -106,7 +106,7 @@ class TestReading:
 
     @pytest.mark.parametrize(
         ("kind", "expected"),
-        [("cmaes", CmaEs()), ("differential_evolution", DifferentialEvolution()), ("genetic", Genetic())],
+        [("ipopt", Ipopt()), ("genetic", Genetic())],
     )
     def test_solvers_by_kind(self, kind: str, expected):
         assert parse_study(small(solvers=f"{{kind: {kind}}}")).solvers == (expected,)

@@ -11,8 +11,10 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.foundation.work.parallel import Workers, at_once, run_tasks
 from oed.kernel.problem import Problem
-from oed.optimize.generations import Scored
 from oed.optimize.transcription.design import DesignExpressions
+
+Scores = tuple[Array, Array]
+"""Criterion (K,), and by how much each limit is exceeded, in shares of its size, (K, limits)."""
 
 WORTH = 0.5
 """Time [s] of scoring a generation here from which it is sent to workers.
@@ -30,8 +32,8 @@ SPARED = 0.6
 """Share of that time that it spares."""
 
 
-class Population:
-    """Scores candidates of a problem; who scores them changes none of the numbers.
+class CandidateScorer:
+    """Scores candidates of a problem, here or in other processes; where changes none of the numbers.
 
     Attributes:
         tightening: shares of the limits' sizes by which they are tightened for candidates, (limits,).
@@ -59,14 +61,14 @@ class Population:
         self._seconds = 0.0
         self._binary: Path | None = None
 
-    def score(self, candidates: Array) -> Scored:
+    def score(self, candidates: Array) -> Scores:
         """Criterion (K,) of candidates (K, size), and by how much they exceed each limit, tighter as it is
         here, in shares of its size (K, limits).
         """
         values, excess = self._measured(candidates)
         return values, excess + self.tightening
 
-    def _measured(self, candidates: Array) -> Scored:
+    def _measured(self, candidates: Array) -> Scores:
         self._expected -= len(candidates)
         if self._workers != 1 and self._worth_sharing(len(candidates)):
             return self._shared(candidates)
@@ -93,11 +95,11 @@ class Population:
         writing = 0.0 if self._binary is not None else WRITING * self._design.terms.written
         return seconds > WORTH and share * (self._left + seconds) > writing
 
-    def _shared(self, candidates: Array) -> Scored:
+    def _shared(self, candidates: Array) -> Scores:
         parts = np.array_split(candidates, at_once(self._workers))
         problem, refine = self._design.problem, self._refine
         tasks = [_Part(problem, refine, part, self._binary) for part in parts if len(part)]
-        found: dict[int, Scored] = {}
+        found: dict[int, Scores] = {}
         run_tasks(_scored, tasks, self._workers, found.__setitem__)
         values, excess = zip(*(found[index] for index in range(len(tasks))), strict=True)
         return np.concatenate(values), np.concatenate(excess)
@@ -111,7 +113,7 @@ class _Part:
     binary: Path | None
 
 
-def _scored(part: _Part) -> Scored:
+def _scored(part: _Part) -> Scores:
     # The terms are written once in each process; what was compiled is taken from where it is.
     design = DesignExpressions(part.problem, part.refine)
     if part.binary is not None:
