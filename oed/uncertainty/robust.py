@@ -39,8 +39,7 @@ class Robust(Tightening):
     """How a drive is kept within its limits for all robots that may be.
 
     Attributes:
-        kind: "chance": a back-off of `beta` standard deviations of every limit's distance. "tube": of the
-            farthest that the distance moves, to first order, within all ranges together. "scenarios": no
+        kind: "chance": a back-off of `beta` standard deviations of every limit's distance. "scenarios": no
             back-off, but the limits satisfied by robots at the corners of the ranges too: for ranges so wide
             that first order means nothing.
         confidence: least probability of satisfying all limits for the whole drive, by simulation.
@@ -51,13 +50,13 @@ class Robust(Tightening):
         beta: back-off in standard deviations; from the confidence if None. Raised until draws satisfy
             the limits.
         added_scenarios: values of the uncertain quantities, SI, with which the limits are to be satisfied as
-            well; of a tube and of scenarios the worst draws are added. In files `kept`.
+            well; of scenarios the worst draws are added. In files `kept`.
         compare: whether to search without all this too, to say what it costs.
     """
 
     model_config = ConfigDict(populate_by_name=True)
 
-    kind: Literal["chance", "tube", "scenarios"] = "chance"
+    kind: Literal["chance", "scenarios"] = "chance"
     confidence: Annotated[Ratio, Field(ge=0.5, lt=1)] = 0.99
     draws: Annotated[int, Field(ge=100, le=10_000_000)] = 10_000
     beta: Annotated[float, Field(gt=0)] | None = None
@@ -170,23 +169,11 @@ def _moved(limit: PathLimit, spread: Spread, robust: Robust, size: float, run: i
     ] @ _sparse(spread.start_slopes(run))
     distances = limit.rows_at(point.T, system).expression
     moves = ca.jacobian(distances, point) @ by_quantity
+    deviations = robust.reach * (moves @ ca.DM(np.linalg.cholesky(spread.covariance)))
+    # Rounded at 0, for optimisers, where nothing moves yet.
     soft = ROUNDED * size
-    if robust.kind == "chance":
-        factor = np.linalg.cholesky(spread.covariance)
-        amount = _rounded(robust.reach * (moves @ ca.DM(factor)), soft)
-    else:
-        widest = spread.half_widths(robust.reach)
-        each = [
-            _rounded(moves[:, index] * float(widest[index]), soft / len(widest))
-            for index in range(len(widest))
-        ]
-        amount = sum(each[1:], each[0])
+    amount = ca.sqrt(ca.sum2(deviations**2) + soft**2) - soft
     return ca.Function("moved", [point, slopes], [ca.densify(amount)])
-
-
-def _rounded(rows: Expression, soft: float) -> Expression:
-    # The length of every row; rounded at 0, for optimisers, where nothing moves yet.
-    return ca.sqrt(ca.sum2(rows**2) + soft**2) - soft
 
 
 def _sparse(matrix: Array) -> ca.DM:

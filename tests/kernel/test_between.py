@@ -306,7 +306,7 @@ def test_what_cannot_be_bounded_is_said_to_be_checked_at_points(limit: Limit):
     assert evaluate(problem, steady(problem, 0.1, 0.0)).checked_at_points == ("corridor",)
 
 
-@pytest.mark.parametrize("kind", ["chance", "tube", "scenarios"])
+@pytest.mark.parametrize("kind", ["chance", "scenarios"])
 @pytest.mark.slow
 def test_robust_limits_hold_between_the_points(kind: str):
     uncertain = {

@@ -125,14 +125,14 @@ class TestWords:
 
     @pytest.mark.parametrize(
         ("kind", "words"),
-        [("chance", "some standard deviations"), ("tube", "the farthest"), ("scenarios", "at the corners")],
+        [("chance", "some standard deviations"), ("scenarios", "at the corners")],
     )
     def test_the_way_of_keeping_limits_is_said(self, kind: str, words: str):
         (sentence,) = (one for one in text_of(kind=kind).split(". ") if one.startswith("So every limit"))
         assert words in sentence
 
     def test_robots_added_are_said(self):
-        text = text_of(kind="tube", results=[result("ipopt", reserve=2.576, kept=4)])
+        text = text_of(kind="scenarios", results=[result("ipopt", reserve=2.576, kept=4)])
         assert "4 of the worst robots added" in text
         assert "standard deviations" not in text
 

@@ -204,13 +204,13 @@ def backed_off(problem: Problem, drive: Trajectory) -> tuple[np.ndarray, np.ndar
 
 
 @cache
-def compared(name: str, kind: str) -> tuple[np.ndarray, np.ndarray, float, int]:
-    """The back-off and that of the oracle (k, G), the limit's size, and how many terms are rounded."""
+def compared(name: str) -> tuple[np.ndarray, np.ndarray, float]:
+    """The back-off and that of the oracle (k, G), and the limit's size."""
     case = CASES[name]
-    problem, drive = made(case, Robust(kind=kind, beta=2.5))
+    problem, drive = made(case, Robust(beta=2.5))
     at, moves = slopes(case, problem, drive)
     sizes = widths(case, problem)
-    exact = np.abs(moves) @ sizes if kind == "tube" else 2.5 * np.sqrt(moves**2 @ (sizes**2 / 3))
+    exact = 2.5 * np.sqrt(moves**2 @ (sizes**2 / 3))
     values, high, low = backed_off(problem, drive)
     # Whatever the order of walls and obstacles; magnitudes are rounded at 0.
     order = [int(np.argmin(np.abs(at - row).max(axis=1))) for row in values]
@@ -220,17 +220,16 @@ def compared(name: str, kind: str) -> tuple[np.ndarray, np.ndarray, float, int]:
         assert np.allclose(side, kept) or not side.any()
     (limit,) = [one for one in problem.limits if isinstance(one, PathLimit)]
     size = limit.rows_at(ca.DM(drive.starts), problem.system).size
-    return kept, exact[order], size, len(sizes) if kind == "tube" else 1
+    return kept, exact[order], size
 
 
 class TestBackOff:
-    @pytest.mark.parametrize("kind", ["chance", pytest.param("tube", marks=pytest.mark.slow)])
     @pytest.mark.parametrize("name", CASES)
-    def test_it_is_how_far_the_distance_moves(self, name: str, kind: str):
-        kept, exact, size, terms = compared(name, kind)
+    def test_it_is_how_far_the_distance_moves(self, name: str):
+        kept, exact, size = compared(name)
         assert exact.max() > 10 * ROUNDED * size
         assert np.all(kept <= exact + 1e-6)
-        assert np.all(kept >= exact - terms * ROUNDED * size - 1e-6)
+        assert np.all(kept >= exact - ROUNDED * size - 1e-6)
 
     def test_it_is_in_proportion_to_the_standard_deviations(self):
         case = CASES["circle"]
@@ -252,7 +251,7 @@ class TestBackOff:
         np.testing.assert_allclose(backed_off(known, drive)[1], exact, atol=ROUNDED * 2 + 1e-6)
 
     def test_nothing_is_kept_where_nothing_moves(self):
-        kept, _, _, _ = compared("rectangle", "chance")
+        kept, _, _ = compared("rectangle")
         np.testing.assert_allclose(kept[:, 0], 0.0, atol=1e-12)
 
     @pytest.mark.slow
@@ -303,7 +302,7 @@ class TestScenarios:
         margins.append(workspace_margin(replace(problem, robust=None), drive))
         assert workspace_margin(problem, drive) == pytest.approx(min(margins), abs=1e-9)
 
-    @pytest.mark.parametrize("kind", ["chance", "tube", "scenarios"])
+    @pytest.mark.parametrize("kind", ["chance", "scenarios"])
     @pytest.mark.slow
     def test_further_robots_are_kept_as_well(self, kind: str):
         far = (0.06, 0.04, 0.2)
@@ -395,13 +394,12 @@ class TestOptions:
         assert careful.added_scenarios == ()
         assert careful.tighter(worst).reach == pytest.approx(1.15 * careful.reach)
 
-    @pytest.mark.parametrize("kind", ["tube", "scenarios"])
-    def test_tighter_is_more_robots(self, kind: str):
-        first = Robust(kind=kind).tighter(np.arange(12.0).reshape(4, 3))
+    def test_tighter_is_more_robots(self):
+        first = Robust(kind="scenarios").tighter(np.arange(12.0).reshape(4, 3))
         second = first.tighter(10 * np.ones((1, 3)))
         assert first.added_scenarios == ((0.0, 1.0, 2.0), (3.0, 4.0, 5.0))
         assert second.added_scenarios == (*first.added_scenarios, (10.0, 10.0, 10.0))
-        assert second.reach == Robust(kind=kind).reach
+        assert second.reach == Robust(kind="scenarios").reach
 
     @pytest.mark.parametrize(
         "options",
@@ -410,7 +408,7 @@ class TestOptions:
             {"confidence": 1.0},
             {"draws": 99},
             {"beta": 0.0},
-            {"kind": "hope"},
+            {"kind": "tube"},
             {"objective": "best"},
             {"confidance": 0.9},
         ],

@@ -59,9 +59,7 @@ def share_too_warm(trajectory: oed.Trajectory, draws: int) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "kind", ["chance", *(pytest.param(one, marks=pytest.mark.slow) for one in ("tube", "scenarios"))]
-)
+@pytest.mark.parametrize("kind", ["chance", "scenarios"])
 def test_a_limit_on_an_expression_holds_for_other_systems(kind: str):
     """As simulated here, and as the package says; a nominal design is better, for it need not."""
     found = designed(kind).best

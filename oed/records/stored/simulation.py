@@ -216,7 +216,7 @@ class StoredRobustness(Stored):
         courses: what other systems do; None of robots.
     """
 
-    kind: Literal["chance", "tube", "scenarios"]
+    kind: Literal["chance", "scenarios"]
     confidence: Share
     objective: Literal["nominal", "mean", "worst"]
     limits: list[str]
