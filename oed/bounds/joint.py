@@ -13,12 +13,9 @@ import numpy as np
 
 from oed.bounds.certificate import Bound
 from oed.bounds.closed_form import SPEEDS, along
-from oed.bounds.effort import Effort
-from oed.bounds.planar import largest_planar_spread
-from oed.bounds.reach import coefficient_rows, room, scales_lengths, top_speeds, turning_length
+from oed.bounds.reach import coefficient_rows, room, scales_lengths, top_speeds
 from oed.bounds.sensitivity import precision, unknown_start
 from oed.bounds.spread import largest_spread, too_fine
-from oed.bounds.starts import Start
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.criteria import E
 from oed.kernel.measurement.sensor import Sensor
@@ -26,11 +23,6 @@ from oed.kernel.problem import Estimation, Problem
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.biased import YawRate
 from oed.robots.sensors.poses import Poses
-
-PLANAR = "all lengths wrong alike: dynamic programming over positions within top speed along the path"
-"""How that bound is found."""
-PATHS = ("every position within the room", "initial pose unknown")
-"""What it rests on, besides."""
 
 
 def joint_bounds(problem: Problem) -> Iterator[Bound]:
@@ -111,31 +103,6 @@ def _size_bounds(
     )
 
 
-def spread_bounds(problem: Problem, effort: Effort) -> Iterator[Bound]:
-    """The bound on E from all lengths wrong alike, with one top speed along the path: a search of seconds."""
-    sensors = problem.measurement.joint_sensors if type(problem.criterion) is E else ()
-    weights = _position_precisions(sensors)
-    if (
-        weights is None
-        or not unknown_start(sensors)
-        or robot_of(problem.system).physical is not problem.system
-    ):
-        return
-    (one,) = problem.any_estimations
-    bounds, change, speeds = room(problem), _growth(problem, one), top_speeds(problem)
-    reading = _only_reading(sensors, weights)
-    if bounds is None or change is None or speeds is None or reading is None:
-        return
-    weight, sensor = reading
-    start = _start(problem)
-    spread = largest_planar_spread(
-        bounds, problem.design.period * speeds, _read(problem, sensor), start, effort
-    )
-    if np.isfinite(spread):
-        turned = ("the first heading turned into that of the path",) if start and start.turning else ()
-        yield along(problem, one, change, weight * spread, PLANAR, (*PATHS, *turned, SPEEDS))
-
-
 def _growth(problem: Problem, one: Estimation) -> Array | None:
     # The change of all lengths alike: in m, or in m per something else; None where that is not judged.
     lengths = [entry.name for entry in problem.system.parameters if entry.unit.startswith("m")]
@@ -155,14 +122,6 @@ def _read(problem: Problem, sensor: Sensor) -> Bools:
     read = np.zeros(problem.design.samples + 1, dtype=bool)
     read[sensor.columns(problem.design.samples)] = True
     return read
-
-
-def _start(problem: Problem) -> Start | None:
-    if problem.fixed_starts is None:
-        return None
-    x, y, heading = (float(one) for one in problem.fixed_starts[0, :3])
-    spare, turning = problem.start_spare, turning_length(problem)
-    return Start((x, y), spare, heading, spare, turning) if turning else Start((x, y), spare)
 
 
 def _spread(

@@ -80,23 +80,6 @@ def top_speeds(problem: Problem) -> Array | None:
     return np.asarray(factor * input_reach(problem) @ np.abs(rows[1]))
 
 
-def turning_length(problem: Problem) -> float:
-    """The length b [m] for which forward speed and b times the yaw rate are together at most the top speed in
-    any period; 0 where nothing is known of that. Of a robot with two equal wheels it is half the track.
-    """
-    rows, factor = coefficient_rows(problem), grip(problem)
-    if rows is None or factor is None:
-        return 0.0
-    turn, forward = rows
-    if not turn.any():
-        return 0.0
-    length = float(np.min(np.abs(forward[turn != 0]) / np.abs(turn[turn != 0])))
-    reach = input_reach(problem)
-    # At full speed the robot must not turn, or that turn would be free.
-    free = np.abs(reach @ (np.sign(forward) * turn))
-    return length if np.all(free <= STRAIGHT * reach @ np.abs(turn)) else 0.0
-
-
 def room(problem: Problem) -> tuple[float, float, float, float] | None:
     """A rectangle x_min, x_max, y_min, y_max that the robot's origin keeps to; None without a workspace."""
     found = workspace_of(problem.limits)

@@ -11,9 +11,7 @@ import numpy as np
 from oed.bounds.certificate import Bound, Certificate, raised
 from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_bounds
 from oed.bounds.conjugate import combined_bounds, traced
-from oed.bounds.effort import Effort
-from oed.bounds.heading_search import heading_bounds
-from oed.bounds.joint import joint_bounds, spread_bounds
+from oed.bounds.joint import joint_bounds
 from oed.bounds.points import point_bounds
 from oed.bounds.reach import largest_rates, room, unslipped
 from oed.bounds.readings import selection_certificate
@@ -21,8 +19,6 @@ from oed.bounds.sensitivity import sensitivity_bounds
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
-from oed.foundation.work.parallel import Workers, default_workers
-from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.criteria import A, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE
@@ -35,10 +31,6 @@ from oed.robots.space import DesignSpace
 
 BOUNDS: tuple[Callable[[Problem], Iterator[Bound]], ...] = (regression_bounds, joint_bounds)
 """Each yields the upper bounds that it knows on the objective of one run; of other problems nothing."""
-SEARCHED: tuple[Callable[[Problem, Effort], Iterator[Bound]], ...] = (spread_bounds,)
-"""The same, by searches that take seconds."""
-ALONE: tuple[Callable[[Problem, Effort], Iterator[Bound]], ...] = (heading_bounds,)
-"""The same of bounds that are not of one tr(Z F): they add nothing to those of other runs or criteria."""
 COMBINED: tuple[Callable[[Problem], Iterator[Bound]], ...] = (sensitivity_bounds,)
 """The same of bounds that only say something together: of problems with criterion D or A in place of E."""
 WHOLE: tuple[Callable[[Problem], Iterator[Bound]], ...] = (point_bounds,)
@@ -83,20 +75,15 @@ def bound(
     nodes: int | None = None,
     time_limit: float | None = None,
     gap: float = GAP,
-    workers: Workers | None = None,
-    progress: Progress | None = None,
 ) -> Certificate:
     """The smallest upper bound on a problem's objective that is proved here, with its assumptions; beside it
     the same for limits widened by what scoring tolerates.
 
     Args:
         problem: with criterion E, D or A.
-        nodes: of the search by branch and bound at most, and centres of that over positions; by default as
-            many as take some seconds.
-        time_limit: of these searches [s]; none by default, for where they stop depends on the machine.
-        gap: at which the search by branch and bound ends.
-        workers: processes, or a cluster; by default one per processor. Does not change the result.
-        progress: informed how far the work is.
+        nodes: of the search by branch and bound at most; by default as many as take some seconds.
+        time_limit: of this search [s]; none by default, for where it stops depends on the machine.
+        gap: at which this search ends.
 
     Raises:
         ProblemError: a problem without a drive to be designed.
@@ -104,9 +91,7 @@ def bound(
     """
     began = time.perf_counter()
     problem.require_designed()
-    deadline = np.inf if time_limit is None else began + time_limit
-    effort = Effort(nodes, deadline, progress or Silent(), workers=workers or default_workers())
-    found = _at_once(problem) or _searched(problem, effort, time_limit, gap)
+    found = _at_once(problem) or _searched(problem, nodes, time_limit, gap)
     return replace(found, wall_seconds=time.perf_counter() - began)
 
 
@@ -122,19 +107,18 @@ def _at_once(problem: Problem) -> Certificate | None:
     return Certificate(np.inf, REPEATED, ()) if problem.selection.most > 1 else None
 
 
-def _searched(problem: Problem, effort: Effort, time_limit: float | None, gap: float) -> Certificate:
+def _searched(problem: Problem, nodes: int | None, time_limit: float | None, gap: float) -> Certificate:
     # The covariance of readings under process noise is at least that without, F so at most that without.
     given, problem = problem, problem.steady
     looser = problem.widened(TOLERANCE)
-    widened = _bounds_of_runs(looser, effort)
+    widened = _bounds_of_runs(looser)
     # What wider limits allow, these do not exceed: searches round up by more or less.
     others = {(one.method, one.block): one.value for one in widened}
     bounds = [
         replace(one, value=min(one.value, others.get((one.method, one.block), one.value)))
-        for one in _bounds_of_runs(problem, effort)
+        for one in _bounds_of_runs(problem)
     ]
-    in_time = not effort.spent
-    found = _lattice(problem, effort.nodes, time_limit, gap)
+    found = _lattice(problem, nodes, time_limit, gap)
     if found is not None:
         bounds.append(_lattice_bound(problem, found.upper, found))
         if _program(looser) is not None:
@@ -145,7 +129,7 @@ def _searched(problem: Problem, effort: Effort, time_limit: float | None, gap: f
     return replace(
         _smallest(problem, bounds, (*every, *EXACTLY), found, NOTHING if bounds else _lacking(problem)),
         drive=None if found is None else _lattice_drive(problem, found),
-        complete=in_time if found is None else found.complete,
+        complete=found is None or found.complete,
         widened=_smallest(problem, widened, (*every, *TOLERATED), found),
     )
 
@@ -192,20 +176,16 @@ def _lacking(problem: Problem) -> str:
     return NOTHING
 
 
-def _bounds_of_runs(problem: Problem, effort: Effort | None = None, *, together: bool = False) -> list[Bound]:
-    # Without an effort those that take no search. Each bound is of one direction or of the trace, so what
-    # runs add to it adds up: lambda_min of a sum is at most the sum of the bounds.
+def _bounds_of_runs(problem: Problem, *, together: bool = False) -> list[Bound]:
+    # Each bound is of one direction or of the trace, so what runs add to it adds up: lambda_min of a sum is
+    # at most the sum of the bounds.
     space, same = problem.design, traced(problem)
     whole = [one for bounds in WHOLE for one in bounds(problem)]
     if whole:
         return whole
-    combined = (
-        [] if same is None else list(combined_bounds(problem, _bounds_of_runs(same, effort, together=True)))
-    )
+    combined = [] if same is None else list(combined_bounds(problem, _bounds_of_runs(same, together=True)))
     if space.runs == 1:
-        alone = () if effort is None or together else ALONE
-        own = (one for searched in alone for one in searched(problem, effort or Effort()))
-        return [*combined, *_bounds(problem, effort, together), *own]
+        return [*combined, *_bounds(problem, together)]
     if not isinstance(space, DesignSpace) or not problem.criterion.proportional:
         return combined
     starts = space.start if isinstance(space.start, tuple) else (space.start,) * space.runs
@@ -216,7 +196,7 @@ def _bounds_of_runs(problem: Problem, effort: Effort | None = None, *, together:
     unequal = len(set(starts)) > 1
     # What is no bound of one tr(Z F) does not add up.
     found = [
-        [one for one in _bounds(single, effort, together) if one.multiplier is not None]
+        [one for one in _bounds(single, together) if one.multiplier is not None]
         for single in (singles if unequal else singles[:1])
     ]
     return [
@@ -231,12 +211,9 @@ def _bounds_of_runs(problem: Problem, effort: Effort | None = None, *, together:
     ]
 
 
-def _bounds(problem: Problem, effort: Effort | None, together: bool) -> Iterator[Bound]:
+def _bounds(problem: Problem, together: bool) -> Iterator[Bound]:
     for bounds in (*BOUNDS, *COMBINED) if together else BOUNDS:
         yield from bounds(problem)
-    if effort is not None:
-        for searched in SEARCHED:
-            yield from searched(problem, effort)
 
 
 def _lattice(

@@ -6,7 +6,7 @@ import argparse
 import shlex
 from pathlib import Path
 
-from oed.cli.terminal.arguments import add_quiet, pair, positive, seconds
+from oed.cli.terminal.arguments import pair, positive, seconds
 from oed.cli.terminal.command import DONE, MISTAKE, Command, answered
 from oed.cli.terminal.messages import print_json, say, tell
 
@@ -114,12 +114,11 @@ def _bound_arguments(parser: argparse.ArgumentParser) -> None:
         type=seconds,
         help="of that search [s] (default: none, for the same certificate on every machine)",
     )
-    add_quiet(parser)
 
 
 def _bound(options: argparse.Namespace) -> int:
     from oed.bounds import LATTICE, bound
-    from oed.cli.terminal.console import print_certificate, progress
+    from oed.cli.terminal.console import print_certificate
     from oed.foundation.errors import Failure
     from oed.foundation.vocabulary import speak
     from oed.kernel.solution import scored
@@ -129,10 +128,7 @@ def _bound(options: argparse.Namespace) -> int:
     study = load_study(options.study)
     speak(study.file.vocabulary)
     study.require_designed()
-    with progress(options.quiet) as listener:
-        certificate = bound(
-            study.problem, nodes=options.nodes, time_limit=options.time_limit, progress=listener
-        )
+    certificate = bound(study.problem, nodes=options.nodes, time_limit=options.time_limit)
     drives = [] if certificate.drive is None else [scored(study.problem, certificate.drive, LATTICE)]
     found = certified(study, certificate, drives)
     if found is None:

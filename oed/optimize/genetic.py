@@ -143,6 +143,8 @@ class Generations:
         Args:
             tightening: total shares of the limits' sizes, (limits,).
         """
+        if np.array_equal(tightening, self._scorer.tightening):
+            return
         population = self._algorithm.pop
         population.set("G", population.get("G") + tightening - self._scorer.tightening)
         # pymoo sums constraint violations up anew where there is none.

@@ -383,7 +383,7 @@ def _certificate(work: Work) -> Certificate | None:
     if not work.study.file.bound:
         return None
     work.progress.begin("bound what any drive could reach", 1)
-    certificate = bound(work.study.problem, workers=work.workers, progress=work.progress)
+    certificate = bound(work.study.problem)
     work.progress.advance()
     return certificate
 

@@ -74,7 +74,6 @@ def best_objective(problem: Problem, rng: np.random.Generator, drives: int, clim
     ("make", "seed"),
     [*((random_regression, seed) for seed in (0, 4)), *((random_joint, seed) for seed in (5, 12))],
 )
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 def test_no_runs_beat_the_bound(make: Any, seed: int):
     rng = np.random.default_rng(300 + seed)
@@ -104,7 +103,6 @@ def test_runs_times_the_bound_of_one(runs: int, segments):
         assert joint.upper_bound == pytest.approx(runs * upper_bound(4), rel=1e-6)
 
 
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "measurement",

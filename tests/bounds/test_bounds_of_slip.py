@@ -37,7 +37,6 @@ def slip_problem(estimate: tuple[str, ...] | None = None, **effects: Any) -> Pro
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.parametrize(
     "effects",
     # What changes the track is bounded alike.
@@ -48,8 +47,8 @@ def test_no_drive_beats_the_bound(effects: dict[str, float]):
     problem = slip_problem(**effects)
     certificate = bound(problem, nodes=1)
     assert any(CORNER in one.method for one in certificate.bounds)
-    # How fast it may be is known of the differential drive alone: axis by axis, and of both together.
-    assert len(certificate.bounds) == (3 if not effects else 1)
+    # How fast it may be is known of the differential drive alone.
+    assert len(certificate.bounds) == (2 if not effects else 1)
     assert check(problem, np.random.default_rng(1), 15, 10) > 10
 
 
@@ -68,7 +67,6 @@ def test_a_lag_keeps_the_lengths_in_proportion_and_has_no_top_speed():
     assert (grip(problem), coefficient_rows(problem), top_speeds(problem)) == (None, None, None)
 
 
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 def test_no_effects_leave_the_differential_drives_bounds():
     slip, plain = slip_problem(), slip_problem()

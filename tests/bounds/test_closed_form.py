@@ -50,13 +50,13 @@ def methods(certificate: Certificate, words: str) -> list[float]:
 
 
 def tracker(**overrides: Any) -> Certificate:
-    """Of poses, with few centres of the search over positions: bounds that take none are looked at."""
+    """The certificate of the paper's robot with poses as readings."""
     parts: dict[str, Any] = {
         "measurement": Poses(noise=NOISE),
         "estimate": LENGTHS,
         "criterion": E(scaling="relative"),
     }
-    return bound(make_flagship(**{**parts, **overrides}), nodes=1, workers=1)
+    return bound(make_flagship(**{**parts, **overrides}))
 
 
 def test_the_flagships_bound() -> None:
@@ -135,7 +135,6 @@ def test_joint_coefficients_may_lie_twice_as_far_where_ranges_are_read_as_well()
     assert certificate.upper_bound == pytest.approx(expected, rel=2 * INFLATION)
 
 
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 def test_joint_lengths() -> None:
     certificate = tracker(design=DesignSpace(duration=20, samples=20))
@@ -145,14 +144,12 @@ def test_joint_lengths() -> None:
     assert "top speed" in certificate.method
 
 
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 def test_joint_lengths_count_the_readings() -> None:
     certificate = tracker(design=SHORT, measurement=Poses(noise=NOISE, every=4))
     assert methods(certificate, "corner") == [pytest.approx(3 * 2 / (3 * SIGMA**2))]
 
 
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 def test_joint_lengths_of_a_room_of_any_shape() -> None:
     box = Rectangle(x=(-1, 3), y=(0, 1))
@@ -171,7 +168,6 @@ def test_no_room_no_bound() -> None:
     assert tracker(limits=(SPEED,)).bounds == ()
 
 
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 def test_ranges_tell_no_more_than_all_beacons_in_line() -> None:
     beacons = ((3.0, 0.0), (0.0, 3.0), (-3.0, 0.0))
@@ -179,7 +175,6 @@ def test_ranges_tell_no_more_than_all_beacons_in_line() -> None:
     assert methods(certificate, "corner") == [pytest.approx(3 * 9 * 2 / (3 * SIGMA**2))]
 
 
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 def test_a_prior_adds_what_it_knows() -> None:
     without = tracker(design=SHORT).upper_bound
@@ -207,7 +202,6 @@ def test_other_criteria_have_no_bound(criterion: Any, measurement: Any) -> None:
     assert certificate.loose(1.0)
 
 
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 def test_variances_add_up_to_more_than_that_of_one_direction() -> None:
     given = {"measurement": POSES, "limits": (SPEED, BOX), "samples": 8}
@@ -216,7 +210,6 @@ def test_variances_add_up_to_more_than_that_of_one_direction() -> None:
     assert -0.9 / smallest.upper_bound > certificate.upper_bound > -1.1 / smallest.upper_bound
 
 
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 @pytest.mark.parametrize("runs", [1, 2])
 def test_a_room_that_is_lacking_is_asked_for(runs: int) -> None:

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from builders import problem_of
-from places import PROBLEMS
 
-import oed
 from oed.bounds import bound, speed_lattice
-from oed.bounds.effort import Effort
-from oed.bounds.joint import PLANAR
 from oed.bounds.speed_lattice import LatticeProgram, SpeedLimits, lattice_bound, usual_planes
 from oed.kernel.problem import Problem
 from oed.robots.limits import WheelAcceleration, WheelSpeed
@@ -45,28 +40,6 @@ def test_a_slow_machine_gives_the_same_certificate(monkeypatch: pytest.MonkeyPat
     for one, other in ((slow, quick), (slow.widened, quick.widened)):
         assert (one.upper_bound, one.nodes, one.method) == (other.upper_bound, other.nodes, other.method)
     np.testing.assert_array_equal(slow.drive.coefficients, quick.drive.coefficients)
-
-
-@pytest.mark.slow
-def test_workers_give_the_same_certificate(monkeypatch: pytest.MonkeyPatch):
-    # So few centres would be one piece of work.
-    monkeypatch.setattr("oed.bounds.planar.TOGETHER", 1)
-    study = oed.load_study(PROBLEMS / "laser_tracker.yaml").problem
-    problem = replace(study, design=study.design.model_copy(update={"samples": 8}))
-    alone, shared = (bound(problem, nodes=10, workers=workers) for workers in (1, 2))
-    assert PLANAR in {one.method for one in alone.bounds}
-    for one, other in ((alone, shared), (alone.widened, shared.widened)):
-        assert [(each.value, each.method) for each in one.bounds] == [
-            (each.value, each.method) for each in other.bounds
-        ]
-
-
-def test_shared_work_ends_with_the_time_but_begins_in_any_case():
-    late, taken = Effort(deadline=0.0), list[float]()
-    late.shared(abs, [-1, -2, -3], taken.append)
-    Effort().shared(abs, [-4, -5], taken.append)
-    Effort().shared(abs, [], taken.append)
-    assert taken == [1, 4, 5]
 
 
 @pytest.mark.slow

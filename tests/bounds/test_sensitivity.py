@@ -72,7 +72,6 @@ def test_slip_that_depends_on_parameters_is_not_bounded() -> None:
     assert not list(sensitivity_bounds(problem_of(model=robot, measurement=POSES, estimate=names)))
 
 
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [D, A])
 def test_joint_estimation_has_bounds_on_both(kind: type[D] | type[A]) -> None:

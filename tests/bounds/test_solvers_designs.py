@@ -47,7 +47,6 @@ def bounded(problem: Problem) -> Certificate:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.parametrize(
     ("name", "by"),
     # Populations come less near a bound: of them one form of each sort.

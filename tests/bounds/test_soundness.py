@@ -146,7 +146,6 @@ def test_no_drive_beats_the_bound_of_a_regression(seed: int) -> None:
 
 # And one by positions within top speed, which few drives come near.
 @pytest.mark.parametrize("seed", [6, 8, 16, 35])
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 def test_no_drive_beats_the_bound_of_sensors(seed: int) -> None:
     rng = np.random.default_rng(1000 + seed)
@@ -166,7 +165,6 @@ ROOMS = {
 }
 
 
-@pytest.mark.usefixtures("coarse_grids")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("measured", "robot", "room"),
