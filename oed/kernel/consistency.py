@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -64,11 +64,6 @@ def parts_of(problem: Problem) -> dict[str, Any]:
 
 def _are_names(given: Any) -> bool:
     return isinstance(given, list | tuple) and all(isinstance(name, str) for name in given)
-
-
-def _kind_issues(found: Mapping[str, object], kinds: Mapping[str, type]) -> list[Issue]:
-    reasons = {name: kind_issue(one, kinds[name]) for name, one in found.items()}
-    return [Issue((name,), reason) for name, reason in reasons.items() if reason]
 
 
 def _limits(given: Any) -> tuple[tuple[Limit, ...], list[Issue]]:

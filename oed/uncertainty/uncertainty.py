@@ -139,11 +139,6 @@ class Spread:
     runs: int
     parameters: int
 
-    def half_widths(self, reach: float) -> Array:
-        """How far each is from its nominal value at most, normal ones `reach` standard deviations, (q,)."""
-        farther = np.maximum(self.high - self.nominal, self.nominal - self.low)
-        return np.asarray(np.where(self.uniform, farther, reach * farther))
-
     def draws(self, count: int, seed: int, stream: int = 0) -> Array:
         """Random values (count, q); the first of more, and independent of those of another stream.
 

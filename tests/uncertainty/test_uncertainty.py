@@ -62,7 +62,7 @@ class TestForms:
         one = Uncertainty(within={"track": ("17 cm", 0.2), RIGHT: "5 %"})
         assert Uncertainty.model_validate(one.model_dump(mode="json")) == one
 
-    def test_half_widths_and_ranges(self):
+    def test_ranges(self):
         for amount, low, high in (
             ("5 %", 0.171, 0.189),
             ("5%", 0.171, 0.189),
@@ -186,14 +186,6 @@ class TestNumbers:
         np.testing.assert_allclose(
             np.diag(spread.covariance), [0.03**2 / 3, (0.03**3 + 0.01**3) / 0.12], rtol=1e-9
         )
-
-    def test_half_widths_are_those_of_the_farther_end(self):
-        spread = spread_of({"track": ("17 cm", "21 cm"), RIGHT: "1 mm"})
-        np.testing.assert_allclose(spread.half_widths(2.5), [1e-3, 0.03], rtol=1e-12)
-
-    def test_half_widths_of_normal_ones_are_so_many_standard_deviations(self):
-        spread = spread_of({"track": "1 cm", RIGHT: "1 mm"}, "normal")
-        np.testing.assert_allclose(spread.half_widths(2.5), [2.5e-3, 0.025], rtol=1e-12)
 
     def test_extremes_of_a_few_are_all_corners(self):
         spread = spread_of({"track": ("17 cm", "21 cm"), RIGHT: "1 mm"})
