@@ -139,9 +139,15 @@ def gap(bound: float, objective: float, criterion: Criterion = SMALLEST, judged:
     return np.inf if useless or bound == np.inf else criterion.change(bound, objective, judged)
 
 
-def raised(bound: float, criterion: Criterion) -> float:
-    """A bound for a little more information: more than rounding can have taken from it, whatever its sign."""
-    return criterion.concede(bound, 1 + INFLATION) if np.isfinite(bound) else bound
+def raised(bound: float, criterion: Criterion, judged: int) -> float:
+    """Return a bound for a little more information than rounding can have taken from it.
+
+    Args:
+        bound: on the objective, of any sign.
+        criterion: whose value it is.
+        judged: number of parameters that it judges.
+    """
+    return criterion.scaled(bound, INFLATION, judged) if np.isfinite(bound) else bound
 
 
 def bound_on(evaluation: Evaluation, exact: float, widened: float | None) -> float:

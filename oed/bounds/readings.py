@@ -60,12 +60,12 @@ def selection_certificate(problem: Problem, trajectory: Trajectory) -> Certifica
     found = certified_selection(problem, trajectory)
     if found is None:
         return Certificate(np.inf, UNDETERMINED, (), criterion=problem.criterion)
-    count = len(found.derivatives)
+    count, judged = len(found.derivatives), found.selected.parts.judged
     return Certificate(
-        raised(found.bound, problem.criterion),
+        raised(found.bound, problem.criterion, judged),
         METHOD.format(count=count),
         ("readings of this experiment within the budget of weights",),
         found.selected.relaxed.gradient,
         criterion=problem.criterion,
-        judged=found.selected.parts.judged,
+        judged=judged,
     )

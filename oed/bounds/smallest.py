@@ -142,8 +142,9 @@ def _smallest(
     nothing: str = NOTHING,
 ) -> Certificate:
     criterion = problem.criterion
+    judged = sum(len(one.judged) for one in problem.any_estimations)
     inflated = [
-        replace(one, value=raised(one.value, criterion), assumptions=(*one.assumptions, *assumptions))
+        replace(one, value=raised(one.value, criterion, judged), assumptions=(*one.assumptions, *assumptions))
         for one in bounds
     ]
     inflated.sort(key=lambda one: one.value)
@@ -157,7 +158,7 @@ def _smallest(
         complete=found is None or found.complete,
         nodes=0 if found is None else found.nodes,
         criterion=criterion,
-        judged=sum(len(one.judged) for one in problem.any_estimations),
+        judged=judged,
     )
 
 

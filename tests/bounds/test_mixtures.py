@@ -109,8 +109,8 @@ def test_gaps_are_in_efficiency() -> None:
 @pytest.mark.parametrize("criterion", CRITERIA, ids=lambda one: one.kind)
 def test_bounds_are_raised_whatever_their_sign(criterion: Criterion) -> None:
     for number in (-1e6, -2.0, -1e-9, 1e-9, 3.0, 1e6):
-        # By what so much more information is worth.
-        more = np.log1p(INFLATION) if criterion.kind == "D" else INFLATION * abs(number)
-        assert raised(number, criterion) > number
-        assert raised(number, criterion) - number == pytest.approx(more, rel=1e-3, abs=1e-10)
-    assert raised(-np.inf, criterion) == -np.inf
+        # The value of so much more information in every direction.
+        more = 3 * np.log1p(INFLATION) if criterion.kind == "D" else INFLATION * abs(number)
+        assert raised(number, criterion, 3) > number
+        assert raised(number, criterion, 3) - number == pytest.approx(more, rel=1e-3, abs=1e-10)
+    assert raised(-np.inf, criterion, 3) == -np.inf

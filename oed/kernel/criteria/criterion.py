@@ -204,6 +204,16 @@ class Criterion(Component, ABC):
         """The value that remains when only `share` of `value` is asked for."""
         return value - (1.0 - share) * abs(value)
 
+    def scaled(self, value: float, share: float, size: int) -> float:
+        """Return the value of information that is larger by a share in every direction.
+
+        Args:
+            value: the criterion of the information as it is.
+            share: by which it is larger.
+            size: number of parameters judged.
+        """
+        return value + share * abs(value)
+
     def efficiency(self, value: float, best: float, size: int) -> float | None:
         """How many repetitions of the best design inform as one of this does; `size` parameters in all.
 

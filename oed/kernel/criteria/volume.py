@@ -60,6 +60,10 @@ class D(RootCriterion):
         """The value of a determinant `share` as large."""
         return value + math.log(share)
 
+    def scaled(self, value: float, share: float, size: int) -> float:
+        """Return the log determinant of information that is larger by a share."""
+        return value + size * math.log1p(share)
+
     def deviation(self, value: float, size: int) -> str:
         """The geometric mean along the ellipsoid's axes."""
         name = "geometric mean of those along the ellipsoid's axes"
