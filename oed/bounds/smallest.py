@@ -271,7 +271,9 @@ def _lattice_bound(problem: Problem, value: float, found: LatticeBound) -> Bound
     assumptions = [SPEEDS, NO_ROOM]
     if robot_of(problem.system).integration == "arc":
         assumptions.append("arcs are at most as informative as chords of full length")
-    return Bound(value, method, tuple(assumptions), found.multiplier)
+    # Branching proves it by several Z, each of a part of all speeds.
+    multiplier = found.parts[0].multiplier if len(found.parts) == 1 else None
+    return Bound(value, method, tuple(assumptions), multiplier)
 
 
 def _lattice_drive(problem: Problem, found: LatticeBound) -> Trajectory | None:

@@ -67,7 +67,6 @@ class LatticeBound:
         root: the bound before any branching.
         lower: the criterion of the best speeds found.
         speeds: those, (N, 2).
-        multiplier: Z of the bound before any branching, (2, 2).
         nodes: branchings' nodes.
         complete: whether the gap asked for was reached, rather than the most nodes or the time limit.
         parts: into which the branchings took all speeds apart.
@@ -79,7 +78,6 @@ class LatticeBound:
     root: float
     lower: float
     speeds: Array
-    multiplier: Array
     nodes: int
     complete: bool
     parts: tuple[Part, ...]
@@ -174,7 +172,6 @@ class _Search:
             root=root.bound,
             lower=self.lower,
             speeds=self.best / self.program.weights,
-            multiplier=root.multiplier,
             nodes=self.nodes,
             complete=self._reached(upper),
             parts=(*(Part(node.conditions, node.multiplier) for node in left), *self.empty),

@@ -80,3 +80,12 @@ def test_the_certificate_states_its_nodes():
     assert 5 <= certificate.nodes <= 8
     assert not certificate.complete
     assert f"{certificate.nodes} nodes" in certificate.method
+
+
+@pytest.mark.slow
+def test_a_bound_has_a_multiplier_only_where_one_proves_it():
+    """After branching each part of all speeds has its own."""
+    root, branched = (bound(sampled(), nodes=nodes) for nodes in (1, 20))
+    assert root.upper_bound > branched.upper_bound
+    assert np.trace(root.multiplier) == pytest.approx(1)
+    assert branched.multiplier is None

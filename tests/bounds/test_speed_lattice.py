@@ -54,8 +54,9 @@ def assert_honest(
     assert_keeps(found.speeds, allowed)
     assert smallest(found.speeds, weights, constant) == pytest.approx(found.lower, rel=1e-9, abs=1e-9)
     assert found.lower <= found.upper <= found.root * (1 + 1e-12)
-    assert np.trace(found.multiplier) == pytest.approx(1.0)
-    assert np.linalg.eigvalsh(found.multiplier)[0] >= -1e-9
+    for part in found.parts:
+        assert np.trace(part.multiplier) == pytest.approx(1.0)
+        assert np.linalg.eigvalsh(part.multiplier)[0] >= -1e-9
 
 
 def random_speeds(allowed: SpeedLimits, rng: np.random.Generator, count: int) -> Array:
