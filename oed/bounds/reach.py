@@ -14,9 +14,6 @@ from oed.robots.limits.workspace import workspace_of
 from oed.robots.models.model import robot_of
 from oed.robots.models.skid_steer import SkidSteer
 
-STRAIGHT = 1e-12
-"""Share of the largest yaw rate that is none."""
-
 
 def input_reach(problem: Problem) -> Array:
     """Largest magnitude of each input in each period, (N, inputs): its bound, and what the largest rate

@@ -112,7 +112,7 @@ def _searched(problem: Problem, nodes: int | None, time_limit: float | None, gap
     given, problem = problem, problem.steady
     looser = problem.widened(TOLERANCE)
     widened = _bounds_of_runs(looser)
-    # What wider limits allow, these do not exceed: searches round up by more or less.
+    # What wider limits allow, these do not exceed: the lattices of both are rounded differently.
     others = {(one.method, one.block): one.value for one in widened}
     bounds = [
         replace(one, value=min(one.value, others.get((one.method, one.block), one.value)))
@@ -129,7 +129,6 @@ def _searched(problem: Problem, nodes: int | None, time_limit: float | None, gap
     return replace(
         _smallest(problem, bounds, (*every, *EXACTLY), found, NOTHING if bounds else _lacking(problem)),
         drive=None if found is None else _lattice_drive(problem, found),
-        complete=found is None or found.complete,
         widened=_smallest(problem, widened, (*every, *TOLERATED), found),
     )
 
