@@ -43,6 +43,8 @@ FINER, FINEST = 4, 32
 """Factor on these points where every candidate that satisfies the limits at them exceeds one between them,
 and the most points per sample.
 """
+MOST_DRIVES = 10_000
+"""Drives per generation at most: pymoo compares all pairs of them, which takes 2 GB then."""
 RESCORED = 3
 """Candidates of a generation that are scored again at most, from the best down."""
 
@@ -52,14 +54,14 @@ class Genetic(Solver):
     prefers feasible candidates.
 
     Attributes:
-        population: number of drives per generation.
+        population: number of drives per generation, 10,000 at most.
         generations: number of generations at most.
         evaluations: number of drives scored at most; None for no limit.
         time_limit: search time [s]; None for none. A search that it ends depends on the machine.
     """
 
     kind: Literal["genetic"] = "genetic"
-    population: Annotated[int, Field(ge=4, le=1_000_000)] = 200
+    population: Annotated[int, Field(ge=4, le=MOST_DRIVES)] = 200
     generations: PositiveInt = 300
     evaluations: PositiveInt | None = None
     time_limit: Annotated[Duration, Field(gt=0)] | None = None

@@ -82,6 +82,7 @@ class TestOptions:
         "wrong",
         [
             {"population": 3},
+            {"population": 10_001},
             {"generations": 0},
             {"evaluations": 0},
             {"time_limit": "0 s"},
