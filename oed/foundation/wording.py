@@ -12,6 +12,7 @@ from pydantic_core import ErrorDetails
 
 from oed.foundation.errors import Issue, PartError
 from oed.foundation.quantities import counts_as_zero
+from oed.foundation.removed import REMOVED
 from oed.foundation.shown import written
 from oed.foundation.text import NAME, did_you_mean
 
@@ -77,6 +78,8 @@ def in_words(detail: ErrorDetails) -> str:
         expected = context.get("expected") or context.get("expected_tags")
         came = f"got {context['tag']!r}" if "tag" in context else got
         given = context.get("tag", detail["input"])
+        if isinstance(given, str) and given in REMOVED:
+            return REMOVED[given]
         known = re.findall(r"'([^']+)'", str(expected))
         return f"expected {expected}, {came}{did_you_mean(given, known) if isinstance(given, str) else ''}"
     return (
@@ -175,6 +178,8 @@ def _unknown_key(key: str, known: Sequence[str]) -> str:
     if key in known:
         # Of another form than the keys beside it.
         return "does not go with the keys beside it: leave out this one or those"
+    if key in REMOVED:
+        return REMOVED[key]
     hint = did_you_mean(key, known)
     return (
         f"unknown key{hint}{'' if hint else ';'} known here: {', '.join(known)}" if known else "unknown key"

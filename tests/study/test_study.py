@@ -713,6 +713,24 @@ def test_many_unknown_keys_are_counted():
     assert issues["key04"] == "unknown key, as are 15 more beside it"
 
 
+@pytest.mark.parametrize(
+    ("keys", "instead"),
+    [
+        ("solvers: [{kind: cmaes}]", "solvers.0.kind: .* use `kind: genetic`"),
+        ("solvers: [{kind: differential_evolution}]", "solvers.0.kind: .* use `kind: genetic`"),
+        ("solvers: [{kind: genetic, crossover: sbx}]", "solvers.0.crossover: .*leave this out"),
+        ("solvers: [{kind: genetic, mutation: gaussian}]", "solvers.0.mutation: .*leave this out"),
+        ("robust: {kind: tube}", "robust.kind: .* use `kind: chance`"),
+        ("calibration: {noise: stated}", "calibration.noise: use `specified`"),
+    ],
+)
+def test_removed_keys_and_kinds_name_what_to_write_instead(keys: str, instead: str):
+    name = keys.partition(":")[0]
+    lines = [line for line in SMALL.splitlines() if not line.startswith(f"{name}:")]
+    with pytest.raises(StudyError, match=instead):
+        parse_study("\n".join([*lines, keys]))
+
+
 @pytest.mark.parametrize("name", ["a/b", "-x", ""])
 def test_names_of_results_are_asked_for_in_words(name: str):
     with pytest.raises(

@@ -165,12 +165,6 @@ class CalibrationOptions(Component):
         """Whether each reading is fitted, not motion between two."""
         return self.method in ("joint", "likelihood")
 
-    @field_validator("noise", mode="before")
-    @classmethod
-    def _as_it_is_called(cls, noise: object) -> object:
-        # As studies and records before 1.0 have it.
-        return "specified" if noise == "stated" else noise
-
     @field_validator("models")
     @classmethod
     def _named_apart(cls, models: tuple[Alternative, ...]) -> tuple[Alternative, ...]:
