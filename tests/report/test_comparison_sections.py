@@ -66,7 +66,8 @@ class TestSummary:
         said = " ".join(question(flagship).paragraphs)
         assert f"objective of {best.objective:.1f}" in said
         ahead = entry(flagship, "genetic").objective
-        assert f"Design 2 reaches {ahead:.1f}, 0.100 % more: as good" in said
+        more = 100 * (ahead / best.objective - 1)
+        assert f"Design 2 reaches {ahead:.1f}, {more:.3f} % more: as good" in said
 
     def test_the_deviations_bound_each_other_as_they_must(self, flagship: Record):
         # The trace of the covariance is sigma^2 (1 / lambda_min + 1 / lambda_max).
