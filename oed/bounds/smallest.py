@@ -141,7 +141,7 @@ def _smallest(
     nothing: str = NOTHING,
 ) -> Certificate:
     criterion = problem.criterion
-    judged = sum(len(one.judged) for one in problem.any_estimations)
+    judged = sum(len(estimation.judged) for estimation in problem.any_estimations)
     inflated = [
         replace(one, value=raised(one.value, criterion, judged), assumptions=(*one.assumptions, *assumptions))
         for one in bounds

@@ -147,10 +147,11 @@ class Equations(Readable):
     @property
     def when_not_finite(self) -> str:
         """Equations that are not solved have no value; steps that are too long lead astray."""
-        stiff = self.states and self.integrator == "radau"
-        if self.states and not stiff:
+        if self.states and self.integrator == "runge_kutta":
             return "if the equations are stiff, take more `substeps` or `integrator: radau`"
-        ways = ["take more substeps"] * bool(stiff) + ["guess algebraic_states better"] * bool(self.guesses)
+        ways = ["take more substeps"] * bool(self.states) + ["guess algebraic_states better"] * bool(
+            self.guesses
+        )
         return f"if equations of it are not solved there, {' or '.join(ways)}" if ways else ""
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Candidates of a search without derivatives, scored at once, by several processes where that is faster."""
+"""Scores of a generation of candidates at once, by several processes where that is faster."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SPARED = 0.6
 
 
 class CandidateScorer:
-    """Scores candidates of a problem, here or in other processes; where changes none of the numbers.
+    """Scores candidates of a problem in this process or in others, which give the same numbers.
 
     Attributes:
         tightening: shares of the limits' sizes by which they are tightened for candidates, (limits,).
@@ -62,8 +62,8 @@ class CandidateScorer:
         self._binary: Path | None = None
 
     def score(self, candidates: Array) -> Scores:
-        """Criterion (K,) of candidates (K, size), and by how much they exceed each limit, tighter as it is
-        here, in shares of its size (K, limits).
+        """Return the criterion (K,) of candidates (K, size), and by how much they exceed each limit as it was
+        tightened, in shares of its size (K, limits).
         """
         values, excess = self._measured(candidates)
         return values, excess + self.tightening

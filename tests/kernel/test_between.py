@@ -331,11 +331,11 @@ def test_bounds_that_threads_share_out_are_the_same(operations: int, monkeypatch
     expected = margin(problem, drive, "workspace")
     monkeypatch.setattr("oed.kernel.between.excess.MOST", 0)
     monkeypatch.setattr("oed.kernel.between.excess.SHARED", operations)
-    for known in (_backed_off, excess_of):
-        known.cache_clear()
+    for bounded in (_backed_off, excess_of):
+        bounded.cache_clear()
     assert margin(problem, drive, "workspace") == expected
-    for known in (_backed_off, excess_of):
-        known.cache_clear()
+    for bounded in (_backed_off, excess_of):
+        bounded.cache_clear()
 
 
 def test_the_tolerance_is_the_only_one():

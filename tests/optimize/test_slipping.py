@@ -98,9 +98,10 @@ def test_genetic_at_few_points_finds_nothing_but_slips(at_few_points: None):
 
 def more_between(problem: Problem, drive: Trajectory) -> Evaluation:
     """A drive's scores, had every wheel turned a little faster between the points."""
-    found = score(problem, drive)
-    margins = [replace(one, margin=one.margin - 0.03 * one.size) for one in found.margins]
-    return replace(found, margins=(margins[0], *found.margins[1:]))
+    evaluation = score(problem, drive)
+    wheels, *others = evaluation.margins
+    wheels = replace(wheels, margin=wheels.margin - 0.03 * wheels.size)
+    return replace(evaluation, margins=(wheels, *others))
 
 
 def best_found(monkeypatch: pytest.MonkeyPatch, slipped: float) -> float:
@@ -166,8 +167,9 @@ def test_a_search_looks_at_no_more_points_than_the_most(monkeypatch: pytest.Monk
         return Grid(problem, refine=refine)
 
     def slipping(problem: Problem, drive: Trajectory) -> Evaluation:
-        found = score(problem, drive)
-        return replace(found, margins=tuple(replace(one, margin=-one.size) for one in found.margins))
+        evaluation = score(problem, drive)
+        violated = tuple(replace(margin, margin=-margin.size) for margin in evaluation.margins)
+        return replace(evaluation, margins=violated)
 
     monkeypatch.setattr("oed.optimize.genetic.Grid", watched)
     monkeypatch.setattr("oed.optimize.genetic.score", slipping)
