@@ -26,8 +26,7 @@ Whatever comes back says what matters of it: `print(solution)`, `solution.summar
         DifferentialDrive, SkidSteer, SkidSteerIcr, SkidSteerSlip, Tricycle, Ackermann, Mecanum, OmniThree,
         OffsetDrive, TractorTrailer, Unicycle, BicycleDynamic, Model, DesignSpace, StartPose
     Systems given by equations, what is read of them, and ranges of their inputs
-        Equations, ContinuousSystem, Outputs, Rates, Responses, InputRange, validate_integration,
-        IntegrationError
+        Equations, ContinuousSystem, Outputs, Rates, Responses, InputRange
     What their inputs may do
         Constant, PiecewiseConstant, PiecewiseLinear, SplineSignal, Fourier, Signal
     Sensors

@@ -2,8 +2,6 @@ from .bounds import Certificate as Certificate
 from .bounds import bound as bound
 from .bounds.points import sensitivity_function as sensitivity_function
 from .equations.continuous import ContinuousSystem as ContinuousSystem
-from .equations.integration_error import IntegrationError as IntegrationError
-from .equations.integration_error import validate_integration as validate_integration
 from .equations.limits import InputRange as InputRange
 from .equations.outputs import Outputs as Outputs
 from .equations.outputs import Rates as Rates

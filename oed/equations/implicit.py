@@ -12,13 +12,13 @@ from oed.equations.grammar import Expression
 from oed.foundation.errors import Issue
 from oed.foundation.text import listing
 from oed.kernel.dynamics.integration import Radau
-from oed.kernel.dynamics.roots import DAMPING, RootFinder
+from oed.kernel.dynamics.roots import Solver
 
 if TYPE_CHECKING:
     from oed.equations.system import Equations
 
-ITERATIONS = 20
-"""Of Newton's method from the guess of algebraic states, which may be far off."""
+NEWTON_STEPS = 50
+"""Newton steps from the guess of algebraic states, which may be far off."""
 
 
 @lru_cache(maxsize=32)
@@ -44,10 +44,9 @@ def algebraic_solver(system: Equations) -> ca.Function:
     split = len(system.states)
     residual = constraints_of(system)(given[:split], unknowns, given[split:])
     function = ca.Function("constraints", [unknowns, given], [residual])
-    guess = ca.DM([value for _, value, _ in system.guesses])
-    start = ca.Function("guess", [given, ca.SX(0, 1)], [ca.SX(guess)])
-    finder = RootFinder(function, start, iterations=ITERATIONS, damping=DAMPING)
-    return ca.Function("algebraic", [state, inputs, parameters], [finder.root(every, ca.SX(0, 1))])
+    guess = ca.SX(ca.DM([value for _, value, _ in system.guesses]))
+    root = Solver(function, NEWTON_STEPS).root(guess, every)
+    return ca.Function("algebraic", [state, inputs, parameters], [root])
 
 
 @lru_cache(maxsize=32)

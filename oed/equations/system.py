@@ -176,10 +176,6 @@ class Equations(Readable):
         values = self.named(state, inputs, parameters, algebraic)
         return {**values, **{name: one.casadi(values) for name, one in self.responses}}
 
-    def by_radau(self, times: int) -> Equations:
-        """The system by the Radau IIA method, in so many times more steps."""
-        return self._changed(integrator="radau", substeps=times * self.substeps)
-
     @property
     def integrates(self) -> bool:
         """Whether it has states."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from oed.equations.system import Equations
 
@@ -73,26 +74,31 @@ def cstr(x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
 Rates = Callable[[ca.SX, ca.SX, ca.SX], ca.SX]
 
 
-def sundials(
+def reference(
     rates: Rates, start: Sequence[float], inputs: Sequence[float], parameters: Sequence[float], seconds: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The state and its derivatives by (parameters, start) after a time, by CVODES: the variational equations
-    in units of what they come to.
-    """
+    """Return the state after a time and its derivatives by (parameters, start), by SciPy's `solve_ivp`."""
     n, width = len(start), len(parameters) + len(start)
     x, s, p = ca.SX.sym("x", n), ca.SX.sym("S", n, width), ca.SX.sym("p", len(parameters))
     right = rates(x, ca.SX(ca.DM(inputs)), p)
     direct = ca.horzcat(ca.jacobian(right, p), ca.SX(n, n))
     whole = ca.vertcat(x, ca.vec(s))
     derivative = ca.vertcat(right, ca.vec(ca.jacobian(right, x) @ s + direct))
+    slope = ca.Function("slope", [whole, p], [derivative])
+    bend = ca.Function("bend", [whole, p], [ca.densify(ca.jacobian(derivative, whole))])
     begin = np.concatenate([start, np.hstack([np.zeros((n, len(parameters))), np.eye(n)]).ravel(order="F")])
-    units = np.ones(len(begin))
-    for tolerance in (1e-8, 1e-13):
-        scaled = ca.SX.sym("scaled", len(begin))
-        own = ca.substitute(derivative, whole, units * scaled) / units
-        options = {"reltol": tolerance, "abstol": 1e-2 * tolerance, "max_num_steps": 1_000_000}
-        dae = {"x": scaled, "p": p, "ode": own}
-        found = ca.integrator("exact", "cvodes", dae, 0.0, seconds, options)(x0=begin / units, p=parameters)
-        end = np.array(found["xf"]).ravel() * units
-        units = np.where(end == 0, 1.0, np.abs(end))
+    sizes = np.ones(len(begin))
+    # The first solution says how large everything becomes.
+    for tolerance in (1e-6, 1e-9):
+        solution = solve_ivp(
+            lambda _, y: np.array(slope(y, parameters)).ravel(),
+            (0.0, seconds),
+            begin,
+            method="Radau",
+            jac=lambda _, y: np.array(bend(y, parameters)),
+            rtol=tolerance,
+            atol=1e-2 * tolerance * sizes,
+        )
+        end = solution.y[:, -1]
+        sizes = np.where(end == 0, 1.0, np.abs(end))
     return end[:n], end[n:].reshape(width, n).T

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import casadi as ca
-import numpy as np
 
-from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.roots import RootFinder, newton_step
+from oed.kernel.dynamics.roots import Solver
 
-NODES = (0.4 - np.sqrt(6) / 10, 0.4 + np.sqrt(6) / 10, 1.0)
-"""Where in a step the stages of Radau's method lie."""
-ITERATIONS = 12
-"""Of Newton's method in a step, at most: 1 to 6 of them lead to 1e-12 where steps are fine enough to be
-accurate, and no more are made than are needed.
-"""
-PREDICTIONS, GROWTH = 10, 3.0
-"""Steps of linearised Euler that go before a step's first stage, and how each is longer than the one before:
-fast parts are over before long steps are taken.
+POINTS = ca.collocation_points(3, "radau")
+"""Where in a step, as shares of its length, the equations hold."""
+NEWTON_STEPS = 30
+"""Newton steps for the equations of a step: 6 do where steps are short enough to be accurate, 25 for one step
+from the begin of Robertson's reactions to far behind their fast part.
 """
 
 
@@ -81,87 +75,53 @@ def rodas3(
 
 
 class Radau:
-    """The three-stage Radau IIA method of order 5 for x' = f(x, y, u), 0 = g(x, y, u): stiffly accurate, so
-    that the last stage is the state after a step [Hairer, Wanner: Solving Ordinary Differential Equations II,
-    1996, sec. IV.5 and VI.1].
+    """The Radau IIA method of fifth order for x' = f(x, y, u), 0 = g(x, y, u): collocation at three points
+    with the last one at the step's end [Hairer, Wanner: Solving Ordinary Differential Equations II, 1996,
+    sec. IV.5 and VI.1].
     """
 
     def __init__(self, rates: ca.Function, constraints: ca.Function) -> None:
-        """Of a differential-algebraic system of index 1.
+        """Prepare the method for a differential-algebraic system of index 1.
 
         Args:
-            rates: function (x (n,), y (m,), given) -> f (n,).
-            constraints: function of the same -> g (m,).
+            rates: function (x (n,), y (m,), u) -> f (n,).
+            constraints: function of the same arguments -> g (m,).
         """
-        self._states, self._algebraic = rates.size1_in(0), rates.size1_in(1)
-        stages, euler = self._stages(rates, constraints), newton_step(self._euler(rates, constraints))
-        self._solver = RootFinder(stages, self._predicted(euler), iterations=ITERATIONS)
+        self._states, self._stages = rates.size1_in(0), len(POINTS)
+        self._solver = Solver(_collocation_equations(rates, constraints), NEWTON_STEPS)
 
     def step(
-        self, state: Expression, algebraic: Expression, given: Expression, length: Expression
+        self, state: Expression, algebraic: Expression, held: Expression, length: Expression
     ) -> tuple[Expression, Expression]:
-        """The states and the algebraic ones after a step, (n,) and (m,).
+        """Return the states (n,) and the algebraic states (m,) after a step.
 
         Args:
-            state: at its begin, (n,).
-            algebraic: about there, (m,).
-            given: further arguments, held.
-            length: of the step [s].
+            state: states at the step's begin, (n,).
+            algebraic: algebraic states about there, (m,).
+            held: further arguments u of the system.
+            length: duration of the step [s].
         """
-        found = self._solver.root(ca.vertcat(state, given, length), algebraic)
-        size = self._states + self._algebraic
-        _, state, algebraic = ca.vertsplit(found, [0, 2 * size, 2 * size + self._states, 3 * size])
-        return state, algebraic
-
-    def _predicted(self, euler: ca.Function) -> ca.Function:
-        # The stages, about, of (their equations' arguments, algebraic states about the begin).
-        arguments = ca.MX.sym("arguments", euler.size1_in(1))
-        algebraic = ca.MX.sym("algebraic", self._algebraic)
-        now, length = ca.vertcat(arguments[: self._states], algebraic), arguments[-1]
-        given = arguments[self._states : -1]
-        geometric = [NODES[0] * GROWTH**-power for power in range(PREDICTIONS, 0, -1)]
-        stages, reached = [], 0.0
-        for fraction in (*geometric, *NODES):
-            at = ca.vertcat(now[: self._states], given, (fraction - reached) * length)
-            now, reached = euler(now, at), fraction
-            stages.append(now)
-        return ca.Function("predicted", [arguments, algebraic], [ca.vertcat(*stages[-len(NODES) :])])
-
-    def _euler(self, rates: ca.Function, constraints: ca.Function) -> ca.Function:
-        # The equations of a step by the implicit Euler method.
-        unknowns = ca.SX.sym("end", self._states + self._algebraic)
-        state, given = ca.SX.sym("state", self._states), ca.SX.sym("given", rates.size1_in(2))
-        length = ca.SX.sym("length")
-        at = (unknowns[: self._states], unknowns[self._states :], given)
-        residual = ca.vertcat(at[0] - state - length * rates(*at), constraints(*at))
-        return ca.Function("euler", [unknowns, ca.vertcat(state, given, length)], [residual])
-
-    def _stages(self, rates: ca.Function, constraints: ca.Function) -> ca.Function:
-        # Their equations, multiplied by the inverse of the method's matrix, so that stages meet in the state
-        # alone.
-        count, size = len(NODES), self._states + self._algebraic
-        unknowns = ca.SX.sym("stages", count * size)
-        state, given = ca.SX.sym("state", self._states), ca.SX.sym("given", rates.size1_in(2))
-        length, inverse = ca.SX.sym("length"), np.linalg.inv(collocation(NODES))
-        each = [unknowns[place * size : (place + 1) * size] for place in range(count)]
-        moved = [one[: self._states] - state for one in each]
-        residuals = []
-        for place, one in enumerate(each):
-            at = (one[: self._states], one[self._states :], given)
-            reached = sum(float(inverse[place, other]) * moved[other] for other in range(count))
-            residuals += [reached - length * rates(*at), constraints(*at)]
-        arguments = ca.vertcat(state, given, length)
-        return ca.Function("stages", [unknowns, arguments], [ca.vertcat(*residuals)])
+        begin = ca.vertcat(state, algebraic)
+        stages = self._solver.root(ca.repmat(begin, self._stages, 1), ca.vertcat(state, held, length))
+        end = stages[-begin.shape[0] :]
+        return end[: self._states], end[self._states :]
 
 
-def collocation(nodes: Sequence[float]) -> Array:
-    """The matrix A of the collocation method with these nodes c (s,): the integrals of Lagrange's polynomials
-    up to each, (s, s), from A c^(k - 1) = c^k / k for k = 1 .. s.
-    """
-    powers = np.vander(nodes, increasing=True)
-    return np.asarray(
-        powers * np.array(nodes)[:, None] / np.arange(1, len(nodes) + 1) @ np.linalg.inv(powers)
-    )
+def _collocation_equations(rates: ca.Function, constraints: ca.Function) -> ca.Function:
+    """Return the function ((x, y) at all points, (x at the begin, u, length)) -> residual."""
+    states, size = rates.size1_in(0), rates.size1_in(0) + rates.size1_in(1)
+    stages = ca.SX.sym("stages", len(POINTS) * size)
+    begin, held = ca.SX.sym("begin", states), ca.SX.sym("held", rates.size1_in(2))
+    length = ca.SX.sym("length")
+    points = ca.vertsplit(stages, size)
+    derivatives, _, _ = ca.collocation_coeff(POINTS)
+    # A polynomial through the begin and all points has these derivatives, multiplied by the step's length.
+    slopes = ca.horzcat(begin, *(point[:states] for point in points)) @ derivatives
+    residual = []
+    for place, point in enumerate(points):
+        values = point[:states], point[states:], held
+        residual += [slopes[:, place] - length * rates(*values), constraints(*values)]
+    return ca.Function("stages", [stages, ca.vertcat(begin, held, length)], [ca.vertcat(*residual)])
 
 
 def _eliminated(matrix: ca.SX) -> Callable[[ca.SX], ca.SX]:
