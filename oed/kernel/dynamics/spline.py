@@ -1,4 +1,4 @@
-"""B-splines on a clamped uniform knot vector: evaluation matrices, nothing more.
+"""B-splines of inputs over time, on SciPy's `BSpline`.
 
 A curve is `basis(t) @ coefficients`. The coefficients are also its convex hull: bounds on them hold for
 the curve at all times (de Boor, A Practical Guide to Splines, ch. XI), which is how speed and
@@ -9,60 +9,47 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from math import factorial
+from typing import Protocol, cast
 
 import numpy as np
+import scipy
 
 from oed.foundation.arrays import Array, Places
 
 ROUNDING = 1e-12
-"""Share of the duration below which two times are one."""
+"""Share of the duration below which two times are equal."""
 
 
-@dataclass(frozen=True)
-class Band:
-    """A matrix of a few neighbouring entries in every row: all that splines need of sparse matrices.
+class Band(Protocol):
+    """A SciPy sparse array with a few neighbouring entries in every row.
 
     Attributes:
-        columns: n.
-        first: column of each row's first entry, (m,).
-        entries: of each row, (m, k).
+        data: entries, row by row.
+        indices: columns of the entries.
     """
 
-    columns: int
-    first: Places
-    entries: Array
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
-        return len(self.first), self.columns
+    data: Array
+    indices: Places
 
     def __matmul__(self, other: Array) -> Array:
-        """Product (m, ...) with an array (n, ...)."""
-        wide = self.entries.reshape(*self.entries.shape, *(1,) * (other.ndim - 1))
-        total = np.zeros((len(self.first), *other.shape[1:]))
-        for offset in range(self.entries.shape[1]):
-            total += wide[:, offset] * other[self.first + offset]
-        return total
+        """Return the product with an array (n, ...)."""
 
     def toarray(self) -> Array:
-        """The matrix (m, n), zeros and all."""
-        return self @ np.eye(self.columns)
+        """Return the matrix with all its zeros."""
 
 
 def clamped_knots(duration: float, count: int, degree: int) -> Array:
-    """Knots (count + degree + 1,) [s] of a uniform spline on [0, duration] that starts and ends at its
+    """Return knots (count + degree + 1,) [s] of a uniform spline on [0, duration] that starts and ends at its
     first and last coefficient.
 
     Args:
-        duration: [s].
-        count: coefficients.
-        degree: of the spline.
+        duration: last time [s].
+        count: number of coefficients.
+        degree: degree of the spline.
 
     Raises:
-        ValueError: fewer coefficients than degree + 1.
+        ValueError: there are fewer coefficients than degree + 1.
     """
     if count < degree + 1:
         raise ValueError(f"a degree-{degree} spline needs at least {degree + 1} coefficients, got {count}")
@@ -71,175 +58,142 @@ def clamped_knots(duration: float, count: int, degree: int) -> Array:
 
 
 def repeated_knots(knots: Array, degree: int, times: int) -> Array:
-    """Knots of so many splines on clamped `knots`, one after the other, nothing in common where they meet.
+    """Return the knots of splines that follow each other and have nothing in common where they meet.
 
     Args:
-        knots: clamped, of one spline [s].
-        degree: of the splines.
-        times: how many follow each other.
+        knots: clamped knots of one spline [s].
+        degree: degree of the splines.
+        times: number of splines.
     """
     shifted = [knots[degree + 1 :] + index * knots[-1] for index in range(times)]
     return np.concatenate([knots[: degree + 1], *shifted])
 
 
 def basis(knots: Array, degree: int, times: Array) -> Band:
-    """Matrix (len(times), n): the value of every basis function at `times` [s] [de Boor, ch. X, eq. 4], at
-    knots the limit from the right.
+    """Return the sparse matrix (len(times), n) of the basis functions' values at `times` [s], at knots the
+    limits from the right.
 
     Args:
-        knots: [s], not decreasing.
-        degree: of the spline.
-        times: at which it is evaluated [s].
+        knots: knots [s], not decreasing.
+        degree: degree of the spline.
+        times: times of evaluation [s].
     """
-    count = len(knots) - degree - 1
+    inside = _inside(knots, degree, times)
+    return cast(Band, scipy.interpolate.BSpline.design_matrix(inside, knots, degree))
+
+
+def values(knots: Array, degree: int, coefficients: Array, times: Array) -> Array:
+    """Return the values of curves at `times` [s], (len(times), curves), as `basis` has them.
+
+    Args:
+        knots: knots of the curves [s].
+        degree: degree of the curves.
+        coefficients: coefficients (n, curves).
+        times: times of evaluation [s].
+    """
+    curves = scipy.interpolate.BSpline(knots, coefficients, degree)
+    return np.asarray(curves(_inside(knots, degree, times)))
+
+
+def _inside(knots: Array, degree: int, times: Array) -> Array:
     inside = np.clip(times, knots[degree], knots[-degree - 1])
-    if degree == 0:
-        # A time at a knot, to rounding, is at the knot: the middle of a period may be.
-        inside = inside + ROUNDING * knots[-1]
-    place = np.clip(np.searchsorted(knots, inside, side="right") - 1, degree, count - 1)
-    values = np.zeros((degree + 1, len(inside)))
-    values[0] = 1.0
-    for order in range(1, degree + 1):
-        lower, values[0] = values[:order].copy(), 0.0
-        for index in range(1, order + 1):
-            after, before = knots[place + index], knots[place + index - order]
-            span = after - before
-            share = np.divide(lower[index - 1], span, out=np.zeros_like(span), where=span > 0)
-            values[index - 1] += share * (after - inside)
-            values[index] = share * (inside - before)
-    return Band(count, place - degree, values.T)
-
-
-def kept_basis(knots: Array, degree: int, times: Array) -> Band:
-    """`basis` of knots and times that come again and again.
-
-    Args:
-        knots: [s].
-        degree: of the spline.
-        times: at which it is evaluated [s].
-    """
-    return _kept_basis(knots.tobytes(), degree, times.tobytes())
-
-
-@lru_cache(maxsize=64)
-def _kept_basis(knots: bytes, degree: int, times: bytes) -> Band:
-    return basis(np.frombuffer(knots), degree, np.frombuffer(times))
+    # A time at a knot, to rounding, is at the knot: the middle of a period may be.
+    return inside if degree else np.minimum(inside + ROUNDING * knots[-1], knots[-1])
 
 
 def derivative(knots: Array, degree: int) -> tuple[Band, Array]:
-    """The derivative as a spline of one degree less: its coefficients' matrix (n - 1, n) and its knots.
+    """Return the derivative as a spline of one degree less: its coefficients' matrix (n - 1, n), its knots.
 
     The matrix takes the curve's coefficients to those of its derivative [de Boor, ch. X, eq. 15]. Where two
     curves meet that have nothing in common, there is no derivative, and its coefficient is 0.
 
     Raises:
-        ValueError: degree 0, whose derivative is not a function.
+        ValueError: the degree is 0, whose derivative is not a function.
     """
     if degree == 0:
         raise ValueError("a piecewise constant spline has no derivative")
     count = len(knots) - degree - 1
     span = knots[degree + 1 : count + degree] - knots[1:count]
     scale = np.where(span > 0, degree / np.where(span > 0, span, 1.0), 0.0)
-    return Band(count, np.arange(count - 1), np.column_stack([-scale, scale])), knots[1:-1]
+    matrix = scipy.sparse.diags_array([-scale, scale], offsets=[0, 1], shape=(count - 1, count))
+    return matrix.tocsr(), knots[1:-1]
 
 
 def refined(knots: Array, degree: int, coefficients: Array, finer: Array) -> Array:
-    """The coefficients of the same curves on more knots, by inserting these one by one [Boehm, 1980].
+    """Return the coefficients of the same curves on more knots, by inserting these one by one [Boehm, 1980].
 
     Each is a mean of two neighbours, so that bounds on the coefficients, and on those of derivatives, go on
     to hold.
 
     Args:
-        knots: of the curves.
-        degree: of the curves.
-        coefficients: (n, curves).
+        knots: knots of the curves [s].
+        degree: degree of the curves.
+        coefficients: coefficients (n, curves).
         finer: all of `knots`, and others inside.
 
     Raises:
         ValueError: `finer` leaves out some of the knots.
     """
     near = ROUNDING * knots[-1]
+    curves = scipy.interpolate.BSpline(knots, coefficients, degree)
     for time in finer[np.abs(finer[:, None] - knots).min(axis=1) > near]:
-        knots, coefficients = _with_knot(knots, degree, coefficients, time)
-    if knots.shape != finer.shape or np.any(np.abs(knots - finer) > near):
+        curves = curves.insert_knot(time)
+    if curves.t.shape != finer.shape or np.any(np.abs(curves.t - finer) > near):
         raise ValueError("expected knots that have all those of the curves, and others inside")
-    return coefficients
-
-
-def _with_knot(knots: Array, degree: int, coefficients: Array, time: float) -> tuple[Array, Array]:
-    last = int(np.searchsorted(knots, time, side="right")) - 1
-    mixed = np.arange(last - degree + 1, last + 1)
-    share = ((time - knots[mixed]) / (knots[mixed + degree] - knots[mixed]))[:, None] if degree else 0.0
-    found = np.insert(coefficients, last, coefficients[last], axis=0)
-    found[mixed] = share * coefficients[mixed] + (1 - share) * coefficients[mixed - 1]
-    return np.insert(knots, last + 1, time), found
+    return np.asarray(curves.c)
 
 
 def jumps(knots: Array, degree: int, order: int) -> Array:
-    """Times [s] inside at which the derivative of an order may jump, for their knots are repeated.
+    """Return times [s] inside at which the derivative of an order may jump, for their knots are repeated.
 
     Args:
-        knots: [s].
-        degree: of the spline.
-        order: of the derivative.
+        knots: knots of the spline [s].
+        degree: degree of the spline.
+        order: order of the derivative.
     """
     inner, times = np.unique(knots, return_counts=True)
     return np.asarray(inner[1:-1][times[1:-1] > degree - order])
 
 
 def extremes(knots: Array, degree: int, coefficients: Array, order: int) -> Array:
-    """Values (K, curves) among which the derivative of an order (0 to degree) of every curve has its least
-    and largest, those on both sides of its jumps included. K depends on knots and degree alone.
+    """Return values (K, curves) among which the derivative of an order (0 to degree) of every curve has its
+    least and largest, those on both sides of its jumps included. K depends on knots and degree alone.
 
-    Those at both ends of every piece, and those where the next derivative vanishes inside.
+    They are the values at both ends of every piece, and those where the next derivative vanishes inside.
 
     Args:
-        knots: of the curves.
-        degree: of the curves.
-        coefficients: (n, curves).
-        order: of the derivative.
+        knots: knots of the curves [s].
+        degree: degree of the curves.
+        coefficients: coefficients (n, curves).
+        order: order of the derivative.
     """
-    inner, series = _series(knots, degree, coefficients)
-    halves = np.diff(inner)[:, None] / 2
-    # Every piece a polynomial in units of half its length, from -1 to 1.
-    powers = [part * halves**power / factorial(power) for power, part in enumerate(series[order:])]
-    even, odd = sum(powers[::2]), sum(powers[1::2], np.zeros_like(powers[0]))
-    found = [even - odd, even + odd]
-    if degree - order > 1:
-        roots = _real_roots([power * part for power, part in enumerate(powers)][1:])
-        inside = np.moveaxis(np.clip(roots, -1.0, 1.0), -1, 0)
-        values = powers[-1] * np.ones_like(inside)
-        for part in powers[-2::-1]:
-            values = values * inside + part
-        found += list(values)
-    return np.concatenate(found)
-
-
-def _series(knots: Array, degree: int, coefficients: Array) -> tuple[Array, Array]:
-    # Where pieces begin and end, and all derivatives (degree + 1, pieces, curves) in their middles, from the
-    # curves themselves on: kept, for values, rates, jerks and bounds are asked for one after the other.
-    table = np.ascontiguousarray(coefficients)
-    return _kept_series(knots.tobytes(), degree, table.tobytes(), table.shape)
-
-
-@lru_cache(maxsize=8)
-def _kept_series(
-    knots_bytes: bytes, degree: int, table: bytes, shape: tuple[int, int]
-) -> tuple[Array, Array]:
-    knots, coefficients = np.frombuffer(knots_bytes), np.frombuffer(table).reshape(shape)
     inner = np.unique(knots)
-    times = (inner[1:] + inner[:-1]) / 2
-    found = [kept_basis(knots, degree, times) @ coefficients]
-    for lower in range(degree - 1, -1, -1):
-        steps, knots = derivative(knots, lower + 1)
-        coefficients = steps @ coefficients
-        found.append(kept_basis(knots, lower, times) @ coefficients)
-    return inner, np.stack(found)
+    middles, halves = (inner[1:] + inner[:-1]) / 2, np.diff(inner)[:, None] / 2
+    taylor = _derivatives(knots, degree, coefficients, middles)[order:]
+    # Every piece is a polynomial in units of half its length, from -1 to 1.
+    powers = [slope * halves**power / factorial(power) for power, slope in enumerate(taylor)]
+    even, odd = sum(powers[::2]), sum(powers[1::2], np.zeros_like(powers[0]))
+    candidates = [even - odd, even + odd]
+    if degree - order > 1:
+        roots = _real_roots([power * term for power, term in enumerate(powers)][1:])
+        inside = np.moveaxis(np.clip(roots, -1.0, 1.0), -1, 0)
+        stationary = powers[-1] * np.ones_like(inside)
+        for term in powers[-2::-1]:
+            stationary = stationary * inside + term
+        candidates += list(stationary)
+    return np.concatenate(candidates)
+
+
+def _derivatives(knots: Array, degree: int, coefficients: Array, times: Array) -> Array:
+    """Return values and all derivatives of curves between their knots, (degree + 1, times, curves)."""
+    curves = scipy.interpolate.BSpline(knots, coefficients, degree)
+    return np.stack([curves(times, nu=order) for order in range(degree + 1)])
 
 
 def _real_roots(powers: Sequence[Array]) -> Array:
-    # Roots (..., degree) of polynomials with coefficients (...,) from the constant one up; what is no real
-    # root is a number all the same.
+    """Return roots (..., degree) of polynomials with coefficients (...,) from the constant upwards; a number
+    stands also where there is no real root.
+    """
     if len(powers) == 2:
         constant, slope = powers
         return np.asarray(_quotient(-constant, slope)[..., None])
@@ -249,11 +203,11 @@ def _real_roots(powers: Sequence[Array]) -> Array:
         larger = -(slope + np.copysign(root, slope)) / 2
         return np.stack([_quotient(larger, bend), _quotient(constant, larger)], axis=-1)
     table = np.stack(powers[::-1], axis=-1)
-    found = np.zeros((*table.shape[:-1], len(powers) - 1))
+    roots = np.zeros((*table.shape[:-1], len(powers) - 1))
     for place in np.ndindex(table.shape[:-1]):
-        roots = np.roots(table[place]).real
-        found[place][: len(roots)] = roots
-    return found
+        real = np.roots(table[place]).real
+        roots[place][: len(real)] = real
+    return roots
 
 
 def _quotient(top: Array, bottom: Array) -> Array:
@@ -262,7 +216,7 @@ def _quotient(top: Array, bottom: Array) -> Array:
 
 @dataclass(frozen=True)
 class Bounds:
-    """What curves are over stretches of time, (K, curves) each.
+    """Values and bounds of curves over stretches of time, (K, curves) each.
 
     Attributes:
         begin, end: values at the ends.
@@ -279,33 +233,21 @@ class Bounds:
 
 
 def enclosure(knots: Array, degree: int, coefficients: Array, begin: Array, end: Array) -> Bounds:
-    """Bounds of curves over stretches without a knot inside: there they are polynomials.
+    """Return bounds of curves over stretches without a knot inside, where they are polynomials.
 
     Args:
-        knots: of the curves.
-        degree: of the curves, at least 1.
-        coefficients: (n, curves).
-        begin: of the stretches [s], (K,).
-        end: of the stretches [s], (K,).
+        knots: knots of the curves [s].
+        degree: degree of the curves, at least 1.
+        coefficients: coefficients (n, curves).
+        begin: begins of the stretches [s], (K,).
+        end: ends of the stretches [s], (K,).
     """
     middle, half = (begin + end) / 2, (end - begin)[:, None] / 2
-    derivatives = _derivatives(knots, degree, coefficients, middle)
+    taylor = _derivatives(knots, degree, coefficients, middle)
     powers = np.stack([half**power / factorial(power) for power in range(degree + 1)])
-    terms = derivatives * powers
+    terms = taylor * powers
     even, odd, reach = terms[::2].sum(axis=0), terms[1::2].sum(axis=0), np.abs(terms[1:]).sum(axis=0)
     # How far the slope strays from its value in the middle.
-    bend = (np.abs(derivatives[2:]) * powers[1:degree]).sum(axis=0)
-    value, slope = derivatives[:2]
+    bend = (np.abs(taylor[2:]) * powers[1:degree]).sum(axis=0)
+    value, slope = taylor[:2]
     return Bounds(even - odd, even + odd, value - reach, value + reach, slope - bend, slope + bend)
-
-
-def _derivatives(knots: Array, degree: int, coefficients: Array, times: Array) -> Array:
-    # Values and all derivatives (degree + 1, K, curves): Taylor's series from the middles of the pieces.
-    inner, series = _series(knots, degree, coefficients)
-    piece = np.clip(np.searchsorted(inner, times, side="right") - 1, 0, len(inner) - 2)
-    shift = (times - (inner[piece] + inner[piece + 1]) / 2)[:, None]
-    powers = np.stack([shift**power / factorial(power) for power in range(degree + 1)])
-    found = series[:, piece]
-    for order in range(degree + 1):
-        found[order] = (found[order:] * powers[: degree + 1 - order]).sum(axis=0)
-    return found

@@ -41,7 +41,7 @@ def held_rates(knots: Array, degree: int, coefficients: Array, samples: int) -> 
     """
     duration = float(knots[-1])
     times = np.concatenate([[0.0], middles(duration, samples), [duration]])
-    held = spline.basis(knots, degree, times) @ coefficients
+    held = spline.values(knots, degree, coefficients, times)
     return np.asarray(np.diff(held, axis=0) / np.diff(times)[:, None])
 
 
@@ -213,7 +213,7 @@ class Trajectory(ByValue, Presented):
     def inputs(self) -> Array:
         """Inputs held in each period, (N, inputs), read-only."""
         # By each run's own clock: on the common one, rounding may move a knot past a period's middle.
-        held = [one._often_at(middles(one.duration, one.samples)) for one in self.each]
+        held = [one.inputs_at(middles(one.duration, one.samples)) for one in self.each]
         table = np.concatenate(held)
         table.setflags(write=False)
         return table
@@ -221,15 +221,11 @@ class Trajectory(ByValue, Presented):
     @property
     def ends(self) -> Array:
         """Inputs at the begin and at the end of every run, (2 runs, inputs)."""
-        return np.concatenate([one._often_at(np.array([0.0, one.duration])) for one in self.each])
-
-    def _often_at(self, times: Array) -> Array:
-        # `inputs_at` times that all drives with these knots are asked for.
-        return spline.kept_basis(self.knots, self.degree, times) @ self.coefficients
+        return np.concatenate([one.inputs_at(np.array([0.0, one.duration])) for one in self.each])
 
     def inputs_at(self, times: Array) -> Array:
         """Values of the splines at `times` [s], (len(times), inputs)."""
-        return spline.basis(self.knots, self.degree, times) @ self.coefficients
+        return spline.values(self.knots, self.degree, self.coefficients, times)
 
     def rates_at(self, times: Array) -> Array:
         """Time derivatives of the inputs, (rows, inputs): at `times` [s], or, for a piecewise constant
@@ -238,7 +234,7 @@ class Trajectory(ByValue, Presented):
         if self.degree == 0:
             return self._held(held_rates)
         matrix, knots = spline.derivative(self.knots, self.degree)
-        return spline.basis(knots, self.degree - 1, times) @ (matrix @ self.coefficients)
+        return spline.values(knots, self.degree - 1, matrix @ self.coefficients, times)
 
     def jerks_at(self, times: Array) -> Array:
         """Second time derivatives of the inputs, (rows, inputs): at `times` [s], or, where the rates jump,
@@ -248,7 +244,7 @@ class Trajectory(ByValue, Presented):
             return self._held(held_jerks)
         first, knots = spline.derivative(self.knots, self.degree)
         second, knots = spline.derivative(knots, self.degree - 1)
-        return spline.basis(knots, self.degree - 2, times) @ (second @ (first @ self.coefficients))
+        return spline.values(knots, self.degree - 2, second @ (first @ self.coefficients), times)
 
     def extremes(self, order: int) -> Array:
         """Values (K, inputs) among which every input's least and largest are, of all times; of an order of 1
