@@ -10,7 +10,8 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.presenting import Brief
-from oed.kernel.dynamics.system import System, carrier, stepper
+from oed.kernel.dynamics.simulate import simulate
+from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.moment import moment_reading
 from oed.kernel.measurement.sensor import Sensor, sensor_labels
@@ -57,7 +58,7 @@ def state_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) -> l
     """
     system, own = problem.system, _estimated(problem)
     found = []
-    for run, (states, slopes) in enumerate(_rolled_out(system, trajectory, finer)):
+    for run, (states, slopes) in enumerate(_simulated(system, trajectory, finer)):
         times = np.linspace(0.0, trajectory.each[run].duration, len(states))
         each = zip(system.states, system.state_units, states.T, slopes.transpose(1, 0, 2), strict=True)
         found.append([Course(name, unit, times, value, slope[:, own]) for name, unit, value, slope in each])
@@ -77,7 +78,7 @@ def reading_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) ->
     system = problem.system
     found = list[list[Course]]()
     finer = finer if system.states else 1
-    for run, (states, slopes) in enumerate(_rolled_out(system, trajectory, finer)):
+    for run, (states, slopes) in enumerate(_simulated(system, trajectory, finer)):
         one = trajectory.each[run]
         begun = len(states) - 1 if not system.states else len(states)
         held = np.vstack([np.repeat(one.inputs, finer, axis=0), one.inputs[-1:]])[:begun]
@@ -126,23 +127,14 @@ def _at_moments(problem: Problem) -> Iterator[tuple[Sensor, str]]:
             yield sensor, label
 
 
-def _rolled_out(system: System, trajectory: Trajectory, finer: int) -> Iterator[tuple[Array, Array]]:
-    # Of every run the states (N + 1, states) and their derivatives by the parameters (N + 1, states, p), at
-    # `finer` places of every period.
-    size, count = len(system.parameters), len(system.states)
-    step, carry, nominal = stepper(system), carrier(system), ca.DM(system.nominal)
-    for one in trajectory.each:
-        inputs = ca.DM(np.repeat(one.inputs, finer, axis=0).T)
-        samples, period = one.samples * finer, one.period / finer
-        begin = ca.DM(one.starts[0])
-        following = step.mapaccum(samples)(begin, inputs, nominal, period)
-        states = np.hstack([np.array(begin).reshape(count, 1), np.array(following).reshape(count, samples)])
-        slopes = np.zeros((samples + 1, count, size))
-        if count:
-            first = ca.horzcat(ca.DM.zeros(count, size), ca.DM.eye(count))
-            along = carry.mapaccum(samples)(first, ca.DM(states[:, :-1]), inputs, nominal, period)
-            slopes[1:] = np.array(along).reshape(count, samples, size + count).transpose(1, 0, 2)[:, :, :size]
-        yield np.asarray(states).T, slopes
+def _simulated(system: System, trajectory: Trajectory, finer: int) -> Iterator[tuple[Array, Array]]:
+    """Simulate every run at `finer` places of every period: states (N + 1, states) and their derivatives by
+    the parameters (N + 1, states, p).
+    """
+    for run in trajectory.each:
+        inputs = np.repeat(run.inputs, finer, axis=0)
+        simulation = simulate(system, inputs, run.starts[0], run.period / finer)
+        yield simulation.states, simulation.sensitivities
 
 
 def _courses(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Annotated
 
-import casadi as ca
 import numpy as np
 from pydantic import Field, FiniteFloat
 
@@ -15,7 +14,7 @@ from oed.foundation.errors import Issue
 from oed.foundation.quantities import Duration
 from oed.foundation.text import count
 from oed.kernel.criteria.criterion import Subject
-from oed.kernel.dynamics.system import carrier, stepper
+from oed.kernel.dynamics.simulate import simulate
 
 MOST_STEPS = 100_000
 """That are predicted at most: some seconds."""
@@ -90,17 +89,10 @@ def sensitivities(
         start: where the first begins, (states,), SI; where experiments begin by default.
     """
     system = subject.system.exact
-    states, size = len(system.states), len(system.parameters)
     times = np.array(durations, dtype=float)
     steps = np.maximum(np.ceil(times / subject.period - ROUNDED), 1.0).astype(int)
     begin = subject.start if start is None else start
-    first = ca.DM.zeros(states) if begin is None else ca.DM(np.asarray(begin, dtype=float))
-    held = ca.DM(np.repeat(np.array(inputs, dtype=float).reshape(len(steps), -1), steps, axis=0)).T
-    given = held, ca.DM(system.nominal), ca.DM(np.repeat(times / steps, steps)).T
-    every = int(steps.sum())
-    after = stepper(system).mapaccum(every)(first, *given)
-    before = ca.horzcat(first, after[:, :-1])
-    known = ca.horzcat(ca.DM.zeros(states, size), ca.DM.eye(states))
-    carried = np.array(carrier(system).mapaccum(every)(known, before, *given))
-    by_step = carried.reshape(states, every, size + states).swapaxes(0, 1)
-    return np.asarray(by_step[np.cumsum(steps) - 1, :, :size])
+    first = np.zeros(len(system.states)) if begin is None else begin
+    held = np.repeat(np.array(inputs, dtype=float).reshape(len(steps), -1), steps, axis=0)
+    run = simulate(system, held, first, np.repeat(times / steps, steps))
+    return np.asarray(run.sensitivities[np.cumsum(steps)])
