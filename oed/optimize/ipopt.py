@@ -1,4 +1,4 @@
-"""Gradient search: Ipopt from many starts, perturbed, solved again, and a second stage among equal optima."""
+"""Search by Ipopt: from many starts, perturbed and solved again, with a second stage among equal optima."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ class Ipopt(Solver):
     """Multi-start interior-point search with exact Hessians.
 
     Attributes:
-        starts: local searches, half from screened random drives, half from small random coefficients; or
-            "auto": as many, from varied starts and perturbed designs, as `iterations` allow.
-        perturbations: further searches from perturbed copies of the best design; "auto" takes none.
+        starts: "auto" for as many local searches, from varied starts and perturbed designs, as `iterations`
+            allow; or their number, half from screened random drives, half from small random coefficients.
+        perturbations: with a number of starts, further searches from perturbed copies of the best design.
         iterations: budget of "auto": Ipopt's iterations on 200 samples; one on n samples (of all runs and
             robots) counts n/200. It ends sooner where the best is found again and again. By default 1200,
             of which the searches of one study that leave it out have equal shares.
         second_stage: what decides among designs of practically equal objective: "logdet" (most
-            information in all directions), "shortest_path", or "none".
+            information in all directions), "shortest_path", or "none", which gives nothing of the objective
+            away.
         second_stage_share: share of the best objective that the second stage has to keep.
         start_from: name of an earlier search of the study whose design takes the place of the first start.
         search_samples: samples per run that searches look at, corrected to agree with all of them; by
@@ -38,10 +39,10 @@ class Ipopt(Solver):
     refines: ClassVar[bool] = True
 
     kind: Literal["ipopt"] = "ipopt"
-    starts: Annotated[int, Field(ge=1, le=1_000_000)] | Literal["auto"] = 12
+    starts: Annotated[int, Field(ge=1, le=1_000_000)] | Literal["auto"] = "auto"
     perturbations: Annotated[int, Field(ge=0)] = 8
     iterations: Annotated[int, Field(ge=1, le=1_000_000_000)] | None = None
-    second_stage: Literal["logdet", "shortest_path", "none"] = "logdet"
+    second_stage: Literal["logdet", "shortest_path", "none"] = "none"
     second_stage_share: Annotated[float, Field(gt=0, lt=1)] = 0.999
     start_from: str | None = None
     search_samples: PositiveInt | None = None
@@ -55,10 +56,11 @@ class Ipopt(Solver):
         auto = info.data.get("starts") == "auto"
         if auto and info.field_name == "perturbations":
             raise ValueError(
-                "leave this out: `starts: auto` perturbs designs within its budget, `iterations`"
+                "goes with a number of `starts`: `starts: auto`, the default, perturbs designs within its "
+                "budget, `iterations`"
             )
         if info.field_name == "iterations" and given is not None and "starts" in info.data and not auto:
-            raise ValueError("is the budget of `starts: auto`: ask for that, or leave this out")
+            raise ValueError("is the budget of `starts: auto`: leave one of the two out")
         return given
 
     def as_data(self) -> dict[str, Any]:

@@ -291,13 +291,18 @@ def test_a_study_gives_its_searches_their_shares():
     assert again.solvers == study.solvers
 
 
+def test_searches_explore_and_give_nothing_away_by_default():
+    solver = parse_study(small(solvers="{kind: ipopt, iterations: 500}")).solvers[0]
+    assert (solver.starts, solver.iterations, solver.second_stage) == ("auto", 500, "none")
+
+
 @pytest.mark.parametrize(
     ("options", "key"),
     [
         ("starts: auto, perturbations: 3", "perturbations"),
         ("starts: auto, perturbations: 0", "perturbations"),
         ("starts: 3, iterations: 500", "iterations"),
-        ("iterations: 500", "iterations"),
+        ("perturbations: 3", "perturbations"),
     ],
 )
 def test_keys_of_the_other_kind_of_starts_are_refused(options, key):

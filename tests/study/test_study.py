@@ -16,6 +16,7 @@ from valid import VALID, assert_echo_is_equal, assert_echo_of, issues_of, line_o
 
 from oed.foundation.errors import FileIssue, StudyError
 from oed.optimize import Genetic, Ipopt
+from oed.optimize.exploration import BUDGET
 from oed.robots.models import DifferentialDrive
 from oed.study.study import PathFile, json_schema
 from oed.workflow.studies import load_study, own_paths, parse_study
@@ -93,7 +94,7 @@ class TestReading:
 
     def test_defaults(self):
         study = parse_study(SMALL)
-        assert study.solvers == (Ipopt(),)
+        assert study.solvers == (Ipopt(iterations=BUDGET),)
         assert (study.seed, study.file.baselines, study.file.validation) == (0, (), None)
         assert study.problem.fixed_starts.tolist() == [[0.0, 0.0, 0.0]]
 
@@ -106,7 +107,7 @@ class TestReading:
 
     @pytest.mark.parametrize(
         ("kind", "expected"),
-        [("ipopt", Ipopt()), ("genetic", Genetic())],
+        [("ipopt", Ipopt(iterations=BUDGET)), ("genetic", Genetic())],
     )
     def test_solvers_by_kind(self, kind: str, expected):
         assert parse_study(small(solvers=f"{{kind: {kind}}}")).solvers == (expected,)
