@@ -111,18 +111,15 @@ def _searched(problem: Problem, nodes: int | None, time_limit: float | None, gap
     # The covariance of readings under process noise is at least that without, F so at most that without.
     given, problem = problem, problem.steady
     looser = problem.widened(TOLERANCE)
-    widened = _bounds_of_runs(looser)
-    # What wider limits allow, these do not exceed: the lattices of both are rounded differently.
-    others = {(one.method, one.block): one.value for one in widened}
-    bounds = [
-        replace(one, value=min(one.value, others.get((one.method, one.block), one.value)))
-        for one in _bounds_of_runs(problem)
-    ]
+    bounds, widened = _bounds_of_runs(problem), _bounds_of_runs(looser)
     found = _lattice(problem, nodes, time_limit, gap)
     if found is not None:
         bounds.append(_lattice_bound(problem, found.upper, found))
         if _program(looser) is not None:
             widened.append(_lattice_bound(looser, found.of_others(*_speeds(looser)), found))
+    # Rounding may make a bound under wider limits the lower one, which holds under these limits too.
+    lowest = min((bound.value for bound in bounds), default=-np.inf)
+    bounds += [bound for bound in widened if bound.value < lowest]
     # Some of the readings say no more than all of them.
     every = () if problem.selection is None else (EVERY,)
     every = every if given is problem else (*every, STEADY)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -11,7 +12,8 @@ import pytest
 from builders import ACCELERATION, BOX, SPEED, problem_of, random_drive
 from drives import KINDS, wanted_speeds, within_limits
 
-from oed.bounds import LATTICE, bound
+from oed.bounds import LATTICE, bound, smallest
+from oed.bounds.certificate import Bound
 from oed.bounds.reach import largest_rates, room
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -231,3 +233,16 @@ def test_drives_of_several_runs_are_held_against_their_bound():
     found = certified(SimpleNamespace(problem=problem), bound(problem), [scored(problem, drive, "mine")])
     assert found.best == evaluate(problem, drive).objective
     assert found.gap > 0
+
+
+def test_bound_under_wider_limits_holds_under_the_limits_too(monkeypatch: pytest.MonkeyPatch):
+    # Bounds were paired by their sentences: one that reads otherwise under wider limits was left out.
+    def bounds_of(problem: Problem) -> Iterator[Bound]:
+        wider = bool(problem.excess)
+        yield Bound(1.0 if wider else 2.0, "wider limits" if wider else "limits", ())
+
+    monkeypatch.setattr(smallest, "BOUNDS", (bounds_of,))
+    certificate = bound(problem_of())
+    assert certificate.widened is not None
+    assert certificate.upper_bound == certificate.widened.upper_bound < 1.5
+    assert certificate.method == "wider limits"
