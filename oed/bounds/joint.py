@@ -18,7 +18,7 @@ from oed.bounds.sensitivity import precision, unknown_start
 from oed.bounds.spread import largest_spread, too_fine
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.criteria import E
-from oed.kernel.measurement.sensor import Sensor
+from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.problem import Estimation, Problem
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.biased import YawRate

@@ -26,8 +26,8 @@ from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import Criterion
 from oed.kernel.dynamics.enclosures import NotEnclosed
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.measurement.moment import moment_reading
-from oed.kernel.measurement.sensor import Sensor
+from oed.kernel.measurement.measurement import Sensor
+from oed.kernel.measurement.readings import moment_reading
 from oed.kernel.problem import Problem
 
 GRID = {1: 201, 2: 17, 3: 6, 4: 4, 5: 3}

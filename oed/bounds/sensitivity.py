@@ -22,8 +22,8 @@ from oed.bounds.closed_form import SPEEDS, prior_matrix
 from oed.bounds.reach import grip, input_reach, room, top_speeds
 from oed.foundation.arrays import Array, Places
 from oed.kernel.criteria import E
-from oed.kernel.measurement.moment import moment_reading
-from oed.kernel.measurement.sensor import Sensor
+from oed.kernel.measurement.measurement import Sensor
+from oed.kernel.measurement.readings import moment_reading
 from oed.kernel.problem import Estimation, Problem
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.biased import YawRate

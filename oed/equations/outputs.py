@@ -18,9 +18,8 @@ from oed.foundation.text import count, did_you_mean, listing, unit_text, words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.description import deviations_text
-from oed.kernel.measurement.measurement import Measurement
-from oed.kernel.measurement.sensor import Moment, Sensor, Start, When, joined, joins
-from oed.kernel.measurement.several import Together
+from oed.kernel.measurement.measurement import Measurement, Sensor, Start, Together, When, joined, joins
+from oed.kernel.measurement.moment import Moment
 
 Deviations = Annotated[
     tuple[tuple[str, str | float], ...], BeforeValidator(pairs), Field(min_length=1), AS_DATA

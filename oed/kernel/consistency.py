@@ -15,11 +15,12 @@ from oed.kernel.criteria import CRITERIA, Criterion
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit
+from oed.kernel.measurement.blocks import Block
 from oed.kernel.measurement.information import scaling_issues
-from oed.kernel.measurement.measurement import Block, Measurement
+from oed.kernel.measurement.joint import process_issues
+from oed.kernel.measurement.measurement import Measurement, Sensor, joined
 from oed.kernel.measurement.prior import Prior
-from oed.kernel.measurement.process_noise import process_issues
-from oed.kernel.measurement.sensor import Sensor, joined, labelled_nuisances
+from oed.kernel.measurement.readings import labelled_nuisances
 
 if TYPE_CHECKING:
     from oed.kernel.problem import Problem

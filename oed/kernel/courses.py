@@ -13,8 +13,8 @@ from oed.foundation.presenting import Brief
 from oed.kernel.dynamics.simulate import simulate
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.moment import moment_reading
-from oed.kernel.measurement.sensor import Sensor, sensor_labels
+from oed.kernel.measurement.measurement import Sensor
+from oed.kernel.measurement.readings import moment_reading, sensor_labels
 from oed.kernel.problem import Problem
 
 

@@ -10,7 +10,7 @@ from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import Issue, NotFinite, TooLarge
 from oed.foundation.quantities import LARGEST
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.sensor import row_times
+from oed.kernel.measurement.readings import row_times
 from oed.kernel.problem import Problem
 
 FARTHEST = 1e100

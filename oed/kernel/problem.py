@@ -23,6 +23,7 @@ from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.starts import ChosenStarts
 from oed.kernel.dynamics.system import System, label_of
 from oed.kernel.limit import Limit, Rows, checked_rows, implied_bounds
+from oed.kernel.measurement.blocks import Block, Nuisance
 from oed.kernel.measurement.information import (
     Scaling,
     information,
@@ -30,9 +31,10 @@ from oed.kernel.measurement.information import (
     square_root,
     weights_of,
 )
-from oed.kernel.measurement.measurement import Block, Measurement, Nuisance
+from oed.kernel.measurement.joint import blocks_of
+from oed.kernel.measurement.measurement import Measurement, Sensor
 from oed.kernel.measurement.prior import Prior
-from oed.kernel.measurement.sensor import Sensor, constants_of
+from oed.kernel.measurement.readings import constants_of
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.selection import Selection
 from oed.kernel.tightening import Tightening, Uncertain, UncertainSystem, tightened_rows
@@ -335,7 +337,7 @@ class Problem(Presented):
 
     def _blocks(self, drive: Drive) -> tuple[Block, ...]:
         asked = {name: one.name for name, one in self.constants.items()}
-        return tuple(block.asking(asked) for block in self.measurement.blocks(drive))
+        return tuple(block.asking(asked) for block in blocks_of(self.measurement, drive))
 
     @cached_property
     def _any_drive(self) -> Drive:

@@ -23,7 +23,7 @@ from oed.kernel.evaluated import Evaluation
 from oed.kernel.finiteness import require_driven, require_measured
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.margin import Margin
-from oed.kernel.measurement.sensor import row_times
+from oed.kernel.measurement.readings import row_times
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import root_weights
 from oed.kernel.problem import Estimation, Problem

@@ -12,7 +12,7 @@ from oed.foundation.component import Component
 from oed.foundation.errors import Issue, UserMistake
 from oed.foundation.quantities import parse_quantity
 from oed.kernel.margin import Margin
-from oed.kernel.measurement.process_noise import process_noise_of
+from oed.kernel.measurement.measurement import process_noise_of
 from oed.kernel.parts import Budget, Parts, budgets_of, laid_out
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import jacobians, resolved
-from oed.kernel.measurement.process_noise import process_noise_of
+from oed.kernel.measurement.measurement import process_noise_of
 from oed.kernel.measurement.square_root import SquareRoot, rounding_of
 from oed.kernel.parts import Parts, laid_out, rows_of
 from oed.kernel.problem import Problem

@@ -15,8 +15,8 @@ from oed.foundation.arrays import Array, Bools
 from oed.foundation.component import Component
 from oed.foundation.errors import FileIssue, Issue, LogError
 from oed.foundation.text import did_you_mean, listing
-from oed.kernel.measurement.measurement import Measurement
-from oed.kernel.measurement.sensor import Sensor, sensor_labels
+from oed.kernel.measurement.measurement import Measurement, Sensor
+from oed.kernel.measurement.readings import sensor_labels
 from oed.logs.drive import MARGIN
 from oed.logs.input_forms import unit_factor, unit_reason
 from oed.logs.log import Log, SensorReadings

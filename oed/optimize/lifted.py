@@ -21,9 +21,10 @@ from oed.kernel.dynamics.space import SignalSpace, Spline
 from oed.kernel.dynamics.system import Input, Parameter, System
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.limit import Limit, Rows
-from oed.kernel.measurement.measurement import Nuisance
+from oed.kernel.measurement.blocks import Nuisance
+from oed.kernel.measurement.measurement import Sensor, Start, When, joined
+from oed.kernel.measurement.moment import Moment
 from oed.kernel.measurement.process_noise import Period, ProcessNoise
-from oed.kernel.measurement.sensor import Moment, Sensor, Start, When, joined
 from oed.kernel.pace import PACE
 from oed.kernel.problem import Problem
 from oed.kernel.repetitions import EFFORT

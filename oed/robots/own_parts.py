@@ -22,9 +22,11 @@ from oed.kernel.dynamics.rollout import drive_shape
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System, signaller
 from oed.kernel.limit import Limit, Rows
-from oed.kernel.measurement.measurement import Block, Measurement
-from oed.kernel.measurement.moment import moment_reading
-from oed.kernel.measurement.sensor import Moment, Sensor
+from oed.kernel.measurement.blocks import Block
+from oed.kernel.measurement.joint import blocks_of
+from oed.kernel.measurement.measurement import Measurement, Sensor
+from oed.kernel.measurement.moment import Moment
+from oed.kernel.measurement.readings import moment_reading
 from oed.kernel.problem import Problem
 
 Key = tuple[str | int, ...]
@@ -136,7 +138,7 @@ def _try_sensor(sensor: Sensor, system: System) -> None:
 
 def _try_measurement(measurement: Measurement, system: System, space: Space) -> None:
     drive = drive_shape(system, samples=space.samples, runs=space.runs, period=space.period)
-    blocks = measurement.blocks(drive)
+    blocks = blocks_of(measurement, drive)
     _require("blocks", blocks, tuple)
     for block in blocks:
         _require("blocks", block, Block)

@@ -37,7 +37,7 @@ from oed.study.robot_study import sensor_list
 from oed.study.study_file import StudyFile
 from oed.uncertainty.uncertainty import spread_of
 
-MEASUREMENTS: tuple[type[Measurement], ...] = (*SENSORS, SeveralOutputs, PythonSensor)  # type: ignore[type-abstract]
+MEASUREMENTS: tuple[type[Measurement], ...] = (*SENSORS, SeveralOutputs, PythonSensor)
 """What a study's `measurement` may be."""
 WORDS = {
     "a drive": "an experiment",

@@ -6,8 +6,8 @@ from dataclasses import replace
 from functools import lru_cache
 
 from oed.kernel.evaluation import evaluate
-from oed.kernel.measurement.measurement import Measurement
-from oed.kernel.measurement.process_noise import process_issues, process_noise_of
+from oed.kernel.measurement.joint import process_issues
+from oed.kernel.measurement.measurement import Measurement, process_noise_of
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.robots.sensors.drift import DriftingSensor

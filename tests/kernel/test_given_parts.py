@@ -17,7 +17,7 @@ import oed
 from oed.equations.outputs import SeveralOutputs
 from oed.foundation.arguments import WrongKind, require_count
 from oed.foundation.errors import PartError
-from oed.kernel.measurement.sensor import joined
+from oed.kernel.measurement.measurement import joined
 from oed.kernel.solution import unscored
 from oed.robots import limits
 

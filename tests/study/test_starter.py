@@ -15,7 +15,7 @@ import pytest
 from oed.cli import main
 from oed.foundation.errors import StudyError, UserMistake
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.process_noise import process_noise_of
+from oed.kernel.measurement.measurement import process_noise_of
 from oed.logs import read_logs
 from oed.optimize import Ipopt, solve
 from oed.records.path_file import write_trajectory

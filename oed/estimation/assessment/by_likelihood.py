@@ -8,8 +8,7 @@ from oed.estimation.methods.log_errors import RATES, ErrorSizes, of_rates
 from oed.estimation.methods.whole_logs import Likeliest, WholeLogs, whole_issue
 from oed.estimation.setup.options import CalibrationOptions
 from oed.foundation.errors import ProblemError
-from oed.kernel.measurement.measurement import Measurement
-from oed.kernel.measurement.process_noise import process_noise_of
+from oed.kernel.measurement.measurement import Measurement, process_noise_of
 from oed.robots.sensors.drift import Drift
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from oed.estimation.assessment.doubts import Doubt
 from oed.estimation.methods.fit import Fit
 from oed.estimation.setup.noise import groups, places_of
-from oed.kernel.measurement.measurement import Measurement
-from oed.kernel.measurement.sensor import Sensor, sensor_labels
+from oed.kernel.measurement.measurement import Measurement, Sensor
+from oed.kernel.measurement.readings import sensor_labels
 from oed.logs.log import Log
 from oed.robots.sensors.logged import LoggedSensor
 from oed.robots.sensors.relative_poses import logged_sensors

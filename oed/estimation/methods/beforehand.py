@@ -9,8 +9,9 @@ import numpy as np
 from oed.estimation.prediction.layout import SegmentLayout
 from oed.estimation.setup.unknowns import Knowledge, Unknowns, specified_mount
 from oed.foundation.arrays import Array
-from oed.kernel.measurement.measurement import Measurement
-from oed.kernel.measurement.sensor import FRAME, Sensor, labelled_nuisances
+from oed.kernel.measurement.joint import FRAME
+from oed.kernel.measurement.measurement import Measurement, Sensor
+from oed.kernel.measurement.readings import labelled_nuisances
 from oed.robots.sensors.mapped import MappedSensor
 from oed.robots.sensors.placed import PlacedSensor
 

@@ -8,8 +8,7 @@ from oed.estimation.setup.options import Loss
 from oed.foundation.arguments import typed
 from oed.foundation.errors import Issue, ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.measurement.measurement import Measurement
-from oed.kernel.measurement.process_noise import process_noise_of
+from oed.kernel.measurement.measurement import Measurement, process_noise_of
 from oed.kernel.problem import Problem
 from oed.robots.sensors.displacements import Displacements
 

@@ -33,7 +33,7 @@ from oed.estimation.setup.unknowns import PLACE, Knowledge, Unknowns, specified_
 from oed.foundation.arrays import Array
 from oed.foundation.errors import LogError, ProblemError
 from oed.kernel.measurement.measurement import Measurement
-from oed.kernel.measurement.sensor import sensor_labels
+from oed.kernel.measurement.readings import sensor_labels
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.logs.log import Log
 from oed.robots.models.model import Model

@@ -29,9 +29,10 @@ from oed.foundation.arrays import Array, Places
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import require_shape
-from oed.kernel.measurement.measurement import Nuisance
-from oed.kernel.measurement.process_noise import process_noise_of
-from oed.kernel.measurement.sensor import labelled_nuisances, start_nuisances
+from oed.kernel.measurement.blocks import Nuisance
+from oed.kernel.measurement.joint import start_nuisances
+from oed.kernel.measurement.measurement import process_noise_of
+from oed.kernel.measurement.readings import labelled_nuisances
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.kernel.scorer import score

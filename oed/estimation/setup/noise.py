@@ -9,8 +9,8 @@ import numpy as np
 import scipy
 
 from oed.foundation.arrays import Array, Bools
-from oed.kernel.measurement.measurement import Measurement
-from oed.kernel.measurement.sensor import Sensor, sensor_labels
+from oed.kernel.measurement.measurement import Measurement, Sensor
+from oed.kernel.measurement.readings import sensor_labels
 from oed.robots.sensors.logged import LoggedSensor
 from oed.robots.sensors.logged import Noise as Noise
 from oed.robots.sensors.relative_poses import logged_sensors

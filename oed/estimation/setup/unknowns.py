@@ -13,7 +13,8 @@ import numpy as np
 
 from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.system import System
-from oed.kernel.measurement.measurement import Measurement, Nuisance
+from oed.kernel.measurement.blocks import Nuisance
+from oed.kernel.measurement.measurement import Measurement
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.robots.models.model import Model, robot_of
 from oed.robots.models.twists import coefficient_values

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -12,11 +11,9 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System, carrier, stepper
-from oed.kernel.measurement.moment import moment_reading, reading_by_signal
+from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.process_noise import ProcessNoise, spread
-
-if TYPE_CHECKING:
-    from oed.kernel.measurement.sensor import Sensor
+from oed.kernel.measurement.readings import moment_reading, reading_by_signal
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from oed.foundation.arrays import Array
 from oed.foundation.errors import Issue
 from oed.foundation.quantities import Size, parse_size
 from oed.kernel.dynamics.expression import Expression
+from oed.kernel.measurement.blocks import Block
 from oed.kernel.measurement.matrices import eliminate
-from oed.kernel.measurement.measurement import Block
 from oed.kernel.measurement.square_root import SquareRoot, project_out, rounding_of
 
 Scaling = Literal["relative", "none"] | Mapping[str, Size]

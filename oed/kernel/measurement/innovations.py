@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -24,11 +23,9 @@ from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System, carrier, stepper
 from oed.kernel.measurement.filter_rows import Placed, memories_of, reads_of, row_of
 from oed.kernel.measurement.filter_rows import taken_in as taken_in
+from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.process_noise import ProcessNoise, spread
 from oed.kernel.measurement.update import Update
-
-if TYPE_CHECKING:
-    from oed.kernel.measurement.sensor import Sensor
 
 
 class Filter:

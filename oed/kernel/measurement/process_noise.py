@@ -7,18 +7,14 @@ not average it away, so that information under it is less, and grows with the nu
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import casadi as ca
 
 from oed.foundation.errors import Issue
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
-
-if TYPE_CHECKING:
-    from oed.kernel.measurement.sensor import Sensor
 
 
 class Period(NamedTuple):
@@ -80,37 +76,6 @@ class ProcessNoise(ABC):
     def issues(self, system: System) -> list[Issue]:
         """Why it cannot be of that system; [] if it can."""
         return []
-
-
-def process_issues(sensors: Sequence[Sensor], system: System) -> list[Issue]:
-    """Why the process noise that sensors speak of is none that a filter takes in, by key; [] if it is."""
-    noise = process_noise_of(sensors)
-    if noise is None:
-        return []
-    issues = noise.issues(system)
-    for place, sensor in enumerate(sensors):
-        key: tuple[str | int, ...] = ("measurement",) if len(sensors) == 1 else ("measurement", place)
-        if sensor.process_noise not in (None, noise):
-            issues.append(
-                Issue(
-                    (*key, noise.key), "differs from that of the sensors before; a system drifts in one way"
-                )
-            )
-        if sensor.when == "in periods" and not noise.signal:
-            text = (
-                f"readings of whole periods do not go with {noise.key}, which is left out within them: read "
-            )
-            issues.append(Issue((*key, "kind"), f"{text}at the samples, or leave out `{noise.key}`"))
-        if sensor.joint_whitening is not None:
-            text = "one covariance of all readings does not go with drift, whose filter takes in one by one: "
-            text += "give that of one reading"
-            issues.append(Issue((*key, "noise", "covariance"), text))
-    return issues
-
-
-def process_noise_of(sensors: Sequence[Sensor]) -> ProcessNoise | None:
-    """What sensors say of the process, which is one for all of them; None where none does."""
-    return next((one.process_noise for one in sensors if one.process_noise is not None), None)
 
 
 @lru_cache(maxsize=16)

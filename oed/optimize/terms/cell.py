@@ -16,9 +16,9 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.measurement.filter_rows import memories_of
 from oed.kernel.measurement.innovations import Filter, filter_of
-from oed.kernel.measurement.measurement import Cuts
-from oed.kernel.measurement.process_noise import process_noise_of
-from oed.kernel.measurement.sensor import joint_readings
+from oed.kernel.measurement.joint import cuts_of as measurement_cuts
+from oed.kernel.measurement.measurement import Cuts, process_noise_of
+from oed.kernel.measurement.readings import joint_readings
 from oed.kernel.measurement.update import Update
 from oed.kernel.problem import Problem
 from oed.optimize.terms.blocks import Packed, pull
@@ -283,7 +283,7 @@ def read_end(problem: Problem, held: Expression, state: Expression) -> Expressio
 
 def cuts_of(problem: Problem) -> Cuts:
     """How drives of a problem are cut into pieces, of one whose drives can be."""
-    cuts = problem.measurement.cuts(problem.design.samples)
+    cuts = measurement_cuts(problem.measurement, problem.design.samples)
     assert cuts is not None
     return cuts
 

@@ -10,6 +10,7 @@ import numpy as np
 from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.embedding import Embedding, embedding_of
 from oed.kernel.dynamics.space import Space
+from oed.kernel.measurement.joint import cuts_of as measurement_cuts
 from oed.kernel.problem import Problem
 from oed.optimize.terms.run_unknowns import RunUnknowns
 
@@ -133,7 +134,7 @@ def divisible(problem: Problem) -> PieceLayout | None:
     that makes a piece both short and long enough. Else they are cut as it takes least work.
     """
     space = problem.design
-    cuts = problem.measurement.cuts(space.samples)
+    cuts = measurement_cuts(problem.measurement, space.samples)
     if problem.robust is not None or cuts is None or problem.constants or not problem.system.inputs:
         return None
     whole = space.samples if cuts.segment == 1 else cuts.segment

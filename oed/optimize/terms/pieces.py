@@ -16,7 +16,7 @@ from oed.foundation.arrays import Bools
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import follows_state, stepper
 from oed.kernel.measurement.filter_rows import reads_of
-from oed.kernel.measurement.sensor import start_nuisances
+from oed.kernel.measurement.joint import start_nuisances
 from oed.kernel.problem import Problem
 from oed.optimize.terms.base import Swept, Terms
 from oed.optimize.terms.begun import Weighted

@@ -11,7 +11,7 @@ import numpy as np
 
 from oed.foundation.arrays import Places
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.measurement.sensor import start_nuisances
+from oed.kernel.measurement.joint import start_nuisances
 from oed.optimize.terms.base import Terms
 from oed.optimize.terms.cell import cuts_of, estimated
 from oed.optimize.terms.layout import PieceLayout

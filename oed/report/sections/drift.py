@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from oed.foundation.text import error_text, fixed, significant, words
-from oed.kernel.measurement.process_noise import process_noise_of
+from oed.kernel.measurement.measurement import process_noise_of
 from oed.records.record import Record
 from oed.records.stored.parts import Column as Numbers
 from oed.records.stored.result import Result

@@ -8,7 +8,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.text import significant, unit_text, words
-from oed.kernel.measurement.sensor import sensor_labels
+from oed.kernel.measurement.readings import sensor_labels
 from oed.records.record import Record
 from oed.records.stored.selection import StoredReading, StoredSelection
 from oed.report.figures import courses as figures

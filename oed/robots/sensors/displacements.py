@@ -16,7 +16,8 @@ from oed.foundation.text import count
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.system import System
-from oed.kernel.measurement.measurement import Block, Cuts, Measurement, regression
+from oed.kernel.measurement.blocks import Block, regression
+from oed.kernel.measurement.measurement import Cuts, Measurement
 from oed.robots.models.coefficients import coefficient_parameters
 from oed.robots.models.model import robot_of
 

@@ -11,8 +11,9 @@ from oed.foundation.errors import Issue
 from oed.foundation.text import count, given_text
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
-from oed.kernel.measurement.measurement import Measurement, Nuisance
-from oed.kernel.measurement.sensor import Moment, When
+from oed.kernel.measurement.blocks import Nuisance
+from oed.kernel.measurement.measurement import Measurement, When
+from oed.kernel.measurement.moment import Moment
 from oed.robots.sensors.drift import DriftingSensor
 from oed.robots.sensors.logged import LoggedSensor, Noise
 from oed.robots.sensors.mounting import Mounting, Pose, place_text

@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from oed.foundation.component import OneOf
-from oed.kernel.measurement.sensor import Sensor, joins
-from oed.kernel.measurement.several import Together
+from oed.kernel.measurement.measurement import Sensor, Together, joins
 from oed.robots.own_parts import PythonSensor
 from oed.robots.sensors.biased import TrailerAngle, YawRate
 from oed.robots.sensors.landmarks import Landmarks, Tags

@@ -1,0 +1,178 @@
+"""Blocks of readings that are estimated together, and constants eliminated from their information."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from oed.foundation.arguments import typed
+from oed.foundation.arrays import Array
+from oed.foundation.presenting import Brief
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.measurement.matrices import harmonic
+from oed.kernel.measurement.square_root import reduced
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """A constant that the readings depend on and nobody asks for, eliminated from the information.
+
+    Attributes:
+        name: "start.x", "gyroscope.bias", ...
+        nominal: value designed for, SI.
+        unit: SI unit.
+        deviation: standard deviation of its prior, SI; None where there is none.
+    """
+
+    name: str
+    nominal: float
+    unit: str
+    deviation: float | None = None
+
+
+@dataclass(frozen=True, repr=False)
+class Block(Brief):
+    """Readings estimated together: their information on the parameters, and on nuisances after them.
+
+    Attributes:
+        name: "position", "joint", ...
+        parameters: the parameters' names.
+        nominal: their nominal values, (p,), SI.
+        units: their SI units ("" for a ratio).
+        response: noise-free readings y (rows,).
+        design_matrix: W = dy/dp (rows, p); every row in units of its own noise where `noise` is 1.
+        jacobian: by parameters and then nuisances, (rows, p + nuisances), in units of the noise where it is
+            not `noise`: its square, and what is known of nuisances beforehand, is the information.
+        information: on chosen unknowns, by their indices among these, the others known: W' K^-1 W of their
+            columns, with the noise's covariance noise^2 K.
+        noise: standard deviation that the information is still to be divided by, None where not known.
+        nuisances: the nuisance parameters.
+        raw: whether `scaling: none` leaves the noise out, as the paper does.
+        sizes: what relative precisions refer to, (p,), SI; the nominal values' magnitudes by default.
+        summed: (1, p) of every parameter's column the most that its entries are if nothing cancels: sums of
+            magnitudes, beside which the column may be rounding. 0 where nobody says.
+        shared: B where the rows' noise is B'e, e white, and estimation is by ordinary least squares all the
+            same; else the jacobian's rows are independent.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    nominal: Array
+    units: tuple[str, ...]
+    response: Expression
+    design_matrix: Expression
+    jacobian: Expression
+    information: Callable[[Sequence[int]], Expression]
+    noise: float | None
+    nuisances: tuple[Nuisance, ...] = ()
+    raw: bool = False
+    sizes: Array | None = None
+    summed: Expression | None = None
+    shared: ca.DM | None = None
+
+    @property
+    def magnitudes(self) -> Expression:
+        """`summed`, (1, p)."""
+        return ca.DM.zeros(1, len(self.parameters)) if self.summed is None else self.summed
+
+    def asking(self, names: Mapping[str, str]) -> Block:
+        """The block with some nuisances among its parameters, of a joint estimation.
+
+        Args:
+            names: that they are to have, with the names of the nuisances.
+        """
+        if not names:
+            return self
+        every, count = [one.name for one in self.nuisances], len(self.parameters)
+        chosen = [every.index(label) for label in names.values()]
+        rest = [place for place in range(len(every)) if place not in chosen]
+        order = [*range(count), *(count + place for place in (*chosen, *rest))]
+        asked = [self.nuisances[place] for place in chosen]
+        nominal = np.array([one.nominal for one in asked])
+        jacobian = self.jacobian[:, order]
+        return replace(
+            self,
+            parameters=(*self.parameters, *names),
+            nominal=np.concatenate([self.nominal, nominal]),
+            units=(*self.units, *(one.unit for one in asked)),
+            design_matrix=jacobian[:, : count + len(asked)],
+            jacobian=jacobian,
+            information=lambda places: self.information([order[place] for place in places]),
+            nuisances=tuple(self.nuisances[place] for place in rest),
+            sizes=np.concatenate([self.scales, np.abs(nominal)]),
+        )
+
+    def rows(self, jacobian: Array) -> Array:
+        """R (k, n) with R'R the information of some of the jacobian's columns (rows, n), as numbers."""
+        if self.shared is None:
+            return reduced(jacobian)
+        # With W = Q U, and T the triangular factor of B Q, the estimates' covariance
+        # (W'W)^-1 (BW)'BW (W'W)^-1 is (T U^-T)'(T U^-T).
+        orthonormal, upper = np.linalg.qr(jacobian)
+        spread = np.asarray(np.linalg.qr(np.array(self.shared @ orthonormal), mode="r"))
+        return np.asarray(np.linalg.solve(spread.T, upper))
+
+    @property
+    def scales(self) -> Array:
+        """What relative precisions refer to, (p,), SI; 0 where there is nothing."""
+        return np.abs(self.nominal) if self.sizes is None else self.sizes
+
+
+@typed
+def regression(
+    name: str,
+    design_matrix: Expression,
+    parameters: Sequence[str],
+    nominal: Array,
+    *,
+    units: Sequence[str],
+    noise: float | None,
+    jacobian: Expression | None = None,
+    summed: Expression | None = None,
+    sizes: Array | None = None,
+    shared: ca.DM | None = None,
+) -> Block:
+    """The block of a linear regression y = W c + noise; `scaling: none` leaves its noise out.
+
+    Rows are independent and the information is W'W, unless there is another `jacobian` for it, or `shared`.
+
+    Args:
+        name: of the block.
+        design_matrix: W, (rows, p).
+        parameters: names, p of them.
+        nominal: their values, (p,), SI.
+        units: their SI units.
+        noise: standard deviation of a row; None where it is not known.
+        jacobian: rows whose square is the information, if that is not W.
+        summed: sums of magnitudes of W's columns, (1, p).
+        sizes: what relative precisions refer to, (p,), SI; the nominal values' magnitudes by default.
+        shared: B where the noise is B'e, e white.
+    """
+    whitened = design_matrix if jacobian is None else jacobian
+
+    def information(chosen: Sequence[int]) -> Expression:
+        columns = whitened[:, list(chosen)]
+        square = columns.T @ columns
+        if shared is None:
+            return square
+        spread = shared @ columns
+        return harmonic(square, spread.T @ spread)
+
+    return Block(
+        name=name,
+        parameters=tuple(parameters),
+        nominal=np.asarray(nominal, dtype=float),
+        units=tuple(units),
+        response=design_matrix @ ca.DM(nominal),
+        design_matrix=design_matrix,
+        jacobian=whitened,
+        information=information,
+        noise=noise,
+        raw=True,
+        sizes=sizes,
+        summed=summed,
+        shared=shared,
+    )

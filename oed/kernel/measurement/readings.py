@@ -1,0 +1,194 @@
+"""What sensors read of a drive, in units of the noise, and how that depends on all that is unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from oed.foundation.arrays import Array, block_columns
+from oed.foundation.errors import UserMistake
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.rollout import Drive
+from oed.kernel.dynamics.system import System
+from oed.kernel.measurement.blocks import Nuisance
+from oed.kernel.measurement.measurement import Sensor
+from oed.kernel.measurement.moment import Moment
+
+
+@lru_cache(maxsize=64)
+def moment_reading(sensor: Sensor, system: System) -> ca.Function:
+    """What a sensor reads at one moment, as a function of (state, S, inputs, parameters, nuisances, period).
+
+    S (states, p + states) are the state's derivatives by parameters and start. Of a reading between two
+    moments the states, S and inputs of the later one stand above those of the earlier, and the period is the
+    time between them. The results are the reading (q,), its derivatives by parameters, start and nuisances
+    (columns, q), its whitening (q, q), sparse, and the first two in units of the noise.
+    """
+    states, size = len(system.states), len(system.parameters)
+    moments = 2 if sensor.when == "between samples" else 1
+    state, inputs = ca.SX.sym("state", moments * states), ca.SX.sym("inputs", moments * len(system.inputs))
+    parameters, own = ca.SX.sym("p", size), ca.SX.sym("nuisances", len(sensor.nuisances))
+    period = ca.SX.sym("period")
+    carried = ca.SX.sym("S", moments * states, size + states)
+    names = [nuisance.name for nuisance in sensor.nuisances]
+    nuisances = dict(zip(names, ca.vertsplit(own), strict=True))
+    moment: Moment | None = None
+    for place in reversed(range(moments)):
+        at, held = (
+            one[place * size : (place + 1) * size]
+            for one, size in ((state, states), (inputs, len(system.inputs)))
+        )
+        lasting = period if sensor.when == "in periods" else 0.0
+        signals = system.signals(at, held, parameters, lasting)
+        moment = Moment(system, at, held, signals, nuisances, moment, period if moment else 0.0, lasting)
+    assert moment is not None
+    # Sparse: readings of many points are independent of each other.
+    reading, whitening = sensor.reading(moment), ca.sparsify(ca.SX(sensor.whitening(moment)))
+    if whitening.shape != 2 * (reading.numel(),):
+        text = f"expected {2 * (reading.numel(),)}, as its reading has entries, got {whitening.shape}"
+        raise UserMistake(f"measurement: the whitening of {sensor.kind}: {text}")
+    direct = ca.horzcat(ca.jacobian(reading, parameters), ca.SX(reading.shape[0], states))
+    through = ca.jacobian(reading, state) @ carried + direct
+    jacobian = ca.densify(ca.horzcat(through, ca.jacobian(reading, own)))
+    return ca.Function(
+        "reading",
+        [state, carried, inputs, parameters, own, period],
+        [reading, jacobian.T, whitening, whitening @ reading, (whitening @ jacobian).T],
+    )
+
+
+def reading_by_signal(sensor: Sensor, system: System, name: str) -> ca.Function:
+    """The derivatives (n, q) of what a sensor reads at one moment by a signal (n,), as a function of (state,
+    inputs, parameters, nuisances, period).
+
+    Args:
+        sensor: that reads.
+        system: whose signal it is.
+        name: of the signal.
+    """
+    state, inputs = ca.SX.sym("state", len(system.states)), ca.SX.sym("inputs", len(system.inputs))
+    parameters, own = ca.SX.sym("p", len(system.parameters)), ca.SX.sym("nuisances", len(sensor.nuisances))
+    period = ca.SX.sym("period")
+    nuisances = {one.name: own[place] for place, one in enumerate(sensor.nuisances)}
+    signals = dict(system.signals(state, inputs, parameters, period))
+    more = ca.SX.sym("more", *signals[name].shape)
+    signals[name] = signals[name] + more
+    reading = sensor.reading(Moment(system, state, inputs, signals, nuisances, None, 0.0))
+    slopes = ca.substitute(ca.jacobian(reading, more), more, ca.SX.zeros(*more.shape))
+    return ca.Function("by_signal", [state, inputs, parameters, own, period], [ca.densify(slopes).T])
+
+
+def readings(sensor: Sensor, drive: Drive) -> tuple[Expression, Expression]:
+    """What `sensor` reads of `drive`, its nuisances at their nominal values, in units of the noise: (rows,),
+    and the derivatives by (parameters, start states, its nuisances), (rows, columns).
+    """
+    samples, runs = drive.samples, range(drive.runs)
+    states, sensitivities, inputs = list[Expression](), list[Expression](), list[Expression]()
+    for own in sensor.instants(samples):
+        columns = [run * (samples + 1) + column for run in runs for column in own]
+        # At the last sample's instant the inputs are those held until then.
+        held = [run * samples + min(column, samples - 1) for run in runs for column in own]
+        states.append(drive.states.T[:, columns])
+        sensitivities.append(drive.sensitivities[:, block_columns(np.array(columns), drive.columns)])
+        inputs.append(drive.inputs.T[:, held])
+    each = moment_reading(sensor, drive.system).map(states[0].shape[1])
+    response, transposed, _, white_response, white_transposed = each(
+        ca.vertcat(*states),
+        ca.vertcat(*sensitivities),
+        ca.vertcat(*inputs),
+        drive.parameters,
+        ca.DM([nuisance.nominal for nuisance in sensor.nuisances]),
+        {"at samples": 0.0, "in periods": 1.0, "between samples": sensor.every}[sensor.when] * drive.period,
+    )
+    whole = whole_whitening(sensor, response.numel() // drive.runs)
+    if whole is not None:
+        weights = ca.diagcat(*[ca.DM(whole)] * drive.runs)
+        white_response, white_transposed = weights @ ca.vec(response), transposed @ weights.T
+    return ca.vec(white_response), _by_run(white_transposed, drive).T
+
+
+def whole_whitening(sensor: Sensor, rows: int) -> Array | None:
+    """`joint_whitening` of a run that gives so many numbers, (rows, rows).
+
+    Raises:
+        UserMistake: it is for another number.
+    """
+    whole = sensor.joint_whitening
+    if whole is not None and len(whole) != rows:
+        raise UserMistake(
+            f"the covariance of all readings is for {len(whole)} of them; this drive gives {rows}"
+        )
+    return whole
+
+
+def _by_run(transposed: Expression, drive: Drive) -> Expression:
+    # Every run has a start state of its own: rows of derivatives by it, for the run's own readings.
+    if drive.runs == 1:
+        return transposed
+    size, states = len(drive.system.parameters), len(drive.system.states)
+    starts = ca.horzsplit(transposed[size : size + states, :], transposed.shape[1] // drive.runs)
+    return ca.vertcat(transposed[:size, :], ca.diagcat(*starts), transposed[size + states :, :])
+
+
+def row_times(
+    sensors: Sequence[Sensor], system: System, samples: int, runs: int
+) -> list[tuple[str, int, float]]:
+    """For every row of all sensors' readings its sensor's label, its run from 0, and its time in periods.
+
+    Args:
+        sensors: that read.
+        system: that is driven.
+        samples: of each run.
+        runs: how many.
+    """
+    return [
+        (label, run, column + (0.5 if sensor.when == "in periods" else 0.0))
+        for sensor, label in zip(sensors, sensor_labels(sensors), strict=True)
+        for rows in [moment_reading(sensor, system).size1_out(0)]
+        for run in range(runs)
+        for column in sensor.columns(samples)
+        for _ in range(rows)
+    ]
+
+
+def joint_readings(sensors: Sequence[Sensor], drive: Drive) -> tuple[Sequence[Expression], Expression]:
+    """What all sensors read of `drive`, their nuisances at nominal values, in units of the noise: of each
+    (rows,), and the derivatives of all by (parameters, start states, nuisances), (M, columns).
+    """
+    found, jacobians = zip(*(readings(sensor, drive) for sensor in sensors), strict=True)
+    # Parameters and start are common to all sensors, the other columns are each sensor's own.
+    common = len(drive.system.parameters) + drive.runs * len(drive.system.states)
+    shared, own = zip(*(ca.horzsplit(one, [0, common, one.shape[1]]) for one in jacobians), strict=True)
+    return found, ca.horzcat(ca.vertcat(*shared), ca.diagcat(*own))
+
+
+def labelled_nuisances(sensors: Sequence[Sensor]) -> tuple[Nuisance, ...]:
+    """The sensors' own nuisances, their names made unique."""
+    return tuple(
+        replace(nuisance, name=f"{label}.{nuisance.name}")
+        for sensor, label in zip(sensors, sensor_labels(sensors), strict=True)
+        for nuisance in sensor.nuisances
+    )
+
+
+def constants_of(sensors: Sequence[Sensor]) -> dict[str, Nuisance]:
+    """The sensors' own nuisances by the names that `estimate` may ask for them by: with the sensor's label,
+    and without it where that is clear.
+    """
+    found = labelled_nuisances(sensors)
+    short = [one.name.partition(".")[2] for one in found]
+    clear = {name: one for name, one in zip(short, found, strict=True) if short.count(name) == 1}
+    return {**{one.name: one for one in found}, **clear}
+
+
+def sensor_labels(sensors: Sequence[Sensor]) -> list[str]:
+    """A name for each sensor: its kind, numbered from the second of a kind on."""
+    labels: list[str] = []
+    for index, sensor in enumerate(sensors):
+        before = sum(other.kind == sensor.kind for other in sensors[:index])
+        labels.append(f"{sensor.kind}_{before + 1}" if before else sensor.kind)
+    return labels
