@@ -23,7 +23,8 @@ from oed.bounds.reach import (
 )
 from oed.foundation.arrays import Array, Places
 from oed.kernel.criteria import E
-from oed.kernel.problem import Estimation, Problem, prior_of
+from oed.kernel.problem import Problem
+from oed.kernel.statement import Estimation, prior_of
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.displacements import Displacements
 

@@ -19,7 +19,8 @@ from oed.bounds.spread import largest_spread, too_fine
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.criteria import E
 from oed.kernel.measurement.measurement import Sensor
-from oed.kernel.problem import Estimation, Problem
+from oed.kernel.problem import Problem
+from oed.kernel.statement import Estimation
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.biased import YawRate
 from oed.robots.sensors.poses import Poses

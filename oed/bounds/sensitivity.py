@@ -24,7 +24,8 @@ from oed.foundation.arrays import Array, Places
 from oed.kernel.criteria import E
 from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.readings import moment_reading
-from oed.kernel.problem import Estimation, Problem
+from oed.kernel.problem import Problem
+from oed.kernel.statement import Estimation
 from oed.robots.models.model import robot_of
 from oed.robots.sensors.biased import YawRate
 from oed.robots.sensors.mapped import Ranges

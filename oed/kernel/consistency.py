@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from oed.foundation.arguments import kind_issue
-from oed.foundation.errors import Issue, PartError, ProblemError
+from oed.foundation.errors import Issue, PartError, ProblemError, UserMistake
 from oed.foundation.shown import written
 from oed.foundation.text import did_you_mean, listing
 from oed.kernel.criteria import CRITERIA, Criterion
@@ -18,13 +18,11 @@ from oed.kernel.limit import Limit
 from oed.kernel.measurement.blocks import Block
 from oed.kernel.measurement.information import scaling_issues
 from oed.kernel.measurement.joint import process_issues
-from oed.kernel.measurement.measurement import Measurement, Sensor, joined
+from oed.kernel.measurement.measurement import Measurement, Sensor, joined, process_noise_of
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.readings import labelled_nuisances
-
-if TYPE_CHECKING:
-    from oed.kernel.problem import Problem
-
+from oed.kernel.selection import Selection
+from oed.kernel.statement import Statement
 
 KINDS: dict[str, type] = {
     "model": System,
@@ -35,7 +33,7 @@ KINDS: dict[str, type] = {
 """What parts of a problem are to be."""
 
 
-def parts_of(problem: Problem) -> dict[str, Any]:
+def parts_of(problem: Statement) -> dict[str, Any]:
     """The parts of a problem as they are to be: lists and names replaced by what they stand for.
 
     Raises:
@@ -107,7 +105,7 @@ def _criterion(given: Any, issues: list[Issue]) -> Any:
         return given
 
 
-def problem_issues(problem: Problem) -> list[Issue]:
+def problem_issues(problem: Statement) -> list[Issue]:
     """Why a problem's parts do not fit together, by key; [] where they do."""
     model, space = problem.model, problem.design
     issues = model.issues()
@@ -128,8 +126,8 @@ def problem_issues(problem: Problem) -> list[Issue]:
     # What widens a problem by a tolerance is nobody's mistake.
     issues += [] if problem.excess else model.doubts(problem)
     # Blocks exist only for a measurement that fits the system.
-    chosen = problem.selection.issues(problem) if problem.selection is not None and not issues else []
-    return issues or chosen or _estimation_issues(problem) or _uncertainty_issues(problem)
+    issues += [] if issues or problem.selection is None else _selection_issues(problem, problem.selection)
+    return issues or _estimation_issues(problem) or _uncertainty_issues(problem)
 
 
 def _spline_issues(space: Space) -> list[Issue]:
@@ -143,7 +141,7 @@ def _spline_issues(space: Space) -> list[Issue]:
     return [Issue(("trajectory", "spline", "coefficients"), text)]
 
 
-def _signal_issues(problem: Problem) -> list[Issue]:
+def _signal_issues(problem: Statement) -> list[Issue]:
     space, names = problem.design, problem.model.input_names
     if len(space.own_signals) != len(names):
         text = f"expected one for each input ({', '.join(names)}), got {len(space.own_signals)}"
@@ -161,7 +159,7 @@ def _signal_issues(problem: Problem) -> list[Issue]:
     return found
 
 
-def _start_issues(problem: Problem) -> list[Issue]:
+def _start_issues(problem: Statement) -> list[Issue]:
     space, states = problem.design, problem.model.states
     given = (
         {"start": space.fixed_starts}
@@ -176,7 +174,7 @@ def _start_issues(problem: Problem) -> list[Issue]:
     ]
 
 
-def unbounded(problem: Problem) -> list[Issue]:
+def unbounded(problem: Statement) -> list[Issue]:
     """Inputs that no limit bounds, with the limits that would; of those that are given none."""
     if problem.design.only is not None:
         return []
@@ -192,7 +190,7 @@ def unbounded(problem: Problem) -> list[Issue]:
     ]
 
 
-def _name_issues(problem: Problem) -> list[Issue]:
+def _name_issues(problem: Statement) -> list[Issue]:
     # Parameters that the system has by none of the sorts it is known by, or of several at once.
     wanted, known = problem.estimated_of_system, problem.model.estimable
     if wanted is None or problem.estimate is None:
@@ -213,12 +211,56 @@ def _name_issues(problem: Problem) -> list[Issue]:
     return [Issue(("estimate",), text)]
 
 
-def _uncertainty_issues(problem: Problem) -> list[Issue]:
+def _selection_issues(problem: Statement, selection: Selection) -> list[Issue]:
+    return [Issue(("weights",), reason)] if (reason := _selection_reason(problem, selection)) else []
+
+
+def _selection_reason(problem: Statement, selection: Selection) -> str:
+    """Return why a problem's readings cannot be weighted so; "" if they can."""
+    sensors = problem.measurement.joint_sensors
+    if not sensors or any(sensor.joint_whitening is not None for sensor in sensors):
+        text = "weights need sensors whose readings are independent of each other"
+        return f"{text}; {problem.measurement.kind} are not"
+    noise = process_noise_of(sensors)
+    if noise is not None:
+        text = "under drift what a reading says depends on the others, and weights would have to add it up"
+        text = "weights of trials do not go with drift" if selection.of == "trials" else text
+        return f"{text}: leave out `{noise.key}`, or `weights`"
+    if not problem.criterion.concave:
+        return f"need a concave criterion, which {problem.criterion.kind} is not: use E, D, A, G or I"
+    if reason := _cost_reason(problem, selection):
+        return reason
+    if problem.robust is not None:
+        return "cannot be chosen for several systems at once: leave out `robust`"
+    try:
+        parts = selection.parts_of(sensors, problem.system, problem.design)
+        selection.require_whole(selection.budgets(parts))
+    except UserMistake as error:
+        return str(error)
+    return ""
+
+
+def _cost_reason(problem: Statement, selection: Selection) -> str:
+    """Return why limits on all trials together are not known of these weights; "" where they are."""
+    counted = ", ".join(limit.name for limit in problem.limits if limit.counts_trials)
+    if not counted:
+        return ""
+    if selection.whole:
+        return f"whole numbers are chosen without the budget of {counted}: give `total`, or leave one out"
+    by_reading = selection.of == "readings"
+    if by_reading and problem.model.states and problem.design.only is not None:
+        return f"the budget of {counted} is of trials, not of readings: give `of: trials`"
+    if by_reading and not problem.model.states and len(problem.measurement.joint_sensors) > 1:
+        return f"the budget of {counted} needs one weight for each setting: give one sensor all outputs"
+    return ""
+
+
+def _uncertainty_issues(problem: Statement) -> list[Issue]:
     issues = problem.uncertainty.issues(problem.uncertain_system) if problem.uncertainty is not None else []
     return issues or (problem.robust.issues(problem.uncertain_system) if problem.robust is not None else [])
 
 
-def _estimation_issues(problem: Problem) -> list[Issue]:
+def _estimation_issues(problem: Statement) -> list[Issue]:
     said = [name for name, one in problem.constants.items() if one.deviation is not None]
     if said:
         text = f"what is known of {', '.join(said)} beforehand is to be given as `prior`, not as a deviation"
@@ -247,7 +289,7 @@ def _estimation_issues(problem: Problem) -> list[Issue]:
     return issues or problem.criterion.issues(problem.subject)
 
 
-def _prior_issues(problem: Problem, blocks: Sequence[Block], estimated: list[str]) -> list[Issue]:
+def _prior_issues(problem: Statement, blocks: Sequence[Block], estimated: list[str]) -> list[Issue]:
     if problem.prior is None:
         return []
     if problem.criterion.scaling == "none" and any(block.raw for block in blocks):

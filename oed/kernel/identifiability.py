@@ -20,7 +20,8 @@ from oed.kernel.dynamics.embedding import Embedding, embedding_of
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import full_information
 from oed.kernel.measurement.square_root import SquareRoot
-from oed.kernel.problem import Estimation, Problem
+from oed.kernel.problem import Problem
+from oed.kernel.statement import Estimation
 
 DRIVES = 6
 """Random drives whose information is added up at most, and then those nearer to the ends of inputs' ranges:

@@ -26,8 +26,9 @@ from oed.kernel.margin import Margin
 from oed.kernel.measurement.readings import row_times
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import root_weights
-from oed.kernel.problem import Estimation, Problem
+from oed.kernel.problem import Problem
 from oed.kernel.repetitions import repetitions
+from oed.kernel.statement import Estimation
 
 EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
 """What a drive's splines are among, as `roll_out` takes it."""
@@ -281,8 +282,11 @@ class _Scorer:
             _margin(problem, limit, sight, rows, values.ravel(), share)
             for limit, rows, values in zip(problem.limits, self.rows, limits, strict=True)
         ]
-        chosen = () if problem.selection is None else problem.selection.margins(problem, trajectory)
-        return (*margins, *_conditions(problem, trajectory), *chosen)
+        margins += _conditions(problem, trajectory)
+        if problem.selection is not None:
+            sensors = problem.measurement.joint_sensors
+            margins += problem.selection.margins(sensors, problem.system, trajectory)
+        return tuple(margins)
 
     def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
         problem = self.problem

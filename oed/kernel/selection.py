@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from oed.foundation.component import Component
-from oed.foundation.errors import Issue, UserMistake
+from oed.foundation.errors import UserMistake
 from oed.foundation.quantities import parse_quantity
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.system import System
+from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.margin import Margin
-from oed.kernel.measurement.measurement import process_noise_of
+from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.parts import Budget, Parts, budgets_of, laid_out
-
-if TYPE_CHECKING:
-    from oed.kernel.dynamics.trajectory import Trajectory
-    from oed.kernel.problem import Problem
 
 
 def _amount(value: Any) -> float:
@@ -96,62 +95,43 @@ class Selection(Component):
         )
         return budgets_of(parts, totals, self.most)
 
-    def laid_out(self, problem: Problem) -> Parts:
-        """The readings of a problem's designs, before anything is known of what they say."""
-        sensors, space = problem.measurement.joint_sensors, problem.design
-        return laid_out(sensors, problem.system, space.samples, space.runs, space.period)
+    def parts_of(self, sensors: Sequence[Sensor], system: System, space: Space) -> Parts:
+        """Return what has weights in a design, before anything is known of what it says.
 
-    def issues(self, problem: Problem) -> list[Issue]:
-        """Why a problem's readings cannot be weighted so; [] if they can."""
-        sensors = problem.measurement.joint_sensors
-        if not sensors or any(one.joint_whitening is not None for one in sensors):
-            text = "weights need sensors whose readings are independent of each other"
-            return [Issue(("weights",), f"{text}; {problem.measurement.kind} are not")]
-        noise = process_noise_of(sensors)
-        if noise is not None:
-            text = (
-                "under drift what a reading says depends on the others, and weights would have to add it up"
-            )
-            text = "weights of trials do not go with drift" if self.of == "trials" else text
-            return [Issue(("weights",), f"{text}: leave out `{noise.key}`, or `weights`")]
-        if not problem.criterion.concave:
-            text = f"need a concave criterion, which {problem.criterion.kind} is not: use E, D, A, G or I"
-            return [Issue(("weights",), text)]
-        if reason := self._cost_issue(problem):
-            return [Issue(("weights",), reason)]
-        if problem.robust is not None:
-            return [Issue(("weights",), "cannot be chosen for several systems at once: leave out `robust`")]
-        try:
-            self._require_whole(self.budgets(self.parts(self.laid_out(problem))))
-        except UserMistake as error:
-            return [Issue(("weights",), str(error))]
-        return []
+        Args:
+            sensors: sensors that read.
+            system: system that is driven.
+            space: space of the designs.
 
-    def _cost_issue(self, problem: Problem) -> str:
-        # Why limits on all trials together are not known of these weights; "" where they are.
-        counted = ", ".join(limit.name for limit in problem.limits if limit.counts_trials)
-        if not counted:
-            return ""
-        if self.whole:
-            return f"whole numbers are chosen without the budget of {counted}: give `total`, or leave one out"
-        by_reading = self.of == "readings"
-        if by_reading and problem.model.states and problem.design.only is not None:
-            return f"the budget of {counted} is of trials, not of readings: give `of: trials`"
-        if by_reading and not problem.model.states and len(problem.measurement.joint_sensors) > 1:
-            return f"the budget of {counted} needs one weight for each setting: give one sensor all outputs"
-        return ""
+        Raises:
+            UserMistake: pieces of unequal length.
+        """
+        return self.parts(laid_out(sensors, system, space.samples, space.runs, space.period))
 
-    def _require_whole(self, budgets: tuple[Budget, ...]) -> None:
+    def require_whole(self, budgets: Sequence[Budget]) -> None:
+        """Refuse budgets that whole readings cannot spend.
+
+        Args:
+            budgets: budgets of the weights.
+
+        Raises:
+            UserMistake: readings of a budget differ in size, or are repeated a broken number of times.
+        """
         if self.whole and any(one.whole is None for one in budgets):
             raise UserMistake("whole readings are of one size and repeated whole times: change `most`")
 
-    def margins(self, problem: Problem, trajectory: Trajectory) -> list[Margin]:
-        """How much of the budget a trajectory leaves, and of the weights' bounds.
+    def margins(self, sensors: Sequence[Sensor], system: System, trajectory: Trajectory) -> list[Margin]:
+        """Return how much of the budget a trajectory leaves, and of the weights' bounds.
 
         Readings without weights are taken in full.
+
+        Args:
+            sensors: sensors that read.
+            system: system that is driven.
+            trajectory: the design, with its weights.
         """
-        sensors, samples = problem.measurement.joint_sensors, trajectory.samples // trajectory.runs
-        single = laid_out(sensors, problem.system, samples, trajectory.runs, trajectory.period)
+        samples = trajectory.samples // trajectory.runs
+        single = laid_out(sensors, system, samples, trajectory.runs, trajectory.period)
         given = np.ones(len(single.readings)) if trajectory.weights is None else trajectory.weights
         parts = self.parts(single)
         weights = np.array([given[list(places)].mean() for places in parts.members])

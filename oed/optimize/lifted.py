@@ -316,7 +316,7 @@ def _further(problem: Problem, efforts: int) -> tuple[list[Limit], list[Signal]]
 def _totals(problem: Problem) -> list[EffortTotal]:
     selection = problem.selection
     assert selection is not None
-    parts = selection.parts(selection.laid_out(problem))
+    parts = selection.parts_of(problem.measurement.joint_sensors, problem.system, problem.design)
     labels = list(dict.fromkeys(one.sensor for one in parts.readings))
     found = []
     for number, budget in enumerate(selection.budgets(parts)):

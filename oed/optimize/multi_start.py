@@ -21,6 +21,7 @@ from oed.kernel.solution import BEST_YET, NOTHING_YET, Explored, HistoryPoint, S
 from oed.optimize.conflict import describe_conflict
 from oed.optimize.earlier import earlier_design
 from oed.optimize.exploration import BARRIERS, Attempt, Exploration, Explorer, explorer_of
+from oed.optimize.ipopt_options import IpoptOptions
 from oed.optimize.local import LocalSearch, local_search
 from oed.optimize.local_results import Local, Settings, Sketch
 from oed.optimize.local_tasks import Task, work
@@ -38,7 +39,6 @@ from oed.optimize.transcription.starting_points import (
 )
 
 if TYPE_CHECKING:
-    from oed.optimize.ipopt import Ipopt
     from oed.optimize.terms.base import Terms
 
 ROUND = 4
@@ -79,7 +79,7 @@ class MultiStart:
         history: how the objective rose.
     """
 
-    options: Ipopt
+    options: IpoptOptions
     problem: Problem
     context: Context
     began: float = field(default_factory=time.perf_counter)

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf
-from typing import TYPE_CHECKING, ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy.typing as npt
@@ -19,10 +19,6 @@ import numpy.typing as npt
 from oed.foundation.errors import Issue
 from oed.foundation.text import Unit
 from oed.kernel.dynamics.expression import Expression
-
-if TYPE_CHECKING:
-    from oed.kernel.problem import Problem
-
 
 FORCES = ("throttle",)
 """Quantities of inputs that accelerate a system, where others say how fast it is."""
@@ -145,8 +141,12 @@ class System(ABC):
         """Why this is no system at all; [] where it is one."""
         return []
 
-    def doubts(self, problem: Problem) -> Sequence[Issue]:
-        """Sizes in a problem of this system that hardly mean what they say, if it knows usual ones."""
+    def doubts(self, problem: Any) -> Sequence[Issue]:
+        """Return sizes in a problem that hardly mean what they say, if usual ones of such systems are known.
+
+        Args:
+            problem: `Problem` of this system, which stands above systems.
+        """
         return ()
 
     def estimating(self, names: Collection[str]) -> System:

@@ -1,0 +1,355 @@
+"""What follows from the parts of a design problem: bounds, limits, information."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from oed.foundation.arguments import real_array
+from oed.foundation.arrays import Array
+from oed.foundation.presenting import Card, Fact, Presented, given
+from oed.foundation.text import given_text, words
+from oed.kernel.criteria import Criterion, Subject
+from oed.kernel.dynamics.expression import Expression
+from oed.kernel.dynamics.rollout import Drive, drive_shape
+from oed.kernel.dynamics.space import Space
+from oed.kernel.dynamics.starts import ChosenStarts
+from oed.kernel.dynamics.system import System, label_of
+from oed.kernel.limit import Limit, Rows, checked_rows, implied_bounds
+from oed.kernel.measurement.blocks import Block, Nuisance
+from oed.kernel.measurement.information import (
+    Scaling,
+    information,
+    scale_factors,
+    square_root,
+    weights_of,
+)
+from oed.kernel.measurement.joint import blocks_of
+from oed.kernel.measurement.measurement import Measurement
+from oed.kernel.measurement.prior import Prior
+from oed.kernel.measurement.readings import constants_of
+from oed.kernel.measurement.square_root import SquareRoot
+from oed.kernel.selection import Selection
+from oed.kernel.tightening import Tightening, Uncertain, UncertainSystem, tightened_rows
+
+
+@dataclass(frozen=True)
+class Estimation:
+    """What one block of a drive's readings says, as expressions.
+
+    Attributes:
+        block: the readings.
+        parameters: those estimated, those of the criterion's interest first.
+        judged: the latter alone.
+        scaling: of the criterion.
+        prior: information on all estimated parameters had beforehand, SI, or None.
+    """
+
+    block: Block
+    parameters: tuple[str, ...]
+    judged: tuple[str, ...]
+    scaling: Scaling
+    prior: Array | None
+
+    @property
+    def scales(self) -> Array:
+        """Of the judged parameters, SI."""
+        return scale_factors(self.block, self.scaling, self.judged)
+
+    @cached_property
+    def matrix(self) -> Expression:
+        """Information on the judged parameters, scaled, all else eliminated: what the criterion sees."""
+        return information(
+            self.block,
+            self.scaling,
+            parameters=self.judged,
+            unwanted=self.parameters[len(self.judged) :],
+            prior=self.prior,
+        )
+
+    def square_roots(self, jacobian: Array, summed: Array) -> tuple[SquareRoot, SquareRoot]:
+        """Information of a drive with these values of the block's jacobian and its magnitudes: what `matrix`
+        is of it, and F on all estimated parameters, SI (per unit of noise where that is not known).
+        """
+        block, judged, others = self.block, self.judged, self.parameters[len(self.judged) :]
+        full = square_root(block, jacobian, self.parameters, prior=self.prior, summed=summed)
+        seen = square_root(block, jacobian, judged, others, self.prior, summed) if others else full
+        return seen.scaled(weights_of(block, self.scaling, judged)), full.scaled(1.0 / (block.noise or 1.0))
+
+    @property
+    def nominal(self) -> Array:
+        """Nominal values of the estimated parameters, SI."""
+        return np.array([self.block.nominal[self.block.parameters.index(name)] for name in self.parameters])
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """SI units of the estimated parameters."""
+        return tuple(self.block.units[self.block.parameters.index(name)] for name in self.parameters)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Statement(Presented):
+    """The parts of a design problem, and all that follows from them; see `Problem`."""
+
+    model: System
+    design: Space
+    measurement: Measurement
+    limits: tuple[Limit, ...]
+    criterion: Criterion
+    name: str
+    estimate: tuple[str, ...] | None
+    prior: Prior | None
+    uncertainty: Uncertain | None
+    robust: Tightening | None
+    excess: float
+    selection: Selection | None
+    designed: bool
+
+    @cached_property
+    def system(self) -> System:
+        """The system with the parameters to estimate: the model, or the same known by others."""
+        return self.model.estimating(self.estimated_of_system or ())
+
+    @cached_property
+    def constants(self) -> dict[str, Nuisance]:
+        """What of `estimate` is a constant of a sensor's own, with the nuisance that it would be else."""
+        own = {name for names in self.model.estimable.values() for name in names}
+        known = constants_of(self.measurement.joint_sensors)
+        return {name: known[name] for name in self.estimate or () if name not in own and name in known}
+
+    @property
+    def estimated_of_system(self) -> tuple[str, ...] | None:
+        """`estimate` without the sensors' constants."""
+        if self.estimate is None:
+            return None
+        return tuple(name for name in self.estimate if name not in self.constants)
+
+    @cached_property
+    def objective(self) -> Criterion:
+        """The criterion of the parameters that it judges."""
+        return self.judging(self.criterion)
+
+    def judging(self, criterion: Criterion) -> Criterion:
+        """Any criterion of the same scaling and subset, of the parameters that it judges."""
+        return criterion.about(self.subject)
+
+    @cached_property
+    def input_bounds(self) -> Array:
+        """Bounds (inputs, 2) that the limits set on each input, by itself or together with others."""
+        own = self._tightest([limit.input_bounds(self.model) for limit in self.limits])
+        combined = [one for limit in self.limits for one in limit.linear_bounds(self.model)]
+        return implied_bounds(own, [one.widened(self.excess) for one in combined])
+
+    @cached_property
+    def rate_bounds(self) -> Array:
+        """Bounds (inputs, 2) that they set on each input's rate."""
+        return self._tightest([limit.rate_bounds(self.model) for limit in self.limits])
+
+    def _tightest(self, found: Sequence[Mapping[str, tuple[float, float]]]) -> Array:
+        bounds = np.tile([-np.inf, np.inf], (len(self.model.inputs), 1))
+        for limit, own in zip(self.limits, found, strict=True):
+            if self.excess and own:
+                own = limit.widened_bounds(own, self.excess, limit.rows(self._any_drive).size)
+            for name, (low, high) in own.items():
+                row = bounds[self.model.input_names.index(name)]
+                row[:] = max(row[0], low), min(row[1], high)
+        return bounds
+
+    def widened(self, share: float) -> Self:
+        """The problem with every limit exceeded by at most `share` of its size, as a tolerance allows: for
+        evaluations and bounds, not for searches.
+
+        A drive keeps the limits within that tolerance if and only if it keeps these exactly. The same holds
+        for the duration, and for rest and starts.
+        """
+        longer = self.design.model_copy(update={"duration": (1 + share) * self.design.duration})
+        return replace(self, design=longer, excess=share)
+
+    def refined(self, times: int) -> Self:
+        """The problem with so many times more steps of its system's integration in a period; itself where
+        nothing is integrated.
+
+        Args:
+            times: factor, at least 1.
+        """
+        if not self.system.integrates:
+            return self
+        if times not in self._refinements:
+            self._refinements[times] = replace(self, model=self.model.refined(times))
+        return self._refinements[times]
+
+    @cached_property
+    def _refinements(self) -> dict[int, Self]:
+        # Those that were asked for: their compiled functions are kept with them.
+        return {1: self}
+
+    @cached_property
+    def unlimited(self) -> Self:
+        """The problem without limits and back-off: for information, or a drive's length, alone."""
+        return replace(self, limits=(), robust=None, designed=False)
+
+    @cached_property
+    def steady(self) -> Self:
+        """The problem without process noise: of every drive it has more information, or as much."""
+        measurement = self.measurement.steady()
+        return self if measurement is self.measurement else replace(self, measurement=measurement)
+
+    @property
+    def rest_spare(self) -> float:
+        """How fast an input may be where it is to rest [SI]: a share of the largest bound of all inputs."""
+        return self.excess * float(np.abs(self.input_bounds).max()) if self.excess else 0.0
+
+    @property
+    def start_spare(self) -> float:
+        """How far from its place a fixed start may be [m or rad]: a share of 1."""
+        return self.excess
+
+    @cached_property
+    def fixed_starts(self) -> Array | None:
+        """The start state of every run, (runs, states), where it is fixed."""
+        given = self.design.fixed_starts
+        return None if given is None else self.start_states(given)
+
+    @cached_property
+    def chosen_starts(self) -> ChosenStarts | None:
+        """How the design chooses start states; None where they are fixed."""
+        if self.fixed_starts is not None:
+            return None
+        count, runs, ranges = len(self.system.states), self.design.runs, self.design.start_ranges
+        if ranges is None:
+            return ChosenStarts.anywhere(count, self.system.chosen_states, runs)
+        return ChosenStarts.between(ranges, count, runs)
+
+    def start_states(self, chosen: npt.ArrayLike) -> Array:
+        """Start states (runs, states) of which the first k are chosen, (runs, k): the others begin at 0."""
+        given = real_array("start", chosen)
+        given = given if given.ndim == 2 else given.reshape(self.design.runs, -1)
+        return np.pad(given, ((0, 0), (0, len(self.model.states) - given.shape[1])))
+
+    @cached_property
+    def uncertain_system(self) -> UncertainSystem:
+        """The system with what is said of its parameters beforehand."""
+        return UncertainSystem(self.model, self.system, self.design.runs, self.uncertainty, self.prior)
+
+    def limit_rows(self, drive: Drive) -> list[Rows]:
+        """Every limit on a drive; of a robust problem tightened."""
+        if self.robust is None:
+            rows = [checked_rows(limit, drive) for limit in self.limits]
+        else:
+            rows = tightened_rows(self.robust, self.limits, drive, self.uncertain_system)
+        return [one.widened(self.excess) for one in rows] if self.excess else rows
+
+    @cached_property
+    def judged_systems(self) -> tuple[tuple[Array, Array], ...]:
+        """Parameters (p,) and shifts of the start states (runs, states) of the systems that are judged."""
+        if self.robust is None or self.robust.objective == "nominal":
+            return ((np.array(self.system.nominal), np.zeros((self.design.runs, len(self.system.states)))),)
+        return self.robust.judged(self.uncertain_system).each
+
+    def together(self, values: Sequence[float | Array]) -> Array:
+        """The objective (...,) from the criterion's values (...,) for each of these systems."""
+        return self.robust.together(values) if self.robust is not None else np.asarray(values[0])
+
+    def estimations(self, drive: Drive) -> tuple[Estimation, ...]:
+        """What each block of a drive's readings says about the parameters to estimate."""
+        return self._estimations(self._blocks(drive))
+
+    def _estimations(self, blocks: Sequence[Block]) -> tuple[Estimation, ...]:
+        return tuple(self._estimation(block) for block in blocks if self.judged(block))
+
+    @cached_property
+    def any_estimations(self) -> tuple[Estimation, ...]:
+        """What blocks of a drive without values say: for parameters, noise and nuisances."""
+        return self._estimations(self.any_blocks)
+
+    @cached_property
+    def any_blocks(self) -> tuple[Block, ...]:
+        """The blocks of a drive without values."""
+        return self._blocks(self._any_drive)
+
+    def _blocks(self, drive: Drive) -> tuple[Block, ...]:
+        asked = {name: one.name for name, one in self.constants.items()}
+        return tuple(block.asking(asked) for block in blocks_of(self.measurement, drive))
+
+    @cached_property
+    def _any_drive(self) -> Drive:
+        # Enough to ask which parameters there are.
+        space = self.design
+        return drive_shape(self.system, samples=space.samples, runs=space.runs, period=space.period)
+
+    def _estimated(self, block: Block) -> tuple[str, ...]:
+        wanted = block.parameters if self.estimate is None else self.estimate
+        return tuple(name for name in wanted if name in block.parameters)
+
+    def judged(self, block: Block) -> tuple[str, ...]:
+        """Names of a block's parameters that the criterion judges."""
+        subset = self.criterion.subset
+        return tuple(name for name in self._estimated(block) if subset is None or name in subset)
+
+    def _estimation(self, block: Block) -> Estimation:
+        judged, scaling = self.judged(block), self.criterion.scaling
+        others = tuple(name for name in self._estimated(block) if name not in judged)
+        names = judged + others
+        prior = None if self.prior is None else prior_of(self.prior, block, names)
+        return Estimation(block, names, judged, scaling, prior)
+
+    @property
+    def subject(self) -> Subject:
+        """What the criterion judges."""
+        found, usual = self.any_estimations, self.design.usual_start
+        return Subject(
+            system=self.system.estimating(
+                [name for one in found for name in one.judged if name not in self.constants]
+            ),
+            parameters=tuple(one.judged for one in found),
+            scales=tuple(one.scales for one in found),
+            start=np.pad(usual, (0, len(self.model.states) - len(usual))),
+            period=self.design.period,
+        )
+
+    @property
+    def facts(self) -> tuple[Fact, ...]:
+        """What a reader is shown of it, by name."""
+        space = self.design
+        names = dict.fromkeys(name for one in self.any_estimations for name in one.parameters)
+        runs = "" if space.runs == 1 else f"{space.runs} runs, "
+        return given(
+            (self.model.noun, words(label_of(self.model))),
+            ("estimates", ", ".join(map(words, names))),
+            (
+                "drive",
+                f"{runs}{given_text(space.whole_duration, 's')}, {space.samples} samples"
+                if self.designed
+                else "",
+            ),
+            ("measured", self.measurement.brief(space.samples) if self.designed else self.measurement.kind),
+            ("limits", ", ".join(words(one.name) for one in self.limits)),
+            ("criterion", self.criterion.kind),
+            ("robust", "" if self.robust is None else "yes"),
+        )
+
+    def _card(self) -> Card:
+        return Card(f"Problem {self.name}".strip(), self.facts)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The parts only: caches are made again where they are needed."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
+
+def prior_of(prior: Prior, block: Block, names: Sequence[str]) -> Array | None:
+    """Information (p, p) that a prior has on a block's parameters `names`, SI; None where it has none.
+
+    Args:
+        prior: of the parameters.
+        block: of readings.
+        names: p of its parameters.
+    """
+    if not set(prior.names) & set(names):
+        return None
+    places = [block.parameters.index(name) for name in names]
+    return prior.precision(names, block.nominal[places], [block.units[place] for place in places])
