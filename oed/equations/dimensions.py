@@ -7,7 +7,6 @@ acceleration and v = r omega no speed: there dimensions are compared by `fits`, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -18,24 +17,12 @@ from oed.foundation.quantities import NUMBER, base_units, parse_quantity, unit_i
 BASE = ("kg", "A", "rad", "m", "s", "mol", "K")
 """SI base units, in the order in which texts have them."""
 _NAMES = ("gram", "ampere", "radian", "meter", "second", "mole", "kelvin")
-_ANGLE = BASE.index("rad")
 FINEST = 1_000_000
-"""Largest denominator of a power: what is nearest is meant, 0.333... being 1/3."""
+"""Largest denominator of a power: 0.333... means 1/3."""
 SIZES = (0.0, 1e100)
-"""What magnitudes of values in equations lie between, in their unit: nothing small is rounding's."""
+"""Smallest and largest magnitude of values in equations, in their unit: small ones are no rounding errors."""
 GRAM = 1e-3
-"""[kg]."""
-NAMED = {
-    name: tuple(Fraction(powers.get(unit, 0)) for unit in BASE)
-    for name, powers in {
-        "N": {"kg": 1, "m": 1, "s": -2},
-        "Pa": {"kg": 1, "m": -1, "s": -2},
-        "J": {"kg": 1, "m": 2, "s": -2},
-        "W": {"kg": 1, "m": 2, "s": -3},
-        "V": {"kg": 1, "A": -1, "m": 2, "s": -3},
-    }.items()
-}
-"""Units with names of their own, by their powers."""
+"""Mass of a gram [kg]."""
 
 
 @dataclass(frozen=True)
@@ -46,129 +33,136 @@ class Dimension:
 
     @property
     def plain(self) -> bool:
-        """Whether it is that of plain numbers, or of angles."""
+        """True for plain numbers and for angles."""
         return self.fits(PLAIN)
 
     @property
     def text(self) -> str:
-        """In SI units, as a unit is written: "mol/m^3/s", "W/K", "rad/s", ""; by a name where that is
-        all of it but what it is per kelvin or mole.
+        """SI unit as it is written: "mol/m^3/s", "W/K", "rad/s", ""; with the unit's own name where there is
+        nothing else but "per kelvin" or "per mole".
         """
-        name, rest = "", self.powers
-        for one, powers in NAMED.items():
-            left = tuple(own - power for own, power in zip(self.powers, powers, strict=True))
+        names, rest = list[str](), self
+        for name, named in NAMED.items():
+            quotient = self / named
             if all(
-                power == 0 or (unit in ("mol", "K") and power < 0)
-                for unit, power in zip(BASE, left, strict=True)
+                power == 0 or (power < 0 and unit in ("mol", "K"))
+                for unit, power in zip(BASE, quotient.powers, strict=True)
             ):
-                name, rest = one, left
-        over = " ".join(filter(None, [name, *_factors(rest, 1)]))
-        under = "".join(f"/{factor}" for factor in _factors(rest, -1))
-        return f"{over or '1'}{under}" if under else over
+                names, rest = [name], quotient
+        over, under = names, list[str]()
+        for unit, power in zip(BASE, rest.powers, strict=True):
+            size = abs(power)
+            exponent = f"^{size}" if size.denominator == 1 else f"^({size})"
+            if power:
+                (over if power > 0 else under).append(unit if size == 1 else unit + exponent)
+        return "/".join([" ".join(over) or "1", *under]) if under else " ".join(over)
 
     @property
     def words(self) -> str:
-        """What something of this dimension is: "in mol/m^3/s", or "a plain number"."""
+        """Unit in a sentence: "in mol/m^3/s", or "a plain number"."""
         return f"in {self.text}" if self.text else "a plain number"
 
-    def fits(self, other: Dimension) -> bool:
-        """Whether both are of one dimension, radians counting as plain numbers."""
-        return self._without_angle() == other._without_angle()
+    def fits(self, expected: Dimension) -> bool:
+        """Compare two dimensions, radians counting as plain numbers."""
+        powers = zip(BASE, (self / expected).powers, strict=True)
+        return not any(power for unit, power in powers if unit != "rad")
 
-    def __mul__(self, other: Dimension) -> Dimension:
-        """That of a product."""
-        return Dimension(tuple(one + two for one, two in zip(self.powers, other.powers, strict=True)))
+    def __mul__(self, factor: Dimension) -> Dimension:
+        """Return the dimension of a product."""
+        pairs = zip(self.powers, factor.powers, strict=True)
+        return Dimension(tuple(first + second for first, second in pairs))
 
-    def __truediv__(self, other: Dimension) -> Dimension:
-        """That of a quotient."""
-        return self * other**-1
+    def __truediv__(self, divisor: Dimension) -> Dimension:
+        """Return the dimension of a quotient."""
+        return self * divisor**-1
 
     def __pow__(self, power: Fraction | float) -> Dimension:
-        """That of a power."""
+        """Return the dimension of a power."""
         exact = Fraction(power).limit_denominator(FINEST)
-        return Dimension(tuple(own * exact for own in self.powers))
+        return Dimension(tuple(exact * exponent for exponent in self.powers))
 
     def __str__(self) -> str:
-        """In SI base units."""
+        """Write the SI unit."""
         return self.text
 
-    def _without_angle(self) -> tuple[Fraction, ...]:
-        return self.powers[:_ANGLE] + self.powers[_ANGLE + 1 :]
 
-
-def _factors(powers: tuple[Fraction, ...], sign: int) -> Iterator[str]:
-    # Those above the line, or those below it.
-    for unit, power in zip(BASE, powers, strict=True):
-        size = sign * power
-        if size > 0:
-            whole = size.denominator == 1
-            yield unit if size == 1 else f"{unit}^{size}" if whole else f"{unit}^({size})"
+def _dimension(**powers: int) -> Dimension:
+    return Dimension(tuple(Fraction(powers.get(unit, 0)) for unit in BASE))
 
 
 PLAIN = Dimension()
-"""Of plain numbers."""
-ANGLE = Dimension(tuple(Fraction(unit == "rad") for unit in BASE))
-"""Of angles."""
-TIME = Dimension(tuple(Fraction(unit == "s") for unit in BASE))
-"""Of times."""
+"""Dimension of plain numbers."""
+ANGLE, TIME = _dimension(rad=1), _dimension(s=1)
+NAMED = {
+    "N": _dimension(kg=1, m=1, s=-2),
+    "Pa": _dimension(kg=1, m=-1, s=-2),
+    "J": _dimension(kg=1, m=2, s=-2),
+    "W": _dimension(kg=1, m=2, s=-3),
+    "V": _dimension(kg=1, A=-1, m=2, s=-3),
+}
+"""Units with names of their own, and their dimensions."""
 
 
 @lru_cache(maxsize=256)
 def parse_unit(text: str) -> tuple[float, Dimension]:
-    """The factor to SI and the dimension of a unit: "mol/l", "1/s", "m^2", "K", "J/mol/K", "%", "".
+    """Return the factor to SI and the dimension of a unit: "mol/l", "1/s", "m^2", "K", "J/mol/K", "%", "".
 
     Raises:
         ValueError: no unit, or a temperature in degrees Celsius.
     """
-    issue = unit_issue(text.strip()) if text.strip() else ""
+    unit = text.strip()
+    issue = unit_issue(unit) if unit else ""
     if issue:
         raise ValueError(f"unit {issue}")
     try:
-        factor, powers = base_units(text.strip())
-        found = tuple(Fraction(powers.get(name, 0.0)).limit_denominator(FINEST) for name in _NAMES)
+        factor, powers = base_units(unit)
+        exact = [Fraction(powers.get(name, 0.0)).limit_denominator(FINEST) for name in _NAMES]
         # The registry counts in grams.
-        factor *= GRAM ** float(found[0])
+        factor *= GRAM ** float(exact[0])
     except OverflowError:
         factor = inf
     if not 1 / SIZES[1] <= factor <= SIZES[1]:
         raise ValueError(f"unit {text!r} is absurdly large or small")
-    return factor, Dimension(found)
+    return factor, Dimension(tuple(exact))
 
 
 def parse_value(value: object, unit: str) -> float:
-    """The SI value of a quantity of an equation: "0.7 1/min", or 0.7 in the unit that was declared.
+    """Return the SI value of a quantity: "0.7 1/min", or 0.7 in the unit that was declared.
 
     Args:
         value: a number (taken to be in `unit`) or a string with a unit.
-        unit: that was declared, e.g. "1/h"; "" for a plain number.
+        unit: the unit that was declared, e.g. "1/h"; "" for a plain number.
 
     Raises:
         ValueError: no unit, or a value that is not finite, absurdly large or of another dimension.
     """
+    unit = unit.strip()
     factor, dimension = parse_unit(unit)
-    shown = f" [{unit.strip()}]" if unit.strip() else ""
-    number = parse_quantity(value, unit.strip(), SIZES, f"{unit_meaning(dimension.text)}{shown}")
+    meaning = unit_meaning(dimension.text) + (unit and f" [{unit}]")
     # Never -0.
-    return number * factor + 0.0
+    return parse_quantity(value, unit, SIZES, meaning) * factor + 0.0
 
 
 def quantity(value: object) -> tuple[float, Dimension]:
-    """The SI value and the dimension of a quantity with the unit that it names: "0.7 1/min", "25", 25.
+    """Return the SI value and the dimension of a quantity with its unit: "0.7 1/min", "25", 25.
 
     Raises:
         ValueError: no number, no unit, or a value that is not finite or absurdly large.
     """
-    found = NUMBER.match(value) if isinstance(value, str) else None
-    unit = value[found.end() :].strip() if found is not None and isinstance(value, str) else ""
+    unit = _unit_in(value)
     return parse_value(value, unit), parse_unit(unit)[1]
 
 
 def unit_of(text: str) -> tuple[str, float]:
-    """The unit that a quantity is written with, and the factor to it from SI.
+    """Return the unit that a quantity is written with, and the factor to it from SI.
 
     Raises:
         ValueError: no quantity.
     """
-    found = NUMBER.match(text)
-    unit = text[found.end() :].strip() if found is not None else ""
+    unit = _unit_in(text)
     return unit, 1 / parse_unit(unit)[0]
+
+
+def _unit_in(value: object) -> str:
+    number = NUMBER.match(value) if isinstance(value, str) else None
+    return number.string[number.end() :].strip() if number else ""

@@ -1,11 +1,11 @@
-"""Functions that expressions may call, and the dimensions that they take and give."""
+"""Functions and operators that expressions may use, and the dimensions that they take and give."""
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import reduce
 from typing import Any
 
 import casadi as ca
@@ -13,77 +13,82 @@ import casadi as ca
 from oed.equations.dimensions import ANGLE, PLAIN, Dimension
 
 MOST_ARGUMENTS = 100
-"""Of one call: an expression of more is none that a person wrote."""
+"""Largest number of arguments in a call: nobody writes more."""
 NUMBER = "a plain number"
 TURN = "an angle or a plain number"
-Rule = Callable[[Dimension], Dimension]
+
+
+def _same(dimension: Dimension | None) -> Dimension | None:
+    return dimension
 
 
 @dataclass(frozen=True)
 class Function:
-    """A function of expressions.
+    """A function or an operator.
 
     Attributes:
-        apply: to CasADi's expressions, or its numbers.
-        gives: dimension of the result, from that of the arguments, which is one.
-        takes: what the arguments must be; "" where any dimension will do.
-        least: number of arguments.
-        most: number of arguments.
-        keeps_zero: whether of a 0, which suits any dimension, it makes another.
+        apply: computes the value of one argument, or of two; further ones are applied to that value in turn.
+        gives: derives the dimension of the value from that of the arguments, which is None for a bare 0; None
+            where `apply` computes dimensions as well as values.
+        takes: kind of the arguments; "" where any dimension will do.
+        least: smallest number of arguments.
+        most: largest number of arguments.
+        verb: what cannot be done with arguments of different dimensions.
     """
 
     apply: Callable[..., Any]
-    gives: Rule
+    gives: Callable[[Dimension | None], Dimension | None] | None = _same
     takes: str = ""
     least: int = 1
     most: int = 1
-    keeps_zero: bool = False
+    verb: str = "compared"
 
     @property
     def count(self) -> str:
-        """How many arguments it takes, in words."""
+        """Number of arguments in words."""
         few = {1: "1 argument", 2: "2 arguments"}
         return few.get(self.most, f"{self.least} to {self.most} arguments")
 
 
-def _least(*values: Any) -> Any:
-    return reduce(ca.fmin, values)
-
-
-def _largest(*values: Any) -> Any:
-    return reduce(ca.fmax, values)
-
-
-def _plain(_: Dimension) -> Dimension:
+def _plain(_: Dimension | None) -> Dimension:
     return PLAIN
 
 
-def _angle(_: Dimension) -> Dimension:
+def _angle(_: Dimension | None) -> Dimension:
     return ANGLE
 
 
-def _own(dimension: Dimension) -> Dimension:
-    return dimension
-
-
-def _root(dimension: Dimension) -> Dimension:
-    return dimension ** Fraction(1, 2)
+def _root(dimension: Dimension | None) -> Dimension | None:
+    return None if dimension is None else dimension ** Fraction(1, 2)
 
 
 FUNCTIONS: dict[str, Function] = {
     **{
-        name: Function(getattr(ca, name), _plain, NUMBER)
-        for name in ("exp", "log", "log10", "sinh", "cosh", "tanh")
+        name: Function(getattr(ca, name), gives, takes)
+        for names, gives, takes in (
+            ("exp log log10 sinh cosh tanh", _plain, NUMBER),
+            ("sin cos tan", _plain, TURN),
+            ("asin acos atan", _angle, NUMBER),
+        )
+        for name in names.split()
     },
-    **{name: Function(getattr(ca, name), _plain, TURN) for name in ("sin", "cos", "tan")},
-    **{name: Function(getattr(ca, name), _angle, NUMBER) for name in ("asin", "acos", "atan")},
     "atan2": Function(ca.atan2, _angle, least=2, most=2),
-    "sqrt": Function(ca.sqrt, _root, keeps_zero=True),
-    "abs": Function(ca.fabs, _own, keeps_zero=True),
-    "min": Function(_least, _own, least=2, most=MOST_ARGUMENTS, keeps_zero=True),
-    "max": Function(_largest, _own, least=2, most=MOST_ARGUMENTS, keeps_zero=True),
+    "sqrt": Function(ca.sqrt, _root),
+    "abs": Function(ca.fabs),
+    "min": Function(ca.fmin, least=2, most=MOST_ARGUMENTS),
+    "max": Function(ca.fmax, least=2, most=MOST_ARGUMENTS),
 }
-"""By name."""
+"""Functions by their names in calls."""
+MINUS = "-()"
+OPERATORS = {
+    MINUS: Function(operator.neg),
+    "+": Function(operator.add, verb="added"),
+    "-": Function(operator.sub, verb="subtracted"),
+    "*": Function(operator.mul, None),
+    "/": Function(operator.truediv, None),
+    "^": Function(operator.pow, None),
+}
+"""Operators by their signs; `MINUS` is the one before a single operand."""
 OTHER_NAMES = {
     "ln": "log",
     "lg": "log10",
@@ -95,4 +100,4 @@ OTHER_NAMES = {
     "pow": "^",
     "power": "^",
 }
-"""What functions, and powers, are called elsewhere."""
+"""Names of functions, and of powers, in other languages."""

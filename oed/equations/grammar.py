@@ -9,43 +9,31 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from oed.equations.dimensions import Dimension
-from oed.equations.functions import FUNCTIONS, OTHER_NAMES
-from oed.equations.tree import (
-    Call,
-    ExpressionError,
-    Name,
-    Negative,
-    Node,
-    Number,
-    Power,
-    Product,
-    Sum,
-    finite,
-)
+from oed.equations.dimensions import PLAIN
+from oed.equations.functions import FUNCTIONS, MINUS, OTHER_NAMES
+from oed.equations.tree import Expression, ExpressionError, Name, Number, Operation
 from oed.foundation.shown import written
 from oed.foundation.text import did_you_mean
 
 __all__ = ["RESERVED", "Expression", "ExpressionError", "name_issue", "parse"]
 
 LONGEST = 10_000
-"""Characters of an expression."""
+"""Largest number of characters of an expression."""
 DEEPEST = 30
-"""Parentheses, signs and powers inside each other."""
+"""Largest number of parentheses, signs and powers inside each other."""
 CONSTANTS = {"pi": math.pi}
 RESERVED = frozenset((*FUNCTIONS, *CONSTANTS))
-"""What no quantity may be called."""
+"""Names that no quantity may have."""
 
 _NAME = r"[A-Za-z_][A-Za-z0-9_]*"
 _TOKEN = re.compile(
     rf"(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>{_NAME})"
-    r"|(?P<sign>\*\*|[-+*/^(),])|(?P<space>[ \t\r\n]+)"
+    r"|(?P<sign>\*\*|[-+*/^(),])|(?P<space>[ \t\r\n]+)|(?P<foreign>(?s:.))"
 )
+_LEVELS = (("+", "-"), ("*", "/"))
+"""Operators that are applied from the left, those that bind least first."""
 _SIGNS = {
     "=": "an expression is one side of an equation",
     **dict.fromkeys("<>!", "nothing is compared here"),
@@ -61,76 +49,25 @@ _SIGNS = {
     "³": "write ^3",
     "π": "write pi",
 }
-"""What is not taken, and why, or what to write instead."""
-
-
-@dataclass(frozen=True)
-class Expression:
-    """An expression that is well formed.
-
-    Attributes:
-        text: as it is written.
-        tree: what it is made of.
-    """
-
-    text: str
-    tree: Node
-
-    @cached_property
-    def names(self) -> dict[str, int]:
-        """The names in it, in their order, and where each is used first."""
-        used = dict[str, int]()
-        for node in self.tree.walk():
-            if isinstance(node, Name):
-                used.setdefault(node.name, node.offset)
-        return used
-
-    @property
-    def constant(self) -> float | None:
-        """The number that it is; None if there are names in it."""
-        return self.tree.constant
-
-    def casadi(self, values: Mapping[str, Any]) -> Any:
-        """Its value for those of its names, which are SX, MX, DM or numbers; DM if there are none in it.
-
-        Raises:
-            ExpressionError: a name without a value.
-        """
-        return self.tree.casadi(values)
-
-    def dimension(self, dimensions: Mapping[str, Dimension]) -> Dimension | None:
-        """Its dimension for those of its names; None for a bare 0, which suits any.
-
-        Raises:
-            ExpressionError: an unknown name, or parts whose dimensions do not go together.
-        """
-        return self.tree.dimension(dimensions)
-
-    def require(self, expected: Dimension, dimensions: Mapping[str, Dimension]) -> None:
-        """Check that it has a dimension.
-
-        Raises:
-            ExpressionError: it has not, or has none.
-        """
-        own = self.dimension(dimensions)
-        if own is not None and not own.fits(expected):
-            wanted = expected.text or expected.words
-            raise ExpressionError(f"{self.tree.text} is {own.words}, expected {wanted}", self.tree.offset)
+"""Characters without a meaning, and the reason or the remedy."""
 
 
 def parse(text: str) -> Expression:
-    """The expression that a text is.
+    """Read an expression.
 
     Raises:
-        ExpressionError: it is none, is too long or too deep, or a number in it is not finite.
+        ExpressionError: the text is none, is too long or too deep, or a number in it is not finite.
     """
     if len(text) > LONGEST:
         raise ExpressionError(f"expected at most {LONGEST} characters, got {len(text)}", LONGEST)
-    return Expression(text, _Reader(text).whole())
+    reader = _Reader(text)
+    expression = reader.chain()
+    reader.close()
+    return expression
 
 
 def name_issue(text: str) -> str:
-    """Why a quantity cannot have a name in expressions; "" if it can."""
+    """Return the reason why a quantity cannot have a name in expressions; "" if it can."""
     if re.fullmatch(_NAME, text) is None:
         return (
             f"{written(text)} is no name: expected letters A to Z, digits and _, not beginning with a digit"
@@ -144,10 +81,7 @@ class _Token(NamedTuple):
     kind: str
     text: str
     offset: int
-
-    @property
-    def end(self) -> int:
-        return self.offset + len(self.text)
+    end: int
 
     @property
     def shown(self) -> str:
@@ -155,15 +89,16 @@ class _Token(NamedTuple):
 
 
 def _tokens(text: str) -> list[_Token]:
-    found, offset = [], 0
-    while offset < len(text):
-        match = _TOKEN.match(text, offset)
-        if match is None:
-            raise ExpressionError(_foreign(text[offset]), offset)
-        if match.lastgroup != "space":
-            found.append(_Token(str(match.lastgroup), match.group(), offset))
-        offset = match.end()
-    return [*found, _Token("end", "", found[-1].end if found else 0)]
+    tokens = [
+        _Token(str(match.lastgroup), match.group(), *match.span())
+        for match in _TOKEN.finditer(text)
+        if match.lastgroup != "space"
+    ]
+    for token in tokens:
+        if token.kind == "foreign":
+            raise ExpressionError(_foreign(token.text), token.offset)
+    end = tokens[-1].end if tokens else 0
+    return [*tokens, _Token("end", "", end, end)]
 
 
 def _foreign(char: str) -> str:
@@ -175,131 +110,120 @@ def _foreign(char: str) -> str:
 
 
 class _Reader:
-    """Reads tokens from the left, one method for each rule of the grammar."""
+    """Recursive descent over the tokens, from the left."""
 
     def __init__(self, text: str) -> None:
         self.text = text
         self.tokens = _tokens(text)
-        self.place = 0
-        self.depth = 0
+        self.place = self.depth = 0
 
     @property
     def next(self) -> _Token:
         return self.tokens[self.place]
 
-    def take(self) -> _Token:
-        self.place += 1
-        return self.tokens[self.place - 1]
+    def take(self, *signs: str) -> str:
+        """Take the next token if it is one of these signs; return it, else ""."""
+        sign = self.next.text if self.next.text in signs else ""
+        self.place += bool(sign)
+        return sign
 
-    def span(self, start: int) -> tuple[str, int, int]:
-        # What a node says of its text, which ends with the last token.
-        return self.text, start, self.tokens[self.place - 1].end
+    def chain(self, level: int = 0) -> Expression:
+        """Read operands with operators of a level, and of those that bind more, between them."""
+        if level == len(_LEVELS):
+            return self.signed()
+        start, symbols, operands = self.next.offset, list[str](), [self.chain(level + 1)]
+        while sign := self.take(*_LEVELS[level]):
+            symbols.append(sign)
+            operands.append(self.chain(level + 1))
+        return self.operation(start, symbols, operands) if symbols else operands[0]
 
-    def whole(self) -> Node:
-        node = self.sum()
-        if self.next.kind != "end":
-            raise self.surplus()
-        return node
-
-    def sum(self) -> Node:
-        return self.chain(("+", "-"), self.product, Sum)
-
-    def product(self) -> Node:
-        return self.chain(("*", "/"), self.signed, Product)
-
-    def chain(self, signs: tuple[str, str], operand: Callable[[], Node], kind: type[Sum | Product]) -> Node:
-        """Operands with signs of one strength between them.
-
-        Args:
-            signs: that go on; the first operand has the first of them.
-            operand: reads one.
-            kind: what they make.
-        """
-        start, before, nodes = self.next.offset, [signs[0]], [operand()]
-        while self.next.text in signs:
-            before.append(self.take().text)
-            nodes.append(operand())
-        return finite(kind(*self.span(start), tuple(nodes), tuple(before))) if len(nodes) > 1 else nodes[0]
-
-    def signed(self) -> Node:
-        # All that is nested passes here.
+    def signed(self) -> Expression:
+        """Read a power, or its negative. Whatever is nested passes here."""
         self.depth += 1
+        start = self.next.offset
         if self.depth > DEEPEST:
-            raise ExpressionError(f"nested more than {DEEPEST} deep", self.next.offset)
-        start, sign = self.next.offset, self.next.text
-        if sign in ("+", "-"):
-            self.take()
-        node = self.signed() if sign in ("+", "-") else self.power()
+            raise ExpressionError(f"nested more than {DEEPEST} deep", start)
+        if sign := self.take("+", "-"):
+            node = self.signed()
+            node = self.operation(start, [MINUS], [node]) if sign == "-" else node
+        else:
+            node = self.primary()
+            if self.take("^", "**"):
+                node = self.operation(start, ["^"], [node, self.signed()])
         self.depth -= 1
-        return Negative(*self.span(start), node) if sign == "-" else node
-
-    def power(self) -> Node:
-        start, base = self.next.offset, self.primary()
-        if self.next.text not in ("^", "**"):
-            return base
-        self.take()
-        exponent = self.signed()
-        return finite(Power(*self.span(start), base, exponent))
-
-    def primary(self) -> Node:
-        token = self.take()
-        if token.kind == "number":
-            return self.number(token)
-        if token.kind == "name":
-            return self.call(token) if self.next.text == "(" else self.name(token)
-        if token.text != "(":
-            self.place -= 1
-            raise ExpressionError(f"expected a number, a name or '(', got {token.shown}", token.offset)
-        node = self.sum()
-        self.close(token)
         return node
 
-    def number(self, token: _Token) -> Node:
-        value = float(token.text)
-        if not value and re.search("[1-9]", re.split("[eE]", token.text)[0]):
-            raise ExpressionError(f"{token.text} is too small a number", token.offset)
-        return finite(Number(*self.span(token.offset), value))
-
-    def name(self, token: _Token) -> Node:
+    def primary(self) -> Expression:
+        """Read a number, a name, a call or an expression in parentheses."""
+        token = self.next
+        if self.take("("):
+            node = self.chain()
+            self.close(token)
+            return node
+        if token.kind not in ("number", "name"):
+            raise ExpressionError(f"expected a number, a name or '(', got {token.shown}", token.offset)
+        self.place += 1
+        if token.kind == "number":
+            return _number(token)
+        if self.next.text == "(":
+            return self.call(token)
         if token.text in FUNCTIONS:
             raise ExpressionError(f"{token.text} is a function: expected '(' after it", token.end)
         if token.text in CONSTANTS:
-            return Number(*self.span(token.offset), CONSTANTS[token.text])
-        return Name(*self.span(token.offset), token.text)
+            return Number(token.text, token.offset, CONSTANTS[token.text], PLAIN)
+        return Name(token.text, token.offset)
 
-    def call(self, token: _Token) -> Node:
-        if token.text not in FUNCTIONS:
+    def call(self, token: _Token) -> Expression:
+        """Read the arguments of a function."""
+        function = FUNCTIONS.get(token.text)
+        if function is None:
             raise ExpressionError(_no_function(token.text), token.offset)
-        opening = self.take()
-        arguments = [self.sum()] if self.next.text != ")" else []
-        while arguments and self.next.text == ",":
-            self.take()
-            arguments.append(self.sum())
+        opening = self.next
+        self.place += 1
+        operands = [self.chain()] if self.next.text != ")" else []
+        while operands and self.take(","):
+            operands.append(self.chain())
         self.close(opening)
-        function = FUNCTIONS[token.text]
-        if not function.least <= len(arguments) <= function.most:
-            message = f"{token.text} takes {function.count}, got {len(arguments)}"
-            raise ExpressionError(message, token.offset)
-        return finite(Call(*self.span(token.offset), token.text, tuple(arguments)))
+        count = len(operands)
+        if not function.least <= count <= function.most:
+            raise ExpressionError(f"{token.text} takes {function.count}, got {count}", token.offset)
+        return self.operation(token.offset, [token.text] * max(count - 1, 1), operands)
 
-    def close(self, opening: _Token) -> None:
-        if self.next.kind == "end":
+    def operation(self, start: int, symbols: list[str], operands: list[Expression]) -> Expression:
+        """Make an operation that ends with the last token; a number where all its operands are numbers.
+
+        Args:
+            start: offset at which the text of the operation begins.
+            symbols: function or operators.
+            operands: parts that they are applied to.
+        """
+        text = self.text[start : self.tokens[self.place - 1].end]
+        node = Operation(text, start, tuple(symbols), tuple(operands))
+        if any(operand.constant is None for operand in operands):
+            return node
+        return Number(text, start, float(node.casadi({})), node.dimension({}))
+
+    def close(self, opening: _Token | None = None) -> None:
+        """Take the parenthesis that closes an opening one; the end of the text without one."""
+        before, token = self.tokens[self.place - 1], self.next
+        if token.text == (")" if opening else ""):
+            self.place += 1
+            return
+        if opening and token.kind == "end":
             raise ExpressionError("'(' is never closed", opening.offset)
-        if self.next.text != ")":
-            raise self.surplus()
-        self.take()
-
-    def surplus(self) -> ExpressionError:
-        # What follows something whole, and is no sign that goes on.
-        token, before = self.next, self.tokens[self.place - 1]
-        if token.text == ")":
-            return ExpressionError("')' closes nothing", token.offset)
-        if token.text == ",":
-            return ExpressionError("',' has no meaning here; decimals need a point", token.offset)
         hint = f"; products are written {before.text}*{token.text}" if len(token.text) < 20 else ""
-        return ExpressionError(
-            f"expected a sign between {before.shown} and {token.shown}{hint}", token.offset
-        )
+        message = {
+            ")": "')' closes nothing",
+            ",": "',' has no meaning here; decimals need a point",
+        }.get(token.text, f"expected a sign between {before.shown} and {token.shown}{hint}")
+        raise ExpressionError(message, token.offset)
+
+
+def _number(token: _Token) -> Number:
+    value = float(token.text)
+    if not value and re.search("[1-9]", re.split("[eE]", token.text)[0]):
+        raise ExpressionError(f"{token.text} is too small a number", token.offset)
+    return Number(token.text, token.offset, value, PLAIN if value else None)
 
 
 def _no_function(name: str) -> str:

@@ -1,311 +1,235 @@
-"""What an expression is made of: numbers, names, sums, products, powers and calls.
+"""Expressions: numbers, names and operations on other expressions.
 
-Sums and products of any length are one node, so that a tree is no deeper than its text's parentheses.
+A sum or product of any length is one operation, so that a tree is no deeper than its text's parentheses.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
-from functools import cached_property
-from itertools import repeat
 from typing import Any
 
 import casadi as ca
 
 from oed.equations.dimensions import PLAIN, Dimension
-from oed.equations.functions import FUNCTIONS
+from oed.equations.functions import FUNCTIONS, OPERATORS
 from oed.foundation.shown import written
 from oed.foundation.text import did_you_mean
 
 LONGEST_SHOWN = 40
-"""Characters of a part of an expression that messages show."""
+"""Largest number of characters of a part of an expression that messages show."""
 MOST_SHOWN = 12
-"""Names that a message lists."""
+"""Largest number of names that a message lists."""
 LARGEST_POWER = 100
-"""Of what has a unit."""
+"""Largest power of a quantity with a unit."""
+_TABLE = {**FUNCTIONS, **OPERATORS}
 
-Dimensions = Mapping[str, Dimension]
 
-
+@dataclass(eq=False)
 class ExpressionError(ValueError):
-    """What is wrong with an expression.
+    """A mistake in an expression.
 
     Attributes:
-        message: in words.
-        offset: where in its text, from 0.
+        message: what is wrong.
+        offset: where in the text, from 0.
     """
 
-    def __init__(self, message: str, offset: int) -> None:
-        """What is wrong, and where."""
-        super().__init__(message)
-        self.message, self.offset = message, offset
+    message: str
+    offset: int
 
-    def __reduce__(self) -> tuple[type[ExpressionError], tuple[str, int]]:
-        """For other processes."""
-        return type(self), (self.message, self.offset)
-
-
-def unknown_name(name: str, known: Iterable[str], offset: int) -> ExpressionError:
-    """Why a name is refused.
-
-    Args:
-        name: that is used.
-        known: names that there are.
-        offset: of the name.
-    """
-    names = list(known)
-    more = ", ..." if len(names) > MOST_SHOWN else ""
-    there_are = f"; known here: {', '.join(names[:MOST_SHOWN])}{more}" if names else ""
-    return ExpressionError(f"unknown name {written(name)}{did_you_mean(name, names) or there_are}", offset)
+    def __str__(self) -> str:
+        """Return the message."""
+        return self.message
 
 
 @dataclass(frozen=True)
-class Node(ABC):
-    """A part of an expression.
+class Expression(ABC):
+    """An expression, or a part of one.
 
     Attributes:
-        source: the text of the whole expression.
-        offset: where the part begins in it.
-        end: where it ends.
+        text: text of the expression.
+        offset: where the text begins in that of the outermost expression.
     """
 
-    source: str
+    text: str
     offset: int
-    end: int
 
     @property
-    def text(self) -> str:
-        """The part as it is written, on one line, cut where it is long."""
-        text = " ".join(self.source[self.offset : self.end].split())
+    def shown(self) -> str:
+        """Text on one line, cut where it is long."""
+        text = " ".join(self.text.split())
         return text if len(text) <= LONGEST_SHOWN else f"{text[: LONGEST_SHOWN - 3]}..."
 
     @property
-    def children(self) -> tuple[Node, ...]:
-        """The parts that it is made of."""
-        return ()
+    def names(self) -> dict[str, int]:
+        """Names that are used, in their order, and the offset of the first use."""
+        return {}
 
-    @abstractmethod
-    def apply(self, *values: Any) -> Any:
-        """Its value in CasADi, from those of its children."""
-
-    @abstractmethod
-    def dimension(self, known: Dimensions) -> Dimension | None:
-        """Its dimension, from those of names; None for a 0, which suits any."""
-
-    @cached_property
+    @property
     def constant(self) -> float | None:
-        """The number that it is, whatever names stand for; None if there are names in it."""
-        values = [child.constant for child in self.children]
-        return None if None in values else float(self.apply(*map(ca.DM, values)))
+        """Value of an expression without names; None if there are names in it."""
+        return None
 
+    @abstractmethod
     def casadi(self, values: Mapping[str, Any]) -> Any:
-        """Its value in CasADi, from those of names."""
-        if self.constant is not None:
-            return ca.DM(self.constant)
-        return self.apply(*[child.casadi(values) for child in self.children])
+        """Compute the value; DM if there are no names in the expression.
 
-    def walk(self) -> Iterator[Node]:
-        """This and all parts of it."""
-        yield self
-        for child in self.children:
-            yield from child.walk()
+        Args:
+            values: SX, MX, DM or numbers by name.
+
+        Raises:
+            ExpressionError: a name without a value.
+        """
+
+    @abstractmethod
+    def dimension(self, dimensions: Mapping[str, Dimension]) -> Dimension | None:
+        """Derive the dimension from those of the names; None for a bare 0, which suits any.
+
+        Raises:
+            ExpressionError: an unknown name, or parts whose dimensions do not go together.
+        """
+
+    def require(self, expected: Dimension, dimensions: Mapping[str, Dimension]) -> None:
+        """Check the dimension.
+
+        Raises:
+            ExpressionError: it is not the one that is expected, or there is none.
+        """
+        dimension = self.dimension(dimensions)
+        if dimension is not None and not dimension.fits(expected):
+            wanted = expected.text or expected.words
+            raise ExpressionError(f"{self.shown} is {dimension.words}, expected {wanted}", self.offset)
 
 
 @dataclass(frozen=True)
-class Number(Node):
-    """A number that is written out, or pi."""
+class Number(Expression):
+    """A number that is written out, pi, or an operation on numbers.
+
+    Attributes:
+        value: the number.
+        unit: dimension of the number; None for a bare 0, which suits any.
+    """
 
     value: float
+    unit: Dimension | None
 
-    def apply(self, *_: Any) -> Any:
-        """The number."""
-        return ca.DM(self.value)
+    def __post_init__(self) -> None:
+        """Refuse what is not finite, such as 9**9**9 and 1/0."""
+        if not math.isfinite(self.value):
+            raise ExpressionError(f"{self.shown} is no finite number", self.offset)
 
-    def dimension(self, _: Dimensions) -> Dimension | None:
-        """A plain number, unless it is 0."""
-        return PLAIN if self.value else None
-
-
-@dataclass(frozen=True)
-class Name(Node):
-    """The name of a quantity."""
-
-    name: str
-
-    constant = None
-
-    def apply(self, *_: Any) -> Any:
-        """Names have no value of their own."""
-        raise NotImplementedError
+    @property
+    def constant(self) -> float:
+        """Value of the number."""
+        return self.value
 
     def casadi(self, values: Mapping[str, Any]) -> Any:
-        """What the name stands for."""
-        value = self._of(values)
+        """Return the number."""
+        return ca.DM(self.value)
+
+    def dimension(self, dimensions: Mapping[str, Dimension]) -> Dimension | None:
+        """Return the dimension of the number."""
+        return self.unit
+
+
+@dataclass(frozen=True)
+class Name(Expression):
+    """The name of a quantity."""
+
+    @property
+    def names(self) -> dict[str, int]:
+        """The name itself."""
+        return {self.text: self.offset}
+
+    def casadi(self, values: Mapping[str, Any]) -> Any:
+        """Return the value that the name stands for."""
+        value = self._look_up(values)
         return ca.DM(value) if isinstance(value, int | float) else value
 
-    def dimension(self, known: Dimensions) -> Dimension | None:
-        """That of the quantity."""
-        found: Dimension = self._of(known)
-        return found
+    def dimension(self, dimensions: Mapping[str, Dimension]) -> Dimension | None:
+        """Return the dimension of the quantity."""
+        dimension: Dimension = self._look_up(dimensions)
+        return dimension
 
-    def _of(self, known: Mapping[str, Any]) -> Any:
-        if self.name not in known:
-            raise unknown_name(self.name, known, self.offset)
-        return known[self.name]
-
-
-@dataclass(frozen=True)
-class Negative(Node):
-    """Something with a minus before it."""
-
-    of: Node
-
-    children = property(lambda self: (self.of,))
-
-    def apply(self, *values: Any) -> Any:
-        """The negative of its child."""
-        return -values[0]
-
-    def dimension(self, known: Dimensions) -> Dimension | None:
-        """That of its child."""
-        return self.of.dimension(known)
+    def _look_up(self, entries: Mapping[str, Any]) -> Any:
+        if self.text in entries:
+            return entries[self.text]
+        names = list(entries)
+        more = ", ..." if len(names) > MOST_SHOWN else ""
+        there_are = f"; known here: {', '.join(names[:MOST_SHOWN])}{more}" if names else ""
+        hint = did_you_mean(self.text, names) or there_are
+        raise ExpressionError(f"unknown name {written(self.text)}{hint}", self.offset)
 
 
 @dataclass(frozen=True)
-class Sum(Node):
-    """Terms, each with the sign before it; the first has "+"."""
+class Operation(Expression):
+    """A function of operands, or operators of one strength between them.
 
-    terms: tuple[Node, ...]
-    signs: tuple[str, ...]
+    Attributes:
+        symbols: for each operand but the first the function's name, or the operator before it; the only
+            one's name or sign where there is one operand.
+        operands: arguments of the function or the operators, which are applied from the left.
+    """
 
-    children = property(lambda self: self.terms)
+    symbols: tuple[str, ...]
+    operands: tuple[Expression, ...]
 
-    def apply(self, *values: Any) -> Any:
-        """Added and subtracted from the left."""
-        total = values[0]
-        for sign, value in zip(self.signs[1:], values[1:], strict=True):
-            total = total + value if sign == "+" else total - value
-        return total
+    @property
+    def names(self) -> dict[str, int]:
+        """Names in the operands."""
+        names = dict[str, int]()
+        for operand in self.operands:
+            for name, offset in operand.names.items():
+                names.setdefault(name, offset)
+        return names
 
-    def dimension(self, known: Dimensions) -> Dimension | None:
-        """That of every term."""
-        verbs = ["added" if sign == "+" else "subtracted" for sign in self.signs]
-        return one_dimension(self.terms, known, verbs)
+    def casadi(self, values: Mapping[str, Any]) -> Any:
+        """Apply the function, or the operators, to the operands' values."""
+        return self._apply([operand.casadi(values) for operand in self.operands])
 
-
-@dataclass(frozen=True)
-class Product(Node):
-    """Factors, each with the sign before it; the first has "*"."""
-
-    factors: tuple[Node, ...]
-    signs: tuple[str, ...]
-
-    children = property(lambda self: self.factors)
-
-    def apply(self, *values: Any) -> Any:
-        """Multiplied and divided from the left."""
-        total = values[0]
-        for sign, value in zip(self.signs[1:], values[1:], strict=True):
-            total = total * value if sign == "*" else total / value
-        return total
-
-    def dimension(self, known: Dimensions) -> Dimension | None:
-        """The factors' product; a 0 is a plain number here."""
-        total = PLAIN
-        for sign, factor in zip(self.signs, self.factors, strict=True):
-            own = factor.dimension(known) or PLAIN
-            total = total * own if sign == "*" else total / own
-        return total
-
-
-@dataclass(frozen=True)
-class Power(Node):
-    """A power."""
-
-    base: Node
-    exponent: Node
-
-    children = property(lambda self: (self.base, self.exponent))
-
-    def apply(self, *values: Any) -> Any:
-        """The first to the power of the second."""
-        return values[0] ** values[1]
-
-    def dimension(self, known: Dimensions) -> Dimension | None:
-        """That of the base to the exponent, which is a number where the base has a unit."""
-        base, exponent = self.base.dimension(known) or PLAIN, self.exponent.dimension(known) or PLAIN
-        if not exponent.plain:
-            raise ExpressionError(
-                f"{self.exponent.text} is {exponent.words}: an exponent is a plain number",
-                self.exponent.offset,
-            )
-        power = self.exponent.constant
-        if not base.plain and (power is None or abs(power) > LARGEST_POWER):
-            size = "" if power is None else f" of at most {LARGEST_POWER}"
-            raise ExpressionError(
-                f"{self.base.text} is {base.words}: its exponent must be a number{size}, not "
-                f"{self.exponent.text}",
-                self.exponent.offset,
-            )
-        return PLAIN if base.plain else base ** Fraction(power or 0)
-
-
-@dataclass(frozen=True)
-class Call(Node):
-    """A function of arguments."""
-
-    function: str
-    arguments: tuple[Node, ...]
-
-    children = property(lambda self: self.arguments)
-
-    def apply(self, *values: Any) -> Any:
-        """The function's value."""
-        return FUNCTIONS[self.function].apply(*values)
-
-    def dimension(self, known: Dimensions) -> Dimension | None:
-        """What the function gives."""
-        function = FUNCTIONS[self.function]
-        own = one_dimension(self.arguments, known, repeat("compared"))
-        if function.takes and own is not None and not own.plain:
-            first = self.arguments[0]
-            message = f"{first.text} is {own.words}: {self.function} takes {function.takes}"
+    def dimension(self, dimensions: Mapping[str, Dimension]) -> Dimension | None:
+        """Derive the dimension from those of the operands; the exponent of a unit must be a number."""
+        if self.symbols == ("^",):
+            return self._power(dimensions)
+        function = _TABLE[self.symbols[0]]
+        if function.gives is None:
+            product: Dimension = self._apply([part.dimension(dimensions) or PLAIN for part in self.operands])
+            return product
+        first, common = self.operands[0], None
+        for symbol, operand in zip((self.symbols[0], *self.symbols), self.operands, strict=False):
+            dimension = operand.dimension(dimensions)
+            if common is None:
+                first, common = operand, dimension
+            elif dimension is not None and not common.fits(dimension):
+                raise ExpressionError(
+                    f"{first.shown} is {common.words}, {operand.shown} is {dimension.words}: they cannot be "
+                    f"{_TABLE[symbol].verb}",
+                    operand.offset,
+                )
+        if function.takes and common is not None and not common.plain:
+            message = f"{first.shown} is {common.words}: {self.symbols[0]} takes {function.takes}"
             raise ExpressionError(message, first.offset)
-        return None if own is None and function.keeps_zero else function.gives(own or PLAIN)
+        return function.gives(common)
 
+    def _apply(self, values: Sequence[Any]) -> Any:
+        total, *further = values
+        if not further:
+            return _TABLE[self.symbols[0]].apply(total)
+        for symbol, value in zip(self.symbols, further, strict=True):
+            total = _TABLE[symbol].apply(total, value)
+        return total
 
-def one_dimension(nodes: Sequence[Node], known: Dimensions, verbs: Iterable[str]) -> Dimension | None:
-    """The dimension that all of some parts have; None if all are 0.
-
-    Args:
-        nodes: the parts.
-        known: dimensions of names.
-        verbs: what cannot be done to each if it differs from the first.
-
-    Raises:
-        ExpressionError: two differ.
-    """
-    first: tuple[Node, Dimension] | None = None
-    for node, verb in zip(nodes, verbs, strict=False):
-        own = node.dimension(known)
-        if own is not None and first is not None and not first[1].fits(own):
-            there = f"{first[0].text} is {first[1].words}"
-            raise ExpressionError(f"{there}, {node.text} is {own.words}: they cannot be {verb}", node.offset)
-        if own is not None and first is None:
-            first = node, own
-    return first[1] if first else None
-
-
-def finite(node: Node) -> Node:
-    """A part, checked to be no number that is not finite, such as 9**9**9 and 1/0.
-
-    Raises:
-        ExpressionError: it is.
-    """
-    if node.constant is not None and not math.isfinite(node.constant):
-        raise ExpressionError(f"{node.text} is no finite number", node.offset)
-    return node
+    def _power(self, dimensions: Mapping[str, Dimension]) -> Dimension:
+        base, exponent = (operand.dimension(dimensions) or PLAIN for operand in self.operands)
+        base_text, exponent_text = (operand.shown for operand in self.operands)
+        power, issue = self.operands[1].constant, ""
+        if not exponent.plain:
+            issue = f"{exponent_text} is {exponent.words}: an exponent is a plain number"
+        elif not base.plain and (power is None or abs(power) > LARGEST_POWER):
+            size = "" if power is None else f" of at most {LARGEST_POWER}"
+            issue = f"{base_text} is {base.words}: its exponent must be a number{size}, not {exponent_text}"
+        if issue:
+            raise ExpressionError(issue, self.operands[1].offset)
+        return PLAIN if base.plain else base ** (power or 0)
