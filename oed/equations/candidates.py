@@ -12,38 +12,28 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from oed.equations.dimensions import Dimension, quantity
-from oed.equations.given import Quantity
+from oed.equations.dimensions import Dimension, Quantity, expect_quantity, quantity
+from oed.equations.issues import Issues
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
-from oed.foundation.errors import FileIssue, Issue, PathFileError, ProblemError
+from oed.foundation.errors import PathFileError, ProblemError
 from oed.foundation.files import text_of
 
 MOST = 100_000
-"""Candidates."""
+"""Largest number of candidates."""
 
 
 class Grid(Component):
     """Values of an input, evenly spaced.
 
     Attributes:
-        least, largest: with their units.
-        count: how many, both ends included.
+        least, largest: ends, with their units.
+        count: number of values, both ends included.
     """
 
     least: Quantity
     largest: Quantity
     count: Annotated[int, Field(ge=1, le=MOST)]
-
-    @property
-    def values(self) -> tuple[Array, tuple[Dimension, ...]]:
-        """The values, SI, and the dimensions of both ends.
-
-        Raises:
-            ValueError: no quantities.
-        """
-        (low, one), (high, other) = quantity(self.least), quantity(self.largest)
-        return np.linspace(low, high, self.count), (one, other)
 
 
 class Candidates(Component):
@@ -52,7 +42,7 @@ class Candidates(Component):
     Attributes:
         grid: every combination of values of the inputs.
         rows: instead, values of every input, trial by trial.
-        file: instead, a CSV file with a column of every input, found from the study's folder.
+        file: instead, a CSV file with a column for every input, found from the study's folder.
     """
 
     grid: dict[str, Grid | tuple[Quantity, ...]] | None = None
@@ -60,116 +50,108 @@ class Candidates(Component):
     file: str | None = None
 
     @model_validator(mode="after")
-    def _one_way_to_give_them(self) -> Candidates:
-        if sum(one is not None for one in (self.grid, self.rows, self.file)) != 1:
+    def _exactly_one(self) -> Candidates:
+        if [self.grid, self.rows, self.file].count(None) != 2:
             raise ValueError("expected one of grid, rows and file")
         return self
 
     @field_validator("rows")
     @classmethod
-    def _as_many_of_each(cls, rows: dict[str, tuple[Quantity, ...]] | None) -> object:
+    def _equal_lengths(cls, rows: dict[str, tuple[Quantity, ...]] | None) -> object:
         lengths = {name: len(values) for name, values in (rows or {}).items()}
         if len(set(lengths.values())) > 1:
             raise ValueError(f"expected as many values of every input, got {lengths}")
         return rows
 
     def read(self, folder: Path, inputs: tuple[str, ...]) -> Candidates:
-        """These candidates, a file's rows in place of its name.
+        """Return these candidates, a file's rows in place of its name.
 
         Args:
-            folder: from which the file is found.
+            folder: folder that the file's name starts from.
             inputs: names of the columns.
 
         Raises:
-            ProblemError: what the file lacks, by its lines.
+            ProblemError: mistakes in the file, by its lines.
         """
-        if self.file is None:
-            return self
-        try:
-            return Candidates(rows=_columns(folder / self.file, inputs))
-        except PathFileError as error:
-            issues = [Issue(("experiment", "candidates", "file"), str(one)) for one in error.issues]
-            raise ProblemError(issues) from None
+        return self if self.file is None else Candidates(rows=_columns(folder / self.file, inputs))
+
+    @property
+    def entries(self) -> Mapping[str, Grid | tuple[Quantity, ...]]:
+        """Values by the inputs' names; none of a file that has not been read."""
+        return self.rows or {} if self.grid is None else self.grid
 
     @property
     def largest(self) -> dict[str, Quantity]:
-        """A value of every input as it is written, the largest of a grid; of a file's inputs none."""
-        given = self.grid if self.grid is not None else self.rows or {}
-        return {name: one.largest if isinstance(one, Grid) else one[-1] for name, one in given.items() if one}
+        """One value of every input as the study has it, the largest of a grid."""
+        return {
+            name: values.largest if isinstance(values, Grid) else values[-1]
+            for name, values in self.entries.items()
+            if values
+        }
 
-    def table(self, units: Mapping[str, Dimension]) -> Array:
-        """Settings of the inputs, SI, (n, inputs).
+    def table(self, dimensions: Mapping[str, Dimension]) -> Array:
+        """Return the settings of the inputs, SI, (n, inputs).
 
         Args:
-            units: dimensions of the inputs, in their order.
+            dimensions: dimensions of the inputs, in their order.
 
         Raises:
-            ProblemError: inputs that there are not, or of which nothing is said, values of another unit.
+            ProblemError: unknown inputs, inputs without values, or values in another unit.
         """
-        given, key = (self.grid, "grid") if self.grid is not None else (self.rows or {}, "rows")
-        found, issues = dict[str, Array](), list[Issue]()
-        for name in dict.fromkeys((*units, *given)):
-            reason = _missing(name, given, units)
-            if not reason:
-                try:
-                    found[name], dimensions = _values(given[name])
-                    wrong = [one for one in dimensions if not one.fits(units[name])]
-                    reason = f"{name} is {units[name].words}, a value {wrong[0].words}" if wrong else ""
-                except ValueError as error:
-                    reason = str(error)
-            if reason:
-                issues.append(Issue(("experiment", "candidates", key, name), reason))
-        if issues:
-            raise ProblemError(issues)
-        each = [found[name] for name in units]
-        count = prod(map(len, each)) if self.grid is not None else max(map(len, each), default=0)
+        issues = Issues("experiment", "candidates", "rows" if self.grid is None else "grid")
+        columns = dict[str, Array]()
+        for name in dict.fromkeys((*dimensions, *self.entries)):
+            with issues.at(name):
+                columns[name] = self._column(name, dimensions)
+        issues.check()
+        values = [columns[name] for name in dimensions]
+        count = max(map(len, values), default=0) if self.grid is None else prod(map(len, values))
         if count > MOST:
-            text = f"expected at most {MOST} candidates, got {count}: take fewer values"
-            raise ProblemError.about(("experiment", "candidates", key), text)
-        return np.array(list(product(*each)) if self.grid is not None else list(zip(*each, strict=True)))
+            issues.add(f"expected at most {MOST} candidates, got {count}: take fewer values")
+            issues.check()
+        return np.array(list(zip(*values, strict=True) if self.grid is None else product(*values)))
 
-
-def _missing(name: str, given: Mapping[str, object], units: Mapping[str, Dimension]) -> str:
-    if name not in units:
-        return f"the system has no such input; it has {', '.join(units) or 'none'}"
-    return "" if name in given else f"missing: values of {name}"
-
-
-def _values(given: Grid | tuple[Quantity, ...]) -> tuple[Array, tuple[Dimension, ...]]:
-    if isinstance(given, Grid):
-        return given.values
-    if not given:
-        raise ValueError("expected at least one value")
-    values, dimensions = zip(*map(quantity, given), strict=True)
-    return np.array(values), dimensions
+    def _column(self, name: str, dimensions: Mapping[str, Dimension]) -> Array:
+        if name not in dimensions:
+            raise ValueError(f"the system has no such input; it has {', '.join(dimensions) or 'none'}")
+        if name not in self.entries:
+            raise ValueError(f"missing: values of {name}")
+        values, expected = self.entries[name], dimensions[name]
+        ends = (values.least, values.largest) if isinstance(values, Grid) else values
+        if not ends:
+            raise ValueError("expected at least one value")
+        numbers = [expect_quantity(value, expected, f"{name} is {{}}, a value {{}}") for value in ends]
+        return (
+            np.linspace(numbers[0], numbers[1], values.count)
+            if isinstance(values, Grid)
+            else np.array(numbers)
+        )
 
 
 def _columns(path: Path, inputs: tuple[str, ...]) -> dict[str, tuple[Quantity, ...]]:
-    name, text = str(path), text_of(path, PathFileError, "utf-8-sig")
-    lines = list(csv.reader(text.splitlines()))
-    header = [cell.strip() for cell in lines[0]] if lines else []
-    missing = [one for one in inputs if one not in header]
-    if missing:
-        raise PathFileError([FileIssue(name, 1, 0, "", f"the header lacks {', '.join(missing)}")])
-    numbered = [(number, row) for number, row in enumerate(lines[1:], start=2) if row]
-    short = [number for number, row in numbered if len(row) != len(header)]
-    if short or not numbered:
-        what = f"expected {len(header)} cells" if short else "expected at least one row after the header"
-        raise PathFileError([FileIssue(name, short[0] if short else 1, 0, "", what)])
-    issues = [
-        FileIssue(name, number, 0, one, reason)
-        for number, row in numbered
-        for one in inputs
-        if (reason := _issue(row[header.index(one)]))
-    ]
-    if issues:
-        raise PathFileError(issues)
-    return {one: tuple(row[header.index(one)].strip() for _, row in numbered) for one in inputs}
-
-
-def _issue(cell: str) -> str:
+    issues = Issues("experiment", "candidates", "file")
     try:
-        quantity(cell.strip())
-    except ValueError as error:
-        return str(error)
-    return ""
+        text = text_of(path, PathFileError, "utf-8-sig")
+    except PathFileError as error:
+        raise ProblemError.about(issues.key, str(error)) from None
+    header, *lines = [[cell.strip() for cell in row] for row in csv.reader(text.splitlines())] or [[]]
+    rows = {number: row for number, row in enumerate(lines, start=2) if row}
+    missing = ", ".join(name for name in inputs if name not in header)
+    if missing:
+        issues.add(f"{path}:1: the header lacks {missing}")
+    elif not rows:
+        issues.add(f"{path}:1: expected at least one row after the header")
+    issues.check()
+    columns: dict[str, list[Quantity]] = {name: [] for name in inputs}
+    for number, row in rows.items():
+        if len(row) != len(header):
+            issues.add(f"{path}:{number}: expected {len(header)} cells")
+            continue
+        for name in inputs:
+            columns[name].append(row[header.index(name)])
+            try:
+                quantity(columns[name][-1])
+            except ValueError as error:
+                issues.add(f"{path}:{number}: {name}: {error}")
+    issues.check()
+    return {name: tuple(values) for name, values in columns.items()}

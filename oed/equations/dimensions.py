@@ -23,6 +23,8 @@ SIZES = (0.0, 1e100)
 """Smallest and largest magnitude of values in equations, in their unit: small ones are no rounding errors."""
 GRAM = 1e-3
 """Mass of a gram [kg]."""
+Quantity = float | str
+"""A number, or text with a unit."""
 
 
 @dataclass(frozen=True)
@@ -151,6 +153,35 @@ def quantity(value: object) -> tuple[float, Dimension]:
     """
     unit = _unit_in(value)
     return parse_value(value, unit), parse_unit(unit)[1]
+
+
+def expect_quantity(value: Quantity, expected: Dimension, message: str) -> float:
+    """Return the SI value of a quantity that must have a dimension.
+
+    Args:
+        value: the quantity as it is written.
+        expected: the dimension.
+        message: error with two gaps: what is in the expected unit, and what is in that of the quantity.
+
+    Raises:
+        ValueError: no quantity, or one of another dimension.
+    """
+    number, dimension = quantity(value)
+    if not dimension.fits(expected):
+        raise ValueError(message.format(expected.words, dimension.words))
+    return number
+
+
+def rising(values: tuple[Quantity, Quantity]) -> tuple[float, float]:
+    """Return the SI values of a range.
+
+    Raises:
+        ValueError: no quantities, or the second is not the larger.
+    """
+    low, high = (quantity(value)[0] for value in values)
+    if not low < high:
+        raise ValueError(f"expected [least, largest], got {list(values)}")
+    return low, high
 
 
 def unit_of(text: str) -> tuple[str, float]:

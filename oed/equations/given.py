@@ -1,4 +1,4 @@
-"""What a study says of any system: the system, and how its states begin."""
+"""Descriptions of systems in studies: the system, and the initial values of its states."""
 
 from __future__ import annotations
 
@@ -8,38 +8,34 @@ from dataclasses import dataclass
 from math import inf
 from typing import Annotated, Any
 
-from pydantic import Discriminator, PlainSerializer, Tag
+from pydantic import BeforeValidator, Discriminator, PlainSerializer, Tag
 
-from oed.equations.dimensions import Dimension, quantity
+from oed.equations.dimensions import Dimension, Quantity, expect_quantity, quantity, rising
+from oed.equations.issues import Issues
 from oed.foundation.component import Component
-from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.shown import written
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 
 EXACTLY = 1e-8
-"""Share of a known initial value that is its deviation beside unknown ones: its square is rounding."""
-Quantity = float | str
-"""A number, or text with a unit."""
+"""Deviation of an exact initial value beside inexact ones, as a share of it: its square is rounding."""
 
 
-def pairs(given: Any) -> Any:
-    """What is given by name as pairs, which can be hashed; pairs as they are.
+def pairs(value: Any) -> Any:
+    """Return a mapping as pairs, which can be hashed; pairs as they are.
 
     Raises:
         ValueError: a word or a number.
     """
-    if isinstance(given, str | int | float):
-        raise ValueError(f"expected names, each with its value, got {written(given)}")
-    return tuple(given.items()) if isinstance(given, Mapping) else given
+    if isinstance(value, str | int | float):
+        raise ValueError(f"expected names, each with its value, got {written(value)}")
+    return tuple(value.items()) if isinstance(value, Mapping) else value
 
 
-def _by_name(given: Any) -> Any:
-    return dict(given) if isinstance(given, tuple) else given
-
-
-AS_DATA = PlainSerializer(_by_name, when_used="json")
-"""Has pairs saved by name, as a study has them."""
+AS_DATA = PlainSerializer(lambda value: dict(value) if isinstance(value, tuple) else value, when_used="json")
+"""Saves pairs by name, as a study has them."""
+Quantities = Annotated[tuple[tuple[str, Quantity], ...], BeforeValidator(pairs), AS_DATA]
+"""Quantities by name."""
 
 
 class DesignedStart(Component):
@@ -56,8 +52,8 @@ class UnknownStart(Component):
     """An initial value that is not known exactly.
 
     Attributes:
-        unknown: its nominal value.
-        deviation: its standard deviation; nothing is known of it by default.
+        unknown: nominal value.
+        deviation: standard deviation; None if nothing is known of the value.
     """
 
     unknown: Quantity
@@ -65,7 +61,7 @@ class UnknownStart(Component):
 
 
 def _start_form(value: Any) -> str:
-    # By what is given, so that mistakes are those of the form that was meant.
+    # Its keys tell which form is meant, so that mistakes are reported of that form alone.
     if isinstance(value, DesignedStart | UnknownStart):
         return type(value).__name__
     if not isinstance(value, dict):
@@ -83,13 +79,13 @@ Start = Annotated[
 
 @dataclass(frozen=True)
 class Begin:
-    """How a state begins, SI.
+    """Initial value of a state, SI.
 
     Attributes:
-        low, high: between which trials choose; both the value itself where they do not.
-        unknown: whether the value is nominal only.
-        deviation: of what is not known exactly; None where nothing is known.
-        dimension: of the state.
+        low, high: least and largest value that trials may choose; both the value itself where it is fixed.
+        unknown: True if the value is nominal only.
+        deviation: standard deviation of an unknown value; None where nothing is known of it.
+        dimension: dimension of the state.
     """
 
     low: float
@@ -100,9 +96,7 @@ class Begin:
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the initial value, SI: infinite where nothing is known, next to none where it
-        is known.
-        """
+        """Standard deviation, SI: infinite if nothing is known of the value, next to none if it is exact."""
         if self.unknown:
             return inf if self.deviation is None else self.deviation
         return EXACTLY * (max(abs(self.low), abs(self.high)) or 1.0)
@@ -114,21 +108,21 @@ class Readable(System, ABC):
     @property
     @abstractmethod
     def output_dimensions(self) -> Mapping[str, Dimension]:
-        """Of the outputs, by name."""
+        """Dimensions of the outputs, by name."""
 
     @property
     @abstractmethod
     def dimensions(self) -> Mapping[str, Dimension]:
-        """Of states, inputs, parameters, outputs and whatever else has a name."""
+        """Dimensions of states, inputs, parameters, outputs and whatever else has a name."""
 
     @abstractmethod
     def values_at(self, state: Expression, inputs: Expression, parameters: Expression) -> Mapping[str, Any]:
-        """Expressions of all that `dimensions` names, SI.
+        """Return the values of all that `dimensions` names, SI.
 
         Args:
-            state: (states,), SI.
-            inputs: held, (inputs,), SI.
-            parameters: values, (p,), SI.
+            state: states, (states,), SI.
+            inputs: inputs, (inputs,), SI.
+            parameters: parameters, (p,), SI.
         """
 
 
@@ -143,70 +137,59 @@ class SystemKeys(Component, ABC):
         """The system.
 
         Raises:
-            ProblemError: it is none, by key and column.
+            ProblemError: mistakes in it, by key and column.
         """
 
     @property
     @abstractmethod
     def begins(self) -> Mapping[str, Begin]:
-        """How every state begins, by name.
+        """Initial values of all states, by name.
 
         Raises:
-            ProblemError: values that are none, of different units, or that do not rise.
+            ProblemError: no quantities, different units, or bounds that do not rise.
         """
 
     @property
     def quantities(self) -> Mapping[str, Quantity]:
-        """Parameters and initial values as they are written, where they are, by name."""
+        """Parameters and initial values as texts or numbers of the study, by name."""
         return {}
 
 
-def largest(start: Start) -> Quantity:
-    """A nominal initial value as it is written; the largest that may be chosen."""
+def largest(start: Any) -> Quantity:
+    """Return a nominal initial value as the study has it; the largest of those to choose from."""
     if isinstance(start, DesignedStart):
         return start.design[1]
     return start.unknown if isinstance(start, UnknownStart) else start
 
 
 def begins_of(states: Iterable[tuple[str, Any]], key: str) -> dict[str, Begin]:
-    """How states begin.
+    """Read initial values.
 
     Args:
-        states: names, and starts as they are given.
-        key: of the system's key that has them.
+        states: names, and initial values as a study has them.
+        key: key of the system that has them.
 
     Raises:
-        ProblemError: values that are none, of different units, or that do not rise.
+        ProblemError: no quantities, different units, or bounds that do not rise.
     """
-    found, issues = dict[str, Begin](), list[Issue]()
+    begins, issues = dict[str, Begin](), Issues("system", key)
     for name, start in states:
-        try:
-            found[name] = _begin(start)
-        except ValueError as error:
-            issues.append(Issue(("system", key, name), str(error)))
-    if issues:
-        raise ProblemError(issues)
-    return found
+        with issues.at(name):
+            begins[name] = _begin(start)
+    issues.check()
+    return begins
 
 
-def _begin(start: Quantity | DesignedStart | UnknownStart) -> Begin:
+def _begin(start: Any) -> Begin:
     if isinstance(start, DesignedStart):
-        (low, dimension), (high, other) = map(quantity, start.design)
-        _require_alike(dimension, other, "bounds")
-        if not low < high:
-            raise ValueError(f"expected [least, largest], got {list(start.design)}")
-        return Begin(low, high, False, None, dimension)
-    if isinstance(start, UnknownStart):
-        value, dimension = quantity(start.unknown)
-        size, other = (None, dimension) if start.deviation is None else quantity(start.deviation)
-        _require_alike(dimension, other, "value and deviation")
-        if size is not None and not size > 0:
-            raise ValueError(f"expected a deviation above 0, got {start.deviation}")
-        return Begin(value, value, True, size, dimension)
-    value, dimension = quantity(start)
-    return Begin(value, value, False, None, dimension)
-
-
-def _require_alike(one: Dimension, other: Dimension, what: str) -> None:
-    if not one.fits(other):
-        raise ValueError(f"{what} are of different units: {one.words}, and {other.words}")
+        _, dimension = quantity(start.design[0])
+        expect_quantity(start.design[1], dimension, "bounds are of different units: {}, and {}")
+        return Begin(*rising(start.design), False, None, dimension)
+    value, dimension = quantity(largest(start))
+    if not isinstance(start, UnknownStart) or start.deviation is None:
+        return Begin(value, value, isinstance(start, UnknownStart), None, dimension)
+    units = "value and deviation are of different units: {}, and {}"
+    deviation = expect_quantity(start.deviation, dimension, units)
+    if not deviation > 0:
+        raise ValueError(f"expected a deviation above 0, got {start.deviation}")
+    return Begin(value, value, True, deviation, dimension)

@@ -1,31 +1,32 @@
-"""What a study says of a system given by equations."""
+"""Keys of a study that give a system by equations."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from oed.equations.given import Begin, Quantity, Start, SystemKeys, begins_of, largest
+from oed.equations.dimensions import Quantity
+from oed.equations.given import Begin, Start, SystemKeys, begins_of, largest
 from oed.equations.system import Equations
 
 
 class EquationKeys(SystemKeys):
-    """A system given by equations, as `oed.Equations` has it.
+    """A system given by equations, with the keys that `oed.Equations` takes.
 
     Attributes:
         states: initial values with their units: fixed, `{design: [low, high]}`, or
             `{unknown: value, deviation: size}`.
-        inputs: their SI units.
+        inputs: SI units of the inputs.
         parameters: nominal values with their units.
         define: names for parts of expressions.
-        derivatives: of every state by time.
-        algebraic_states: guesses with their units of what follows from `algebraic`.
-        algebraic: for every algebraic state an equation, by what is 0.
-        outputs: what can be read.
-        integrator: by which states are followed: runge_kutta, or radau for stiff systems and those with
+        derivatives: derivatives of all states by time.
+        algebraic_states: guesses, with their units, of what follows from `algebraic`.
+        algebraic: equations of all algebraic states, each as an expression that is 0.
+        outputs: quantities that can be read.
+        integrator: method that integrates the states: runge_kutta, or radau for stiff systems and those with
             algebraic states.
         substeps: steps of the integration in a period; 10 of runge_kutta and 4 of radau by default.
     """
@@ -44,17 +45,17 @@ class EquationKeys(SystemKeys):
 
     @cached_property
     def begins(self) -> Mapping[str, Begin]:
-        """How every state begins.
+        """Initial values of all states.
 
         Raises:
-            ProblemError: values that are none, of different units, or that do not rise.
+            ProblemError: no quantities, different units, or bounds that do not rise.
         """
         return begins_of(self.states.items(), "states")
 
     @property
     def quantities(self) -> Mapping[str, Quantity]:
-        """Of parameters and initial values; the largest that may be chosen."""
-        return {**self.parameters, **{name: largest(one) for name, one in self.states.items()}}
+        """Parameters and initial values; the largest of those to choose from."""
+        return {**self.parameters, **{name: largest(start) for name, start in self.states.items()}}
 
     @cached_property
     def system(self) -> Equations:
@@ -63,6 +64,6 @@ class EquationKeys(SystemKeys):
         Raises:
             ProblemError: every name, expression or unit that does not fit, by its key and column.
         """
-        given: Mapping[str, Any] = {name: getattr(self, name) for name in type(self).model_fields}
-        states = {name: one.dimension.text for name, one in self.begins.items()}
-        return Equations(**{**{name: one for name, one in given.items() if name != "kind"}, "states": states})
+        keys = {**dict(self), "states": {name: begin.dimension.text for name, begin in self.begins.items()}}
+        del keys["kind"]
+        return Equations(**keys)

@@ -1,15 +1,24 @@
-"""Limits on inputs of systems that are given by equations, each input by its name."""
+"""Limits between quantities with units, and those on single inputs of systems with equations."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import AfterValidator
 
-from oed.equations.dimensions import TIME, Dimension, parse_unit, quantity
+from oed.equations.dimensions import (
+    PLAIN,
+    TIME,
+    Dimension,
+    Quantity,
+    expect_quantity,
+    parse_unit,
+    quantity,
+    rising,
+)
+from oed.equations.issues import Issues
 from oed.foundation.errors import Issue
 from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.expression import Expression
@@ -18,91 +27,107 @@ from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import BOTH_ENDS, Limit, Rows, rest_issues
 
-Quantity = str | float
+
+def _require_rising(values: tuple[Quantity, Quantity]) -> tuple[Quantity, Quantity]:
+    rising(values)
+    return values
 
 
-class OneInput(Limit, ABC):
-    """One input, or how fast it changes, between two values.
+def _require_rate(rate: Quantity | tuple[Quantity, Quantity]) -> Quantity | tuple[Quantity, Quantity]:
+    _rates(rate)
+    return rate
+
+
+def _rates(rate: Quantity | tuple[Quantity, Quantity]) -> tuple[float, float]:
+    # Least and largest rate, SI; alike in both directions where there is one.
+    if isinstance(rate, tuple):
+        return rising(rate)
+    most, _ = quantity(rate)
+    if not most > 0:
+        raise ValueError(f"expected a rate above 0, got {rate}")
+    return -most, most
+
+
+Range = Annotated[tuple[Quantity, Quantity], AfterValidator(_require_rising)]
+"""Least and largest value."""
+Rate = Annotated[Quantity | tuple[Quantity, Quantity], AfterValidator(_require_rate)]
+"""Largest rate of change in either direction, or the least and the largest."""
+
+
+class TwoSidedLimit(Limit, ABC):
+    """A limit between quantities."""
+
+    @property
+    @abstractmethod
+    def sides(self) -> tuple[Quantity | None, Quantity]:
+        """Least and largest value, with their units; None where there is no least."""
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Least and largest value, SI."""
+        low, high = self.sides
+        return -np.inf if low is None else quantity(low)[0], quantity(high)[0]
+
+    def unit_issues(self, expected: Dimension, noun: str) -> list[Issue]:
+        """Return the mistake in the sides' units.
+
+        Args:
+            expected: dimension of the values that are limited.
+            noun: name of the sides in the message.
+        """
+        issues = Issues("limits", self.name)
+        with issues.at():
+            for side in self.sides:
+                if side is not None:
+                    expect_quantity(side, expected, f"expected {noun} {{}}, got some {{}}")
+        return issues
+
+    def between(self, values: Expression, unit: str) -> Rows:
+        """Return rows that keep values between the bounds.
+
+        Args:
+            values: the values (n,), SI.
+            unit: their SI unit.
+        """
+        low, high = self.bounds
+        size = max(abs(bound) for bound in self.bounds if np.isfinite(bound)) or 1.0
+        count = values.shape[0]
+        return Rows(values, np.full(count, low), np.full(count, high), size, unit)
+
+
+class OneInput(TwoSidedLimit):
+    """A limit on one input, or on its rate of change.
 
     Attributes:
-        input: its name.
+        input: name of the input.
+        per: dimension that the input's is divided by.
     """
 
     looks_at: ClassVar[Literal["inputs"]] = "inputs"
     loosened: ClassVar[str] = BOTH_ENDS
+    per: ClassVar[Dimension] = PLAIN
     input: str
-
-    @property
-    @abstractmethod
-    def given(self) -> tuple[Quantity, Quantity]:
-        """Least and largest value, with their units."""
-
-    @abstractmethod
-    def of(self, dimension: Dimension) -> Dimension:
-        """The dimension of what is limited, of an input of that dimension."""
 
     @abstractmethod
     def table(self, drive: Drive) -> Expression:
-        """What is limited of every input, (K, inputs)."""
-
-    @model_validator(mode="after")
-    def _rising(self) -> OneInput:
-        require_rising(self.given, self.bounds)
-        return self
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """SI."""
-        low, high = (quantity(one)[0] for one in self.given)
-        return low, high
+        """Return the values of all inputs that are limited, (K, inputs)."""
 
     def issues(self, system: System, space: Space) -> list[Issue]:
-        """No such input, or bounds in another unit."""
-        units = {one.name: parse_unit(one.unit)[1] for one in system.inputs}
-        if self.input not in units:
-            known = ", ".join(system.input_names) or "none"
-            meant = did_you_mean(self.input, system.input_names)
-            return [Issue(("limits", self.name), f"there is no such input; the inputs are {known}{meant}")]
-        expected = self.of(units[self.input])
-        wrong = {quantity(one)[1] for one in self.given if not quantity(one)[1].fits(expected)}
-        text = f"expected bounds {expected.words}, got some {{}}"
-        return [Issue(("limits", self.name), text.format(one.words)) for one in wrong]
+        """Refuse an input that does not exist, or bounds in another unit."""
+        dimensions = input_dimensions(system)
+        if self.input in dimensions:
+            return self.unit_issues(dimensions[self.input] / self.per, "bounds")
+        there_are = f"the inputs are {', '.join(dimensions) or 'none'}"
+        text = f"there is no such input; {there_are}{did_you_mean(self.input, dimensions)}"
+        return [Issue(("limits", self.name), text)]
 
     def rows(self, drive: Drive) -> Rows:
-        """At all times."""
-        place = drive.system.input_names.index(self.input)
-        column = self.table(drive)[:, place]
-        low, high = self.bounds
-        count, size = column.shape[0], max(abs(low), abs(high))
-        unit = self.of(parse_unit(drive.system.inputs[place].unit)[1]).text
-        return Rows(column, np.full(count, low), np.full(count, high), size, unit)
+        """Keep the input between the bounds at all times."""
+        column = self.table(drive)[:, drive.system.input_names.index(self.input)]
+        return self.between(column, (input_dimensions(drive.system)[self.input] / self.per).text)
 
-
-def require_rising(given: Sequence[Quantity], bounds: tuple[float, float]) -> None:
-    """Refuse bounds that do not rise.
-
-    Args:
-        given: as they are written.
-        bounds: SI.
-
-    Raises:
-        ValueError: the second is not larger.
-    """
-    if not bounds[0] < bounds[1]:
-        raise ValueError(f"expected [least, largest], got {list(given)}")
-
-
-def both_ways(rate: Quantity | tuple[Quantity, Quantity]) -> tuple[float, float]:
-    """Bounds of a rate, SI: one for both directions, or two.
-
-    Raises:
-        ValueError: no quantities, or bounds that do not rise.
-    """
-    low, high = rate if isinstance(rate, tuple) else (rate, rate)
-    least, most = quantity(low)[0], quantity(high)[0]
-    bounds = (least if isinstance(rate, tuple) else -most, most)
-    require_rising([low, high], bounds)
-    return bounds
+    def _bounds_by_name(self, system: System) -> dict[str, tuple[float, float]]:
+        return {self.input: self.bounds} if self.input in system.input_names else {}
 
 
 class InputRange(OneInput):
@@ -112,72 +137,68 @@ class InputRange(OneInput):
         range: least and largest value, with their units.
     """
 
-    range: tuple[Quantity, Quantity]
+    range: Range
 
     @property
     def name(self) -> str:  # type: ignore[override]
-        """That of the input."""
+        """Name of the input."""
         return self.input
 
     @property
-    def given(self) -> tuple[Quantity, Quantity]:
-        """The range."""
+    def sides(self) -> tuple[Quantity, Quantity]:
+        """Least and largest value, with their units."""
         return self.range
 
-    def of(self, dimension: Dimension) -> Dimension:
-        """The input's own."""
-        return dimension
-
     def table(self, drive: Drive) -> Expression:
-        """The inputs."""
+        """Return the inputs."""
         return drive.input_values
 
     def issues(self, system: System, space: Space) -> list[Issue]:
-        """No such input, bounds in another unit, or that exclude a rest that is asked for."""
+        """Refuse also bounds that exclude a rest that is asked for."""
         issues = super().issues(system, space)
-        return issues or rest_issues(self, [self.bounds], _unit(system, self.input), space)
+        if issues:
+            return issues
+        return rest_issues(self, [self.bounds], input_dimensions(system)[self.input].text, space)
 
     def input_bounds(self, system: System) -> dict[str, tuple[float, float]]:
-        """Of this input alone."""
-        return {self.input: self.bounds} if self.input in system.input_names else {}
+        """Return the bounds of this input alone."""
+        return self._bounds_by_name(system)
 
 
 class InputRate(OneInput):
-    """How fast one input changes.
+    """Rate of change of one input.
 
     Attributes:
-        rate: the most, either way, or least and largest.
+        rate: largest rate in either direction, or the least and the largest.
     """
 
-    rate: Quantity | tuple[Quantity, Quantity]
+    per: ClassVar[Dimension] = TIME
+    rate: Rate
 
     @property
     def name(self) -> str:  # type: ignore[override]
-        """That of the input, and what of it."""
+        """Name of the limit."""
         return f"rate_of_{self.input}"
 
     @property
-    def given(self) -> tuple[Quantity, Quantity]:
-        """Both ends."""
+    def sides(self) -> tuple[Quantity, Quantity]:
+        """Least and largest rate, with their units."""
         return self.rate if isinstance(self.rate, tuple) else (self.rate, self.rate)
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """SI."""
-        return both_ways(self.rate)
-
-    def of(self, dimension: Dimension) -> Dimension:
-        """The input's own a second."""
-        return dimension / TIME
+        """Least and largest rate, SI."""
+        return _rates(self.rate)
 
     def table(self, drive: Drive) -> Expression:
-        """Their rates."""
+        """Return the rates of all inputs."""
         return drive.input_rates
 
     def rate_bounds(self, system: System) -> dict[str, tuple[float, float]]:
-        """Of this input alone."""
-        return {self.input: self.bounds} if self.input in system.input_names else {}
+        """Return the bounds of this input alone."""
+        return self._bounds_by_name(system)
 
 
-def _unit(system: System, name: str) -> str:
-    return next(one.unit for one in system.inputs if one.name == name)
+def input_dimensions(system: System) -> dict[str, Dimension]:
+    """Return the dimensions of a system's inputs, by name."""
+    return {entry.name: parse_unit(entry.unit)[1] for entry in system.inputs}

@@ -1,16 +1,18 @@
-"""What is read of a system that is given by equations: its outputs, with noise of their own."""
+"""Measurements of systems given by equations: their outputs, with independent noise."""
 
 from __future__ import annotations
 
 from abc import ABC
+from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal, Self
 
 import casadi as ca
 from pydantic import BeforeValidator, Field
 
 from oed.equations.diffusion import Diffusion, diffusion_issues, diffusion_of
-from oed.equations.dimensions import SIZES, quantity
-from oed.equations.given import AS_DATA, Readable, pairs
+from oed.equations.dimensions import SIZES, Dimension, Quantity, expect_quantity, quantity
+from oed.equations.given import AS_DATA, Quantities, Readable, pairs
+from oed.equations.issues import Issues
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Issue
 from oed.foundation.quantities import is_share
@@ -21,18 +23,10 @@ from oed.kernel.measurement.description import deviations_text
 from oed.kernel.measurement.measurement import Measurement, Sensor, Start, Together, When, joined, joins
 from oed.kernel.measurement.moment import Moment
 
-Deviations = Annotated[
-    tuple[tuple[str, str | float], ...], BeforeValidator(pairs), Field(min_length=1), AS_DATA
-]
-"""Standard deviations with their units, by the outputs' names."""
-
-
-Wandering = Annotated[tuple[tuple[str, str | float], ...], BeforeValidator(pairs), AS_DATA]
-"""Deviations after 1 s with their units, by the states' names."""
 Begun = Annotated[
     Literal["known", "unknown"] | Annotated[tuple[tuple[str, float], ...], BeforeValidator(pairs)], AS_DATA
 ]
-"""What is known of the start states: all, nothing, or standard deviations by their names, SI; infinite where
+"""Knowledge of the start states: all, nothing, or standard deviations by their names, SI; infinite where
 nothing is known.
 """
 
@@ -41,134 +35,133 @@ class OutputSensor(Sensor, ABC):
     """Outputs of a system, with independent noise.
 
     Attributes:
-        noise: standard deviations by the names of the outputs that are read.
+        noise: standard deviations with their units, by the names of the outputs that are read.
     """
 
-    noise: Deviations
+    noise: Annotated[Quantities, Field(min_length=1)]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the outputs that are read."""
+        """Names of the outputs that are read."""
         return tuple(name for name, _ in self.noise)
 
     @property
     def sizes(self) -> tuple[float, ...]:
-        """Their standard deviations, SI."""
+        """Standard deviations of the outputs, SI."""
         return tuple(quantity(value)[0] for _, value in self.noise)
 
     def issues(self, system: System, samples: int) -> list[Issue]:
-        """Outputs that the system has not, and noise that is in another unit, or none."""
+        """Refuse outputs that the system does not have, and noise of 0 or in another unit."""
         if not isinstance(system, Readable):
             return [Issue(("measurement", "kind"), f"{self.kind} are those of a system with outputs")]
-        return [
-            Issue(("measurement", "noise", name), reason)
-            for name, value in self.noise
-            if (reason := _noise_issue(system, name, value))
-        ]
+        issues = Issues("measurement", "noise")
+        for name, value in self.noise:
+            with issues.at(name):
+                _check_noise(system.output_dimensions, name, value)
+        return issues
 
     def reading(self, moment: Moment) -> Expression:
-        """The outputs, in the order of `noise`."""
+        """Return the outputs, in the order of `noise`."""
         return ca.vertcat(*(moment.signals[name] for name in self.names))
 
     def whitening(self, moment: Moment) -> Expression:
-        """1 / sigma of each."""
+        """Return 1 / sigma of all outputs, as a diagonal matrix."""
         return ca.diag(ca.SX(ca.DM([1 / size for size in self.sizes])))
 
     @property
     def subject(self) -> str:
-        """The outputs by their names."""
+        """Names of the outputs in a sentence."""
         return listing([words(name) for name in self.names])
 
     @property
     def noise_text(self) -> str:
-        """Standard deviations as they are given."""
+        """Standard deviations as the study has them."""
         sizes = dict.fromkeys(f"{value:g}" if isinstance(value, float) else value for _, value in self.noise)
         return deviations_text(*map(unit_text, sizes))
 
     def brief(self, samples: int) -> str:
-        """What is read of a trial of so many samples, and how often."""
+        """Describe the readings of a trial, and their number."""
         return f"{count(len(self.columns(samples)), 'reading')} of {self.subject}"
 
     def units_of(self, system: System) -> tuple[str, ...]:
-        """Those of the outputs."""
-        known = system.output_dimensions if isinstance(system, Readable) else {}
-        return tuple(known[name].text for name in self.names if name in known)
+        """Return the units of the outputs."""
+        dimensions = system.output_dimensions if isinstance(system, Readable) else {}
+        return tuple(dimensions[name].text for name in self.names if name in dimensions)
 
     @property
     def entries(self) -> tuple[str, ...]:
-        """By their names."""
+        """Names of the outputs as suffixes."""
         return tuple(f".{name}" for name in self.names)
 
 
-class Outputs(OutputSensor):
-    """Outputs read at the samples, the first at the start, of a system with states.
+class StateSensor(OutputSensor, ABC):
+    """Outputs of a system with states.
 
     Attributes:
-        start: what is known of the start states.
-        diffusion: process noise, which makes states wander: their standard deviations after 1 s, in units of
-            the state over s^(1/2), by their names.
+        start: knowledge of the start states.
     """
 
-    kind: Literal["outputs"] = "outputs"
     start: Begun = "known"
-    diffusion: Wandering = ()
-
-    @property
-    def process_noise(self) -> Diffusion | None:
-        """The diffusion, where there is any."""
-        return diffusion_of(self.diffusion)
-
-    def steady(self) -> Self:
-        """Of a system whose states do as their equations say."""
-        return self.model_copy(update={"diffusion": ()}) if self.diffusion else self
-
-    def issues(self, system: System, samples: int) -> list[Issue]:
-        """Those of outputs, and diffusion of no states or in other units."""
-        wandering = diffusion_issues(self.diffusion, system) if isinstance(system, Readable) else ()
-        return [*super().issues(system, samples), *wandering]
-
-    @property
-    def remark(self) -> str:
-        """How the states wander."""
-        noise = self.process_noise
-        return "" if noise is None else f"; the system drifts by {noise.text}"
 
     @property
     def start_known(self) -> Start:
-        """What `start` says."""
+        """Knowledge of the start states."""
         return self.start if isinstance(self.start, str) else dict(self.start)
 
 
-class Rates(OutputSensor):
-    """Outputs read all the time, of a system with states: in a second as much as one reading with the noise.
-
-    That is of white noise, whose mean over a second deviates by so much. The outputs of a period count as
-    they are in its middle.
+class Outputs(StateSensor):
+    """Outputs read at the samples, the first at the start, of a system with states.
 
     Attributes:
-        start: what is known of the start states.
+        diffusion: process noise, by the states' names: standard deviations after 1 s, in units of the state
+            over s^(1/2).
+    """
+
+    kind: Literal["outputs"] = "outputs"
+    diffusion: Quantities = ()
+
+    @property
+    def process_noise(self) -> Diffusion | None:
+        """Diffusion of the states; None without any."""
+        return diffusion_of(self.diffusion)
+
+    def steady(self) -> Self:
+        """Return the sensor of a system without process noise."""
+        return self.model_copy(update={"diffusion": ()}) if self.diffusion else self
+
+    def issues(self, system: System, samples: int) -> list[Issue]:
+        """Refuse also diffusion of what is no state, or in other units."""
+        diffusion = diffusion_issues(self.diffusion, system) if isinstance(system, Readable) else ()
+        return [*super().issues(system, samples), *diffusion]
+
+    @property
+    def remark(self) -> str:
+        """Process noise in words."""
+        noise = self.process_noise
+        return "" if noise is None else f"; the system drifts by {noise.text}"
+
+
+class Rates(StateSensor):
+    """Outputs read all the time, of a system with states: in a second as much as one reading with the noise.
+
+    The noise is white, and its mean over a second has the standard deviation. Outputs in the middle of a
+    period stand for those of the period.
     """
 
     kind: Literal["rates"] = "rates"
     when: ClassVar[When] = "in periods"
     continuous: ClassVar[bool] = True
-    start: Begun = "known"
-
-    @property
-    def start_known(self) -> Start:
-        """What `start` says."""
-        return self.start if isinstance(self.start, str) else dict(self.start)
 
     def brief(self, samples: int) -> str:
-        """What is read."""
+        """Describe the readings of a trial."""
         return f"readings of {self.subject} all the time"
 
     def sentence(self, samples: int) -> str:
-        """What is read, and how noisily."""
+        """Describe the readings and their noise."""
         return f"{self.subject} all the time, the mean of a second with {self.noise_text}"
 
     def whitening(self, moment: Moment) -> Expression:
-        """sqrt(T) / sigma of each."""
+        """Return sqrt(T) / sigma of all outputs, as a diagonal matrix."""
         return super().whitening(moment) * ca.sqrt(moment.period)
 
 
@@ -179,12 +172,12 @@ class Responses(OutputSensor):
     when: ClassVar[When] = "in periods"
 
     def sentence(self, samples: int) -> str:
-        """What is read of so many settings, and how noisily."""
+        """Describe the readings of so many settings, and their noise."""
         return f"{self.subject} at each setting ({count(samples, 'time')}) with {self.noise_text}"
 
 
 SENSORS: tuple[type[OutputSensor], ...] = (Outputs, Rates, Responses)
-"""Every way of reading outputs."""
+"""All sensors of outputs."""
 
 
 @joins(OutputSensor)
@@ -195,35 +188,32 @@ class SeveralOutputs(Together):
     sensors: Annotated[tuple[Annotated[OutputSensor, OneOf(SENSORS)], ...], Field(min_length=1)]
 
 
-def replaced_starts(measurement: Measurement, known: tuple[tuple[str, float], ...]) -> Measurement:
-    """A measurement whose sensors know start states so well; those that say it themselves are left alone.
+def replaced_starts(measurement: Measurement, deviations: tuple[tuple[str, float], ...]) -> Measurement:
+    """Return a measurement that knows start states less well; sensors that say so themselves are left alone.
 
     Args:
-        measurement: of outputs.
-        known: standard deviations by the states' names, SI.
+        measurement: outputs.
+        deviations: standard deviations by the states' names, SI.
     """
     sensors = [
-        one.model_copy(update={"start": known}) if getattr(one, "start", None) == "known" else one
-        for one in measurement.joint_sensors
+        sensor.model_copy(update={"start": deviations})
+        if getattr(sensor, "start", None) == "known"
+        else sensor
+        for sensor in measurement.joint_sensors
     ]
     return sensors[0] if len(sensors) == 1 else joined(sensors)
 
 
-def _noise_issue(system: Readable, name: str, value: str | float) -> str:
-    known = system.output_dimensions
-    if name not in known:
-        return f"there is no such output; there is {listing(list(known))}{did_you_mean(name, known)}"
+def _check_noise(dimensions: Mapping[str, Dimension], name: str, value: Quantity) -> None:
+    if name not in dimensions:
+        there_is = f"there is {listing(list(dimensions))}{did_you_mean(name, dimensions)}"
+        raise ValueError(f"there is no such output; {there_is}")
     if is_share(value):
         text = f"{value} of what? A standard deviation is of one size: give it in the unit of {name}"
-        return f"{text}, a plain number where that has none"
-    try:
-        size, dimension = quantity(value)
-    except ValueError as error:
-        return str(error)
-    if not size > 0:
-        return f"expected a standard deviation above 0, got {value}"
-    if size < 1 / SIZES[1]:
-        return f"expected a standard deviation of at least {1 / SIZES[1]:g} in SI units, got {value}"
-    return (
-        "" if dimension.fits(known[name]) else f"{name} is {known[name].words}, its noise {dimension.words}"
-    )
+        raise ValueError(f"{text}, a plain number where that has none")
+    size, _ = quantity(value)
+    least = 1 / SIZES[1]
+    if size < least:
+        expected = f"of at least {least:g} in SI units" if size > 0 else "above 0"
+        raise ValueError(f"expected a standard deviation {expected}, got {value}")
+    expect_quantity(value, dimensions[name], f"{name} is {{}}, its noise {{}}")

@@ -1,177 +1,134 @@
-"""What a system of equations is given by, read and checked: every mistake by its key and column."""
+"""Reading of a system's equations: every mistake by its key and column."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from graphlib import CycleError, TopologicalSorter
+from typing import Any, TypeVar
 
 from oed.equations.dimensions import PLAIN, TIME, Dimension, parse_unit, quantity
-from oed.equations.grammar import Expression, ExpressionError, name_issue, parse
-from oed.foundation.errors import Issue, ProblemError
+from oed.equations.grammar import name_issue, parse
+from oed.equations.issues import Issues
 from oed.foundation.shown import written
 from oed.foundation.text import did_you_mean
 
-TEXTS = ("define", "derivatives", "algebraic", "outputs")
-"""Keys with expressions."""
 INTEGRATORS = {"runge_kutta": 10, "radau": 4}
-"""How states may be followed, with the steps in a period where nobody says."""
-
-
-@dataclass(frozen=True)
-class Given:
-    """Names, units, values and expressions, as texts; see `Equations`."""
-
-    states: Mapping[str, str]
-    inputs: Mapping[str, str]
-    parameters: Mapping[str, str | float]
-    define: Mapping[str, str]
-    derivatives: Mapping[str, str]
-    algebraic_states: Mapping[str, str | float]
-    algebraic: Mapping[str, str]
-    outputs: Mapping[str, str]
-    integrator: str
-    substeps: int | None
+"""Integrators, and their steps in a period by default."""
+Value = TypeVar("Value")
 
 
 class Reader:
-    """Reads what is given.
+    """Names, units, values and expressions of a system, read and checked.
 
     Attributes:
-        given: that.
-        issues: what is wrong with it, as far as it is read.
-        dimensions: of all names.
-        values: of the parameters, SI.
-        guesses: of the algebraic states, SI.
-        expressions: by key and name.
-        order: of the definitions, each after those that it needs.
+        dimensions: dimensions of all names.
+        parameters: nominal values, SI, and dimensions by name.
+        guesses: guesses of the algebraic states, SI, and dimensions by name.
+        expressions: expressions by key and name.
+        order: names of the definitions, each after those that it needs.
 
     Args:
-        given: names, units, values and expressions.
+        keys: units, values and expressions by name, by the keys that `Equations` takes.
+        integrator: name of the integrator.
+        substeps: steps in a period; None by default.
     """
 
-    def __init__(self, given: Given) -> None:
-        """Read all that can be read by itself."""
-        self.given, self.issues = given, list[Issue]()
-        self.dimensions = dict[str, Dimension]()
-        self._names()
-        self._units("states", given.states)
-        self._units("inputs", given.inputs)
-        self.values = self._quantities("parameters", given.parameters)
-        self.guesses = self._quantities("algebraic_states", given.algebraic_states)
-        self.expressions = {key: self._parsed(key, getattr(given, key)) for key in TEXTS}
-        self._complete("states", "derivatives", "the derivative of {}")
-        self._complete("algebraic_states", "algebraic", "the equation of {}, what is 0,")
-        self._possible()
-        self.order = self._ordered()
-
-    def check(self) -> None:
-        """Check the units of all terms.
+    def __init__(self, keys: Mapping[str, Mapping[str, Any]], integrator: str, substeps: int | None) -> None:
+        """Read all that there is.
 
         Raises:
-            ProblemError: all that is wrong.
+            ProblemError: every name, expression or unit that does not fit.
         """
-        if not self.issues:
-            for name in self.order:
-                self.dimensions[name] = self._dimension("define", name)
-            for name in self.expressions["derivatives"]:
-                self._dimension("derivatives", name, self.dimensions[name] / TIME)
-            for key in ("algebraic", "outputs"):
-                for name in self.expressions[key]:
-                    self._dimension(key, name)
-        if self.issues:
-            raise ProblemError(self.issues)
+        self.keys, self.issues = keys, Issues("system")
+        self._check_names()
+        self.dimensions = self._read("states", _si_unit) | self._read("inputs", _si_unit)
+        self.parameters = self._read("parameters", quantity)
+        self.guesses = self._read("algebraic_states", quantity)
+        values = self.parameters | self.guesses
+        self.dimensions |= {name: dimension for name, (_, dimension) in values.items()}
+        self.expressions = {
+            key: self._read(key, parse) for key in ("define", "derivatives", "algebraic", "outputs")
+        }
+        self._check_complete("states", "derivatives", "the derivative of {}")
+        self._check_complete("algebraic_states", "algebraic", "the equation of {}, what is 0,")
+        self._check_integrator(integrator, substeps)
+        self.order = self._ordered()
+        self.issues.check()
+        self._check_dimensions()
+        self.issues.check()
 
-    def _wrong(self, message: str, *key: str) -> None:
-        self.issues.append(Issue(("system", *key), message))
+    def _read(self, key: str, read: Callable[[Any], Value]) -> dict[str, Value]:
+        results = dict[str, Value]()
+        for name, text in self.keys[key].items():
+            with self.issues.at(key, name):
+                results[name] = read(text)
+        return results
 
-    def _names(self) -> None:
-        # Names that no expression can have, and names of two things.
+    def _check_names(self) -> None:
+        # No name is unfit for expressions, or stands for two things.
         owner = dict[str, str]()
         for key in ("states", "algebraic_states", "inputs", "parameters", "define"):
-            for name in getattr(self.given, key):
-                taken = (
-                    f"{name} is among the {owner[name].replace('_', ' ')} already" if name in owner else ""
-                )
-                reason = taken or name_issue(name)
-                owner.setdefault(name, key)
+            for name in self.keys[key]:
+                reason = name_issue(name)
+                if name in owner:
+                    reason = f"{name} is among the {owner[name].replace('_', ' ')} already"
                 if reason:
-                    self._wrong(reason, key, name)
+                    self.issues.add(reason, key, name)
+                owner.setdefault(name, key)
 
-    def _units(self, key: str, units: Mapping[str, str]) -> None:
-        for name, text in units.items():
-            try:
-                factor, self.dimensions[name] = parse_unit(text)
-            except ValueError as error:
-                self._wrong(str(error), key, name)
-                continue
-            if factor != 1:
-                wanted = self.dimensions[name].text or "1"
-                self._wrong(f"expected an SI unit such as {wanted}, got {text!r}", key, name)
-
-    def _quantities(self, key: str, given: Mapping[str, str | float]) -> dict[str, float]:
-        found = dict[str, float]()
-        for name, value in given.items():
-            try:
-                found[name], self.dimensions[name] = quantity(value)
-            except ValueError as error:
-                self._wrong(str(error), key, name)
-        return found
-
-    def _parsed(self, key: str, texts: Mapping[str, str]) -> dict[str, Expression]:
-        found = {}
-        for name, text in texts.items():
-            try:
-                found[name] = parse(text)
-            except ExpressionError as error:
-                self._at(key, name, error)
-        return found
-
-    def _complete(self, owners: str, key: str, what: str) -> None:
-        # An expression of each, and of nothing else.
-        names, given = getattr(self.given, owners), getattr(self.given, key)
+    def _check_complete(self, owners: str, key: str, equation: str) -> None:
+        # Every state has an expression, and nothing else has.
+        names, expressions = self.keys[owners], self.keys[key]
         for name in names:
-            if name not in given:
-                self._wrong(f"{what.format(name)} is missing", key)
+            if name not in expressions:
+                self.issues.add(f"{equation.format(name)} is missing", key)
         kind = owners.replace("_", " ")
-        for name in given:
+        for name in expressions:
             if name not in names:
-                known = ", ".join(names) or "none"
-                self._wrong(f"{name} is no {kind[:-1]}; the {kind} are {known}", key, name)
+                there_are = f"the {kind} are {', '.join(names) or 'none'}"
+                self.issues.add(f"{name} is no {kind[:-1]}; {there_are}", key, name)
 
-    def _possible(self) -> None:
-        # Something to read, and steps to take that the equations allow.
-        integrator, substeps = self.given.integrator, self.given.substeps
-        if not self.given.outputs:
-            self._wrong("there is nothing to read: name at least one output", "outputs")
+    def _check_integrator(self, integrator: str, substeps: int | None) -> None:
+        if not self.keys["outputs"]:
+            self.issues.add("there is nothing to read: name at least one output", "outputs")
         if substeps is not None and substeps < 1:
-            self._wrong(f"expected at least 1, got {substeps}", "substeps")
+            self.issues.add(f"expected at least 1, got {substeps}", "substeps")
         if integrator not in INTEGRATORS:
             there_are = f"expected {' or '.join(INTEGRATORS)}, got {written(integrator)}"
-            self._wrong(f"{there_are}{did_you_mean(integrator, INTEGRATORS)}", "integrator")
-        elif self.given.states and self.given.algebraic_states and integrator != "radau":
-            self._wrong("states beside algebraic states are followed by radau alone", "integrator")
+            self.issues.add(f"{there_are}{did_you_mean(integrator, INTEGRATORS)}", "integrator")
+        elif self.keys["states"] and self.keys["algebraic_states"] and integrator != "radau":
+            self.issues.add("states beside algebraic states are followed by radau alone", "integrator")
 
     def _ordered(self) -> tuple[str, ...]:
-        defined = self.expressions["define"]
-        needs = {name: [other for other in one.names if other in defined] for name, one in defined.items()}
+        definitions = self.expressions["define"]
+        needs = {
+            name: [used for used in definition.names if used in definitions]
+            for name, definition in definitions.items()
+        }
         try:
             return tuple(TopologicalSorter(needs).static_order())
         except CycleError as error:
             first, *further = reversed(error.args[1])
-            self._wrong(f"is defined by itself: {' needs '.join([first, *further])}", "define", first)
+            self.issues.add(f"is defined by itself: {' needs '.join([first, *further])}", "define", first)
             return ()
 
-    def _dimension(self, key: str, name: str, expected: Dimension | None = None) -> Dimension:
-        # Of an expression, which may have to be a certain one.
-        one = self.expressions[key][name]
-        try:
-            if expected is not None:
-                one.require(expected, self.dimensions)
-            return one.dimension(self.dimensions) or PLAIN
-        except ExpressionError as error:
-            self._at(key, name, error)
-            return PLAIN
+    def _check_dimensions(self) -> None:
+        for name in self.order:
+            self.dimensions[name] = PLAIN
+            with self.issues.at("define", name):
+                definition = self.expressions["define"][name]
+                self.dimensions[name] = definition.dimension(self.dimensions) or PLAIN
+        for name, rate in self.expressions["derivatives"].items():
+            with self.issues.at("derivatives", name):
+                rate.require(self.dimensions[name] / TIME, self.dimensions)
+        for key in ("algebraic", "outputs"):
+            for name, expression in self.expressions[key].items():
+                with self.issues.at(key, name):
+                    expression.dimension(self.dimensions)
 
-    def _at(self, key: str, name: str, error: ExpressionError) -> None:
-        self._wrong(f"column {error.offset + 1}: {error.message}", key, name)
+
+def _si_unit(text: str) -> Dimension:
+    factor, dimension = parse_unit(text)
+    if factor != 1:
+        raise ValueError(f"expected an SI unit such as {dimension.text or '1'}, got {text!r}")
+    return dimension

@@ -14,7 +14,7 @@ from oed.equations.dimensions import Dimension, unit_of
 from oed.equations.given import Readable
 from oed.equations.grammar import Expression
 from oed.equations.implicit import algebraic_solver, index_issues, radau_stepper
-from oed.equations.reading import INTEGRATORS, Given, Reader
+from oed.equations.reading import INTEGRATORS, Reader
 from oed.foundation.errors import ProblemError
 from oed.foundation.text import Unit
 from oed.kernel.dynamics import expression as kernel
@@ -89,37 +89,34 @@ class Equations(Readable):
         Raises:
             ProblemError: every name, expression or unit that does not fit, by its key and column.
         """
-        given = Given(
-            states=states or {},
-            inputs=inputs or {},
-            parameters=parameters,
-            define=define or {},
-            derivatives=derivatives or {},
-            algebraic_states=algebraic_states or {},
-            algebraic=algebraic or {},
-            outputs=outputs,
-            integrator=integrator,
-            substeps=substeps,
-        )
-        read = Reader(given)
-        read.check()
-        dimensions, found = read.dimensions, read.expressions
-        own = {
-            "states": tuple(given.states),
-            "state_dimensions": tuple(dimensions[name] for name in given.states),
-            "input_units": tuple((name, dimensions[name]) for name in given.inputs),
-            "values": tuple((name, value, dimensions[name]) for name, value in read.values.items()),
-            "rates": tuple(found["derivatives"][name] for name in given.states),
-            "guesses": tuple((name, value, dimensions[name]) for name, value in read.guesses.items()),
-            "constraints": tuple(found["algebraic"][name] for name in given.algebraic_states),
-            "definitions": tuple((name, found["define"][name]) for name in read.order),
-            "responses": tuple(found["outputs"].items()),
+        keys: dict[str, Mapping[str, Any]] = {
+            "states": states or {},
+            "inputs": inputs or {},
+            "parameters": parameters,
+            "define": define or {},
+            "derivatives": derivatives or {},
+            "algebraic_states": algebraic_states or {},
+            "algebraic": algebraic or {},
+            "outputs": outputs,
+        }
+        read = Reader(keys, integrator, substeps)
+        dimensions, expressions = read.dimensions, read.expressions
+        attributes = {
+            "states": tuple(keys["states"]),
+            "state_dimensions": tuple(dimensions[name] for name in keys["states"]),
+            "input_units": tuple((name, dimensions[name]) for name in keys["inputs"]),
+            "values": tuple((name, *value) for name, value in read.parameters.items()),
+            "rates": tuple(expressions["derivatives"][name] for name in keys["states"]),
+            "guesses": tuple((name, *value) for name, value in read.guesses.items()),
+            "constraints": tuple(expressions["algebraic"][name] for name in keys["algebraic_states"]),
+            "definitions": tuple((name, expressions["define"][name]) for name in read.order),
+            "responses": tuple(expressions["outputs"].items()),
             "integrator": integrator,
             "substeps": INTEGRATORS[integrator] if substeps is None else substeps,
             "kind": "equations",
-            "written": tuple((name, one) for name, one in parameters.items() if isinstance(one, str)),
+            "written": tuple((name, text) for name, text in parameters.items() if isinstance(text, str)),
         }
-        for name, value in own.items():
+        for name, value in attributes.items():
             object.__setattr__(self, name, value)
         if issues := index_issues(self):
             raise ProblemError(issues)

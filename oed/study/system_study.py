@@ -13,11 +13,12 @@ from pydantic import BeforeValidator
 from oed.equations.candidates import Candidates
 from oed.equations.continuous import PythonSystem
 from oed.equations.dimensions import unit_of
-from oed.equations.experiment import Experiment, input_dimensions
+from oed.equations.experiment import Experiment
 from oed.equations.expression_limits import LIMITS as EXPRESSION_LIMITS
 from oed.equations.expression_limits import Always, ExpressionLimit
 from oed.equations.given import Readable, SystemKeys
 from oed.equations.keys import EquationKeys
+from oed.equations.limits import input_dimensions
 from oed.equations.outputs import SENSORS, OutputSensor, SeveralOutputs, replaced_starts
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Issue, ProblemError
@@ -148,7 +149,7 @@ class SystemStudyFile(StudyFile):
     @property
     def limit_units(self) -> Mapping[str, Unit]:
         """As their larger sides are written."""
-        of_inputs = {one.name: one.given for one in self.experiment.limits}
+        of_inputs = {one.name: one.sides for one in self.experiment.limits}
         sides = {**of_inputs, **{one.name: one.sides for one in self.limits}}
         return {name: unit_of(larger) for name, (_, larger) in sides.items() if isinstance(larger, str)}
 

@@ -82,7 +82,7 @@ class TestTank:
         [
             ("of: temperature, range", "of: temperatur, range", "limits.0.of: column 1: unknown name"),
             ("range: [273 K, 343 K]", "range: [273 m, 343 m]", "limits.0: expected values in K"),
-            ("range: [273 K, 343 K]", "range: [343 K, 273 K]", "limits.0: expected [least, largest]"),
+            ("range: [273 K, 343 K]", "range: [343 K, 273 K]", "limits.0.range: expected [least, largest]"),
             ("of: temperature, range: [273 K, 343 K]", "of: heat, range: [1 W, 2 W]", "depends on inputs"),
             ("most: 2 MJ", "most: 2 W", "limits.2: expected values in"),
             ("kind: always", "kind: never", "limits.0.kind"),
