@@ -1,4 +1,4 @@
-"""Systems of the user's own: a class with the derivatives of its states and its outputs, in CasADi."""
+"""Systems that a user's class gives: the derivatives of its states and its outputs, in CasADi."""
 
 from __future__ import annotations
 
@@ -10,10 +10,20 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import casadi as ca
 from pydantic import BeforeValidator, Field, PrivateAttr
 
-from oed.equations.dimensions import Dimension, parse_unit
-from oed.equations.given import AS_DATA, Begin, Readable, Start, SystemKeys, begins_of, pairs
+from oed.equations.dimensions import Dimension, expect_quantity, parse_unit
+from oed.equations.given import (
+    AS_DATA,
+    Begin,
+    Readable,
+    Start,
+    SystemKeys,
+    begins_of,
+    by_name,
+    largest,
+    pairs,
+)
+from oed.equations.issues import Issues
 from oed.equations.reading import INTEGRATORS
-from oed.foundation.errors import Issue, ProblemError
 from oed.foundation.own.part import OwnDescription, OwnPart
 from oed.foundation.shown import written
 from oed.kernel.dynamics.expression import Expression
@@ -22,7 +32,7 @@ from oed.kernel.dynamics.system import Input, Parameter, signaller, stepper
 
 
 class ContinuousSystem(SystemKeys, Readable):
-    """A system by its class: `states`, `state_units`, `inputs`, `parameters`, `derivative`, `outputs`.
+    """A system given by a class: `states`, `state_units`, `inputs`, `parameters`, `derivative`, `outputs`.
 
     Without states its outputs follow from the inputs at once.
 
@@ -42,24 +52,12 @@ class ContinuousSystem(SystemKeys, Readable):
 
     @abstractmethod
     def derivative(self, state: Expression, inputs: Expression, parameters: Expression) -> Expression:
-        """Of every state by time, (states,), SI.
+        """Return the derivatives of all states by time, (states,), SI.
 
         Args:
-            state: (states,), SI.
-            inputs: (inputs,), SI.
-            parameters: (p,), SI.
-        """
-
-    @abstractmethod
-    def outputs(
-        self, state: Expression, inputs: Expression, parameters: Expression
-    ) -> Mapping[str, Expression]:
-        """What can be read, by name, SI.
-
-        Args:
-            state: (states,), SI.
-            inputs: (inputs,), SI.
-            parameters: (p,), SI.
+            state: states, (states,), SI.
+            inputs: inputs, (inputs,), SI.
+            parameters: parameters, (p,), SI.
         """
 
     @property
@@ -87,61 +85,45 @@ class ContinuousSystem(SystemKeys, Readable):
 
     @property
     def begins(self) -> Mapping[str, Begin]:
-        """How every state begins.
+        """Initial values of all states.
 
         Raises:
-            ProblemError: states of which nothing is said, or others, or values in another unit.
+            ProblemError: states without an initial value, unknown ones, or values in another unit.
         """
-        given = dict(self.start)
-        issues = [
-            Issue(("system", "start"), f"missing: how {name} begins")
-            for name in self.states
-            if name not in given
-        ]
-        issues += [
-            Issue(("system", "start", name), f"the system has no such state; it has {', '.join(self.states)}")
-            for name in given
-            if name not in self.states
-        ]
-        if issues:
-            raise ProblemError(issues)
-        found = begins_of([(name, given[name]) for name in self.states], "start")
-        for (name, one), unit in zip(found.items(), self.state_units, strict=True):
-            expected = parse_unit(unit)[1]
-            if not one.dimension.fits(expected):
-                issues.append(
-                    Issue(
-                        ("system", "start", name),
-                        f"expected a value {expected.words}, got one {one.dimension.words}",
-                    )
-                )
-        if issues:
-            raise ProblemError(issues)
-        return found
+        issues, starts = Issues("system", "start"), dict(self.start)
+        for name in self.states:
+            if name not in starts:
+                issues.add(f"missing: how {name} begins")
+        for name in starts:
+            if name not in self.states:
+                issues.add(f"the system has no such state; it has {', '.join(self.states)}", name)
+        issues.check()
+        begins = begins_of([(name, starts[name]) for name in self.states], "start")
+        for name, unit in zip(self.states, self.state_units, strict=True):
+            with issues.at(name):
+                message = "expected a value {}, got one {}"
+                expect_quantity(largest(starts[name]), parse_unit(unit)[1], message)
+        issues.check()
+        return begins
 
     @cached_property
-    def output_dimensions(self) -> Mapping[str, Dimension]:
-        """Of the outputs, by name."""
+    def output_dimensions(self) -> Mapping[str, Dimension]:  # type: ignore[override]
+        """Dimensions of the outputs, by name."""
         return {name: parse_unit(unit)[1] for name, unit in self.output_units.items()}
 
     @cached_property
-    def dimensions(self) -> Mapping[str, Dimension]:
-        """Of states, inputs, parameters and outputs."""
+    def dimensions(self) -> Mapping[str, Dimension]:  # type: ignore[override]
+        """Dimensions of states, inputs, parameters and outputs, by name."""
         units = dict(zip(self.states, self.state_units, strict=True))
-        units |= {one.name: one.unit for one in self.inputs}
-        units |= {one.name: one.unit for one in self.parameters}
-        return {**{name: parse_unit(unit)[1] for name, unit in units.items()}, **self.output_dimensions}
+        units |= {entry.name: entry.unit for entry in self.inputs}
+        units |= {parameter.name: parameter.unit for parameter in self.parameters}
+        return {name: parse_unit(unit)[1] for name, unit in {**units, **self.output_units}.items()}
 
     def values_at(self, state: Expression, inputs: Expression, parameters: Expression) -> Mapping[str, Any]:
-        """Expressions of these, SI."""
-        columns = (state, inputs, parameters)
-        names = (self.states, self.input_names, [one.name for one in self.parameters])
-        found: dict[str, Any] = {
-            name: column[place]
-            for own, column in zip(names, columns, strict=True)
-            for place, name in enumerate(own)
-        }
-        return {**found, **self.outputs(state, inputs, parameters)}
+        """Return the values of states, inputs, parameters and outputs, SI."""
+        names = (*self.states, *self.input_names, *(parameter.name for parameter in self.parameters))
+        values = by_name(names, state, inputs, parameters)
+        return {**values, **self.outputs(state, inputs, parameters)}
 
     def step(
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
@@ -158,14 +140,6 @@ class ContinuousSystem(SystemKeys, Readable):
             state, algebraic = method.step(state, algebraic, held, period / steps)
         return state
 
-    def signals(
-        self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
-    ) -> Mapping[str, Expression]:
-        """The outputs in a state; as means of a period those in its middle, right to the second order."""
-        instant = not self.states or (not isinstance(period, ca.MX) and ca.SX(period).is_zero())
-        at = state if instant else self.step(state, inputs, parameters, period / 2)
-        return self.outputs(at, inputs, parameters)
-
 
 @lru_cache(maxsize=32)
 def _radau(system: ContinuousSystem) -> Radau:
@@ -180,18 +154,18 @@ def _radau(system: ContinuousSystem) -> Radau:
 
 
 class PythonSystem(OwnPart, SystemKeys, extra="allow"):
-    """The system that `object` ("my_module:MySystem") makes of all further keys."""
+    """The system that the class `object` ("my_module:MySystem") makes of all further keys."""
 
     noun = "system"
     kind: Literal["python"] = "python"
     described: OwnDescription | None = None
 
     def try_out(self, part: Any) -> None:
-        """Ask the system for everything.
+        """Call every method of the system.
 
         Raises:
-            ValueError: what it says of itself is not what it is to be, or does not fit together.
-            BaseException: whatever its own methods raise.
+            ValueError: attributes of the wrong kind, or that do not fit together.
+            BaseException: any error of the system's own methods.
         """
         if not isinstance(part, ContinuousSystem):
             raise ValueError("expected a subclass of oed.ContinuousSystem")
@@ -204,13 +178,13 @@ class PythonSystem(OwnPart, SystemKeys, extra="allow"):
             raise ValueError(f"state_units: {text}")
         for unit in (*part.state_units, *part.output_units.values()):
             parse_unit(unit)
-        found = signaller(part).name_out()
-        if sorted(found) != sorted(part.output_units):
-            text = f"expected those of output_units ({', '.join(part.output_units)}), got {', '.join(found)}"
+        names = signaller(part).name_out()
+        if sorted(names) != sorted(part.output_units):
+            text = f"expected those of output_units ({', '.join(part.output_units)}), got {', '.join(names)}"
             raise ValueError(f"outputs: {text}")
         stepper(part)(len(part.states) * [0.1], len(part.inputs) * [0.1], part.nominal, 0.1)
 
 
-def _require(what: str, given: Any, kind: type) -> None:
-    if not isinstance(given, tuple | list) or not all(isinstance(one, kind) for one in given):
-        raise ValueError(f"{what}: expected a tuple of oed.{kind.__name__}, got {written(given)}")
+def _require(attribute: str, entries: Any, kind: type) -> None:
+    if not isinstance(entries, tuple | list) or not all(isinstance(entry, kind) for entry in entries):
+        raise ValueError(f"{attribute}: expected a tuple of oed.{kind.__name__}, got {written(entries)}")

@@ -6,8 +6,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
+import casadi as ca
 from pydantic import BeforeValidator, Discriminator, PlainSerializer, Tag
 
 from oed.equations.dimensions import Dimension, Quantity, expect_quantity, quantity, rising
@@ -103,17 +104,15 @@ class Begin:
 
 
 class Readable(System, ABC):
-    """A system with outputs that can be read; they are among its signals."""
+    """A system with outputs that can be read; they are among its signals.
 
-    @property
-    @abstractmethod
-    def output_dimensions(self) -> Mapping[str, Dimension]:
-        """Dimensions of the outputs, by name."""
+    Attributes:
+        dimensions: dimensions of states, inputs, parameters, outputs and whatever else has a name.
+        output_dimensions: dimensions of the outputs, by name.
+    """
 
-    @property
-    @abstractmethod
-    def dimensions(self) -> Mapping[str, Dimension]:
-        """Dimensions of states, inputs, parameters, outputs and whatever else has a name."""
+    dimensions: ClassVar[Mapping[str, Dimension]]
+    output_dimensions: ClassVar[Mapping[str, Dimension]]
 
     @abstractmethod
     def values_at(self, state: Expression, inputs: Expression, parameters: Expression) -> Mapping[str, Any]:
@@ -124,6 +123,31 @@ class Readable(System, ABC):
             inputs: inputs, (inputs,), SI.
             parameters: parameters, (p,), SI.
         """
+
+    @abstractmethod
+    def outputs(
+        self, state: Expression, inputs: Expression, parameters: Expression
+    ) -> Mapping[str, Expression]:
+        """Return the outputs by name, SI.
+
+        Args:
+            state: states, (states,), SI.
+            inputs: inputs, (inputs,), SI.
+            parameters: parameters, (p,), SI.
+        """
+
+    def signals(
+        self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
+    ) -> Mapping[str, Expression]:
+        """Return the outputs in a state; those in the middle of a period for its means, to second order."""
+        instant = not self.states or (not isinstance(period, ca.MX) and ca.SX(period).is_zero())
+        at = state if instant else self.step(state, inputs, parameters, period / 2)
+        return self.outputs(at, inputs, parameters)
+
+
+def by_name(names: Iterable[str], *columns: Expression) -> dict[str, Expression]:
+    """Return the entries of column vectors, one after the other, by name."""
+    return dict(zip(names, ca.vertsplit(ca.vertcat(*columns)), strict=True))
 
 
 class SystemKeys(Component, ABC):

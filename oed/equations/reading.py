@@ -21,7 +21,8 @@ class Reader:
     """Names, units, values and expressions of a system, read and checked.
 
     Attributes:
-        dimensions: dimensions of all names.
+        dimensions: dimensions of all names but the outputs'.
+        output_dimensions: dimensions of the outputs, by name.
         parameters: nominal values, SI, and dimensions by name.
         guesses: guesses of the algebraic states, SI, and dimensions by name.
         expressions: expressions by key and name.
@@ -53,6 +54,7 @@ class Reader:
         self._check_complete("algebraic_states", "algebraic", "the equation of {}, what is 0,")
         self._check_integrator(integrator, substeps)
         self.order = self._ordered()
+        self.output_dimensions = dict[str, Dimension]()
         self.issues.check()
         self._check_dimensions()
         self.issues.check()
@@ -121,10 +123,12 @@ class Reader:
         for name, rate in self.expressions["derivatives"].items():
             with self.issues.at("derivatives", name):
                 rate.require(self.dimensions[name] / TIME, self.dimensions)
-        for key in ("algebraic", "outputs"):
-            for name, expression in self.expressions[key].items():
-                with self.issues.at(key, name):
-                    expression.dimension(self.dimensions)
+        for name, residual in self.expressions["algebraic"].items():
+            with self.issues.at("algebraic", name):
+                residual.dimension(self.dimensions)
+        for name, output in self.expressions["outputs"].items():
+            with self.issues.at("outputs", name):
+                self.output_dimensions[name] = output.dimension(self.dimensions) or PLAIN
 
 
 def _si_unit(text: str) -> Dimension:
