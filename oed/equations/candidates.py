@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from oed.equations.dimensions import Dimension, Quantity, expect_quantity, quantity
-from oed.equations.issues import Issues
+from oed.equations.issues import Issues, no_such
 from oed.foundation.arrays import Array
 from oed.foundation.component import Component
 from oed.foundation.errors import PathFileError, ProblemError
@@ -99,33 +99,29 @@ class Candidates(Component):
             ProblemError: unknown inputs, inputs without values, or values in another unit.
         """
         issues = Issues("experiment", "candidates", "rows" if self.grid is None else "grid")
+        issues.compare(self.entries, dimensions, "missing: values of {}", no_such("input", dimensions))
         columns = dict[str, Array]()
-        for name in dict.fromkeys((*dimensions, *self.entries)):
-            with issues.at(name):
-                columns[name] = self._column(name, dimensions)
+        for name, values in self.entries.items():
+            if name in dimensions:
+                with issues.at(name):
+                    columns[name] = _column(values, dimensions[name], name)
         issues.check()
-        values = [columns[name] for name in dimensions]
-        count = max(map(len, values), default=0) if self.grid is None else prod(map(len, values))
+        ordered = [columns[name] for name in dimensions]
+        count = max(map(len, ordered), default=0) if self.grid is None else prod(map(len, ordered))
         if count > MOST:
             issues.add(f"expected at most {MOST} candidates, got {count}: take fewer values")
             issues.check()
-        return np.array(list(zip(*values, strict=True) if self.grid is None else product(*values)))
+        return np.array(list(zip(*ordered, strict=True) if self.grid is None else product(*ordered)))
 
-    def _column(self, name: str, dimensions: Mapping[str, Dimension]) -> Array:
-        if name not in dimensions:
-            raise ValueError(f"the system has no such input; it has {', '.join(dimensions) or 'none'}")
-        if name not in self.entries:
-            raise ValueError(f"missing: values of {name}")
-        values, expected = self.entries[name], dimensions[name]
-        ends = (values.least, values.largest) if isinstance(values, Grid) else values
-        if not ends:
-            raise ValueError("expected at least one value")
-        numbers = [expect_quantity(value, expected, f"{name} is {{}}, a value {{}}") for value in ends]
-        return (
-            np.linspace(numbers[0], numbers[1], values.count)
-            if isinstance(values, Grid)
-            else np.array(numbers)
-        )
+
+def _column(values: Grid | tuple[Quantity, ...], expected: Dimension, name: str) -> Array:
+    if not values:
+        raise ValueError("expected at least one value")
+    message = f"{name} is {{expected}}, a value {{got}}"
+    if isinstance(values, Grid):
+        low, high = (expect_quantity(end, expected, message) for end in (values.least, values.largest))
+        return np.linspace(low, high, values.count)
+    return np.array([expect_quantity(value, expected, message) for value in values])
 
 
 def _columns(path: Path, inputs: tuple[str, ...]) -> dict[str, tuple[Quantity, ...]]:

@@ -22,7 +22,7 @@ from oed.equations.given import (
     largest,
     pairs,
 )
-from oed.equations.issues import Issues
+from oed.equations.issues import Issues, no_such
 from oed.equations.reading import INTEGRATORS
 from oed.foundation.own.part import OwnDescription, OwnPart
 from oed.foundation.shown import written
@@ -91,17 +91,12 @@ class ContinuousSystem(SystemKeys, Readable):
             ProblemError: states without an initial value, unknown ones, or values in another unit.
         """
         issues, starts = Issues("system", "start"), dict(self.start)
-        for name in self.states:
-            if name not in starts:
-                issues.add(f"missing: how {name} begins")
-        for name in starts:
-            if name not in self.states:
-                issues.add(f"the system has no such state; it has {', '.join(self.states)}", name)
+        issues.compare(starts, self.states, "missing: how {} begins", no_such("state", self.states))
         issues.check()
         begins = begins_of([(name, starts[name]) for name in self.states], "start")
         for name, unit in zip(self.states, self.state_units, strict=True):
             with issues.at(name):
-                message = "expected a value {}, got one {}"
+                message = "expected a value {expected}, got one {got}"
                 expect_quantity(largest(starts[name]), parse_unit(unit)[1], message)
         issues.check()
         return begins

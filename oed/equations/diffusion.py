@@ -13,7 +13,7 @@ import numpy as np
 
 from oed.equations.dimensions import TIME, Dimension, Quantity, expect_quantity, quantity
 from oed.equations.given import Readable
-from oed.equations.issues import Issues
+from oed.equations.issues import Issues, no_such
 from oed.foundation.text import did_you_mean, listing, words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.process_noise import Period, ProcessNoise
@@ -84,13 +84,11 @@ def diffusion_issues(rates: Rates, system: Readable) -> Issues:
     for name, value in rates:
         with issues.at(name):
             if name not in system.states:
-                there_is = listing(list(system.states)) or "none"
-                hint = did_you_mean(name, system.states)
-                raise ValueError(f"there is no such state; there is {there_is}{hint}")
+                raise ValueError(no_such("state", system.states) + did_you_mean(name, system.states))
             dimension: Dimension = system.dimensions[name]
             message = (
                 f"{name} is {dimension.words}, so this is in {dimension.text or '1'}/s^(1/2): the deviation "
-                "after 1 s, which grows with the root of time; got one {1}"
+                "after 1 s, which grows with the root of time; got one {got}"
             )
             if expect_quantity(_plain(value), dimension / ROOT_TIME, message) < 0:
                 raise ValueError(f"expected a deviation of 0 or more, got {value}")

@@ -128,23 +128,6 @@ def parse_unit(text: str) -> tuple[float, Dimension]:
     return factor, Dimension(tuple(exact))
 
 
-def parse_value(value: object, unit: str) -> float:
-    """Return the SI value of a quantity: "0.7 1/min", or 0.7 in the unit that was declared.
-
-    Args:
-        value: a number (taken to be in `unit`) or a string with a unit.
-        unit: the unit that was declared, e.g. "1/h"; "" for a plain number.
-
-    Raises:
-        ValueError: no unit, or a value that is not finite, absurdly large or of another dimension.
-    """
-    unit = unit.strip()
-    factor, dimension = parse_unit(unit)
-    meaning = unit_meaning(dimension.text) + (unit and f" [{unit}]")
-    # Never -0.
-    return parse_quantity(value, unit, SIZES, meaning) * factor + 0.0
-
-
 def quantity(value: object) -> tuple[float, Dimension]:
     """Return the SI value and the dimension of a quantity with its unit: "0.7 1/min", "25", 25.
 
@@ -152,7 +135,10 @@ def quantity(value: object) -> tuple[float, Dimension]:
         ValueError: no number, no unit, or a value that is not finite or absurdly large.
     """
     unit = _unit_in(value)
-    return parse_value(value, unit), parse_unit(unit)[1]
+    factor, dimension = parse_unit(unit)
+    meaning = unit_meaning(dimension.text) + (unit and f" [{unit}]")
+    # Never -0.
+    return parse_quantity(value, unit, SIZES, meaning) * factor + 0.0, dimension
 
 
 def expect_quantity(value: Quantity, expected: Dimension, message: str) -> float:
@@ -161,14 +147,14 @@ def expect_quantity(value: Quantity, expected: Dimension, message: str) -> float
     Args:
         value: the quantity as it is written.
         expected: the dimension.
-        message: error with two gaps: what is in the expected unit, and what is in that of the quantity.
+        message: error with the gaps {expected} and {got} for both dimensions.
 
     Raises:
         ValueError: no quantity, or one of another dimension.
     """
     number, dimension = quantity(value)
     if not dimension.fits(expected):
-        raise ValueError(message.format(expected.words, dimension.words))
+        raise ValueError(message.replace("{expected}", expected.words).replace("{got}", dimension.words))
     return number
 
 

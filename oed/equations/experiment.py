@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from oed.equations.candidates import Candidates
 from oed.equations.given import Begin
-from oed.equations.issues import Issues
+from oed.equations.issues import Issues, no_such
 from oed.equations.limits import InputRange, InputRate, OneInput, Range, Rate, input_dimensions
 from oed.foundation.component import Component, OneOf
 from oed.foundation.errors import Issue, ProblemError
@@ -75,7 +75,8 @@ class Experiment(Component):
             idle, kind = ["points"], "with"
         reasons = dict.fromkeys(idle, f"means nothing for a system {kind} states")
         if self.candidates is None:
-            self._check_inputs(system, issues)
+            names, missing = system.input_names, "missing: what {} may do, e.g. {}: [0, 1]"
+            issues.compare(self.inputs, names, missing, no_such("input", names), "inputs")
         else:
             beside = "means nothing beside candidates: leave it out"
             reasons = dict.fromkeys(("points", "trials", "inputs"), beside) | reasons
@@ -86,16 +87,6 @@ class Experiment(Component):
         if getattr(self, needed) is None and (self.candidates is None or system.states):
             issues.add(f"missing: {remedy}", needed)
         return issues
-
-    def _check_inputs(self, system: System, issues: Issues) -> None:
-        names = system.input_names
-        for name in self.inputs:
-            if name not in names:
-                there_are = ", ".join(names) or "none"
-                issues.add(f"the system has no such input; it has {there_are}", "inputs", name)
-        for name in names:
-            if name not in self.inputs:
-                issues.add(f"missing: what {name} may do, e.g. {name}: [0, 1]", "inputs")
 
     def _check_duration(self, issues: Issues) -> None:
         if not isinstance(self.duration, tuple):

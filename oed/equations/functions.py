@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 
 from oed.equations.dimensions import ANGLE, PLAIN, Dimension
+from oed.foundation.text import count
 
 MOST_ARGUMENTS = 100
 """Largest number of arguments in a call: nobody writes more."""
@@ -44,10 +45,11 @@ class Function:
     verb: str = "compared"
 
     @property
-    def count(self) -> str:
+    def arity(self) -> str:
         """Number of arguments in words."""
-        few = {1: "1 argument", 2: "2 arguments"}
-        return few.get(self.most, f"{self.least} to {self.most} arguments")
+        if self.least == self.most:
+            return count(self.most, "argument")
+        return f"{self.least} to {self.most} arguments"
 
 
 def _plain(_: Dimension | None) -> Dimension:

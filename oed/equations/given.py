@@ -207,12 +207,12 @@ def begins_of(states: Iterable[tuple[str, Any]], key: str) -> dict[str, Begin]:
 def _begin(start: Any) -> Begin:
     if isinstance(start, DesignedStart):
         _, dimension = quantity(start.design[0])
-        expect_quantity(start.design[1], dimension, "bounds are of different units: {}, and {}")
+        expect_quantity(start.design[1], dimension, "bounds are of different units: {expected}, and {got}")
         return Begin(*rising(start.design), False, None, dimension)
     value, dimension = quantity(largest(start))
     if not isinstance(start, UnknownStart) or start.deviation is None:
         return Begin(value, value, isinstance(start, UnknownStart), None, dimension)
-    units = "value and deviation are of different units: {}, and {}"
+    units = "value and deviation are of different units: {expected}, and {got}"
     deviation = expect_quantity(start.deviation, dimension, units)
     if not deviation > 0:
         raise ValueError(f"expected a deviation above 0, got {start.deviation}")

@@ -186,7 +186,7 @@ class _Reader:
         self.close(opening)
         count = len(operands)
         if not function.least <= count <= function.most:
-            raise ExpressionError(f"{token.text} takes {function.count}, got {count}", token.offset)
+            raise ExpressionError(f"{token.text} takes {function.arity}, got {count}", token.offset)
         return self.operation(token.offset, [token.text] * max(count - 1, 1), operands)
 
     def operation(self, start: int, symbols: list[str], operands: list[Expression]) -> Expression:

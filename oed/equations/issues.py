@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 
 from oed.equations.tree import ExpressionError
 from oed.foundation.errors import Issue, ProblemError
+from oed.foundation.text import did_you_mean
 
 
 class Issues(list[Issue]):
@@ -35,6 +36,25 @@ class Issues(list[Issue]):
         except ValueError as error:
             self.add(str(error), *key)
 
+    def compare(
+        self, entries: Collection[str], names: Collection[str], missing: str, unknown: str, *key: str
+    ) -> None:
+        """Add names of the system without an entry in the study, and entries without a name.
+
+        Args:
+            entries: names of the entries.
+            names: names of the system.
+            missing: message with a gap for a name that has no entry.
+            unknown: message with a gap for the name of an entry.
+            key: path of the entries, from this key.
+        """
+        for name in names:
+            if name not in entries:
+                self.add(missing.replace("{}", name), *key)
+        for name in entries:
+            if name not in names:
+                self.add(unknown.replace("{}", name) + did_you_mean(name, names), *key, name)
+
     def check(self) -> None:
         """Refuse mistakes.
 
@@ -43,3 +63,8 @@ class Issues(list[Issue]):
         """
         if self:
             raise ProblemError(self)
+
+
+def no_such(kind: str, names: Collection[str]) -> str:
+    """Return the message that a system has nothing of a kind by a name, but by these."""
+    return f"the system has no such {kind}; it has {', '.join(names) or 'none'}"

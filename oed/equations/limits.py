@@ -18,7 +18,7 @@ from oed.equations.dimensions import (
     quantity,
     rising,
 )
-from oed.equations.issues import Issues
+from oed.equations.issues import Issues, no_such
 from oed.foundation.errors import Issue
 from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.expression import Expression
@@ -79,7 +79,7 @@ class TwoSidedLimit(Limit, ABC):
         with issues.at():
             for side in self.sides:
                 if side is not None:
-                    expect_quantity(side, expected, f"expected {noun} {{}}, got some {{}}")
+                    expect_quantity(side, expected, f"expected {noun} {{expected}}, got some {{got}}")
         return issues
 
     def between(self, values: Expression, unit: str) -> Rows:
@@ -117,8 +117,7 @@ class OneInput(TwoSidedLimit):
         dimensions = input_dimensions(system)
         if self.input in dimensions:
             return self.unit_issues(dimensions[self.input] / self.per, "bounds")
-        there_are = f"the inputs are {', '.join(dimensions) or 'none'}"
-        text = f"there is no such input; {there_are}{did_you_mean(self.input, dimensions)}"
+        text = no_such("input", dimensions) + did_you_mean(self.input, dimensions)
         return [Issue(("limits", self.name), text)]
 
     def rows(self, drive: Drive) -> Rows:

@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field
 from oed.equations.diffusion import Diffusion, diffusion_issues, diffusion_of
 from oed.equations.dimensions import SIZES, Dimension, Quantity, expect_quantity, quantity
 from oed.equations.given import AS_DATA, Quantities, Readable, pairs
-from oed.equations.issues import Issues
+from oed.equations.issues import Issues, no_such
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Issue
 from oed.foundation.quantities import is_share
@@ -206,8 +206,7 @@ def replaced_starts(measurement: Measurement, deviations: tuple[tuple[str, float
 
 def _check_noise(dimensions: Mapping[str, Dimension], name: str, value: Quantity) -> None:
     if name not in dimensions:
-        there_is = f"there is {listing(list(dimensions))}{did_you_mean(name, dimensions)}"
-        raise ValueError(f"there is no such output; {there_is}")
+        raise ValueError(no_such("output", dimensions) + did_you_mean(name, dimensions))
     if is_share(value):
         text = f"{value} of what? A standard deviation is of one size: give it in the unit of {name}"
         raise ValueError(f"{text}, a plain number where that has none")
@@ -216,4 +215,4 @@ def _check_noise(dimensions: Mapping[str, Dimension], name: str, value: Quantity
     if size < least:
         expected = f"of at least {least:g} in SI units" if size > 0 else "above 0"
         raise ValueError(f"expected a standard deviation {expected}, got {value}")
-    expect_quantity(value, dimensions[name], f"{name} is {{}}, its noise {{}}")
+    expect_quantity(value, dimensions[name], f"{name} is {{expected}}, its noise {{got}}")

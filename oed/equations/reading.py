@@ -50,8 +50,13 @@ class Reader:
         self.expressions = {
             key: self._read(key, parse) for key in ("define", "derivatives", "algebraic", "outputs")
         }
-        self._check_complete("states", "derivatives", "the derivative of {}")
-        self._check_complete("algebraic_states", "algebraic", "the equation of {}, what is 0,")
+        for owner, key, missing in (
+            ("state", "derivatives", "the derivative of {} is missing"),
+            ("algebraic state", "algebraic", "the equation of {}, what is 0, is missing"),
+        ):
+            names = keys[owner.replace(" ", "_") + "s"]
+            unknown = f"{{}} is no {owner}; the {owner}s are {', '.join(names) or 'none'}"
+            self.issues.compare(keys[key], names, missing, unknown, key)
         self._check_integrator(integrator, substeps)
         self.order = self._ordered()
         self.output_dimensions = dict[str, Dimension]()
@@ -77,18 +82,6 @@ class Reader:
                 if reason:
                     self.issues.add(reason, key, name)
                 owner.setdefault(name, key)
-
-    def _check_complete(self, owners: str, key: str, equation: str) -> None:
-        # Every state has an expression, and nothing else has.
-        names, expressions = self.keys[owners], self.keys[key]
-        for name in names:
-            if name not in expressions:
-                self.issues.add(f"{equation.format(name)} is missing", key)
-        kind = owners.replace("_", " ")
-        for name in expressions:
-            if name not in names:
-                there_are = f"the {kind} are {', '.join(names) or 'none'}"
-                self.issues.add(f"{name} is no {kind[:-1]}; {there_are}", key, name)
 
     def _check_integrator(self, integrator: str, substeps: int | None) -> None:
         if not self.keys["outputs"]:

@@ -159,7 +159,7 @@ class TestIssues:
     @pytest.mark.parametrize(
         ("given", "name", "said"),
         [
-            ({"fats": "1 V/s^(1/2)"}, "fats", "no such state; there is fast and slow; did you mean fast"),
+            ({"fats": "1 V/s^(1/2)"}, "fats", "no such state; it has fast, slow; did you mean fast"),
             ({"fast": "1 V"}, "fast", r"in V/s\^\(1/2\)"),
             ({"slow": "-1 V/sqrt(s)"}, "slow", "0 or more"),
             ({"slow": "1 V/sqrt(q)"}, "slow", "not known"),

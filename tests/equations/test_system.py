@@ -179,7 +179,7 @@ class TestProblem:
     @pytest.mark.parametrize(
         ("parts", "key", "words"),
         [
-            ({"measurement": Outputs(noise={"level": 1})}, "noise.level", "there is no such output"),
+            ({"measurement": Outputs(noise={"level": 1})}, "noise.level", "the system has no such output"),
             ({"measurement": Outputs(noise={"measured": "1 m"})}, "noise.measured", "its noise in m"),
             ({"measurement": Outputs(noise={"measured": 0})}, "noise.measured", "above 0"),
             ({"limits": [InputRange(input="flo", range=(0, 1))]}, "limits.flo", "did you mean flow?"),
