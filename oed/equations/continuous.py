@@ -11,18 +11,16 @@ import casadi as ca
 from pydantic import BeforeValidator, Field, PrivateAttr
 
 from oed.equations.dimensions import Dimension, expect_quantity, parse_unit
-from oed.equations.given import (
+from oed.equations.initial_values import (
     AS_DATA,
-    Begin,
-    Readable,
+    InitialValue,
     Start,
-    SystemKeys,
-    begins_of,
-    by_name,
-    largest,
     pairs,
+    read_initial_values,
+    written_value,
 )
 from oed.equations.issues import Issues, no_such
+from oed.equations.output_system import OutputSystem, SystemKeys, by_name
 from oed.equations.reading import INTEGRATORS
 from oed.foundation.own.part import OwnDescription, OwnPart
 from oed.foundation.shown import written
@@ -31,7 +29,7 @@ from oed.kernel.dynamics.integration import Radau, runge_kutta
 from oed.kernel.dynamics.system import Input, Parameter, signaller, stepper
 
 
-class ContinuousSystem(SystemKeys, Readable):
+class ContinuousSystem(SystemKeys, OutputSystem):
     """A system given by a class: `states`, `state_units`, `inputs`, `parameters`, `derivative`, `outputs`.
 
     Without states its outputs follow from the inputs at once.
@@ -84,7 +82,7 @@ class ContinuousSystem(SystemKeys, Readable):
         return self
 
     @property
-    def begins(self) -> Mapping[str, Begin]:
+    def initial_values(self) -> Mapping[str, InitialValue]:
         """Initial values of all states.
 
         Raises:
@@ -93,13 +91,13 @@ class ContinuousSystem(SystemKeys, Readable):
         issues, starts = Issues("system", "start"), dict(self.start)
         issues.compare(starts, self.states, "missing: how {} begins", no_such("state", self.states))
         issues.check()
-        begins = begins_of([(name, starts[name]) for name in self.states], "start")
+        initial_values = read_initial_values([(name, starts[name]) for name in self.states], "start")
         for name, unit in zip(self.states, self.state_units, strict=True):
             with issues.at(name):
                 message = "expected a value {expected}, got one {got}"
-                expect_quantity(largest(starts[name]), parse_unit(unit)[1], message)
+                expect_quantity(written_value(starts[name]), parse_unit(unit)[1], message)
         issues.check()
-        return begins
+        return initial_values
 
     @cached_property
     def output_dimensions(self) -> Mapping[str, Dimension]:  # type: ignore[override]

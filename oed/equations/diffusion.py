@@ -12,8 +12,8 @@ import casadi as ca
 import numpy as np
 
 from oed.equations.dimensions import TIME, Dimension, Quantity, expect_quantity, quantity
-from oed.equations.given import Readable
 from oed.equations.issues import Issues, no_such
+from oed.equations.output_system import OutputSystem
 from oed.foundation.text import did_you_mean, listing, words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.process_noise import Period, ProcessNoise
@@ -78,7 +78,7 @@ def diffusion_of(rates: Rates) -> Diffusion | None:
     return Diffusion(tuple(sizes)) if sizes else None
 
 
-def diffusion_issues(rates: Rates, system: Readable) -> Issues:
+def diffusion_issues(rates: Rates, system: OutputSystem) -> Issues:
     """Refuse rates of what is no state, in another unit or below 0."""
     issues = Issues("measurement", "diffusion")
     for name, value in rates:

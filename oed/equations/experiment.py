@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from oed.equations.candidates import Candidates
-from oed.equations.given import Begin
+from oed.equations.initial_values import InitialValue
 from oed.equations.issues import Issues, no_such
 from oed.equations.limits import InputRange, InputRate, OneInput, Range, Rate, input_dimensions
 from oed.foundation.component import Component, OneOf
@@ -100,20 +100,20 @@ class Experiment(Component):
         if self.candidates is not None or not self.inputs:
             issues.add("can be chosen with inputs only: give one, or a fixed duration", "duration")
 
-    def space(self, system: System, begins: Mapping[str, Begin]) -> Space:
+    def space(self, system: System, initial_values: Mapping[str, InitialValue]) -> Space:
         """Return all that may be chosen.
 
         Args:
             system: the system.
-            begins: initial values of its states.
+            initial_values: initial values of its states.
 
         Raises:
             ProblemError: mistakes in candidates or inputs.
         """
         if issues := self.issues(system):
             raise ProblemError(issues)
-        start, trials = [begin.low for begin in begins.values()], self.trials or 1
-        chosen = [name for name, begin in begins.items() if begin.low < begin.high]
+        start, trials = [value.low for value in initial_values.values()], self.trials or 1
+        chosen = [name for name, value in initial_values.items() if value.low < value.high]
         keys = self._keys
         samples = keys["samples"]
         if self.candidates is not None:
@@ -130,7 +130,7 @@ class Experiment(Component):
             held = np.zeros((trials * samples, 0))
             return HeldSpace.of(held, np.tile(start, (trials, 1)), duration=keys["duration"])
         if chosen:
-            keys["start_bounds"] = tuple((begin.low, begin.high) for begin in begins.values())
+            keys["start_bounds"] = tuple((value.low, value.high) for value in initial_values.values())
         else:
             keys["start"] = tuple(start)
         if not system.input_names:

@@ -10,10 +10,10 @@ import numpy as np
 from pydantic import Field
 
 from oed.equations.dimensions import PLAIN, TIME, Dimension, Quantity, quantity
-from oed.equations.given import Readable
 from oed.equations.grammar import parse
 from oed.equations.issues import Issues
 from oed.equations.limits import Range, TwoSidedLimit
+from oed.equations.output_system import OutputSystem
 from oed.foundation.errors import Issue
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
@@ -185,10 +185,10 @@ def _function(system: System, text: str) -> ca.Function:
     return ca.Function("expression", [state, inputs, parameters], [value])
 
 
-def _readable(system: System) -> Readable | None:
+def _readable(system: System) -> OutputSystem | None:
     # The system, or the one inside of it where further inputs are added.
     inner = getattr(system, "inner", system)
-    return inner if isinstance(inner, Readable) else None
+    return inner if isinstance(inner, OutputSystem) else None
 
 
 LIMITS: tuple[type[ExpressionLimit], ...] = (Always, AtEnd, Budget)

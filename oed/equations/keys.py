@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from oed.equations.dimensions import Quantity
-from oed.equations.given import Begin, Start, SystemKeys, begins_of, largest
+from oed.equations.initial_values import InitialValue, Start, read_initial_values, written_value
+from oed.equations.output_system import SystemKeys
 from oed.equations.system import Equations
 
 
@@ -44,18 +45,18 @@ class EquationKeys(SystemKeys):
     substeps: Annotated[int, Field(ge=1, le=10_000)] | None = None
 
     @cached_property
-    def begins(self) -> Mapping[str, Begin]:
+    def initial_values(self) -> Mapping[str, InitialValue]:
         """Initial values of all states.
 
         Raises:
             ProblemError: no quantities, different units, or bounds that do not rise.
         """
-        return begins_of(self.states.items(), "states")
+        return read_initial_values(self.states.items(), "states")
 
     @property
     def quantities(self) -> Mapping[str, Quantity]:
         """Parameters and initial values; the largest of those to choose from."""
-        return {**self.parameters, **{name: largest(start) for name, start in self.states.items()}}
+        return {**self.parameters, **{name: written_value(start) for name, start in self.states.items()}}
 
     @cached_property
     def system(self) -> Equations:
@@ -64,6 +65,9 @@ class EquationKeys(SystemKeys):
         Raises:
             ProblemError: every name, expression or unit that does not fit, by its key and column.
         """
-        keys = {**dict(self), "states": {name: begin.dimension.text for name, begin in self.begins.items()}}
+        keys = {
+            **dict(self),
+            "states": {name: value.dimension.text for name, value in self.initial_values.items()},
+        }
         del keys["kind"]
         return Equations(**keys)

@@ -11,8 +11,9 @@ from pydantic import BeforeValidator, Field
 
 from oed.equations.diffusion import Diffusion, diffusion_issues, diffusion_of
 from oed.equations.dimensions import SIZES, Dimension, Quantity, expect_quantity, quantity
-from oed.equations.given import AS_DATA, Quantities, Readable, pairs
+from oed.equations.initial_values import AS_DATA, Quantities, pairs
 from oed.equations.issues import Issues, no_such
+from oed.equations.output_system import OutputSystem
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Issue
 from oed.foundation.quantities import is_share
@@ -23,7 +24,7 @@ from oed.kernel.measurement.description import deviations_text
 from oed.kernel.measurement.measurement import Measurement, Sensor, Start, Together, When, joined, joins
 from oed.kernel.measurement.moment import Moment
 
-Begun = Annotated[
+StartKnowledge = Annotated[
     Literal["known", "unknown"] | Annotated[tuple[tuple[str, float], ...], BeforeValidator(pairs)], AS_DATA
 ]
 """Knowledge of the start states: all, nothing, or standard deviations by their names, SI; infinite where
@@ -52,7 +53,7 @@ class OutputSensor(Sensor, ABC):
 
     def issues(self, system: System, samples: int) -> list[Issue]:
         """Refuse outputs that the system does not have, and noise of 0 or in another unit."""
-        if not isinstance(system, Readable):
+        if not isinstance(system, OutputSystem):
             return [Issue(("measurement", "kind"), f"{self.kind} are those of a system with outputs")]
         issues = Issues("measurement", "noise")
         for name, value in self.noise:
@@ -85,7 +86,7 @@ class OutputSensor(Sensor, ABC):
 
     def units_of(self, system: System) -> tuple[str, ...]:
         """Return the units of the outputs."""
-        dimensions = system.output_dimensions if isinstance(system, Readable) else {}
+        dimensions = system.output_dimensions if isinstance(system, OutputSystem) else {}
         return tuple(dimensions[name].text for name in self.names if name in dimensions)
 
     @property
@@ -101,7 +102,7 @@ class StateSensor(OutputSensor, ABC):
         start: knowledge of the start states.
     """
 
-    start: Begun = "known"
+    start: StartKnowledge = "known"
 
     @property
     def start_known(self) -> Start:
@@ -131,7 +132,7 @@ class Outputs(StateSensor):
 
     def issues(self, system: System, samples: int) -> list[Issue]:
         """Refuse also diffusion of what is no state, or in other units."""
-        diffusion = diffusion_issues(self.diffusion, system) if isinstance(system, Readable) else ()
+        diffusion = diffusion_issues(self.diffusion, system) if isinstance(system, OutputSystem) else ()
         return [*super().issues(system, samples), *diffusion]
 
     @property

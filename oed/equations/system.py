@@ -11,9 +11,9 @@ from typing import Any, ClassVar
 import casadi as ca
 
 from oed.equations.dimensions import Dimension, unit_of
-from oed.equations.given import Readable, by_name
 from oed.equations.grammar import Expression
 from oed.equations.implicit import algebraic_solver, index_issues, radau_stepper
+from oed.equations.output_system import OutputSystem, by_name
 from oed.equations.reading import INTEGRATORS, Reader
 from oed.foundation.errors import ProblemError
 from oed.foundation.text import Unit
@@ -23,7 +23,7 @@ from oed.kernel.dynamics.system import Input, Parameter
 
 
 @dataclass(frozen=True, init=False)
-class Equations(Readable):
+class Equations(OutputSystem):
     """A system given by equations: texts of its derivatives and outputs.
 
     Attributes:

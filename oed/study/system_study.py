@@ -16,9 +16,9 @@ from oed.equations.dimensions import unit_of
 from oed.equations.experiment import Experiment
 from oed.equations.expression_limits import LIMITS as EXPRESSION_LIMITS
 from oed.equations.expression_limits import Always, ExpressionLimit
-from oed.equations.given import Readable, SystemKeys
 from oed.equations.keys import EquationKeys
 from oed.equations.limits import input_dimensions
+from oed.equations.output_system import OutputSystem, SystemKeys
 from oed.equations.outputs import SENSORS, OutputSensor, SeveralOutputs, replaced_starts
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Issue, ProblemError
@@ -69,7 +69,7 @@ class SystemStudyFile(StudyFile):
     baselines: tuple[PathFile, ...] = ()
 
     @property
-    def model(self) -> Readable:
+    def model(self) -> OutputSystem:
         """The system.
 
         Raises:
@@ -87,7 +87,7 @@ class SystemStudyFile(StudyFile):
         """What may be chosen; of a system of code that was not run its times alone."""
         if isinstance(self.system, PythonSystem):
             return self.experiment.times
-        return self.experiment.space(self.model, self.system.begins)
+        return self.experiment.space(self.model, self.system.initial_values)
 
     def in_numbers(self, folder: Path) -> Self:
         """The study with candidates where a file has them, and what earlier readings say as a covariance."""
@@ -156,8 +156,8 @@ class SystemStudyFile(StudyFile):
     @property
     def known_starts(self) -> frozenset[str]:
         """Those that are fixed or chosen; nothing is known of code that was not run."""
-        begins = {} if isinstance(self.system, PythonSystem) else self.system.begins
-        return frozenset(name for name, one in begins.items() if not one.unknown)
+        initial_values = {} if isinstance(self.system, PythonSystem) else self.system.initial_values
+        return frozenset(name for name, one in initial_values.items() if not one.unknown)
 
     @property
     def every_limit(self) -> tuple[Limit, ...]:
@@ -201,10 +201,10 @@ class SystemStudyFile(StudyFile):
         Raises:
             ProblemError: the parts do not fit together; every reason is listed.
         """
-        begins = self.system.begins
-        if not any(one.unknown for one in begins.values()):
+        initial_values = self.system.initial_values
+        if not any(one.unknown for one in initial_values.values()):
             return super().problem_of(space)
-        known = tuple((name, one.spread) for name, one in begins.items())
+        known = tuple((name, one.spread) for name, one in initial_values.items())
         informed = replaced_starts(self.measurement, known)
         return super(SystemStudyFile, self.model_copy(update={"measurement": informed})).problem_of(space)
 

@@ -1,22 +1,18 @@
-"""Descriptions of systems in studies: the system, and the initial values of its states."""
+"""Initial values of states, as studies have them."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
-import casadi as ca
 from pydantic import BeforeValidator, Discriminator, PlainSerializer, Tag
 
 from oed.equations.dimensions import Dimension, Quantity, expect_quantity, quantity, rising
 from oed.equations.issues import Issues
 from oed.foundation.component import Component
 from oed.foundation.shown import written
-from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.system import System
 
 EXACTLY = 1e-8
 """Deviation of an exact initial value beside inexact ones, as a share of it: its square is rounding."""
@@ -79,7 +75,7 @@ Start = Annotated[
 
 
 @dataclass(frozen=True)
-class Begin:
+class InitialValue:
     """Initial value of a state, SI.
 
     Attributes:
@@ -103,90 +99,14 @@ class Begin:
         return EXACTLY * (max(abs(self.low), abs(self.high)) or 1.0)
 
 
-class Readable(System, ABC):
-    """A system with outputs that can be read; they are among its signals.
-
-    Attributes:
-        dimensions: dimensions of states, inputs, parameters, outputs and whatever else has a name.
-        output_dimensions: dimensions of the outputs, by name.
-    """
-
-    dimensions: ClassVar[Mapping[str, Dimension]]
-    output_dimensions: ClassVar[Mapping[str, Dimension]]
-
-    @abstractmethod
-    def values_at(self, state: Expression, inputs: Expression, parameters: Expression) -> Mapping[str, Any]:
-        """Return the values of all that `dimensions` names, SI.
-
-        Args:
-            state: states, (states,), SI.
-            inputs: inputs, (inputs,), SI.
-            parameters: parameters, (p,), SI.
-        """
-
-    @abstractmethod
-    def outputs(
-        self, state: Expression, inputs: Expression, parameters: Expression
-    ) -> Mapping[str, Expression]:
-        """Return the outputs by name, SI.
-
-        Args:
-            state: states, (states,), SI.
-            inputs: inputs, (inputs,), SI.
-            parameters: parameters, (p,), SI.
-        """
-
-    def signals(
-        self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
-    ) -> Mapping[str, Expression]:
-        """Return the outputs in a state; those in the middle of a period for its means, to second order."""
-        instant = not self.states or (not isinstance(period, ca.MX) and ca.SX(period).is_zero())
-        at = state if instant else self.step(state, inputs, parameters, period / 2)
-        return self.outputs(at, inputs, parameters)
-
-
-def by_name(names: Iterable[str], *columns: Expression) -> dict[str, Expression]:
-    """Return the entries of column vectors, one after the other, by name."""
-    return dict(zip(names, ca.vertsplit(ca.vertcat(*columns)), strict=True))
-
-
-class SystemKeys(Component, ABC):
-    """A study's key `system`."""
-
-    kind: str
-
-    @property
-    @abstractmethod
-    def system(self) -> Readable:
-        """The system.
-
-        Raises:
-            ProblemError: mistakes in it, by key and column.
-        """
-
-    @property
-    @abstractmethod
-    def begins(self) -> Mapping[str, Begin]:
-        """Initial values of all states, by name.
-
-        Raises:
-            ProblemError: no quantities, different units, or bounds that do not rise.
-        """
-
-    @property
-    def quantities(self) -> Mapping[str, Quantity]:
-        """Parameters and initial values as texts or numbers of the study, by name."""
-        return {}
-
-
-def largest(start: Any) -> Quantity:
+def written_value(start: Any) -> Quantity:
     """Return a nominal initial value as the study has it; the largest of those to choose from."""
     if isinstance(start, DesignedStart):
         return start.design[1]
     return start.unknown if isinstance(start, UnknownStart) else start
 
 
-def begins_of(states: Iterable[tuple[str, Any]], key: str) -> dict[str, Begin]:
+def read_initial_values(states: Iterable[tuple[str, Any]], key: str) -> dict[str, InitialValue]:
     """Read initial values.
 
     Args:
@@ -196,24 +116,24 @@ def begins_of(states: Iterable[tuple[str, Any]], key: str) -> dict[str, Begin]:
     Raises:
         ProblemError: no quantities, different units, or bounds that do not rise.
     """
-    begins, issues = dict[str, Begin](), Issues("system", key)
+    initial_values, issues = dict[str, InitialValue](), Issues("system", key)
     for name, start in states:
         with issues.at(name):
-            begins[name] = _begin(start)
+            initial_values[name] = _read(start)
     issues.check()
-    return begins
+    return initial_values
 
 
-def _begin(start: Any) -> Begin:
+def _read(start: Any) -> InitialValue:
     if isinstance(start, DesignedStart):
         _, dimension = quantity(start.design[0])
         expect_quantity(start.design[1], dimension, "bounds are of different units: {expected}, and {got}")
-        return Begin(*rising(start.design), False, None, dimension)
-    value, dimension = quantity(largest(start))
+        return InitialValue(*rising(start.design), False, None, dimension)
+    value, dimension = quantity(written_value(start))
     if not isinstance(start, UnknownStart) or start.deviation is None:
-        return Begin(value, value, isinstance(start, UnknownStart), None, dimension)
+        return InitialValue(value, value, isinstance(start, UnknownStart), None, dimension)
     units = "value and deviation are of different units: {expected}, and {got}"
     deviation = expect_quantity(start.deviation, dimension, units)
     if not deviation > 0:
         raise ValueError(f"expected a deviation above 0, got {start.deviation}")
-    return Begin(value, value, True, deviation, dimension)
+    return InitialValue(value, value, True, deviation, dimension)
