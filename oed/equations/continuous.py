@@ -41,7 +41,6 @@ class ContinuousSystem(SystemKeys, OutputSystem):
         substeps: its steps in a period.
     """
 
-    noun: ClassVar[str] = "system"
     output_units: ClassVar[Mapping[str, str]]
     start: Annotated[tuple[tuple[str, Start], ...], BeforeValidator(pairs), AS_DATA] = ()
     integrator: Literal["runge_kutta", "radau"] = "runge_kutta"

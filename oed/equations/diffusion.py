@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import ClassVar
 
 import casadi as ca
@@ -21,8 +20,6 @@ from oed.kernel.measurement.process_noise import Period, ProcessNoise
 Rates = Sequence[tuple[str, Quantity]]
 """Deviations after 1 s with their units, by the states' names."""
 _ROOT = re.compile(r"sqrt\(\s*(\w+)\s*\)")
-ROOT_TIME = TIME ** Fraction(1, 2)
-"""Dimension of the root of a time."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +87,7 @@ def diffusion_issues(rates: Rates, system: OutputSystem) -> Issues:
                 f"{name} is {dimension.words}, so this is in {dimension.text or '1'}/s^(1/2): the deviation "
                 "after 1 s, which grows with the root of time; got one {got}"
             )
-            if expect_quantity(_plain(value), dimension / ROOT_TIME, message) < 0:
+            if expect_quantity(_plain(value), dimension / TIME**0.5, message) < 0:
                 raise ValueError(f"expected a deviation of 0 or more, got {value}")
     return issues
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import inf
 
 from oed.foundation.quantities import NUMBER, base_units, parse_quantity, unit_issue, unit_meaning
@@ -38,7 +38,7 @@ class Dimension:
         """True for plain numbers and for angles."""
         return self.fits(PLAIN)
 
-    @property
+    @cached_property
     def text(self) -> str:
         """SI unit as it is written: "mol/m^3/s", "W/K", "rad/s", ""; with the unit's own name where there is
         nothing else but "per kelvin" or "per mole".
@@ -76,7 +76,8 @@ class Dimension:
 
     def __truediv__(self, divisor: Dimension) -> Dimension:
         """Return the dimension of a quotient."""
-        return self * divisor**-1
+        pairs = zip(self.powers, divisor.powers, strict=True)
+        return Dimension(tuple(first - second for first, second in pairs))
 
     def __pow__(self, power: Fraction | float) -> Dimension:
         """Return the dimension of a power."""
@@ -158,15 +159,20 @@ def expect_quantity(value: Quantity, expected: Dimension, message: str) -> float
     return number
 
 
-def rising(values: tuple[Quantity, Quantity]) -> tuple[float, float]:
-    """Return the SI values of a range.
+def rising(sides: Quantity | tuple[Quantity, Quantity]) -> tuple[float, float]:
+    """Return the SI values of a range; one quantity stands for both directions.
 
     Raises:
         ValueError: no quantities, or the second is not the larger.
     """
-    low, high = (quantity(value)[0] for value in values)
+    if not isinstance(sides, tuple):
+        largest, _ = quantity(sides)
+        if not largest > 0:
+            raise ValueError(f"expected a value above 0, got {sides}")
+        return -largest, largest
+    low, high = (quantity(side)[0] for side in sides)
     if not low < high:
-        raise ValueError(f"expected [least, largest], got {list(values)}")
+        raise ValueError(f"expected [least, largest], got {list(sides)}")
     return low, high
 
 

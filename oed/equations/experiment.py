@@ -78,8 +78,8 @@ class Experiment(Component):
             names, missing = system.input_names, "missing: what {} may do, e.g. {}: [0, 1]"
             issues.compare(self.inputs, names, missing, no_such("input", names), "inputs")
         else:
-            beside = "means nothing beside candidates: leave it out"
-            reasons = dict.fromkeys(("points", "trials", "inputs"), beside) | reasons
+            superfluous = "means nothing beside candidates: leave it out"
+            reasons = dict.fromkeys(("points", "trials", "inputs"), superfluous) | reasons
         for key, reason in reasons.items():
             if getattr(self, key):
                 issues.add(reason, key)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 import casadi as ca
@@ -61,7 +60,7 @@ def _angle(_: Dimension | None) -> Dimension:
 
 
 def _root(dimension: Dimension | None) -> Dimension | None:
-    return None if dimension is None else dimension ** Fraction(1, 2)
+    return None if dimension is None else dimension**0.5
 
 
 FUNCTIONS: dict[str, Function] = {

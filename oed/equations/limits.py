@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import AfterValidator
@@ -28,29 +28,14 @@ from oed.kernel.dynamics.system import System
 from oed.kernel.limit import BOTH_ENDS, Limit, Rows, rest_issues
 
 
-def _require_rising(values: tuple[Quantity, Quantity]) -> tuple[Quantity, Quantity]:
-    rising(values)
-    return values
+def _check(sides: Any) -> Any:
+    rising(sides)
+    return sides
 
 
-def _require_rate(rate: Quantity | tuple[Quantity, Quantity]) -> Quantity | tuple[Quantity, Quantity]:
-    _rates(rate)
-    return rate
-
-
-def _rates(rate: Quantity | tuple[Quantity, Quantity]) -> tuple[float, float]:
-    # Least and largest rate, SI; alike in both directions where there is one.
-    if isinstance(rate, tuple):
-        return rising(rate)
-    most, _ = quantity(rate)
-    if not most > 0:
-        raise ValueError(f"expected a rate above 0, got {rate}")
-    return -most, most
-
-
-Range = Annotated[tuple[Quantity, Quantity], AfterValidator(_require_rising)]
+Range = Annotated[tuple[Quantity, Quantity], AfterValidator(_check)]
 """Least and largest value."""
-Rate = Annotated[Quantity | tuple[Quantity, Quantity], AfterValidator(_require_rate)]
+Rate = Annotated[Quantity | tuple[Quantity, Quantity], AfterValidator(_check)]
 """Largest rate of change in either direction, or the least and the largest."""
 
 
@@ -187,7 +172,7 @@ class InputRate(OneInput):
     @property
     def bounds(self) -> tuple[float, float]:
         """Least and largest rate, SI."""
-        return _rates(self.rate)
+        return rising(self.rate)
 
     def table(self, drive: Drive) -> Expression:
         """Return the rates of all inputs."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import casadi as ca
 
@@ -42,7 +42,6 @@ class Equations(OutputSystem):
         written: quantities of the parameters as the user wrote them, by name.
     """
 
-    noun: ClassVar[str] = "system"
     states: tuple[str, ...]  # type: ignore[misc]  # Of each system its own.
     state_units: tuple[str, ...]  # type: ignore[misc]
     inputs: tuple[Input, ...]  # type: ignore[misc]
@@ -118,7 +117,6 @@ class Equations(OutputSystem):
             "responses": tuple(expressions["outputs"].items()),
             "integrator": integrator,
             "substeps": INTEGRATORS[integrator] if substeps is None else substeps,
-            "kind": "equations",
             "written": tuple((name, text) for name, text in parameters.items() if isinstance(text, str)),
         }
         for name, value in attributes.items():
