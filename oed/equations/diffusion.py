@@ -13,7 +13,7 @@ import numpy as np
 from oed.equations.dimensions import TIME, Dimension, Quantity, expect_quantity, quantity
 from oed.equations.issues import Issues, no_such
 from oed.equations.output_system import OutputSystem
-from oed.foundation.text import did_you_mean, listing, words
+from oed.foundation.text import listing, words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.process_noise import Period, ProcessNoise
 
@@ -81,7 +81,7 @@ def diffusion_issues(rates: Rates, system: OutputSystem) -> Issues:
     for name, value in rates:
         with issues.at(name):
             if name not in system.states:
-                raise ValueError(no_such("state", system.states) + did_you_mean(name, system.states))
+                raise ValueError(no_such("state", system.states, name))
             dimension: Dimension = system.dimensions[name]
             message = (
                 f"{name} is {dimension.words}, so this is in {dimension.text or '1'}/s^(1/2): the deviation "

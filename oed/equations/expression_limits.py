@@ -9,10 +9,10 @@ import casadi as ca
 import numpy as np
 from pydantic import Field
 
-from oed.equations.dimensions import PLAIN, TIME, Dimension, Quantity, quantity
+from oed.equations.dimensions import PLAIN, TIME, Dimension, Quantity
 from oed.equations.grammar import parse
 from oed.equations.issues import Issues
-from oed.equations.limits import Range, TwoSidedLimit
+from oed.equations.limits import QuantityLimit, Range
 from oed.equations.output_system import OutputSystem
 from oed.foundation.errors import Issue
 from oed.kernel.dynamics.expression import Expression
@@ -28,7 +28,7 @@ NODES = 8
 Name = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$")]
 
 
-class ExpressionLimit(TwoSidedLimit):
+class ExpressionLimit(QuantityLimit):
     """A limit on an expression.
 
     Attributes:
@@ -53,10 +53,6 @@ class ExpressionLimit(TwoSidedLimit):
     def times(self, system: System) -> Dimension:
         """Return the dimension that the expression's is multiplied by before it is compared."""
         return PLAIN
-
-    def bounded(self, values: Expression) -> Rows:
-        """Return rows that keep values of the expression between the bounds."""
-        return self.between(values, quantity(self.sides[1])[1].text)
 
     def values(
         self, system: System, states: Expression, parameters: Expression, inputs: Expression | None = None
@@ -109,11 +105,11 @@ class Always(StateLimit, PathLimit):
 
     def rows(self, drive: Drive) -> Rows:
         """Keep the expression between the bounds at every point of the path."""
-        return self.bounded(self.values(drive.system, drive.path, drive.parameters))
+        return self.between(self.values(drive.system, drive.path, drive.parameters))
 
     def rows_at(self, path: Expression, system: System) -> Rows:
         """Keep the expression between the bounds on points of a path, the parameters nominal."""
-        return self.bounded(self.values(system, path, ca.DM(system.nominal)))
+        return self.between(self.values(system, path, ca.DM(system.nominal)))
 
     def depends_on(self, system: System) -> frozenset[str]:
         """Return the parameters that the expression names, besides those that its states depend on."""
@@ -130,7 +126,7 @@ class AtEnd(StateLimit):
     def rows(self, drive: Drive) -> Rows:
         """Keep the expression between the bounds in the last state of every trial."""
         _, last = drive.ends_of(drive.states)
-        return self.bounded(self.values(drive.system, last, drive.parameters))
+        return self.between(self.values(drive.system, last, drive.parameters))
 
 
 class Budget(ExpressionLimit):
@@ -170,7 +166,7 @@ class Budget(ExpressionLimit):
                 states = step(begins.T, drive.inputs.T, drive.parameters, (1 + node) / 2 * drive.period).T
             values = self.values(system, states, drive.parameters, drive.inputs)
             total += weight / 2 * ca.dot(counts, values * lengths)
-        return self.bounded(total)
+        return self.between(total)
 
 
 @lru_cache(maxsize=64)

@@ -65,6 +65,12 @@ class Issues(list[Issue]):
             raise ProblemError(self)
 
 
-def no_such(kind: str, names: Collection[str]) -> str:
-    """Return the message that a system has nothing of a kind by a name, but by these."""
-    return f"the system has no such {kind}; it has {', '.join(names) or 'none'}"
+def no_such(kind: str, names: Collection[str], name: str = "") -> str:
+    """Return the message for a name that a system does not have.
+
+    Args:
+        kind: noun for what has names.
+        names: names of the system.
+        name: the name, for a proposal of what was meant; none by default.
+    """
+    return f"the system has no such {kind}; it has {', '.join(names) or 'none'}{did_you_mean(name, names)}"

@@ -20,7 +20,6 @@ from oed.equations.dimensions import (
 )
 from oed.equations.issues import Issues, no_such
 from oed.foundation.errors import Issue
-from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Space
@@ -39,7 +38,7 @@ Rate = Annotated[Quantity | tuple[Quantity, Quantity], AfterValidator(_check)]
 """Largest rate of change in either direction, or the least and the largest."""
 
 
-class TwoSidedLimit(Limit, ABC):
+class QuantityLimit(Limit, ABC):
     """A limit between quantities."""
 
     @property
@@ -67,20 +66,21 @@ class TwoSidedLimit(Limit, ABC):
                     expect_quantity(side, expected, f"expected {noun} {{expected}}, got some {{got}}")
         return issues
 
-    def between(self, values: Expression, unit: str) -> Rows:
+    def between(self, values: Expression, unit: str = "") -> Rows:
         """Return rows that keep values between the bounds.
 
         Args:
             values: the values (n,), SI.
-            unit: their SI unit.
+            unit: SI unit of the values; that of the bounds by default.
         """
         low, high = self.bounds
         size = max(abs(bound) for bound in self.bounds if np.isfinite(bound)) or 1.0
         count = values.shape[0]
+        unit = unit or quantity(self.sides[1])[1].text
         return Rows(values, np.full(count, low), np.full(count, high), size, unit)
 
 
-class OneInput(TwoSidedLimit):
+class OneInput(QuantityLimit):
     """A limit on one input, or on its rate of change.
 
     Attributes:
@@ -102,7 +102,7 @@ class OneInput(TwoSidedLimit):
         dimensions = input_dimensions(system)
         if self.input in dimensions:
             return self.unit_issues(dimensions[self.input] / self.per, "bounds")
-        text = no_such("input", dimensions) + did_you_mean(self.input, dimensions)
+        text = no_such("input", dimensions, self.input)
         return [Issue(("limits", self.name), text)]
 
     def rows(self, drive: Drive) -> Rows:

@@ -17,7 +17,7 @@ from oed.equations.output_system import OutputSystem
 from oed.foundation.component import OneOf
 from oed.foundation.errors import Issue
 from oed.foundation.quantities import is_share
-from oed.foundation.text import count, did_you_mean, listing, unit_text, words
+from oed.foundation.text import count, listing, unit_text, words
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.description import deviations_text
@@ -207,7 +207,7 @@ def replaced_starts(measurement: Measurement, deviations: tuple[tuple[str, float
 
 def _check_noise(dimensions: Mapping[str, Dimension], name: str, value: Quantity) -> None:
     if name not in dimensions:
-        raise ValueError(no_such("output", dimensions) + did_you_mean(name, dimensions))
+        raise ValueError(no_such("output", dimensions, name))
     if is_share(value):
         text = f"{value} of what? A standard deviation is of one size: give it in the unit of {name}"
         raise ValueError(f"{text}, a plain number where that has none")
