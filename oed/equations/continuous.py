@@ -38,7 +38,7 @@ class ContinuousSystem(SystemKeys, OutputSystem):
         output_units: SI units of the outputs, by name.
         start: initial values with their units, as a study's `system.states` has them.
         integrator: "runge_kutta", or "radau" for stiff systems.
-        substeps: its steps in a period.
+        substeps: steps of the integrator in a period.
     """
 
     output_units: ClassVar[Mapping[str, str]]
@@ -57,20 +57,15 @@ class ContinuousSystem(SystemKeys, OutputSystem):
             parameters: parameters, (p,), SI.
         """
 
-    @property
-    def integrates(self) -> bool:
-        """Whether it has states."""
-        return bool(self.states)
-
     def refined(self, times: int) -> Self:
-        """The system with so many times more substeps."""
-        other = self.model_copy()
-        other._finer = times * self._finer
-        return other
+        """Return the system with so many times more substeps."""
+        finer = self.model_copy()
+        finer._finer = times * self._finer
+        return finer
 
     @property
     def refinement(self) -> tuple[Self, int]:
-        """The system with its own substeps, and how many times more there are."""
+        """System with the study's substeps, and the factor by which there are more."""
         coarse = self.model_copy()
         coarse._finer = 1
         return coarse, self._finer
@@ -120,7 +115,7 @@ class ContinuousSystem(SystemKeys, OutputSystem):
     def step(
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
     ) -> Expression:
-        """By the integrator, in `substeps` steps."""
+        """Return the state after a period, by the integrator in `substeps` steps."""
         if not self.states:
             return state
         steps = self._finer * (self.substeps or INTEGRATORS[self.integrator])
@@ -137,11 +132,11 @@ class ContinuousSystem(SystemKeys, OutputSystem):
 def _radau(system: ContinuousSystem) -> Radau:
     states, width = len(system.states), len(system.inputs)
     state, none = ca.SX.sym("state", states), ca.SX.sym("algebraic", 0)
-    given = ca.SX.sym("given", width + len(system.parameters))
-    rates = ca.densify(ca.SX(system.derivative(state, given[:width], given[width:])))
+    held = ca.SX.sym("held", width + len(system.parameters))
+    rates = ca.densify(ca.SX(system.derivative(state, held[:width], held[width:])))
     return Radau(
-        ca.Function("rates", [state, none, given], [rates]),
-        ca.Function("constraints", [state, none, given], [ca.SX(0, 1)]),
+        ca.Function("rates", [state, none, held], [rates]),
+        ca.Function("constraints", [state, none, held], [ca.SX(0, 1)]),
     )
 
 

@@ -48,6 +48,11 @@ class OutputSystem(System, ABC):
             parameters: parameters, (p,), SI.
         """
 
+    @property
+    def integrates(self) -> bool:
+        """True if the system has states, which are integrated."""
+        return bool(self.states)
+
     def signals(
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
     ) -> Mapping[str, Expression]:

@@ -154,25 +154,20 @@ class Equations(OutputSystem):
         values = self.values_at(state, inputs, parameters)
         return {name: values[name] for name in self.output_dimensions}
 
-    @property
-    def integrates(self) -> bool:
-        """Whether it has states."""
-        return bool(self.states)
-
     def refined(self, times: int) -> Equations:
-        """The system with so many times more substeps."""
+        """Return the system with so many times more substeps."""
         return self._changed(substeps=times * self.substeps, finer=times * self.finer)
 
     @property
     def refinement(self) -> tuple[Equations, int]:
-        """The system with the study's substeps, and how many times more there are."""
+        """System with the study's substeps, and the factor by which there are more."""
         return self._changed(substeps=self.substeps // self.finer, finer=1), self.finer
 
     def _changed(self, **attributes: Any) -> Equations:
-        other = copy(self)
+        system = copy(self)
         for name, value in attributes.items():
-            object.__setattr__(other, name, value)
-        return other
+            object.__setattr__(system, name, value)
+        return system
 
     def step(
         self,
@@ -181,7 +176,7 @@ class Equations(OutputSystem):
         parameters: kernel.Expression,
         period: kernel.Expression,
     ) -> kernel.Expression:
-        """By the integrator, in `substeps` steps."""
+        """Return the state after a period, by the integrator in `substeps` steps."""
         if not self.states:
             return state
         if self.integrator == "radau":
