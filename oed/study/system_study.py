@@ -148,9 +148,8 @@ class SystemStudyFile(StudyFile):
 
     @property
     def limit_units(self) -> Mapping[str, Unit]:
-        """As their larger sides are written."""
-        of_inputs = {one.name: one.sides for one in self.experiment.limits}
-        sides = {**of_inputs, **{one.name: one.sides for one in self.limits}}
+        """Units in which the larger sides of the limits are written."""
+        sides = {limit.name: limit.sides for limit in (*self.experiment.limits, *self.limits)}
         return {name: unit_of(larger) for name, (_, larger) in sides.items() if isinstance(larger, str)}
 
     @property
