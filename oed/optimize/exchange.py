@@ -118,12 +118,12 @@ class Exchange:
         degree = space.own_spline.degree
         band = spline.basis(space.own_knots, degree, instants.time)
         first = instants.run * (space.all_coefficients // space.runs)
-        every = first[:, None] + band.indices.reshape(len(instants), -1)
+        every = first[:, None] + band.places
         # Of coefficients that rest fixes there is no unknown.
         place = np.full(space.all_coefficients, -1)
         place[embedding.free] = np.arange(len(embedding.free))
         found = place[every]
-        return np.where(found < 0, 0.0, band.data.reshape(every.shape)).T, np.maximum(found, 0).T
+        return np.where(found < 0, 0.0, band.entries).T, np.maximum(found, 0).T
 
     def solved(
         self,

@@ -1,8 +1,10 @@
-"""B-splines of inputs over time, on SciPy's `BSpline`.
+"""B-splines of inputs over time.
 
 A curve is `basis(t) @ coefficients`. The coefficients are also its convex hull: bounds on them hold for
 the curve at all times (de Boor, A Practical Guide to Splines, ch. XI), which is how speed and
 acceleration limits become linear constraints.
+
+SciPy's `BSpline` gives the same numbers, but loading it takes longer than a check of a study.
 """
 
 from __future__ import annotations
@@ -10,10 +12,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import factorial
-from typing import Protocol, cast
 
 import numpy as np
-import scipy
 
 from oed.foundation.arrays import Array, Places
 
@@ -21,22 +21,41 @@ ROUNDING = 1e-12
 """Share of the duration below which two times are equal."""
 
 
-class Band(Protocol):
-    """A SciPy sparse array with a few neighbouring entries in every row.
+@dataclass(frozen=True)
+class Band:
+    """A matrix of a few neighbouring entries in every row.
 
     Attributes:
-        data: entries, row by row.
-        indices: columns of the entries.
+        columns: number of columns n.
+        first: column of each row's first entry, (m,).
+        entries: entries of each row, (m, k).
     """
 
-    data: Array
-    indices: Places
+    columns: int
+    first: Places
+    entries: Array
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of rows and columns."""
+        return len(self.first), self.columns
+
+    @property
+    def places(self) -> Places:
+        """Columns of the entries, (m, k)."""
+        return np.asarray(self.first[:, None] + np.arange(self.entries.shape[1]))
 
     def __matmul__(self, other: Array) -> Array:
-        """Return the product with an array (n, ...)."""
+        """Return the product (m, ...) with an array (n, ...)."""
+        wide = self.entries.reshape(*self.entries.shape, *(1,) * (other.ndim - 1))
+        total = np.zeros((len(self.first), *other.shape[1:]))
+        for offset in range(self.entries.shape[1]):
+            total += wide[:, offset] * other[self.first + offset]
+        return total
 
     def toarray(self) -> Array:
-        """Return the matrix with all its zeros."""
+        """Return the matrix (m, n) with all its zeros."""
+        return self @ np.eye(self.columns)
 
 
 def clamped_knots(duration: float, count: int, degree: int) -> Array:
@@ -70,16 +89,31 @@ def repeated_knots(knots: Array, degree: int, times: int) -> Array:
 
 
 def basis(knots: Array, degree: int, times: Array) -> Band:
-    """Return the sparse matrix (len(times), n) of the basis functions' values at `times` [s], at knots the
-    limits from the right.
+    """Return the matrix (len(times), n) of the basis functions' values at `times` [s], at knots the limits
+    from the right [de Boor, ch. X, eq. 4].
 
     Args:
         knots: knots [s], not decreasing.
         degree: degree of the spline.
         times: times of evaluation [s].
     """
-    inside = _inside(knots, degree, times)
-    return cast(Band, scipy.interpolate.BSpline.design_matrix(inside, knots, degree))
+    count = len(knots) - degree - 1
+    inside = np.clip(times, knots[degree], knots[-degree - 1])
+    if degree == 0:
+        # A time at a knot, to rounding, is at the knot: the middle of a period may be.
+        inside = inside + ROUNDING * knots[-1]
+    place = np.clip(np.searchsorted(knots, inside, side="right") - 1, degree, count - 1)
+    values = np.zeros((degree + 1, len(inside)))
+    values[0] = 1.0
+    for order in range(1, degree + 1):
+        lower, values[0] = values[:order].copy(), 0.0
+        for index in range(1, order + 1):
+            after, before = knots[place + index], knots[place + index - order]
+            span = after - before
+            share = np.divide(lower[index - 1], span, out=np.zeros_like(span), where=span > 0)
+            values[index - 1] += share * (after - inside)
+            values[index] = share * (inside - before)
+    return Band(count, place - degree, values.T)
 
 
 def values(knots: Array, degree: int, coefficients: Array, times: Array) -> Array:
@@ -91,14 +125,7 @@ def values(knots: Array, degree: int, coefficients: Array, times: Array) -> Arra
         coefficients: coefficients (n, curves).
         times: times of evaluation [s].
     """
-    curves = scipy.interpolate.BSpline(knots, coefficients, degree)
-    return np.asarray(curves(_inside(knots, degree, times)))
-
-
-def _inside(knots: Array, degree: int, times: Array) -> Array:
-    inside = np.clip(times, knots[degree], knots[-degree - 1])
-    # A time at a knot, to rounding, is at the knot: the middle of a period may be.
-    return inside if degree else np.minimum(inside + ROUNDING * knots[-1], knots[-1])
+    return basis(knots, degree, times) @ coefficients
 
 
 def derivative(knots: Array, degree: int) -> tuple[Band, Array]:
@@ -115,8 +142,7 @@ def derivative(knots: Array, degree: int) -> tuple[Band, Array]:
     count = len(knots) - degree - 1
     span = knots[degree + 1 : count + degree] - knots[1:count]
     scale = np.where(span > 0, degree / np.where(span > 0, span, 1.0), 0.0)
-    matrix = scipy.sparse.diags_array([-scale, scale], offsets=[0, 1], shape=(count - 1, count))
-    return matrix.tocsr(), knots[1:-1]
+    return Band(count, np.arange(count - 1), np.column_stack([-scale, scale])), knots[1:-1]
 
 
 def refined(knots: Array, degree: int, coefficients: Array, finer: Array) -> Array:
@@ -135,12 +161,20 @@ def refined(knots: Array, degree: int, coefficients: Array, finer: Array) -> Arr
         ValueError: `finer` leaves out some of the knots.
     """
     near = ROUNDING * knots[-1]
-    curves = scipy.interpolate.BSpline(knots, coefficients, degree)
     for time in finer[np.abs(finer[:, None] - knots).min(axis=1) > near]:
-        curves = curves.insert_knot(time)
-    if curves.t.shape != finer.shape or np.any(np.abs(curves.t - finer) > near):
+        knots, coefficients = _with_knot(knots, degree, coefficients, time)
+    if knots.shape != finer.shape or np.any(np.abs(knots - finer) > near):
         raise ValueError("expected knots that have all those of the curves, and others inside")
-    return np.asarray(curves.c)
+    return coefficients
+
+
+def _with_knot(knots: Array, degree: int, coefficients: Array, time: float) -> tuple[Array, Array]:
+    last = int(np.searchsorted(knots, time, side="right")) - 1
+    mixed = np.arange(last - degree + 1, last + 1)
+    share = ((time - knots[mixed]) / (knots[mixed + degree] - knots[mixed]))[:, None] if degree else 0.0
+    inserted = np.insert(coefficients, last, coefficients[last], axis=0)
+    inserted[mixed] = share * coefficients[mixed] + (1 - share) * coefficients[mixed - 1]
+    return np.insert(knots, last + 1, time), inserted
 
 
 def jumps(knots: Array, degree: int, order: int) -> Array:
@@ -186,8 +220,12 @@ def extremes(knots: Array, degree: int, coefficients: Array, order: int) -> Arra
 
 def _derivatives(knots: Array, degree: int, coefficients: Array, times: Array) -> Array:
     """Return values and all derivatives of curves between their knots, (degree + 1, times, curves)."""
-    curves = scipy.interpolate.BSpline(knots, coefficients, degree)
-    return np.stack([curves(times, nu=order) for order in range(degree + 1)])
+    derivatives = [values(knots, degree, coefficients, times)]
+    for lower in range(degree - 1, -1, -1):
+        steps, knots = derivative(knots, lower + 1)
+        coefficients = steps @ coefficients
+        derivatives.append(values(knots, lower, coefficients, times))
+    return np.stack(derivatives)
 
 
 def _real_roots(powers: Sequence[Array]) -> Array:
