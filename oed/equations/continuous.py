@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-import casadi as ca
 from pydantic import BeforeValidator, Field, PrivateAttr
 
 from oed.equations.dimensions import Dimension, expect_quantity, parse_unit
@@ -25,7 +24,6 @@ from oed.equations.reading import INTEGRATORS
 from oed.foundation.own.part import OwnDescription, OwnPart
 from oed.foundation.shown import written
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.integration import Radau, runge_kutta
 from oed.kernel.dynamics.system import Input, Parameter, signaller, stepper
 
 
@@ -112,32 +110,16 @@ class ContinuousSystem(SystemKeys, OutputSystem):
         values = by_name(names, state, inputs, parameters)
         return {**values, **self.outputs(state, inputs, parameters)}
 
-    def step(
-        self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
+    @property
+    def scheme(self) -> tuple[str, int]:
+        """Integrator, and number of its steps in a period."""
+        return self.integrator, self._finer * (self.substeps or INTEGRATORS[self.integrator])
+
+    def rates_at(
+        self, state: Expression, algebraic: Expression, inputs: Expression, parameters: Expression
     ) -> Expression:
-        """Return the state after a period, by the integrator in `substeps` steps."""
-        if not self.states:
-            return state
-        steps = self._finer * (self.substeps or INTEGRATORS[self.integrator])
-        if self.integrator == "runge_kutta":
-            return runge_kutta(lambda now: self.derivative(now, inputs, parameters), state, period, steps)
-        method, held = _radau(self), ca.vertcat(inputs, parameters)
-        algebraic: Expression = ca.SX(0, 1)
-        for _ in range(steps):
-            state, algebraic = method.step(state, algebraic, held, period / steps)
-        return state
-
-
-@lru_cache(maxsize=32)
-def _radau(system: ContinuousSystem) -> Radau:
-    states, width = len(system.states), len(system.inputs)
-    state, none = ca.SX.sym("state", states), ca.SX.sym("algebraic", 0)
-    held = ca.SX.sym("held", width + len(system.parameters))
-    rates = ca.densify(ca.SX(system.derivative(state, held[:width], held[width:])))
-    return Radau(
-        ca.Function("rates", [state, none, held], [rates]),
-        ca.Function("constraints", [state, none, held], [ca.SX(0, 1)]),
-    )
+        """Return the derivatives of all states by time, SI."""
+        return self.derivative(state, inputs, parameters)
 
 
 class PythonSystem(OwnPart, SystemKeys, extra="allow"):

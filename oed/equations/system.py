@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,13 +12,11 @@ import casadi as ca
 
 from oed.equations.dimensions import Dimension, unit_of
 from oed.equations.grammar import Expression
-from oed.equations.implicit import algebraic_solver, index_issues, radau_stepper
-from oed.equations.output_system import OutputSystem, by_name
+from oed.equations.output_system import OutputSystem, by_name, equation_function
 from oed.equations.reading import INTEGRATORS, Reader
-from oed.foundation.errors import ProblemError
-from oed.foundation.text import Unit
+from oed.foundation.errors import Issue, ProblemError
+from oed.foundation.text import Unit, listing
 from oed.kernel.dynamics import expression as kernel
-from oed.kernel.dynamics.integration import runge_kutta
 from oed.kernel.dynamics.system import Input, Parameter
 
 
@@ -121,7 +119,7 @@ class Equations(OutputSystem):
         }
         for name, value in attributes.items():
             object.__setattr__(self, name, value)
-        if issues := index_issues(self):
+        if issues := _index_issues(self):
             raise ProblemError(issues)
 
     @cached_property
@@ -143,8 +141,7 @@ class Equations(OutputSystem):
         self, state: kernel.Expression, inputs: kernel.Expression, parameters: kernel.Expression
     ) -> Mapping[str, Any]:
         """Return the values of all names, SI."""
-        algebraic = [algebraic_solver(self)(state, inputs, parameters)] if self.guesses else []
-        values = self.named(state, inputs, parameters, *algebraic)
+        values = self.named(state, inputs, parameters, self.solve_algebraic(state, inputs, parameters))
         return {**values, **{name: output.casadi(values) for name, output in self.responses}}
 
     def outputs(
@@ -169,30 +166,33 @@ class Equations(OutputSystem):
             object.__setattr__(system, name, value)
         return system
 
-    def step(
-        self,
-        state: kernel.Expression,
-        inputs: kernel.Expression,
-        parameters: kernel.Expression,
-        period: kernel.Expression,
-    ) -> kernel.Expression:
-        """Return the state after a period, by the integrator in `substeps` steps."""
-        if not self.states:
-            return state
-        if self.integrator == "radau":
-            return radau_stepper(self)(state, inputs, parameters, period)
+    @property
+    def scheme(self) -> tuple[str, int]:
+        """Integrator, and number of its steps in a period."""
+        return self.integrator, self.substeps
 
-        def derivative(now: kernel.Expression) -> kernel.Expression:
-            values = self.named(now, inputs, parameters)
-            return ca.vertcat(*(rate.casadi(values) for rate in self.rates))
+    @property
+    def algebraic_guesses(self) -> Sequence[float]:
+        """Values of the algebraic states at which solving for them begins, SI."""
+        return [value for _, value, _ in self.guesses]
 
-        return runge_kutta(derivative, state, period, self.substeps)
+    def rates_at(self, state: Any, algebraic: Any, inputs: Any, parameters: Any) -> kernel.Expression:
+        """Return the derivatives of all states by time, SI."""
+        return self._column(self.rates, state, inputs, parameters, algebraic)
+
+    def constraints_at(self, state: Any, algebraic: Any, inputs: Any, parameters: Any) -> kernel.Expression:
+        """Return the equations of the algebraic states, as expressions that are 0."""
+        return self._column(self.constraints, state, inputs, parameters, algebraic)
+
+    def _column(self, expressions: Sequence[Expression], *columns: Any) -> kernel.Expression:
+        values = self.named(*columns)
+        return ca.vertcat(ca.SX(0, 1), *(expression.casadi(values) for expression in expressions))
 
     def named(self, *columns: Any) -> dict[str, Any]:
         """Return the values of all names but the outputs', SI.
 
         Args:
-            columns: states, inputs, parameters and, where there are any, algebraic states, SI.
+            columns: states, inputs, parameters and algebraic states, SI.
         """
         constants = [parameter.name for parameter in self.parameters]
         names = [*self.states, *self.input_names, *constants, *(name for name, *_ in self.guesses)]
@@ -200,3 +200,23 @@ class Equations(OutputSystem):
         for name, definition in self.definitions:
             values[name] = definition.casadi(values)
         return values
+
+
+def _index_issues(system: Equations) -> list[Issue]:
+    """Return why the algebraic equations cannot be solved for the algebraic states; [] if they may."""
+    names = [name for name, *_ in system.guesses]
+    slopes = equation_function(system, "constraints_at").jac_sparsity(0, 1)
+    if ca.sprank(ca.DM(slopes)) == len(names):
+        return []
+    rows, columns = map(set, slopes.get_triplet())
+    key = ("system", "algebraic")
+    issues = [
+        Issue((*key, name), f"there is no algebraic state in it; they are {listing(names)}")
+        for place, name in enumerate(names)
+        if place not in rows
+    ]
+    absent = [name for place, name in enumerate(names) if place not in columns]
+    reason = (
+        f"{listing(absent)} is in none of them" if absent else f"they cannot be solved for {listing(names)}"
+    )
+    return issues or [Issue(key, f"{reason}: the index would not be 1")]
