@@ -3,7 +3,7 @@
 Of every box the lowest of four bounds counts: that of interval arithmetic; the mean-value form; Taylor's with
 second derivatives; and, where the function is concave all over the box, any tangent plane. Where it rises all
 along an input, its largest value is at that end [Neumaier, Complete search in continuous global optimization,
-2004]. Rounding is not directed: see `enclosures`.
+2004]. Rounding is not directed: see `intervals`.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array, Bools, Places
-from oed.kernel.dynamics.enclosures import Enclosure, enclosed
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.intervals import ONE, ZERO, Interval, number
+from oed.kernel.dynamics.interval_function import IntervalFunction
+from oed.kernel.dynamics.intervals import EVERYTHING, full
 
 TIGHT = 1e-10
 """Share by which the bound may exceed the largest value found."""
@@ -52,89 +52,82 @@ class Largest:
 
 
 class Landscape:
-    """f(x) = tr(Z J(x)' J(x)) of inputs x, for any Z = U'U: at points, and over boxes."""
+    """Function f(x) = tr(Z J(x)' J(x)) of inputs x, for any Z = U'U: at points, and over boxes.
+
+    Attributes:
+        rows: CasADi function x -> J.
+        count: number of inputs.
+        is_bounded: every operation of f has bounds.
+    """
 
     def __init__(self, inputs: Expression, rows: Expression) -> None:
-        """Write down what interval arithmetic says of it.
+        """Differentiate f.
 
         Args:
             inputs: symbols x, (n,).
             rows: J, (rows, q).
-
-        Raises:
-            NotEnclosed: an operation that no bounds are known for.
         """
         count, size = inputs.numel(), rows.shape[1]
         factor = ca.SX.sym("factor", size, size)
         value = ca.sumsqr(factor @ rows.T)
         second, gradient = ca.hessian(value, inputs)
-        own = [inputs, factor]
-        self.rows = ca.Function("rows", [inputs], [ca.densify(rows)])
-        self.size, self.count = size, count
-        self._points = ca.Function("points", own, [value, ca.densify(gradient), ca.vec(ca.densify(second))])
-        self._boxes = _over_boxes(count, own, ca.densify(ca.vertcat(value, gradient)))
+        arguments = [inputs, factor]
+        self.rows, self.count = ca.Function("rows", [inputs], [ca.densify(rows)]), count
+        self._points = ca.Function(
+            "points", arguments, [value, ca.densify(gradient), ca.vec(ca.densify(second))]
+        )
+        derivatives = ca.Function("derivatives", arguments, [ca.densify(ca.vertcat(value, gradient))])
+        self._derivatives = IntervalFunction(derivatives, range(count))
+        self.is_bounded = self._derivatives.is_bounded
 
     def matrix(self, point: Array) -> Array:
-        """J'J at a point (n,), (q, q)."""
+        """Return J'J at a point (n,), (q, q)."""
         rows = np.array(self.rows(point))
         return np.asarray(rows.T @ rows)
 
     def at(self, points: Array, factor: Array) -> tuple[Array, Array, Array]:
-        """Values (k,), gradients (k, n) and second derivatives (k, n, n) at points (k, n)."""
-        value, gradient, second = self._mapped(self._points, [points], factor)
+        """Return values (k,), gradients (k, n) and second derivatives (k, n, n) at points (k, n)."""
+        results = self._points.call([ca.DM(points.T), ca.DM(np.tile(factor, (1, len(points))))])
+        value, gradient, second = (np.array(result).T for result in results)
         return value[:, 0], gradient, second.reshape(-1, self.count, self.count)
 
     def over(self, low: Array, high: Array, factor: Array) -> tuple[Array, Array, Array]:
-        """Bounds of values (k, 2), gradients (k, n, 2) and second derivatives (k, n, n, 2) over boxes (k, n).
+        """Return bounds of values (k, 2), gradients (k, n, 2) and second derivatives (k, n, n, 2) over boxes.
 
         Args:
-            low: smallest x of each box.
-            high: largest x of each box.
+            low: smallest x of each box, (k, n).
+            high: largest x of each box, (k, n).
             factor: U.
         """
-        found = self._mapped(self._boxes, [low, high], factor)
-        first, slopes, second = (
-            np.stack([np.where(np.isnan(one), -np.inf, one), np.where(np.isnan(two), np.inf, two)], axis=-1)
-            for one, two in zip(found[:3], found[3:], strict=True)
-        )
-        # Derivatives as functions do not know of jumps, slopes do: then they are not finite.
-        smooth = np.isfinite(slopes).all(axis=(1, 2))[:, None, None]
-        own = first[:, 1:]
-        both = np.stack(
-            [np.maximum(own[..., 0], slopes[..., 0]), np.minimum(own[..., 1], slopes[..., 1])], axis=-1
-        )
-        second = np.where(smooth, second.reshape(len(low), -1, 2), [-np.inf, np.inf])
-        gradients = np.where(smooth, both, slopes)
-        return first[:, 0], gradients, second.reshape(-1, self.count, self.count, 2)
+        parts = [
+            self._over(low[first : first + CHUNK], high[first : first + CHUNK], factor)
+            for first in range(0, len(low), CHUNK)
+        ]
+        value, gradient, second = (np.concatenate(bounds) for bounds in zip(*parts, strict=True))
+        return value, gradient, second
 
-    def _mapped(self, function: ca.Function, given: list[Array], factor: Array) -> list[Array]:
-        parts = []
-        for first in range(0, len(given[0]), CHUNK):
-            own = [one[first : first + CHUNK].T for one in given]
-            repeated = np.tile(factor, (1, own[0].shape[1]))
-            parts.append([np.array(one).T for one in function.call([*map(ca.DM, own), ca.DM(repeated)])])
-        return [np.concatenate(each) for each in zip(*parts, strict=True)]
-
-
-def _over_boxes(count: int, own: list[Expression], results: Expression) -> ca.Function:
-    # Bounds of the value and the gradient, of the value's slopes, and of the gradient's, by each input.
-    function = ca.Function("value", own, [results])
-    low, high = ca.SX.sym("low", count), ca.SX.sym("high", count)
-    stretches = [Interval(low[place], high[place]) for place in range(count)]
-    numbers = [Enclosure(number(one)) for one in ca.vertsplit(ca.vec(own[1]))]
-    each = [
-        enclosed(
-            function,
-            [[Enclosure(one, ONE if at == by else ZERO) for at, one in enumerate(stretches)], numbers],
+    def _over(self, low: Array, high: Array, factor: Array) -> tuple[Array, Array, Array]:
+        boxes = np.zeros((self.count, 1 + self.count, 2, len(low)))
+        boxes[:, 0] = np.stack([low.T, high.T], axis=1)
+        boxes[np.arange(self.count), 1 + np.arange(self.count)] = 1.0
+        rows = self._derivatives.bounds([*boxes, *factor.ravel(order="F")])
+        table = np.array([full(row, boxes[0].shape) for row in rows])
+        table = np.where(np.isnan(table).any(axis=2, keepdims=True), EVERYTHING, table).transpose(3, 0, 1, 2)
+        value, slopes, gradient, second = table[:, 0, 0], table[:, 0, 1:], table[:, 1:, 0], table[:, 1:, 1:]
+        # The gradient as a function misses jumps; the value's slopes, which do not, are infinite there.
+        is_smooth = np.isfinite(slopes).all(axis=(1, 2))[:, None, None]
+        closer = np.stack(
+            [
+                np.maximum(gradient[..., 0], slopes[..., 0]),
+                np.minimum(gradient[..., 1], slopes[..., 1]),
+            ],
+            axis=-1,
         )
-        for by in range(count)
-    ]
-    first = [one.value for one in each[0]]
-    slopes = [column[0].slope for column in each]
-    second = [one.slope for column in each for one in column[1:]]
-    outputs = [ca.vertcat(*(one.low for one in part)) for part in (first, slopes, second)]
-    outputs += [ca.vertcat(*(one.high for one in part)) for part in (first, slopes, second)]
-    return ca.Function("boxes", [low, high, own[1]], outputs)
+        return (
+            value,
+            np.where(is_smooth, closer, slopes),
+            np.where(is_smooth[..., None], second.transpose(0, 2, 1, 3), [-np.inf, np.inf]),
+        )
 
 
 def peaks(landscape: Landscape, factor: Array, low: Array, high: Array, starts: Array) -> Array:

@@ -24,7 +24,6 @@ from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array, Bools, Places
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import Criterion
-from oed.kernel.dynamics.enclosures import NotEnclosed
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.readings import moment_reading
@@ -110,8 +109,10 @@ def points_of(problem: Problem) -> Points | None:
             Landscape(inputs, ca.vertcat(*(times**0.5 * row for times, row in zip(kind, rows, strict=True))))
             for kind in kinds
         ]
-    except (NotEnclosed, RuntimeError):
+    except RuntimeError:
         # Not even a function of the inputs alone, where the period matters.
+        return None
+    if not all(landscape.is_bounded for landscape in landscapes):
         return None
     prior = np.zeros((count, count)) if one.prior is None else one.prior
     totals = np.array([float(number) for number in kinds.values()])

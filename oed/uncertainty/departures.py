@@ -14,7 +14,6 @@ from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.between import change_per_metre, exceeded, excess_of, largest, periods_of
 from oed.kernel.dynamics.direct_call import mapped
-from oed.kernel.dynamics.enclosures import NotEnclosed
 from oed.kernel.dynamics.rollout import FINE, any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import TOLERANCE
@@ -233,11 +232,8 @@ def _between(
 ) -> tuple[Array, bool]:
     # The same of some draws at all times, of most only whether they exceed the limit; and whether it is sure.
     system, parts = given_spread(problem.uncertain_system).system.refinement
-    try:
-        if limit.looks_at != "state":
-            raise NotEnclosed
-        excess = excess_of(limit, system)
-    except NotEnclosed:
+    excess = excess_of(limit, system) if limit.looks_at == "state" else None
+    if excess is None or not excess.is_bounded:
         closer, _ = _at_points(problem, (limit,), robots, FINE)
         return closer[:, 0], limit.looks_at is not None and limit.looks_at != "state"
     periods = periods_of(system, robots.trajectory, robots.parameters, robots.starts, parts=parts)

@@ -11,7 +11,6 @@ import pytest
 from builders import RADIUS, TRACK, problem_of, random_drive
 
 from oed.bounds import bound
-from oed.kernel.between.search import _backed_off, excess_of
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Spline
@@ -322,20 +321,6 @@ def test_robust_limits_hold_between_the_points(kind: str):
         margins.append(found.margin)
     # The same motion, cut in few periods or in many.
     assert margins[0] == pytest.approx(margins[1], abs=2e-5)
-
-
-@pytest.mark.parametrize("operations", [0, 10**12], ids=["every call", "none"])
-def test_bounds_that_threads_share_out_are_the_same(operations: int, monkeypatch: pytest.MonkeyPatch):
-    problem = moving(Rectangle(x=(-1, 1), y=(-1, 1)), within={"track": "2 %"}, robust=Robust(kind="chance"))
-    drive = random_drive(problem, 1)
-    expected = margin(problem, drive, "workspace")
-    monkeypatch.setattr("oed.kernel.between.excess.MOST", 0)
-    monkeypatch.setattr("oed.kernel.between.excess.SHARED", operations)
-    for bounded in (_backed_off, excess_of):
-        bounded.cache_clear()
-    assert margin(problem, drive, "workspace") == expected
-    for bounded in (_backed_off, excess_of):
-        bounded.cache_clear()
 
 
 def test_the_tolerance_is_the_only_one():

@@ -1,4 +1,4 @@
-"""Limits between the points at which a drive is looked at."""
+"""Search for the largest excess of limits between the points at which a drive is scored."""
 
 from oed.kernel.between.excess import exceeded as exceeded
 from oed.kernel.between.periods import Periods as Periods

@@ -1,39 +1,35 @@
-"""By how much a limit is exceeded, at an instant and at most over a stretch of time."""
+"""Excess of a limit: its value at an instant, and an upper bound over a stretch of a sample period."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.between.periods import Periods, Stretches
-from oed.kernel.dynamics.direct_call import MOST, DirectCall
-from oed.kernel.dynamics.enclosures import Enclosure, enclosed
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.intervals import ONE, Interval, number
+from oed.kernel.dynamics.interval_function import IntervalFunction
+from oed.kernel.dynamics.intervals import EVERYTHING, full
 from oed.kernel.dynamics.rollout import Instant, instant_of
 from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Rows
 
 AT_ONCE = 1024
-"""Stretches bounded in one call."""
-SHARED, THREADS = 1_000_000, 2
-"""Operations of a call (rows times operations of each) from which threads share it, for starting them takes
-0.1 ms, and how many threads: no more, for searches and simulations run in several processes already.
-"""
+"""Stretches bounded in one call: their numbers fit into a processor's cache."""
 
 
 class Excess:
-    """By how much a limit's rows are exceeded at an instant, and how much at most over a stretch of a period.
+    """Excess of a limit's rows at an instant, and its upper bound over a stretch of a period.
 
     Attributes:
-        size: of the limit.
-        sensitive: whether the rows look at sensitivities.
-        per_metre: what the rows change by at most per metre that the mean speed of a period says.
-        by_splines: whether they look at the inputs' splines between the middles of the periods.
+        size: size of the limit.
+        per_metre: most that the rows change per metre of way at the mean speed of a period.
+        reads_splines: the rows depend on the inputs' splines between the middles of the periods.
+        is_bounded: every operation of the rows has bounds.
     """
 
     def __init__(
@@ -45,139 +41,104 @@ class Excess:
         sensitive: bool = False,
         run: int = 0,
     ) -> None:
-        """Write the rows of an instant and bound them.
+        """Write the rows of an instant.
 
         Args:
-            rows_of: an instant's.
-            system: that is driven.
-            per_metre: what the rows change by at most per metre that the mean speed of a period says.
-            sensitive: whether the rows look at sensitivities.
-            run: of which run the instants are.
-
-        Raises:
-            NotEnclosed: an operation that no bounds are known for.
+            rows_of: function that returns the rows of an instant.
+            system: system that is driven.
+            per_metre: most that the rows change per metre of way at the mean speed of a period.
+            sensitive: the rows depend on sensitivities of the state.
+            run: place of the run that the instants belong to.
         """
-        self._inputs = inputs = len(system.inputs)
-        self.sensitive, self.per_metre = sensitive, per_metre
-        self._given = _symbols(system, sensitive)
-        state, held, own, slopes, period = self._given
-        asked, fraction = ca.SX.sym("asked", inputs), ca.SX.sym("fraction")
+        states, inputs, parameters = len(system.states), len(system.inputs), len(system.parameters)
+        state, held, spline = (
+            ca.SX.sym("state", states),
+            ca.SX.sym("held", inputs),
+            ca.SX.sym("spline", inputs),
+        )
+        parameter, period = ca.SX.sym("p", parameters), ca.SX.sym("period")
+        slopes = ca.SX.sym("S", states * (parameters + states) if sensitive else 0)
+        fraction = ca.SX.sym("fraction")
         instant = instant_of(
             system,
             state=state,
             held=held,
-            parameters=own,
+            parameters=parameter,
             period=period,
-            asked=asked,
+            asked=spline,
             fraction=fraction,
-            sensitivities=ca.reshape(slopes, len(system.states), -1) if sensitive else None,
+            sensitivities=ca.reshape(slopes, states, -1) if sensitive else None,
             run=run,
         )
         rows = rows_of(instant)
-        self.size, excess = rows.size, ca.cse(exceeded(rows))
-        self.by_splines = bool(ca.depends_on(excess, asked))
-        self._affine = _affine(excess, asked, own)
-        arguments = [*self._given, asked, fraction]
-        both = ca.vertcat(excess, instant.speeds)
-        self._at = ca.Function("at", [ca.vertcat(*arguments)], [ca.densify(both)])
-        self._over = self._bounded(ca.Function("excess", arguments, [excess]), inputs)
-        self._mapped: dict[tuple[str, int], DirectCall] = {}
-
-    def _bounded(self, excess: ca.Function, inputs: int) -> ca.Function:
-        # Of a stretch the values at both ends, the highest between, and bounds of the slopes.
-        names = ("asked_begin", "asked_end", "low", "high", "slope_low", "slope_high")
-        asked = [ca.SX.sym(name, inputs) for name in names]
-        begin, end = ca.SX.sym("begin"), ca.SX.sym("end")
-        each = zip(*(ca.vertsplit(one) for one in asked[2:]), strict=True)
-        entries = [Enclosure(Interval(low, high), Interval(least, most)) for low, high, least, most in each]
-        points = [[Enclosure(number(one)) for one in ca.vertsplit(given)] for given in self._given]
-        if not self.by_splines:
-            entries = [Enclosure(number(0.0))] * inputs
-        found = enclosed(excess, [*points, entries, [Enclosure(Interval(begin, end), ONE)]])
-        ends = [excess(*self._given, *at) for at in ((asked[0], begin), (asked[1], end))]
-        bounds = [one.value.high for one in found]
-        bounds += [one.slope.low for one in found] + [one.slope.high for one in found]
-        results = ca.densify(ca.cse(ca.vertcat(*ends, *bounds)))
-        return ca.Function("over", [ca.vertcat(*self._given, *asked, begin, end)], [results])
+        excess = ca.cse(exceeded(rows))
+        arguments = ca.vertcat(state, held, parameter, slopes, period, spline, fraction)
+        self.size, self.per_metre = rows.size, per_metre
+        self.reads_splines = bool(ca.depends_on(excess, spline))
+        last = arguments.numel() - 1
+        moving = range(last - inputs if self.reads_splines else last, last + 1)
+        self._rows = IntervalFunction(ca.Function("excess", [arguments], [excess]), moving)
+        self._speed = IntervalFunction(ca.Function("speed", [arguments], [instant.speeds]), ())
+        self._affine = _affine_in(excess, spline, parameter)
+        self.is_bounded = self._rows.is_bounded
 
     def everywhere(self, periods: Periods) -> Stretches:
-        """All periods; cut where splines have knots, if the rows look at them."""
-        return periods.pieces if self.by_splines else periods.whole
+        """Return all periods, cut at the splines' knots if the rows read the splines."""
+        return periods.pieces if self.reads_splines else periods.entire
 
-    def exactly(self, periods: Periods) -> float | None:
-        """The most at any time of one drive, of rows that are affine in the inputs' splines: splines
-        themselves, whose extremes are known. None of others.
+    def exact_most(self, periods: Periods) -> float | None:
+        """Return the largest excess on one drive if the rows are affine in the splines, else None.
+
+        Such rows are splines themselves, whose extremes are known.
         """
         if self._affine is None:
             return None
-        gains, offsets = (np.array(one) for one in self._affine(periods.parameters[0]))
+        gains, offsets = (np.array(part) for part in self._affine(periods.parameters[0]))
         drive = periods.trajectory
         values = replace(drive, coefficients=drive.coefficients @ gains.T).extremes(0) + offsets.T
-        return float(_highest(values, values).max())
+        return float(_nan_as_infinite(values.T).max())
 
     def over(self, periods: Periods, stretches: Stretches, enough: Array) -> tuple[Array, Array]:
-        """The larger excess of both ends, and the largest there may be between, (K,) each.
+        """Return the larger excess of both ends and an upper bound of the excess between, (K,) each.
 
-        Nobody needs to know how much less than `enough` (K,) that is: the cheapest bound will do.
+        The bound is a cheap one where that is at most `enough`.
 
         Args:
-            periods: of the drives.
-            stretches: parts of these, K.
-            enough: excess that is known of each already, (K,).
+            periods: periods of the drives.
+            stretches: parts of these periods, K.
+            enough: excess that is known already, (K,).
         """
-        own = periods.splines(stretches) if self.by_splines else np.zeros((6, len(stretches), self._inputs))
         parts = [
-            self._some(periods, stretches.chosen(some), own[:, some], enough[some])
-            for some in (slice(first, first + AT_ONCE) for first in range(0, len(stretches), AT_ONCE))
+            self._over(periods, stretches.chosen(part), enough[part])
+            for part in (slice(first, first + AT_ONCE) for first in range(0, len(stretches), AT_ONCE))
         ]
-        found, bounds = zip(*parts, strict=True)
-        return np.concatenate(found), np.concatenate(bounds)
+        values, bounds = zip(*parts, strict=True)
+        return np.concatenate(values), np.concatenate(bounds)
 
-    def _some(
-        self, periods: Periods, stretches: Stretches, splines: Array, enough: Array
-    ) -> tuple[Array, Array]:
-        given = periods.table[stretches.row]
-        begin, end = stretches.begin[:, None], stretches.end[:, None]
-        table, width = np.hstack([given, *splines, begin, end]), end - begin
-        if not np.isfinite(self.per_metre):
-            over = self._call("over", self._over, table)
-            return self._closer(over, width)
-        ends = (np.hstack([given, splines[side], at]) for side, at in enumerate((begin, end)))
-        values = self._call("at", self._at, np.vstack(list(ends)))
-        found = _highest(*np.split(values[:, :-1], 2))
-        speeds = values[: len(found), -1]
-        bounds = found + self.per_metre * speeds * width[:, 0] * periods.lasting / 2
-        near = ~(bounds <= np.maximum(enough, found))
+    def _over(self, periods: Periods, stretches: Stretches, enough: Array) -> tuple[Array, Array]:
+        begins, count = periods.begins[:, stretches.row], len(stretches)
+        fractions = np.array([stretches.begin, stretches.end])
+        width, inputs = fractions[1] - fractions[0], periods.held.shape[1]
+        ends, moving = np.zeros((2, inputs, count)), np.zeros((inputs, count))
+        if self.reads_splines:
+            ends, moving = periods.splines(stretches)
+        both = [*np.tile(begins, 2), *np.hstack(list(ends)), fractions.ravel()]
+        begin, end = np.split(_table(self._rows.exact(both), 2 * count), 2, axis=1)
+        values, bounds = _most(np.maximum(begin, end)), np.full(count, np.inf)
+        if np.isfinite(self.per_metre):
+            (speed,) = self._speed.exact([*begins, *ends[0], fractions[0]])
+            bounds = values + self.per_metre * speed * width * periods.duration / 2
+        near = ~(bounds <= np.maximum(enough, values))
         if near.any():
-            _, closer = self._closer(self._call("over", self._over, table[near]), width[near])
-            bounds[near] = np.fmin(bounds[near], closer)
-        return found, np.maximum(bounds, found)
-
-    def _call(self, name: str, function: ca.Function, table: Array) -> Array:
-        # Mapped over a power of two: few maps serve all numbers of stretches.
-        count = len(table)
-        size = 1 << (count - 1).bit_length()
-        if (name, size) not in self._mapped:
-            self._mapped[name, size] = DirectCall(_side_by_side(function, size))
-        filled = np.vstack([table, np.repeat(table[:1], size - count, axis=0)])
-        (found,) = self._mapped[name, size](filled)
-        return found.reshape(size, -1)[:count]
-
-    def _closer(self, over: Array, width: Array) -> tuple[Array, Array]:
-        # The larger excess of both ends, and the largest between by bounds of values and slopes.
-        begin, end, *bounds = np.split(over, 5, axis=1)
-        found = _highest(begin, end)
-        return found, np.maximum(found, _peaks(begin, end, bounds, width))
-
-
-def _side_by_side(function: ca.Function, size: int) -> ca.Function:
-    # Short functions are compiled once they have been called for long; threads share calls of long ones.
-    long = function.n_instructions() > MOST and function.n_instructions() * size > SHARED
-    return function.map(size, "thread", THREADS) if long else function.map(size)
+            elapsed = np.array([fractions, np.ones_like(fractions)])
+            rows = self._rows.bounds([*begins[:, near], *moving[..., near], elapsed[..., near]])
+            peaks = _peaks(begin[:, near], end[:, near], rows, width[near])
+            bounds[near] = np.minimum(bounds[near], _most(peaks))
+        return values, np.maximum(bounds, values)
 
 
 def exceeded(rows: Rows) -> Expression:
-    """By how much each side of each row is exceeded."""
+    """Return the excess of each side of each row."""
     values, sides = ca.vec(rows.expression), []
     for sign, bounds in ((1, rows.upper), (-1, rows.lower)):
         places = np.flatnonzero(np.isfinite(bounds))
@@ -186,42 +147,38 @@ def exceeded(rows: Rows) -> Expression:
     return ca.densify(ca.vertcat(*sides))
 
 
-def _symbols(system: System, sensitive: bool) -> list[ca.SX]:
-    # State, held inputs, parameters, sensitivities, period.
-    states, parameters = len(system.states), len(system.parameters)
-    return [
-        ca.SX.sym("state", states),
-        ca.SX.sym("inputs", len(system.inputs)),
-        ca.SX.sym("p", parameters),
-        ca.SX.sym("S", states * (parameters + states) if sensitive else 0),
-        ca.SX.sym("period"),
-    ]
-
-
-def _affine(excess: Expression, asked: Expression, own: Expression) -> ca.Function | None:
-    # parameters -> gains (rows, inputs) and offsets (rows, 1) of rows that are affine in what is asked for
-    # and look at nothing else but the parameters.
-    gains, offsets = ca.jacobian(excess, asked), ca.substitute(excess, asked, ca.DM.zeros(asked.shape))
-    others = [one for one in ca.symvar(ca.veccat(gains, offsets)) if not ca.depends_on(own, one)]
-    if others or not ca.depends_on(excess, asked):
+def _affine_in(excess: Expression, spline: Expression, parameter: Expression) -> ca.Function | None:
+    # parameters -> gains (rows, inputs) and offsets (rows, 1) of rows that are affine in the splines and
+    # depend on nothing else but the parameters.
+    gains, offsets = ca.jacobian(excess, spline), ca.substitute(excess, spline, ca.DM.zeros(spline.shape))
+    symbols = ca.symvar(ca.veccat(gains, offsets))
+    if not all(ca.depends_on(parameter, symbol) for symbol in symbols) or not ca.depends_on(excess, spline):
         return None
-    return ca.Function("affine", [own], [ca.densify(gains), ca.densify(offsets)])
+    return ca.Function("affine", [parameter], [ca.densify(gains), ca.densify(offsets)])
 
 
-def _highest(begin: Array, end: Array) -> Array:
-    # Of all rows at both ends; what is not a number keeps nothing.
-    found = np.maximum(begin, end).max(axis=1)
-    return np.where(np.isnan(found), np.inf, found)
+def _table(rows: Sequence[Any], count: int) -> Array:
+    return np.stack([np.broadcast_to(row, count) for row in rows])
 
 
-def _peaks(begin: Array, end: Array, bounds: list[Array], width: Array) -> Array:
-    # The highest that any row can be with these values at both ends, between them no more than the first of
-    # the bounds and slopes within the others.
-    high, least, most = bounds
+def _nan_as_infinite(values: Array) -> Array:
+    # A value that is no number satisfies no limit.
+    return np.where(np.isnan(values), np.inf, values)
+
+
+def _most(values: Array) -> Array:
+    return np.asarray(_nan_as_infinite(values).max(axis=0))
+
+
+def _peaks(begin: Array, end: Array, rows: Sequence[Any], width: Array) -> Array:
+    # The highest values (rows, K) that rows with these ends and bounds of value and slope can have between.
+    bounds = np.array([full(row, (2, 2, len(width))) for row in rows])
+    is_unknown = np.isnan(bounds).any(axis=2)
+    # A slope is known only where the value is.
+    is_unknown[:, 1] |= is_unknown[:, 0]
+    (_, high), (least, most) = np.where(is_unknown[:, :, None], EVERYTHING, bounds).transpose(1, 2, 0, 3)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        after = (end - begin - least * width) / (most - least)
-        between = begin + most * after
+        between = begin + most * (end - begin - least * width) / (most - least)
     between = np.where(np.isfinite(between), between, np.inf)
     peak = np.where(least >= 0, end, np.where(most <= 0, begin, between))
-    peak = np.maximum(peak, np.maximum(begin, end))
-    return np.asarray(np.fmin(peak, np.where(np.isnan(high), np.inf, high)).max(axis=1))
+    return np.asarray(np.minimum(np.maximum(peak, np.maximum(begin, end)), high))

@@ -1,4 +1,4 @@
-"""The periods of drives, each by how it begins, and parts of them."""
+"""Sample periods of drives, each described by what holds at its begin, and parts of them."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
 
 NARROWEST = 1e-9
-"""Share of a period below which a stretch is not cut any more: where rows change from one formula to another
-no bound gets close, but what they jump from and to they are at its ends."""
+"""Share of a period below which a stretch is not cut any more: where rows jump no bound gets close, but their
+values on both sides of the jump are those at the stretch's ends."""
 
 
 @dataclass(frozen=True)
 class Stretches:
-    """Parts of periods: from a fraction of a period to another.
+    """Parts of periods, from one fraction of a period to another.
 
     Attributes:
-        row: of the period, (K,).
+        row: row of the period, (K,).
         begin, end: fractions, (K,).
     """
 
@@ -35,29 +35,29 @@ class Stretches:
     end: Array
 
     def __len__(self) -> int:
-        """K."""
+        """Return K."""
         return len(self.row)
 
     def chosen(self, which: Any) -> Stretches:
-        """Some of them."""
+        """Return some of the stretches."""
         return Stretches(self.row[which], self.begin[which], self.end[which])
 
     def cut(self, parts: int) -> Stretches:
-        """So many equal ones of each."""
+        """Return the stretches, each cut into equal parts."""
         edges = self.begin + (self.end - self.begin) * np.linspace(0, 1, parts + 1)[:, None]
         return Stretches(np.tile(self.row, parts), edges[:-1].ravel(), edges[1:].ravel())
 
 
 @dataclass(frozen=True)
 class Periods:
-    """The periods of one drive, or of many robots with the same inputs, each by how it begins.
+    """Periods of one drive, or of many robots with the same inputs.
 
     Attributes:
-        trajectory: whose inputs are held.
-        states: at their begin, (drives * N, states), drive by drive.
-        parameters: of the robots, (drives, p).
-        sensitivities: of those states, by columns, (drives * N, s); s = 0 where nobody asks for them.
-        parts: number of rows that each period is cut into: N is the number of samples times that.
+        trajectory: drive whose inputs are held.
+        states: states at the begin of each period, (drives * N, states), drive by drive.
+        parameters: parameters of the robots, (drives, p).
+        sensitivities: sensitivities of those states, by columns, (drives * N, s); s = 0 without them.
+        parts: number of rows that each sample period is cut into: N is the number of samples times that.
     """
 
     trajectory: Trajectory
@@ -72,80 +72,74 @@ class Periods:
         return np.repeat(self.trajectory.inputs, self.parts, axis=0)
 
     @property
-    def lasting(self) -> float:
-        """How long each is [s]."""
+    def duration(self) -> float:
+        """Duration of a period [s]."""
         return self.trajectory.period / self.parts
 
     @property
-    def of_a_run(self) -> int:
-        """How many a run has."""
+    def per_run(self) -> int:
+        """Number of periods of a run."""
         return self.parts * self.trajectory.samples // self.trajectory.runs
 
     @property
     def drives(self) -> int:
-        """How many."""
+        """Number of drives."""
         return len(self.parameters)
 
     @cached_property
-    def table(self) -> Array:
-        """All that is known of each period's begin, (drives * N, ...): its state, inputs, parameters,
-        sensitivities, and the sample period.
-        """
+    def begins(self) -> Array:
+        """State, inputs, parameters, sensitivities and duration of each period, (columns, drives * N)."""
         rows = np.arange(len(self.states))
         parts = [self.states, self.held[self.place_of(rows)], self.parameters[self.drive_of(rows)]]
-        return np.hstack([*parts, self.sensitivities, np.full((len(rows), 1), self.lasting)])
+        parts += [self.sensitivities, np.full((len(rows), 1), self.duration)]
+        return np.ascontiguousarray(np.hstack(parts).T)
 
     @cached_property
-    def whole(self) -> Stretches:
-        """Each from its begin to its end."""
+    def entire(self) -> Stretches:
+        """Stretches from the begin of each period to its end."""
         rows = np.arange(len(self.states))
         return Stretches(rows, np.zeros(len(rows)), np.ones(len(rows)))
 
     @cached_property
     def pieces(self) -> Stretches:
-        """The periods of one drive, cut at the knots of its splines."""
+        """Periods of one drive, cut at the knots of its splines."""
         if self.trajectory.degree == 0:
-            return self.whole
-        cuts = [_cuts(one, self.of_a_run) for one in self.trajectory.each]
+            return self.entire
+        cuts = [_cuts(run, self.per_run) for run in self.trajectory.each]
         begins, ends = (np.concatenate([cut[side] for cut in cuts]) for side in (1, 2))
-        rows = np.concatenate([run * self.of_a_run + row for run, (row, _, _) in enumerate(cuts)])
+        rows = np.concatenate([run * self.per_run + row for run, (row, _, _) in enumerate(cuts)])
         return Stretches(rows, begins, ends)
 
-    @cached_property
-    def _of_pieces(self) -> Array:
-        return self._splines(self.pieces)
+    def splines(self, stretches: Stretches) -> tuple[Array, Array]:
+        """Return the splines of the inputs over stretches without a knot inside.
 
-    def splines(self, stretches: Stretches) -> Array:
-        """What the splines are over stretches without a knot inside, (6, K, inputs): their values at both
-        ends, and bounds of values and slopes (by the fraction) between.
+        Returns:
+            values at both ends (2, inputs, K), and enclosures of values and slopes, by the fraction, between
+            (inputs, 2, 2, K).
         """
-        # Every limit begins with the pieces.
-        return self._of_pieces if stretches is self.pieces else self._splines(stretches)
-
-    def _splines(self, stretches: Stretches) -> Array:
         drive, place = self.trajectory, self.place_of(stretches.row)
-        tables = np.zeros((6, len(stretches), drive.coefficients.shape[1]))
+        table = np.zeros((6, len(stretches), drive.coefficients.shape[1]))
         if drive.degree == 0:
             # Steps are what is held: nobody drives a value between two periods' middles.
-            tables[:4] = self.held[place]
-            return tables
-        each = self.of_a_run
-        for run, one in enumerate(drive.each):
-            own = place // each == run
+            table[:4] = self.held[place]
+        for run, curve in enumerate(drive.each if drive.degree else ()):
+            is_of_run = place // self.per_run == run
+            first = place[is_of_run] % self.per_run
             begin, end = (
-                (place % each + side)[own] * self.lasting for side in (stretches.begin, stretches.end)
+                (first + fraction[is_of_run]) * self.duration for fraction in (stretches.begin, stretches.end)
             )
-            bounds = spline.enclosure(one.knots, one.degree, one.coefficients, begin, end)
-            slopes = [bounds.least * self.lasting, bounds.most * self.lasting]
-            tables[:, own] = [bounds.begin, bounds.end, bounds.low, bounds.high, *slopes]
-        return tables
+            bounds = spline.enclosure(curve.knots, curve.degree, curve.coefficients, begin, end)
+            slopes = [bounds.least * self.duration, bounds.most * self.duration]
+            table[:, is_of_run] = [bounds.begin, bounds.end, bounds.low, bounds.high, *slopes]
+        columns = table.transpose(2, 0, 1)
+        return columns[:, :2].transpose(1, 0, 2), columns[:, 2:].reshape(len(columns), 2, 2, -1)
 
     def drive_of(self, rows: Places) -> Places:
-        """The drives that periods belong to."""
+        """Return the drives that periods belong to."""
         return np.asarray(rows // len(self.held))
 
     def place_of(self, rows: Places) -> Places:
-        """Which of their drive's periods they are."""
+        """Return the places of periods in their drives."""
         return np.asarray(rows % len(self.held))
 
 
@@ -158,29 +152,29 @@ def periods_of(
     sensitive: bool = False,
     parts: int = 1,
 ) -> Periods:
-    """The periods of systems with parameters (drives, p) from starts (drives, runs, states).
+    """Simulate systems with parameters (drives, p) from starts (drives, runs, states).
 
     Args:
-        system: that is driven.
-        trajectory: whose inputs all of them get.
-        parameters: of each, (drives, p), SI.
-        starts: start states of each, (drives, runs, states).
-        sensitive: whether the sensitivities of the states are wanted.
+        system: system that is driven.
+        trajectory: drive whose inputs every system gets.
+        parameters: parameters of each system, (drives, p), SI.
+        starts: start states of each system, (drives, runs, states).
+        sensitive: the sensitivities of the states are needed.
         parts: number of rows that each period is cut into.
     """
     count, states, samples = len(parameters), len(system.states), parts * trajectory.samples
     function = _rolled(system, samples, trajectory.runs, sensitive, count)
-    begun, period = starts.transpose(0, 2, 1), np.array(trajectory.period / parts)
+    starts, period = starts.transpose(0, 2, 1), np.array(trajectory.period / parts)
     held = np.repeat(trajectory.inputs, parts, axis=0)
-    found, slopes = direct_call(function, held.T, begun, parameters, period)
-    table = found.reshape(count, states, samples).transpose(0, 2, 1)
+    begins, slopes = direct_call(function, held.T, starts, parameters, period)
+    table = begins.reshape(count, states, samples).transpose(0, 2, 1)
     width = len(system.parameters) + states if sensitive else 0
     wide = slopes.reshape(count * samples, width, states).reshape(count * samples, -1)
     return Periods(trajectory, table.reshape(-1, states), parameters, wide, parts)
 
 
 def _cuts(run: Trajectory, periods: int) -> tuple[Places, Array, Array]:
-    # The parts of a run's periods between its knots: the period, from which fraction to which.
+    # Parts of a run's periods between its knots: the period, the fraction at the begin and that at the end.
     knots = np.unique(run.knots) / (run.duration / periods)
     edges = np.sort(np.append(np.arange(periods + 1), knots[np.abs(knots - np.rint(knots)) > NARROWEST]))
     rows = np.minimum(((edges[:-1] + edges[1:]) / 2).astype(int), periods - 1)
@@ -190,7 +184,7 @@ def _cuts(run: Trajectory, periods: int) -> tuple[Places, Array, Array]:
 @lru_cache(maxsize=16)
 def _rolled(system: System, samples: int, runs: int, sensitive: bool, count: int) -> ca.Function:
     # (inputs, starts, parameters, period) -> states at the begin of every period, and their sensitivities, of
-    # so many robots, side by side.
+    # `count` robots side by side.
     symbols, drive = any_drive(system, samples, runs)
     states, width = len(system.states), len(system.parameters) + len(system.states)
     columns = block_columns(np.array(drive.begins), width)

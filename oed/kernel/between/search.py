@@ -1,8 +1,8 @@
-"""Limits between the points: the most that a drive exceeds them at any time, by branch and bound.
+"""Largest excess of a limit at any time of a drive, by branch and bound.
 
-Over a stretch of a period, a limit's rows are functions of the time elapsed alone. Their values at both ends
-and bounds of their slopes tell how large they can be in between [Piyavskii, 1972]; stretches that may hold
-more than has been found are halved, until what is found is the most there is, to `GAP`.
+Over a stretch of a period, a limit's rows are functions of the elapsed time alone. Their values at both ends
+and bounds of their slopes bound their values in between [Piyavskii, 1972]. Stretches that may hold more than
+the largest value so far are cut, until that value is the largest of all to `GAP`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import numpy as np
 from oed.foundation.arrays import Array, Bools
 from oed.kernel.between.excess import Excess
 from oed.kernel.between.periods import NARROWEST, Periods, Stretches, periods_of
-from oed.kernel.dynamics.enclosures import NotEnclosed
 from oed.kernel.dynamics.rollout import FINE, Instant
 from oed.kernel.dynamics.system import System
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -25,22 +24,22 @@ from oed.kernel.problem import Problem
 from oed.kernel.tightening import Tightening, UncertainSystem
 
 GAP = 1e-6
-"""Share of a limit's size to which its largest excess is found."""
+"""Accuracy of a limit's largest excess, as a share of the limit's size."""
 SHARE = 1e-4
-"""Share of the distance from a limit to which that is found."""
-MANY, PARTS = 128, 32
-"""Stretches that are bounded about as fast as one; parts that each of a few is cut into at most."""
+"""Accuracy of a limit's largest excess, as a share of the distance from the limit, if that is more."""
+AT_LEAST = 256
+"""Stretches that are bounded about as fast as one."""
 PATIENCE = 200_000
 """Stretches bounded at most, besides 20 for every period, before a limit counts as checked at points only."""
 
 
 @dataclass(frozen=True)
 class Sight:
-    """What is known of a drive before anybody looks between its points.
+    """What the scorer says of a drive at its points.
 
     Attributes:
-        periods: of the nominal system.
-        speeds: mean speed in every one of them [m/s], (N,).
+        periods: periods of the nominal system.
+        speeds: mean speed in every period [m/s], (N,).
     """
 
     periods: Periods
@@ -48,12 +47,12 @@ class Sight:
 
     @classmethod
     def of(cls, problem: Problem, drive: Trajectory, states: Array, speeds: Array) -> Sight:
-        """What is known by the states at the samples, (N + runs, states).
+        """Return the periods that begin at the states at the samples.
 
         Args:
-            problem: that is scored.
-            drive: what is driven.
-            states: at the samples, (N + runs, states).
+            problem: problem that is scored.
+            drive: drive that is scored.
+            states: states at the samples, (N + runs, states).
             speeds: mean speed in every period [m/s], (N,).
         """
         nominal, (system, parts) = np.array([problem.system.nominal]), problem.system.refinement
@@ -66,48 +65,46 @@ class Sight:
 def most_exceeded(
     problem: Problem, limit: Limit, sight: Sight, seen: Array, asked: tuple[float, float] = (-np.inf, np.inf)
 ) -> tuple[float, bool]:
-    """The most that a drive exceeds a problem's limit at any time, given by how much each of the rows does
-    that the scorer looks at, (rows,), and whether that is sure.
+    """Return the largest excess of a problem's limit at any time of a drive, and if that is certain.
 
     Args:
-        problem: whose limit it is.
-        limit: one of its limits.
-        sight: what is known of the drive.
-        seen: by how much its rows are exceeded at the points that are scored, (rows,).
-        asked: least and most; how far below the least or above the most it is, nobody asks.
+        problem: problem whose limit it is.
+        limit: one of the problem's limits.
+        sight: drive as the scorer sees it.
+        seen: excess of the limit's rows at the points that are scored, (rows,).
+        asked: least and most excess of interest: values beyond need not be accurate.
     """
-    found, (least, enough) = float(seen.max()), asked
+    excess, (least, enough) = float(seen.max()), asked
     if limit.looks_at != "state":
-        return found, limit.looks_at is not None
-    certain, found = True, max(found, least)
-    try:
-        for excess, periods, stretches in _looked_at(problem, limit, sight, seen, found):
-            if found > enough:
-                break
-            known = np.full(periods.drives, found)
-            most, sure = largest(excess, periods, known, enough=enough, stretches=stretches)
-            found, certain = float(most.max()), certain and bool(sure.all())
-    except NotEnclosed:
-        return found, False
-    return found, certain
+        return excess, limit.looks_at is not None
+    is_certain, largest_seen = True, max(excess, least)
+    for rows, periods, stretches in _checked(problem, limit, sight, seen, largest_seen):
+        if not rows.is_bounded:
+            return largest_seen, False
+        if largest_seen > enough:
+            break
+        before = np.full(periods.drives, largest_seen)
+        values, certain = largest(rows, periods, before, enough=enough, stretches=stretches)
+        largest_seen, is_certain = float(values.max()), is_certain and bool(certain.all())
+    return largest_seen, is_certain
 
 
-def _looked_at(
-    problem: Problem, limit: Limit, sight: Sight, seen: Array, found: float
+def _checked(
+    problem: Problem, limit: Limit, sight: Sight, seen: Array, before: float
 ) -> Iterator[tuple[Excess, Periods, Stretches | None]]:
-    # The nominal system, with its back-off; and the other systems that are to keep the limit.
+    # The nominal system, with its back-off, and the other systems that are to keep the limit.
     tightening, drive = problem.robust, sight.periods.trajectory
     if tightening is None or not isinstance(limit, PathLimit):
         excess = excess_of(limit, problem.system.refinement[0])
-        yield excess, sight.periods, _near(excess, sight, seen, found)
+        yield excess, sight.periods, _near(excess, sight, seen, before)
         return
     scenarios = tightening.scenarios(problem.uncertain_system)
     system, parts = scenarios.system.refinement
     if tightening.backs_off:
-        for run, one in enumerate(drive.each):
-            parameters, start = np.array([system.nominal]), one.starts[None, :]
-            nominal = periods_of(system, one, parameters, start, sensitive=True, parts=parts)
-            yield _backed_off(tightening, limit, problem.uncertain_system, run), nominal, None
+        for place, run in enumerate(drive.each):
+            parameters, start = np.array([system.nominal]), run.starts[None, :]
+            nominal = periods_of(system, run, parameters, start, sensitive=True, parts=parts)
+            yield _backed_off(tightening, limit, problem.uncertain_system, place), nominal, None
     else:
         scenarios = scenarios.after_nominal
     if len(scenarios.parameters):
@@ -116,30 +113,30 @@ def _looked_at(
         yield excess_of(limit, system), others, None
 
 
-def _near(excess: Excess, sight: Sight, seen: Array, known: float) -> Stretches | None:
-    # The parts of a path between points where more may be than is known, as far as systems move between
-    # them; None where nobody knows how far rows change with that.
+def _near(excess: Excess, sight: Sight, seen: Array, before: float) -> Stretches | None:
+    # Parts of a path between its points that may hold more than the excess before, as far as systems move
+    # between points; None if the rows' change with that is not bounded.
     if not np.isfinite(excess.per_metre):
         return None
-    found, drive = np.array([known]), sight.periods.trajectory
-    # Of every run all points, (runs, points); at each its most exceeded row.
+    drive = sight.periods.trajectory
+    # The most exceeded row at each point of each run, (runs, points).
     points = seen.reshape(-1, drive.runs, FINE * (drive.samples // drive.runs) + 1).max(axis=0)
     reach = excess.per_metre * np.repeat(sight.speeds, FINE) * drive.period / (2 * FINE)
     bounds = np.maximum(points[:, :-1], points[:, 1:]).ravel() + reach
-    places = np.flatnonzero(~(bounds <= found + gap_of(excess.size, found)))
+    places = np.flatnonzero(~(bounds <= _ceiling(excess, np.array([before]))))
     return Stretches(places // FINE, places % FINE / FINE, (places % FINE + 1) / FINE)
 
 
 @lru_cache(maxsize=128)
 def excess_of(limit: Limit, system: System) -> Excess:
-    """A limit's excess as it stands."""
+    """Return a limit's excess on a system."""
     change = change_per_metre(limit, system) if isinstance(limit, PathLimit) else np.inf
     return Excess(limit.rows, system, per_metre=change)
 
 
 @lru_cache(maxsize=32)
 def _backed_off(tightening: Tightening, limit: PathLimit, uncertain: UncertainSystem, run: int) -> Excess:
-    # One and the same for all problems that are tightened alike.
+    # The same object for all problems that are tightened alike.
 
     def rows(instant: Instant) -> Rows:
         return tightening.backed_off(limit, instant, uncertain)
@@ -151,50 +148,48 @@ def _backed_off(tightening: Tightening, limit: PathLimit, uncertain: UncertainSy
 def largest(
     excess: Excess,
     periods: Periods,
-    found: Array,
+    before: Array,
     *,
     enough: Array | float = np.inf,
     stretches: Stretches | None = None,
 ) -> tuple[Array, Bools]:
-    """The largest excess of each drive at any time, (drives,), and whether it is sure, to `GAP`.
+    """Return the largest excess of each drive at any time, (drives,), and if it is certain to `GAP`.
 
     Args:
-        excess: of a limit.
-        periods: of the drives.
-        found: excess found before, (drives,): stretches that cannot hold more are left alone.
-        enough: excess above which a drive's is not looked for any further.
-        stretches: outside of which no more than `found` can be; all periods by default.
+        excess: excess of a limit.
+        periods: periods of the drives.
+        before: excess of each drive that is known before, (drives,).
+        enough: excess from which a drive's is not searched any further.
+        stretches: parts that may hold more than `before`; all periods by default.
     """
-    found = np.array(found, dtype=float)
-    sure = np.ones(len(found), dtype=bool)
-    if (most := excess.exactly(periods)) is not None:
-        return np.maximum(found, most), sure
+    values = np.array(before, dtype=float)
+    is_certain = np.ones(len(values), dtype=bool)
+    if (most := excess.exact_most(periods)) is not None:
+        return np.maximum(values, most), is_certain
     left = PATIENCE + 20 * len(periods.states)
     stretches = excess.everywhere(periods) if stretches is None else stretches
     while len(stretches):
         drives = periods.drive_of(stretches.row)
-        ceiling = (found + gap_of(excess.size, found))[drives]
-        values, bounds = excess.over(periods, stretches, ceiling)
-        np.maximum.at(found, drives, values)
+        ends, bounds = excess.over(periods, stretches, _ceiling(excess, values)[drives])
+        np.maximum.at(values, drives, ends)
         left -= len(stretches)
-        ceiling = (found + gap_of(excess.size, found))[drives]
-        closed = (bounds <= ceiling) | (found > enough)[drives]
-        closed |= stretches.end - stretches.begin < NARROWEST
-        stretches = stretches.chosen(~closed)
+        is_closed = (bounds <= _ceiling(excess, values)[drives]) | (values > enough)[drives]
+        is_closed |= stretches.end - stretches.begin < NARROWEST
+        stretches = stretches.chosen(~is_closed)
         if left < 0:
-            sure[drives[~closed]] = False
+            is_certain[drives[~is_closed]] = False
             break
-        stretches = stretches.cut(min(max(MANY // max(len(stretches), 1), 2), PARTS))
-    return found, sure
+        stretches = stretches.cut(max(AT_LEAST // max(len(stretches), 1), 2))
+    return values, is_certain
 
 
-def gap_of(size: float, found: Array) -> Array:
-    """How closely the largest excess is found: to a share of the limit's size, or of the distance from it."""
-    return np.maximum(GAP * size, SHARE * np.abs(found))
+def _ceiling(excess: Excess, values: Array) -> Array:
+    # Bounds up to here close a stretch.
+    return values + np.maximum(GAP * excess.size, SHARE * np.abs(values))
 
 
 def change_per_metre(limit: PathLimit, system: System) -> float:
-    """What a limit's rows change by at most per metre that the system's mean speed says of a period.
+    """Return the most that a limit's rows change per metre of way at the mean speed of a period.
 
     Infinite for systems that may go farther within a period than their mean velocity says.
     """
