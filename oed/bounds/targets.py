@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 import scipy
 
-from oed.bounds.mixtures import best_mixture, evenly
+from oed.bounds.mixtures import best_mixture
 from oed.foundation.arrays import Array
 from oed.kernel.criteria import Criterion, E
 
@@ -18,8 +18,6 @@ DIRECTIONS = 96
 """Corners of the polygon inside which Z of E is sought; every Z inside is valid."""
 ENOUGH = 1e-5
 """Share by which one more cutting plane has to lower a bound."""
-FINEST = 1e-8
-"""Barrier at which the next Z of other criteria is good enough."""
 FAINT = 1e-3
 """Share of their mean eigenvalue that is added to matrices that identify too little for a Z > 0."""
 
@@ -107,7 +105,8 @@ class _Smooth(Target):
     def lowest(self, matrices: Sequence[Array]) -> tuple[float, Array, Array]:
         each = np.stack(matrices)
         known, judged = np.zeros((2, 2)), 2
-        found = best_mixture(self.criterion, each, known, judged, *evenly(len(each)), FINEST)
+        groups, totals = np.zeros(len(each), dtype=np.int64), np.ones(1)
+        found = best_mixture(self.criterion, each, known, judged, groups, totals)
         if found is not None:
             return found.value, found.multiplier / np.trace(found.multiplier), found.weights
         mean = each.mean(axis=0)

@@ -62,29 +62,9 @@ class Parts(Brief):
     rounding: Array | tuple[()] = ()
 
     @cached_property
-    def matrices(self) -> Array:
-        """Information M = R'R of each reading on all q, (n, q, q)."""
-        found = np.zeros((len(self.readings), *self.known.shape))
-        np.add.at(found, self.places, np.einsum("ra,rb->rab", self.rows, self.rows))
-        return found
-
-    @cached_property
     def known(self) -> Array:
         """Information from before, (q, q)."""
         return np.asarray(self.known_rows.T @ self.known_rows)
-
-    def combined(self, judged: Array, others: Array) -> Parts:
-        """What the readings say of other unknowns, for a search: nothing is known of these parts' rounding.
-
-        Args:
-            judged: combinations of the judged parameters in place of these, as columns (judged, judged).
-            others: by which the derivatives by the others are multiplied, (q - judged,).
-        """
-        rows, known_rows = (
-            np.hstack([one[:, : self.judged] @ judged, one[:, self.judged :] * others])
-            for one in (self.rows, self.known_rows)
-        )
-        return replace(self, rows=rows, known_rows=known_rows, rounding=())
 
     def taken(self, weights: Array, free: Places) -> Parts:
         """Those of some readings, when others, or they themselves, are taken surely: that is known then.
@@ -165,7 +145,8 @@ class Parts(Brief):
 
     def whole(self, weights: Array) -> Array:
         """Information on all q of readings that count so much, (q, q)."""
-        return np.asarray(self.known + np.tensordot(weights, self.matrices, axes=1))
+        rows = self._weighted(weights)
+        return np.asarray(rows.T @ rows)
 
     def projection(self, weights: Array) -> Array:
         """T = [I, -F12 F22^-1], (judged, q): T F T' is what is left on the judged, the others eliminated."""

@@ -13,7 +13,6 @@ from oed.foundation.errors import ProblemError
 from oed.kernel.selection import Selection
 from oed.kernel.taken_apart import parts_of
 from oed.optimize.selection import rated, select
-from oed.optimize.weights import OPTIONS
 from oed.robots.limits import EndPosition
 from oed.workflow.readings import selection_of
 
@@ -209,7 +208,7 @@ criterion: {kind: D, scaling: none}
 def test_weights_that_need_not_be_whole_are_no_worse_where_their_search_ends_early(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    monkeypatch.setitem(OPTIONS, "ipopt.max_iter", 0)
+    monkeypatch.setattr("oed.optimize.interior_point.MOST_STEPS", 0)
     problem = oed.parse_study(PARABOLA, "parabola.yaml").problem
     found = select(problem, problem.design.only)
     even = np.full(5, 3 / 5)

@@ -135,15 +135,6 @@ class Criterion(Component, ABC):
         """
         return None
 
-    def in_units(self, units: Array) -> Criterion | None:
-        """The criterion of combinations of the parameters in place of these, if it differs by a constant and
-        a factor at most; None where what is best depends on the units.
-
-        Args:
-            units: by which derivatives are multiplied, (p, p): combinations as columns.
-        """
-        return None
-
     def homogeneous_bound(self, matrix: Array, root: Array, most: float) -> float:
         """The most that the criterion can be where tr(G F') is at most `most`: never more than what the
         supergradient's plane says.

@@ -186,12 +186,6 @@ class Prediction(RootCriterion):
         found = multipliers_of(dual)
         return plain if found is None else found * (np.trace(plain @ matrix) / np.trace(found @ matrix))
 
-    def in_units(self, units: Array) -> Self:
-        """With the predictions' derivatives by these, and the predictions in a unit of their own size."""
-        blocks = [np.array(block) @ units for block in self.rows]
-        size = max(float(np.abs(block).max()) for block in blocks) or 1.0
-        return self.with_rows([(block / size).tolist() for block in blocks])
-
     @property
     def _squares(self) -> Array:
         # c c' of every leg, (legs, p, p), of the only block.

@@ -33,10 +33,6 @@ class D(RootCriterion):
         """F^-1."""
         return np.asarray(np.linalg.inv(matrix))
 
-    def in_units(self, units: Array) -> D:
-        """Itself: combinations change every value by the same."""
-        return self
-
     def homogeneous_bound(self, matrix: Array, root: Array, most: float) -> float:
         """Log det F' <= p log(tr(Z F') / p) - log det Z, for any Z > 0."""
         return _volume_bound(len(root), 2 * float(np.linalg.slogdet(root)[1]), most)

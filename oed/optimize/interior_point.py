@@ -1,0 +1,220 @@
+"""An interior-point method in NumPy for the weights of readings that maximise a concave criterion.
+
+Logarithmic barriers of size mu keep the weights within their bounds; Newton's method follows the maximum as
+mu falls, with multipliers of the bounds as unknowns of their own [Nocedal, Wright, Numerical Optimization,
+2006, ch. 19]. A step for n weights and m columns of curvature costs O(n m^2), m about half the square of the
+number of parameters.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from oed.foundation.arrays import Array
+from oed.optimize.objectives import Objective, longest
+from oed.optimize.weight_program import Program, Projection
+
+TOLERANCE = 1e-11
+"""Share of the criterion by which the weights may be less than the best."""
+FIRST = 10.0
+"""Sum of all barriers to begin with, in units of the criterion."""
+FADING = 0.1
+"""Largest ratio of a barrier to the one before."""
+FEW = 3
+"""Newton steps after which a barrier counts as easy."""
+MOST_STEPS = 300
+"""Newton steps at most."""
+CENTRED = 0.1
+"""Squared Newton decrement, in units of the barrier, below which the barrier falls."""
+SHORTENINGS = 30
+"""Halvings of a step at most."""
+REFINEMENTS = 2
+"""Refinements of a Newton step by its residuals."""
+SUFFICIENT = 1e-4
+"""Share of the rise that the slope promises with which a step is accepted [Armijo, 1966]."""
+ROUNDING = 1e-15
+"""Share of the barrier function that rounding may take."""
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """Weights, the level and multipliers.
+
+    Attributes:
+        weights: x, (n,).
+        level: t; 0 without.
+        prices: multipliers of the bounds and inequalities, in the order of `Program.distances`.
+        balance: multipliers of the equalities, (e,).
+        dual: multipliers of the level.
+        point: the information at the weights.
+    """
+
+    weights: Array
+    level: float
+    prices: Array
+    balance: Array
+    dual: Array
+    point: Projection
+
+
+def maximise(program: Program, objective: Objective, share: float) -> tuple[Array, Array]:
+    """Return the weights (n,) that maximise an objective, and its gradient (p, p) by S there.
+
+    Args:
+        program: rows and constraints.
+        objective: of the judged information.
+        share: weight of every reading to begin with, strictly inside all constraints.
+    """
+    weights = np.full(len(program.upper), share)
+    point, distances = program.projected(weights), program.distances(weights)
+    level = objective.first_level(point)
+    count = len(distances) + objective.barriers
+    barrier = FIRST * objective.scale(_criterion(objective, level, point)) / count
+    dual, balance = objective.central(point, level, barrier), np.zeros(len(program.equalities))
+    iterate = Iterate(weights, level, barrier / distances, balance, dual, point)
+    ratio, steps = FADING, 0
+    for _ in range(MOST_STEPS):
+        successor, rise = _stepped(program, objective, iterate, barrier)
+        iterate, steps = successor or iterate, steps + 1
+        if successor is None or rise <= CENTRED * barrier:
+            last = TOLERANCE / count * objective.scale(_criterion(objective, iterate.level, iterate.point))
+            if barrier <= last:
+                break
+            # Where the last barrier took few steps the next may be much smaller.
+            ratio = ratio**2 if steps <= FEW else FADING
+            barrier, steps = max(ratio * barrier, last), 0
+    return iterate.weights, objective.gradient(iterate.point, iterate.dual)
+
+
+def _criterion(objective: Objective, level: float, point: Projection) -> float:
+    # The criterion, or the level below it.
+    return level if objective.has_level else objective.value(point, 0.0, 0.0)
+
+
+def _stepped(
+    program: Program, objective: Objective, iterate: Iterate, barrier: float
+) -> tuple[Iterate | None, float]:
+    # The iterate after a Newton step, None where none leads higher, and the decrement squared times mu.
+    slope = objective.slope(program, iterate.point, iterate.level, barrier, iterate.dual)
+    distances = program.distances(iterate.weights)
+    # Differences from the multipliers so far: the multipliers themselves would cancel, with all their digits.
+    uphill = slope.by_weight + program.rising(barrier / distances) - program.equalities.T @ iterate.balance
+    diagonal, priced = program.weighed(iterate.prices / distances)
+    curvature = np.hstack([slope.curvature, priced])
+    level = np.hstack([slope.level_curvature, np.zeros((len(slope.by_level), priced.shape[1]))])
+    system = _NewtonSystem(diagonal, curvature, level, program.equalities)
+    change, curved, raised, balance = system.solve(uphill, slope.by_level)
+    rise = float(uphill @ change + slope.by_level @ raised)
+    moves = program.moves(change)
+    prices = barrier / distances - iterate.prices - iterate.prices / distances * moves
+    prices = iterate.prices + longest(iterate.prices, prices) * prices
+    dual = slope.dual_change(curved)
+    dual = iterate.dual + objective.length(iterate.dual, dual) * dual
+    length, before = longest(distances, moves), _barrier_function(program, objective, iterate, barrier)
+    for _ in range(SHORTENINGS if rise > 0 else 0):
+        weights, lifted = iterate.weights + length * change, iterate.level + length * float(raised.sum())
+        with suppress(np.linalg.LinAlgError):
+            successor = Iterate(
+                weights,
+                lifted,
+                prices,
+                iterate.balance + balance,
+                dual,
+                program.projected(weights),
+            )
+            after = _barrier_function(program, objective, successor, barrier)
+            if after >= before + SUFFICIENT * length * rise - ROUNDING * abs(before):
+                return successor, rise
+        length /= 2
+    return None, rise
+
+
+def _barrier_function(program: Program, objective: Objective, iterate: Iterate, barrier: float) -> float:
+    value = objective.value(iterate.point, iterate.level, barrier)
+    return value + barrier * float(np.log(program.distances(iterate.weights)).sum())
+
+
+class _NewtonSystem:
+    """The linear system of a Newton step.
+
+    Unknowns are the changes dx of the weights, dt of the level, dv of the equalities' multipliers, and y:
+
+        D dx + U y + A'dv = uphill,  y = U'dx + l'dt,  l y = by_level,  A dx = 0.
+
+    It is solved for y, or where that is longer for dx. Both lose digits where D is small; refinement by the
+    residuals of these equations brings them back.
+    """
+
+    def __init__(self, diagonal: Array, curvature: Array, level: Array, equalities: Array) -> None:
+        """Factorise the system.
+
+        Args:
+            diagonal: D, (n,).
+            curvature: U, (n, m).
+            level: l, (h, m).
+            equalities: A, (e, n).
+        """
+        # SciPy takes longer to load than all that needs no weights.
+        from scipy.linalg import lapack
+
+        self.units, self.level = diagonal**-0.5, level
+        self.scaled, self.rows = self.units[:, None] * curvature, equalities * self.units
+        scaled, rows = self.scaled, self.rows
+        count, size = scaled.shape
+        self.for_weights = count <= size
+        head = min(count, size)
+        self.level_at, self.balance_at = slice(head, head + len(level)), slice(head + len(level), None)
+        system = np.zeros((head + len(level) + len(rows),) * 2)
+        if self.for_weights:
+            system[:head, :head] = scaled @ scaled.T
+            system[self.level_at, :head] = level @ scaled.T
+            system[self.level_at, self.level_at] = level @ level.T
+            system[self.balance_at, :head] = rows
+        else:
+            system[:head, :head] = scaled.T @ scaled
+            system[self.level_at, :head] = -level
+            system[self.balance_at, :head] = rows @ scaled
+            system[self.balance_at, self.balance_at] = rows @ rows.T
+        system[:head, head:] = system[head:, :head].T
+        system[np.arange(head), np.arange(head)] += 1.0
+        self.sizes = np.sqrt(np.abs(np.diag(system)))
+        self.sizes[self.sizes == 0] = 1.0
+        # By LAPACK itself: SciPy's functions around it take longer than small systems do.
+        factors = lapack.dgetrf(system / np.outer(self.sizes, self.sizes), overwrite_a=True)[:2]
+        self.solution = partial(lapack.dgetrs, *factors)
+
+    def solve(self, uphill: Array, by_level: Array) -> tuple[Array, Array, Array, Array]:
+        """Return dx (n,), y (m,), dt (h,) and dv (e,)."""
+        right = [self.units * uphill, np.zeros(self.scaled.shape[1]), by_level, np.zeros(len(self.rows))]
+        change, curved, raised, balance = self._solved(right)
+        for _ in range(REFINEMENTS):
+            residuals = [
+                right[0] - change - self.scaled @ curved - self.rows.T @ balance,
+                change @ self.scaled + raised @ self.level - curved,
+                right[2] - self.level @ curved,
+                -self.rows @ change,
+            ]
+            corrections = self._solved(residuals)
+            change, curved, raised, balance = (
+                value + correction
+                for value, correction in zip((change, curved, raised, balance), corrections, strict=True)
+            )
+        return self.units * change, curved, raised, balance
+
+    def _solved(self, right: list[Array]) -> tuple[Array, Array, Array, Array]:
+        # dx in units of D^-1/2, y, dt and dv for any right sides, the second that of y - U'dx - l'dt.
+        first, second, third, fourth = right
+        scaled, rows, level = self.scaled, self.rows, self.level
+        if self.for_weights:
+            sides = [first - scaled @ second, third - level @ second, fourth]
+        else:
+            sides = [second + first @ scaled, -third, rows @ first - fourth]
+        solution = self.solution(np.concatenate(sides) / self.sizes)[0] / self.sizes
+        head, raised, balance = solution[: len(sides[0])], solution[self.level_at], solution[self.balance_at]
+        if self.for_weights:
+            return head, second + head @ scaled + raised @ level, raised, balance
+        return first - scaled @ head - rows.T @ balance, head, raised, balance

@@ -1,0 +1,118 @@
+"""Rows of readings and constraints on their weights, for an interior-point method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from oed.foundation.arrays import Array, Places
+
+
+@dataclass(frozen=True)
+class Program:
+    """Rows of readings and linear constraints, in units in which the weights to begin with are all 1.
+
+    Attributes:
+        rows: whitened rows of the readings, judged combinations first, (k, q).
+        places: reading of each row, (k,).
+        known_rows: rows of what is known before, (m, q).
+        judged: number of the judged combinations.
+        upper: largest weights, (n,); infinite where none is needed.
+        equalities: rows whose product with the weights stays as it is, (e, n).
+        inequalities: rows whose product with the weights stays below 1, (i, n).
+    """
+
+    rows: Array
+    places: Places
+    known_rows: Array
+    judged: int
+    upper: Array
+    equalities: Array
+    inequalities: Array
+
+    @cached_property
+    def _sums(self) -> Any:
+        # Adds up what rows of the same reading have, (n, k); None where each reading has one row.
+        count = len(self.places)
+        if np.array_equal(self.places, np.arange(len(self.upper))):
+            return None
+        from scipy.sparse import csr_array
+
+        entries = np.ones(count), (self.places, np.arange(count))
+        return csr_array(entries, shape=(len(self.upper), count))
+
+    def by_reading(self, values: Array) -> Array:
+        """Return sums over the rows of each reading, (n, ...), of values (k, ...)."""
+        return values if self._sums is None else np.asarray(self._sums @ values)
+
+    @cached_property
+    def _bounded(self) -> Places:
+        return np.flatnonzero(np.isfinite(self.upper))
+
+    def distances(self, weights: Array) -> Array:
+        """Return the distances (d,) from all bounds and inequalities.
+
+        These are the weights, what is left up to the finite largest weights, and what the inequalities leave.
+        """
+        above = self.upper[self._bounded] - weights[self._bounded]
+        return np.concatenate([weights, above, 1.0 - self.inequalities @ weights])
+
+    def moves(self, change: Array) -> Array:
+        """Return the changes (d,) of the distances with a change (n,) of the weights."""
+        return np.concatenate([change, -change[self._bounded], -self.inequalities @ change])
+
+    def rising(self, prices: Array) -> Array:
+        """Return the derivatives by the weights, (n,), of the distances' sum weighted by prices (d,)."""
+        low, high, rest = self._apart(prices)
+        derivatives = low.copy()
+        derivatives[self._bounded] -= high
+        return derivatives - rest @ self.inequalities
+
+    def weighed(self, stiffness: Array) -> tuple[Array, Array]:
+        """Return the second derivatives by the weights of the distances' squares, weighted by stiffness (d,).
+
+        They are a diagonal (n,), and the square of columns (n, i).
+        """
+        low, high, rest = self._apart(stiffness)
+        diagonal = low.copy()
+        diagonal[self._bounded] += high
+        return diagonal, self.inequalities.T * np.sqrt(rest)
+
+    def _apart(self, values: Array) -> tuple[Array, Array, Array]:
+        count = len(self.upper)
+        limited = count + len(self._bounded)
+        return values[:count], values[count:limited], values[limited:]
+
+    def projected(self, weights: Array) -> Projection:
+        """Return the judged information at weights (n,), with the rows that are left of the readings."""
+        every = np.vstack([self.rows, self.known_rows])
+        counts = np.concatenate([weights[self.places], np.ones(len(self.known_rows))])
+        left, others = every[:, : self.judged], every[:, self.judged :]
+        if others.shape[1]:
+            factor = np.linalg.cholesky(others.T @ (counts[:, None] * others))
+            others = np.linalg.solve(factor, others.T).T
+            left = left - others @ (others.T @ (counts[:, None] * left))
+        count = len(self.rows)
+        return Projection(left.T @ (counts[:, None] * left), left[:count], others[:count])
+
+
+@dataclass(frozen=True)
+class Projection:
+    """Information on the judged parameters at some weights.
+
+    Attributes:
+        information: S, (p, p).
+        left: rows of the readings on the judged parameters, the others eliminated, (k, p).
+        eliminated: rows on the others, whitened, (k, q - p).
+    """
+
+    information: Array
+    left: Array
+    eliminated: Array
+
+    def whitened(self, root: Array) -> Array:
+        """Return the rows on all unknowns, those on the judged ones in units of a root (p, p), (k, q)."""
+        return np.hstack([self.left @ root.T, self.eliminated])
