@@ -118,6 +118,10 @@ def _no_truth_for_a_number(part: type[Component], field: str, value: Any) -> Any
     return value
 
 
+_PLAIN = frozenset((float, int, str, type(None)))
+"""What needs no look at each entry of a long table."""
+
+
 def _truths(value: Any, levels: float, keys: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[Any, ...], bool]]:
     # True and false among what numbers are read from, with the keys that lead to them.
     if isinstance(value, bool) and levels >= 0:
@@ -125,7 +129,7 @@ def _truths(value: Any, levels: float, keys: tuple[Any, ...] = ()) -> Iterator[t
     elif isinstance(value, Mapping) and levels > 0:
         for key, entry in value.items():
             yield from _truths(entry, levels - 1, (*keys, key))
-    elif isinstance(value, list | tuple):
+    elif isinstance(value, list | tuple) and not _PLAIN.issuperset(map(type, value)):
         for place, entry in enumerate(value):
             yield from _truths(entry, levels, (*keys, place))
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from operator import is_
 from pathlib import Path
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, PrivateAttr
 
 from oed.equations.candidates import Candidates
 from oed.equations.continuous import PythonSystem
@@ -67,6 +68,7 @@ class SystemStudyFile(StudyFile):
     limits: tuple[Annotated[ExpressionLimit, OneOf(EXPRESSION_LIMITS)], ...] = ()
     prior: AnySystemPrior | None = None
     baselines: tuple[PathFile, ...] = ()
+    _space: tuple[tuple[Experiment, SystemKeys], Space] | None = PrivateAttr(None)
 
     @property
     def model(self) -> OutputSystem:
@@ -87,7 +89,11 @@ class SystemStudyFile(StudyFile):
         """What may be chosen; of a system of code that was not run its times alone."""
         if isinstance(self.system, PythonSystem):
             return self.experiment.times
-        return self.experiment.space(self.model, self.system.initial_values)
+        # Copies of a study share what was made of the same keys: a table of candidates takes long to read.
+        made_of = self.experiment, self.system
+        if self._space is None or not all(map(is_, self._space[0], made_of)):
+            self._space = made_of, self.experiment.space(self.model, self.system.initial_values)
+        return self._space[1]
 
     def in_numbers(self, folder: Path) -> Self:
         """The study with candidates where a file has them, and what earlier readings say as a covariance."""

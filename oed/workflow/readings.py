@@ -27,14 +27,8 @@ def selection_of(problem: Problem, solution: Solution) -> StoredSelection | None
     if found is None or not np.isfinite(found.selected.chosen.value):
         return None
     chosen, parts = found.selected, found.selected.parts
-    each = zip(
-        parts.readings,
-        parts.sizes,
-        chosen.chosen.values,
-        chosen.relaxed.values,
-        found.derivatives,
-        strict=True,
-    )
+    numbers = parts.sizes, chosen.chosen.values, chosen.relaxed.values, found.derivatives
+    each = zip(parts.readings, *(values.tolist() for values in numbers), strict=True)
     return StoredSelection.of(
         whole=problem.selection.whole,
         budgets=[
@@ -42,7 +36,8 @@ def selection_of(problem: Problem, solution: Solution) -> StoredSelection | None
             for one in chosen.budgets
         ],
         readings=[
-            StoredReading.of(
+            # Plain numbers already: thousands of readings are saved several times.
+            StoredReading.model_construct(
                 sensor=one.sensor,
                 run=one.run,
                 time=one.time,

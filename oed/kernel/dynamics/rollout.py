@@ -381,6 +381,9 @@ def _refined(table: Expression, step: ca.Function, begins: Sequence[Expression],
     # from what is known where the periods begin.
     if drive.refine == 1:
         return table
+    if not table.shape[0]:
+        # A system without states has no path; thousands of settings would be stepped through for nothing.
+        return type(table)(0, drive.runs * (drive.samples * drive.refine + 1))
     count, between = drive.inputs.shape[0], drive.refine - 1
     each = np.repeat(np.arange(count), between)
     fractions = ca.DM(np.tile(np.arange(1, drive.refine) / drive.refine, count)).T

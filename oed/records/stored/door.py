@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, Final, NoReturn, Self, TypeVar
 
@@ -203,9 +204,22 @@ def in_record(issues: Sequence[FileIssue]) -> RecordError:
 def _laid_out(value: Any, indent: str) -> str:
     # As json.dumps(indent=1) would, but for lists of plain values.
     inner = indent + " "
+    if isinstance(value, Mapping) and value and _PLAIN.issuperset(map(type, value.values())):
+        # Records of thousands of readings are written by the encoder in C.
+        return f"{{\n{inner}{_flat_encoder(inner).encode(value)[1:-1]}\n{indent}}}"
     if isinstance(value, Mapping) and value:
-        lines = [f"{inner}{json.dumps(key)}: {_laid_out(entry, inner)}" for key, entry in value.items()]
+        lines = [f"{inner}{_ENCODER.encode(key)}: {_laid_out(entry, inner)}" for key, entry in value.items()]
         return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
     if isinstance(value, list | tuple) and any(isinstance(entry, Mapping | list | tuple) for entry in value):
         return "[\n" + ",\n".join(f"{inner}{_laid_out(entry, inner)}" for entry in value) + f"\n{indent}]"
-    return json.dumps(value, allow_nan=False)
+    return _ENCODER.encode(value)
+
+
+_ENCODER = json.JSONEncoder(allow_nan=False)
+_PLAIN = frozenset((float, int, str, bool, type(None)))
+
+
+@cache
+def _flat_encoder(indent: str) -> json.JSONEncoder:
+    # Writes each entry of a mapping on a line of its own.
+    return json.JSONEncoder(allow_nan=False, separators=(f",\n{indent}", ": "))
