@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from oed.kernel.criteria import A, Criterion, D, E
+from oed.kernel.equivalence import weight_bound
 from oed.kernel.parts import Parts, Reading, budgets_of
 from oed.optimize.exact import exact_weights
 from oed.optimize.weights import best_weights, whole_weights
@@ -66,3 +67,15 @@ def test_the_bound_holds_wherever_it_ends():
     known = best(criterion, parts, 6, repeated=False)
     assert sorted(bounds, reverse=True) == pytest.approx(bounds)
     assert min(bounds) >= known - 1e-9
+
+
+def test_a_node_whose_relaxed_weights_are_whole_keeps_its_bound(monkeypatch: pytest.MonkeyPatch):
+    """A bound 0.5 above these weights leaves room for others that closing the node does not rule out."""
+    parts, criterion = regression(np.vstack([10.0 * np.eye(3), np.eye(3)])), CRITERIA[1]
+    budgets = budgets_of(parts, 3.0)
+    relaxed = best_weights(criterion, parts, budgets)
+    near = whole_weights(criterion, parts, relaxed.values, budgets)
+    assert relaxed.values == pytest.approx(near.values, abs=1e-6)
+    monkeypatch.setattr("oed.optimize.exact.weight_bound", lambda *given: weight_bound(*given) + 0.5)
+    found = exact_weights(criterion, parts, near, budgets)
+    assert found.bound == pytest.approx(near.value + 0.5, abs=1e-6)
