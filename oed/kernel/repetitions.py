@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Array, Places
+from oed.foundation.arrays import Array, Bools, Places
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, any_drive
 from oed.kernel.parts import Cost, Parts, laid_out
@@ -47,6 +47,49 @@ def repetitions(problem: Problem, trajectory: Trajectory) -> Array:
         each = counts.reshape(trajectory.runs, -1)
         each[:] = each.max(axis=1, keepdims=True)
     return counts
+
+
+def carried_out(problem: Problem, trajectory: Trajectory) -> Trajectory:
+    """Return a trajectory with each candidate of no weight replaced by one that is carried out.
+
+    Limits are those of candidates that are carried out; of other trajectories nothing changes.
+    """
+    counts = repetitions(problem, trajectory)
+    alone = problem.design.only is not None and trajectory.degree == 0
+    if not alone or not counts.any() or counts.all():
+        return trajectory
+    return with_candidates(trajectory, counts > 0)
+
+
+def with_candidates(trajectory: Trajectory, chosen: Bools) -> Trajectory:
+    """Return a trajectory whose candidates are some of its own, the first of them in place of all others.
+
+    Args:
+        trajectory: candidates, inputs held in each period.
+        chosen: periods of the candidates that stay; any period of a trial is enough, (N,).
+    """
+    periods = np.arange(trajectory.samples).reshape(trajectory.runs, -1)
+    runs = np.arange(trajectory.runs)
+    if trajectory.starts.shape[1]:
+        stays = chosen.reshape(trajectory.runs, -1).any(axis=1)
+        runs = np.where(stays, runs, np.flatnonzero(stays)[0])
+        periods = periods[runs]
+    else:
+        periods = np.where(chosen, periods.ravel(), np.flatnonzero(chosen)[0])
+    table = trajectory.coefficients[periods.ravel()]
+    return replace(trajectory, coefficients=table, start=trajectory.starts[runs])
+
+
+def periods_of(problem: Problem, trajectory: Trajectory, parts: Parts) -> list[Places]:
+    """Return the periods among all in which the readings of each part are taken.
+
+    Args:
+        problem: with the sensors.
+        trajectory: whose readings they are.
+        parts: readings, or groups of them.
+    """
+    each = _periods(problem, trajectory)
+    return [each[list(members)] for members in parts.members]
 
 
 def costs_of(problem: Problem, trajectory: Trajectory, parts: Parts) -> tuple[Cost, ...]:

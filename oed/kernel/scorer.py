@@ -27,7 +27,7 @@ from oed.kernel.measurement.readings import row_times
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import root_weights
 from oed.kernel.problem import Problem
-from oed.kernel.repetitions import repetitions
+from oed.kernel.repetitions import carried_out, repetitions
 from oed.kernel.statement import Estimation
 
 EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
@@ -108,9 +108,13 @@ def limits_exceeded(problem: Problem, trajectory: Trajectory, share: float) -> f
 def _scorer_of(problem: Problem, trajectory: Trajectory) -> tuple[_Scorer, list[Array]]:
     # The scorer of a trajectory, and its splines' extremes, which are further arguments.
     require_shape(problem, trajectory)
-    extremes = [trajectory.extremes(order) for order in range(3)]
-    extremes.append(_asked(trajectory) if _checked_at_points(problem) else trajectory.inputs)
+    extremes = _extremes_of(problem, trajectory)
     return _scorer(problem, trajectory.samples, trajectory.runs, *map(len, extremes)), extremes
+
+
+def _extremes_of(problem: Problem, trajectory: Trajectory) -> list[Array]:
+    extremes = [trajectory.extremes(order) for order in range(3)]
+    return [*extremes, _asked(trajectory) if _checked_at_points(problem) else trajectory.inputs]
 
 
 def require_shape(problem: Problem, trajectory: Trajectory) -> None:
@@ -219,9 +223,9 @@ class _Scorer:
     def _driven(self, drive: Trajectory, extremes: Sequence[Array]) -> tuple[list[Array], list[Array]]:
         # Its length, states at the samples, path and speeds; the limits' rows.
         given = *self._given(drive), *(one.T for one in extremes), repetitions(self.problem, drive)
-        known, limits = self._of_driving.values(*given)
-        require_driven(self.problem, drive, known[2])
-        return known, limits
+        driven, limits = self._of_driving.values(*given)
+        require_driven(self.problem, drive, driven[2])
+        return driven, limits
 
     def _measured(self, drive: Trajectory) -> list[list[Array]]:
         # Regressors, responses, jacobians and what their columns add up, of every block of readings.
@@ -266,18 +270,22 @@ class _Scorer:
             extremes: of its splines.
             share: of each limit's size.
         """
-        margins = self._margins(trajectory, *self._driven(trajectory, extremes), share)
+        margins = self._margins(trajectory, extremes, share)
         return frozenset(margin.name for margin in margins if margin.violation > share * margin.size)
 
     def _margins(
         self,
         trajectory: Trajectory,
-        driven: Sequence[Array],
-        limits: Sequence[Array],
+        extremes: Sequence[Array],
         share: float | None = None,
+        scored: tuple[list[Array], list[Array]] | None = None,
     ) -> tuple[Margin, ...]:
-        problem, (_, states, _, speeds) = self.problem, driven
-        sight = Sight.of(problem, trajectory, states, speeds.ravel())
+        # Limits are those of the trials that are carried out; `scored` is what the drive as it is has.
+        problem, drive = self.problem, carried_out(self.problem, trajectory)
+        if drive is not trajectory:
+            extremes, scored = _extremes_of(problem, drive), None
+        (_, states, _, speeds), limits = scored or self._driven(drive, extremes)
+        sight = Sight.of(problem, drive, states, speeds.ravel())
         margins = [
             _margin(problem, limit, sight, rows, values.ravel(), share)
             for limit, rows, values in zip(problem.limits, self.rows, limits, strict=True)
@@ -309,7 +317,7 @@ class _Scorer:
             singular_values=np.sort(np.concatenate(singular))[::-1],
             norm_y=float(np.linalg.norm(np.concatenate(responses))),
             path_length=float(length.item()),
-            margins=self._margins(trajectory, driven, limits),
+            margins=self._margins(trajectory, extremes, scored=(driven, limits)),
             design_matrices=dict(zip(names, designs, strict=True)),
             square_roots=dict(zip(names, roots, strict=True)),
             full_square_roots=dict(zip(names, full, strict=True)),

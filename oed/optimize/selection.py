@@ -9,15 +9,17 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from oed.foundation.arguments import typed
+from oed.foundation.arrays import Bools
 from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import Brief
 from oed.kernel.criteria import Criterion
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.equivalence import weight_bound
-from oed.kernel.evaluation import evaluate
+from oed.kernel.evaluation import evaluate, limits_exceeded, resolved
+from oed.kernel.margin import TOLERANCE
 from oed.kernel.parts import Budget, Cost, Parts
 from oed.kernel.problem import Problem
-from oed.kernel.repetitions import costs_of
+from oed.kernel.repetitions import costs_of, periods_of, spent_at_most, with_candidates
 from oed.kernel.selection import Selection
 from oed.kernel.solution import Solution, scored
 from oed.kernel.taken_apart import parts_of
@@ -87,18 +89,62 @@ _KNOWN: WeakKeyDictionary[Problem, dict[bytes, Selected | None]] = WeakKeyDictio
 
 
 def _selected(problem: Problem, selection: Selection, trajectory: Trajectory) -> Selected | None:
-    parts = selection.parts(parts_of(problem, trajectory))
-    budgets, criterion = selection.budgets(parts), problem.objective
-    if not criterion.identifiable([parts.root(np.ones(len(parts.readings)))]):
+    parts, budgets, costs = _within(problem, selection, trajectory)
+    criterion, largest = problem.objective, np.zeros(len(parts.readings))
+    for budget in budgets:
+        largest[list(budget.places)] = budget.upper
+    if not criterion.identifiable([parts.root(largest)]):
         return None
-    costs = costs_of(problem, trajectory, parts)
     relaxed = best_weights(criterion, parts, budgets, costs)
     if not selection.whole:
         return Selected(criterion, parts, budgets, costs, relaxed, None)
     near = whole_weights(criterion, parts, relaxed.values, budgets)
-    # Of a search that ended where less is identifiable.
+    # A search may end where less is identifiable.
     relaxed = near if near.value > relaxed.value else relaxed
     return Selected(criterion, parts, budgets, costs, relaxed, exact_weights(criterion, parts, near, budgets))
+
+
+def _within(
+    problem: Problem, selection: Selection, trajectory: Trajectory
+) -> tuple[Parts, tuple[Budget, ...], tuple[Cost, ...]]:
+    # What has weights, with its budgets and costs; candidates that exceed a limit have none.
+    parts = selection.parts(parts_of(problem, trajectory))
+    allowed = _allowed(problem, selection, trajectory, parts)
+    budgets = tuple(_restricted(budget, allowed) for budget in selection.budgets(parts))
+    return parts, budgets, costs_of(problem, trajectory, parts)
+
+
+def _allowed(problem: Problem, selection: Selection, trajectory: Trajectory, parts: Parts) -> Bools:
+    # Candidates that keep to the limits, (n,): all where none does, or where no candidates are weighted.
+    allowed = np.ones(len(parts.readings), dtype=bool)
+    limited = [limit.name for limit in problem.limits if not limit.counts_trials]
+    weighs_moments = problem.model.states and selection.of != "trials"
+    if problem.design.only is None or not limited or weighs_moments:
+        return allowed
+    periods, bare = periods_of(problem, trajectory, parts), replace(problem, selection=None)
+    waiting = [np.arange(len(allowed))]
+    while waiting:
+        places, chosen = waiting.pop(), np.zeros(trajectory.samples, dtype=bool)
+        chosen[np.concatenate([periods[place] for place in places])] = True
+        drive = with_candidates(replace(trajectory, weights=None), chosen)
+        exceeded = limits_exceeded(resolved(bare, drive), drive, TOLERANCE)
+        if exceeded.isdisjoint(limited):
+            continue
+        if len(places) > 1:
+            waiting += np.array_split(places, 2)
+        else:
+            allowed[places] = False
+    return allowed if allowed.any() else ~allowed
+
+
+def _restricted(budget: Budget, allowed: Bools) -> Budget:
+    # The budget without weights of what is not allowed, and of what can be spent then.
+    members = allowed[list(budget.places)]
+    if members.all():
+        return budget
+    tops = np.where(members, budget.upper, 0.0)
+    total = min(budget.total, float(np.array(budget.sizes) @ tops))
+    return replace(budget, tops=tuple(tops.tolist()), total=total) if total > 0 else budget
 
 
 def rated(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
@@ -127,11 +173,11 @@ def with_readings(problem: Problem, solution: Solution) -> Solution:
     if found is not None:
         weights = found.parts.of_every_reading(found.chosen.values)
     else:
-        parts = problem.selection.parts(parts_of(problem, solution.trajectory))
+        parts, budgets, costs = _within(problem, problem.selection, solution.trajectory)
         even = np.zeros(len(parts.readings))
-        for one in problem.selection.budgets(parts):
-            even[list(one.places)] = one.even * one.upper
-        weights = parts.of_every_reading(even)
+        for budget in budgets:
+            even[list(budget.places)] = budget.even * budget.upper
+        weights = parts.of_every_reading(spent_at_most(costs, even))
     trajectory = replace(solution.trajectory, weights=weights)
     evaluation = evaluate(problem, trajectory)
     return replace(solution, trajectory=trajectory, evaluation=evaluation, problem=problem)

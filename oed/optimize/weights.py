@@ -72,6 +72,7 @@ def best_weights(
     if not open_budgets or not criterion.identifiable([parts.root(start.values)]):
         return start
     free = np.sort(np.concatenate([np.array(budget.places, dtype=int) for budget in open_budgets]))
+    free = free[most[free] > 0]
     limits = _Limits(open_budgets, costs, most)
     values, multiplier = _maximised(criterion, parts, limits, start.values, free)
     chosen = limits.kept(values)
@@ -128,7 +129,8 @@ def _maximised(
     number[free] = np.arange(len(free))
     spent, upper = np.zeros((len(limits.budgets), len(free))), limits.most[free] / begun
     for row, budget in zip(spent, limits.budgets, strict=True):
-        row[number[list(budget.places)]] = np.array(budget.sizes) / budget.total
+        places = number[list(budget.places)]
+        row[places[places >= 0]] = np.array(budget.sizes)[places >= 0] / budget.total
     spent *= begun
     # What a budget allows anyway needs no bound.
     upper[spent.max(axis=0) * upper >= 1.0] = np.inf
@@ -230,8 +232,8 @@ def _nearest(weights: Array, budget: Budget) -> Array:
     if budget.whole is None:
         text = f"expected whole numbers of readings, got {budget.total:g} and at most {budget.most:g} of each"
         raise UserMistake(text)
-    counts = np.minimum(np.floor(weights + SLIGHT), budget.most)
-    left = np.where(counts < budget.most, weights - counts, -np.inf)
+    counts = np.minimum(np.floor(weights + SLIGHT), budget.upper)
+    left = np.where(counts < budget.upper, weights - counts, -np.inf)
     counts[np.argsort(-left, kind="stable")[: round(budget.whole - counts.sum())]] += 1.0
     return counts
 
@@ -240,7 +242,7 @@ def _exchanges(chosen: Array, budgets: Sequence[Budget]) -> Iterator[tuple[int, 
     # Readings that may be dropped, with those that may be taken in their place.
     for budget in budgets:
         places = np.array(budget.places)
-        substitutes = places[chosen[places] < budget.most]
+        substitutes = places[chosen[places] < budget.upper]
         for dropped in places[chosen[places] > 0].tolist():
             yield dropped, [place for place in substitutes.tolist() if place != dropped]
 
