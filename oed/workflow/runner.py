@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import is_
 from pathlib import Path
 
 from oed.bounds import LATTICE, Certificate, bound
@@ -104,6 +105,7 @@ class _Run:
     paths: dict[str, Trajectory]
     folder: RunFolder
     solutions: list[Solution] = field(default_factory=list)
+    kept: list[Solution] = field(default_factory=list)
     certificate: Certificate | None = None
     validation: StoredValidation | None = None
     physics: StoredTrial | None = None
@@ -191,6 +193,10 @@ class _Run:
         self.interrupted = self.physics is not None and self.physics.interrupted
 
     def _keep(self, solutions: Sequence[Solution]) -> None:
+        # What is there already takes seconds to write again where there are thousands of readings.
+        if len(solutions) == len(self.kept) and all(map(is_, solutions, self.kept)):
+            return
+        self.kept = list(solutions)
         self.folder.keep(lambda: self.found(solutions, interrupted=True)[1])
 
     def found(self, solutions: Sequence[Solution], *, interrupted: bool) -> tuple[Record, dict[str, str]]:

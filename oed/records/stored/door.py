@@ -204,6 +204,8 @@ def in_record(issues: Sequence[FileIssue]) -> RecordError:
 def _laid_out(value: Any, indent: str) -> str:
     # As json.dumps(indent=1) would, but for lists of plain values.
     inner = indent + " "
+    if isinstance(value, list | tuple) and _PLAIN.issuperset(map(type, value)):
+        return _ENCODER.encode(value)
     if isinstance(value, Mapping) and value and _PLAIN.issuperset(map(type, value.values())):
         # Records of thousands of readings are written by the encoder in C.
         return f"{{\n{inner}{_flat_encoder(inner).encode(value)[1:-1]}\n{indent}}}"
