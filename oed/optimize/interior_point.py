@@ -76,7 +76,7 @@ def maximise(program: Program, objective: Objective, share: float) -> tuple[Arra
     barrier = FIRST * objective.scale(_criterion(objective, level, point)) / count
     dual, balance = objective.central(point, level, barrier), np.zeros(len(program.equalities))
     iterate = Iterate(weights, level, barrier / distances, balance, dual, point)
-    ratio, steps = FADING, 0
+    steps = 0
     for _ in range(MOST_STEPS):
         successor, rise = _stepped(program, objective, iterate, barrier)
         iterate, steps = successor or iterate, steps + 1
@@ -85,7 +85,7 @@ def maximise(program: Program, objective: Objective, share: float) -> tuple[Arra
             if barrier <= last:
                 break
             # Where the last barrier took few steps the next may be much smaller.
-            ratio = ratio**2 if steps <= FEW else FADING
+            ratio = FADING**2 if steps <= FEW and successor is not None else FADING
             barrier, steps = max(ratio * barrier, last), 0
     return iterate.weights, objective.gradient(iterate.point, iterate.dual)
 

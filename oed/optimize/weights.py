@@ -22,6 +22,8 @@ from oed.optimize.interior_point import maximise
 from oed.optimize.objectives import objective_of
 from oed.optimize.weight_program import Program
 
+PRESENT = 1e-6
+"""Share of the largest weight within which a weight counts as at a bound."""
 BEGUN = 0.9
 """Share of every limit that equal weights use where costs limit them."""
 SLIGHT = 1e-9
@@ -146,8 +148,38 @@ def _maximised(
         limited,
     )
     shares, gradient = maximise(program, objective_of(criterion, units), BEGUN if priced else 1.0)
-    certain[free] = shares * begun
+    certain[free] = _fewest(program, shares) * begun
     return certain, units @ gradient @ units.T
+
+
+def _fewest(program: Program, weights: Array) -> Array:
+    # Weights of the same information with no more of them between their bounds than equations [Caratheodory]:
+    # of many readings that say the same few, not all of them a little each.
+    columns, lines = np.triu_indices(program.rows.shape[1])
+    squares = program.by_reading(program.rows[:, columns] * program.rows[:, lines]).T
+    same = np.vstack([squares, program.equalities, program.inequalities])
+    fewer, least = weights.copy(), PRESENT * weights.max()
+    while True:
+        inner = np.flatnonzero((fewer > least) & (fewer < program.upper - least))[: 2 * len(same)]
+        if len(inner) <= len(same):
+            return fewer
+        # Directions along which nothing changes; each is followed until a weight meets its bound.
+        directions = np.linalg.svd(same[:, inner])[2][len(same) :]
+        for place in range(len(directions)):
+            direction, here = directions[place], fewer[inner]
+            room = np.where(direction < 0, here, program.upper[inner] - here)
+            lengths = np.full(len(inner), np.inf)
+            np.divide(room, np.abs(direction), out=lengths, where=np.abs(direction) > PRESENT)
+            if not np.isfinite(lengths).any():
+                direction, lengths = (
+                    -direction,
+                    np.where(direction > PRESENT, here / np.abs(direction), np.inf),
+                )
+            first = int(lengths.argmin())
+            fewer[inner] = np.clip(here + lengths[first] * direction, 0.0, program.upper[inner])
+            fewer[inner[first]] = 0.0 if direction[first] < 0 else program.upper[inner[first]]
+            rest = directions[place + 1 :]
+            rest -= np.outer(rest[:, first] / direction[first], direction)
 
 
 def _whitening(rows: Array, judged: int) -> tuple[Array, Array, Array]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -670,3 +671,24 @@ def test_where_all_readings_are_taken_there_is_no_gap(criterion: Criterion):
     assert found.values.max() <= 1
     bound = weight_bound(criterion, parts, found.values, found.gradient, budgets)
     assert found.value == pytest.approx(bound, rel=1e-9)
+
+
+def test_few_of_many_candidates_that_say_the_same_are_taken():
+    """All 32 corners of a cube are best together; so are few of them, which somebody can carry out."""
+    corners = np.array(list(product([-1.0, 0.0, 1.0], repeat=5)))
+    rows = np.hstack([np.ones((len(corners), 1)), corners])
+    count, size = rows.shape
+    parts = replace(
+        quadratic(),
+        readings=(quadratic().readings[0],) * count,
+        sizes=np.ones(count),
+        members=tuple((place,) for place in range(count)),
+        rows=rows,
+        places=np.arange(count),
+        known_rows=np.zeros((0, size)),
+        judged=size,
+        rounding=(),
+    )
+    found = best_weights(CRITERIA[1], parts, budgets_of(parts, 1.0))
+    assert found.value == pytest.approx(0.0, abs=1e-9)
+    assert np.count_nonzero(found.values > 1e-6) <= size * (size + 1) // 2 + 1
