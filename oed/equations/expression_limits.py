@@ -176,7 +176,7 @@ def _function(system: System, text: str) -> ca.Function:
     assert readable is not None
     state, parameters = ca.SX.sym("state", len(readable.states)), ca.SX.sym("p", len(readable.parameters))
     inputs = ca.SX.sym("inputs", len(system.inputs))
-    values = readable.values_at(state, inputs[: len(readable.inputs)], parameters)
+    values = readable.values_at(state, inputs[: len(readable.inputs), :], parameters)
     value = ca.densify(ca.SX(parse(text).casadi(values)))
     return ca.Function("expression", [state, inputs, parameters], [value])
 

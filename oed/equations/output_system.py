@@ -151,7 +151,7 @@ def _algebraic_solver(system: OutputSystem) -> ca.Function:
         ca.SX.sym("known", arguments.shape),
     )
     split = len(system.states)
-    rows = equation_function(system, "constraints_at")(known[:split], unknowns, known[split:])
+    rows = equation_function(system, "constraints_at")(known[:split, :], unknowns, known[split:, :])
     solver = Solver(ca.Function("constraints", [unknowns, known], [rows]), NEWTON_STEPS)
     root = solver.root(ca.SX(ca.DM(system.algebraic_guesses)), arguments)
     return ca.Function("algebraic", [state, inputs, parameters], [root])

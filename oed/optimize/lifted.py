@@ -66,14 +66,14 @@ class Lifted(System):
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
     ) -> Expression:
         """As the system steps."""
-        own = inputs[: len(self.inner.inputs)]
+        own = inputs[: len(self.inner.inputs), :]
         return self.inner.step(state, own, parameters, self.taken(inputs, period))
 
     def signals(
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
     ) -> Mapping[str, Expression]:
         """Those of the system."""
-        own = inputs[: len(self.inner.inputs)]
+        own = inputs[: len(self.inner.inputs), :]
         return self.inner.signals(state, own, parameters, self.taken(inputs, period))
 
     def taken(self, inputs: Expression, period: Expression) -> Expression:
@@ -139,7 +139,7 @@ def _unlifted(period: Period) -> Period:
     # What the system itself knows.
     system, state, inputs, parameters, duration = period
     assert isinstance(system, Lifted)
-    own = inputs[: len(system.inner.inputs)]
+    own = inputs[: len(system.inner.inputs), :]
     return Period(system.inner, state, own, parameters, system.taken(inputs, duration))
 
 
@@ -184,11 +184,11 @@ class LiftedSensor(Sensor):
 
     def reading(self, moment: Moment) -> Expression:
         """That of the sensor."""
-        return self.inner.reading(replace(moment, inputs=moment.inputs[: self.own]))
+        return self.inner.reading(replace(moment, inputs=moment.inputs[: self.own, :]))
 
     def whitening(self, moment: Moment) -> Expression:
         """That of the sensor, times the root of the weight, and of how long a period is."""
-        found = self.inner.whitening(replace(moment, inputs=moment.inputs[: self.own]))
+        found = self.inner.whitening(replace(moment, inputs=moment.inputs[: self.own, :]))
         if self.pace is not None and self.inner.continuous:
             found = ca.sqrt(moment.inputs[self.pace]) * found
         return found if self.effort is None else moment.inputs[self.effort] * found

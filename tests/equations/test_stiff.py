@@ -89,6 +89,17 @@ class TestSteps:
         assert a < 1.0
         assert b > 0.0
 
+    def test_single_state_takes_several_substeps(self):
+        keys: dict[str, Any] = {
+            "states": {"x": ""},
+            "derivatives": {"x": "-k * x"},
+            "parameters": {"k": "2 1/s"},
+            "outputs": {"y": "x"},
+            "integrator": "radau",
+        }
+        end = stepper(system(keys, substeps=8))([3.0], [], [2.0], 0.5)
+        assert float(end) == pytest.approx(3.0 * np.exp(-1.0), rel=1e-7)
+
     def test_damp_what_is_infinitely_stiff(self):
         """Stability at infinity: one step of a rate of 1e12 leads to where it wants to be."""
         own = Equations(

@@ -33,7 +33,7 @@ CLOSEST: dict[str, str] = {
 an `omni_three` with another matrix; gains are of the search of a `tricycle`, steered as an `ackermann` is.
 """
 
-SLOW = ("ackermann", "obstacle_course", "omni_three")
+SLOW = ("ackermann", "obstacle_course", "omni_three", "three_runs")
 """Those whose searches are above it after a hundred iterations; the others' are after a fourth of them."""
 
 pytestmark = pytest.mark.usefixtures("few_screened")

@@ -103,8 +103,9 @@ class Radau:
         """
         begin = ca.vertcat(state, algebraic)
         stages = self._solver.root(ca.repmat(begin, self._stages, 1), ca.vertcat(state, held, length))
-        end = stages[-begin.shape[0] :]
-        return end[: self._states], end[self._states :]
+        # Two indices: with one, CasADi makes the empty rest of a single number a row.
+        end = stages[-begin.shape[0] :, :]
+        return end[: self._states, :], end[self._states :, :]
 
 
 def _collocation_equations(rates: ca.Function, constraints: ca.Function) -> ca.Function:
@@ -116,10 +117,10 @@ def _collocation_equations(rates: ca.Function, constraints: ca.Function) -> ca.F
     points = ca.vertsplit(stages, size)
     derivatives, _, _ = ca.collocation_coeff(POINTS)
     # A polynomial through the begin and all points has these derivatives, multiplied by the step's length.
-    slopes = ca.horzcat(begin, *(point[:states] for point in points)) @ derivatives
+    slopes = ca.horzcat(begin, *(point[:states, :] for point in points)) @ derivatives
     residual = []
     for place, point in enumerate(points):
-        values = point[:states], point[states:], held
+        values = point[:states, :], point[states:, :], held
         residual += [slopes[:, place] - length * rates(*values), constraints(*values)]
     return ca.Function("stages", [stages, ca.vertcat(begin, held, length)], [ca.vertcat(*residual)])
 
