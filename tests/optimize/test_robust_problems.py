@@ -51,8 +51,9 @@ def test_a_laser_trackers_drive_keeps_half_of_the_cap():
 
 def test_the_flagships_drive_costs_nothing():
     # Many drives reach the cap; the second stage takes those that ride the room's edge, unless they must not.
-    problem, options = made_robust("choi_skid_steer", 12, SHORTER), Ipopt(
-        starts=1, perturbations=0, second_stage="logdet"
+    problem, options = (
+        made_robust("choi_skid_steer", 12, SHORTER),
+        Ipopt(starts=1, perturbations=0, second_stage="logdet"),
     )
     sure = solve(problem, options, seed=3, workers=1)
     plain = solve(replace(problem, robust=None), options, seed=3, workers=1)

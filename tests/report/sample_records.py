@@ -26,7 +26,7 @@ limits:
   wheel_acceleration: 20 rad/s^2
   workspace: {kind: rectangle, x: [-1 m, 1 m], y: [-1 m, 1 m]}
 criterion: {kind: E, scaling: none}
-solvers: [{kind: ipopt, starts: 3}]
+solvers: [{kind: ipopt, starts: 3, second_stage: logdet}]
 """
 SHAPE = np.array([0.0, 0.5, 1.0, 1.0, 1.0, 1.0, 0.5, 0.0])
 WAVE = np.array([0.0, 0.6, -0.8, 0.9, -0.7, 0.2, 0.3, 0.0])
@@ -108,8 +108,8 @@ limits:
   workspace: {kind: rectangle, x: [-1 m, 1 m], y: [-1 m, 1 m]}
 criterion: {kind: E}
 solvers:
-  - {kind: ipopt, starts: 3}
-  - {kind: ipopt, name: arc, starts: 3, criterion: {kind: D}}
+  - {kind: ipopt, starts: 3, second_stage: logdet}
+  - {kind: ipopt, name: arc, starts: 3, second_stage: logdet, criterion: {kind: D}}
 """
 ABSOLUTE = TEXT.replace("REGRESSOR", "both").replace(
     "noise: NOISE", "noise: {position: 1 cm, heading: 1 deg}, noise_model: absolute"
