@@ -15,7 +15,7 @@ from oed.foundation.component import Component
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.integration import Radau, runge_kutta
 from oed.kernel.dynamics.roots import Solver
-from oed.kernel.dynamics.system import System
+from oed.kernel.dynamics.system import System, step_symbols
 
 NEWTON_STEPS = 50
 """Newton steps from the guess of algebraic states, which may be far off."""
@@ -136,7 +136,7 @@ def by_name(names: Iterable[str], *columns: Expression) -> dict[str, Expression]
 
 def equation_function(system: OutputSystem, name: str) -> ca.Function:
     """Return `rates_at` or `constraints_at` as a function (states, algebraic, (inputs, parameters))."""
-    state, inputs, parameters, _ = _symbols(system)
+    state, inputs, parameters, _ = step_symbols(system)
     algebraic = ca.SX.sym("algebraic", len(system.algebraic_guesses))
     rows = ca.densify(ca.SX(getattr(system, name)(state, algebraic, inputs, parameters)))
     return ca.Function(name, [state, algebraic, ca.vertcat(inputs, parameters)], [rows])
@@ -144,7 +144,7 @@ def equation_function(system: OutputSystem, name: str) -> ca.Function:
 
 @lru_cache(maxsize=32)
 def _algebraic_solver(system: OutputSystem) -> ca.Function:
-    state, inputs, parameters, _ = _symbols(system)
+    state, inputs, parameters, _ = step_symbols(system)
     arguments = ca.vertcat(state, inputs, parameters)
     unknowns, known = (
         ca.SX.sym("algebraic", len(system.algebraic_guesses)),
@@ -159,22 +159,13 @@ def _algebraic_solver(system: OutputSystem) -> ca.Function:
 
 @lru_cache(maxsize=32)
 def _radau_stepper(system: OutputSystem) -> ca.Function:
-    state, inputs, parameters, period = symbols = _symbols(system)
+    state, inputs, parameters, period = symbols = step_symbols(system)
     functions = (equation_function(system, name) for name in ("rates_at", "constraints_at"))
     method, held, steps = Radau(*functions), ca.vertcat(inputs, parameters), system.scheme[1]
     algebraic = system.solve_algebraic(state, inputs, parameters)
     for _ in range(steps):
         state, algebraic = method.step(state, algebraic, held, period / steps)
     return ca.Function("radau", symbols, [state])
-
-
-def _symbols(system: OutputSystem) -> list[ca.SX]:
-    return [
-        ca.SX.sym("state", len(system.states)),
-        ca.SX.sym("inputs", len(system.inputs)),
-        ca.SX.sym("p", len(system.parameters)),
-        ca.SX.sym("period"),
-    ]
 
 
 class SystemKeys(Component, ABC):

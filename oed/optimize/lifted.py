@@ -25,7 +25,7 @@ from oed.kernel.measurement.blocks import Nuisance
 from oed.kernel.measurement.measurement import Sensor, Start, When, joined
 from oed.kernel.measurement.moment import Moment
 from oed.kernel.measurement.process_noise import Period, ProcessNoise
-from oed.kernel.pace import PACE
+from oed.kernel.pace import PACE, pace_of
 from oed.kernel.problem import Problem
 from oed.kernel.repetitions import EFFORT
 from oed.kernel.scorer import score
@@ -227,14 +227,17 @@ class EffortTotal(Limit):
     """A budget: the sum of squares of some inputs, each period's times its size.
 
     Attributes:
-        label: of the budget.
-        sizes: of every period's reading, by the inputs' names; 0 where nothing is read.
-        total: that may be spent.
+        label: name of the budget.
+        sizes: size of every period's reading at the longest duration, by the inputs' names; 0 where nothing
+            is read.
+        timed: names of those inputs whose readings are as large as they are long.
+        total: sum that may be spent.
     """
 
     looks_at: ClassVar[Any] = "run"
     label: str
     sizes: tuple[tuple[str, tuple[float, ...]], ...]
+    timed: tuple[str, ...] = ()
     total: float
 
     @property
@@ -247,7 +250,8 @@ class EffortTotal(Limit):
         names = drive.system.input_names
         spent: Expression = 0.0
         for name, sizes in self.sizes:
-            spent += ca.dot(ca.DM(sizes), drive.inputs[:, names.index(name)] ** 2)
+            pace = pace_of(drive) if name in self.timed else 1.0
+            spent += ca.dot(ca.DM(sizes), pace * drive.inputs[:, names.index(name)] ** 2)
         return Rows(spent / self.total, np.array([-np.inf]), np.array([1.0]), 1.0, "")
 
 
@@ -318,6 +322,8 @@ def _totals(problem: Problem) -> list[EffortTotal]:
     assert selection is not None
     parts = selection.parts_of(problem.measurement.joint_sensors, problem.system, problem.design)
     labels = list(dict.fromkeys(one.sensor for one in parts.readings))
+    sensors = problem.measurement.joint_sensors
+    timed = tuple(f"{EFFORT}{place}" for place, sensor in enumerate(sensors) if sensor.continuous)
     found = []
     for number, budget in enumerate(selection.budgets(parts)):
         here = {parts.readings[place].sensor for place in budget.places}
@@ -326,7 +332,8 @@ def _totals(problem: Problem) -> list[EffortTotal]:
             for place, label in enumerate(labels)
             if label in here
         ]
-        found.append(EffortTotal(label=f"budget_{number}", sizes=tuple(sizes), total=budget.total))
+        label = f"budget_{number}"
+        found.append(EffortTotal(label=label, sizes=tuple(sizes), timed=timed, total=budget.total))
     return found
 
 

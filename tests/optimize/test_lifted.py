@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
 
 import oed
 from oed.kernel.criteria import Criterion, G, Leg
+from oed.kernel.dynamics.rollout import roll_out
+from oed.kernel.pace import PACE
+from oed.kernel.selection import Selection
 from oed.kernel.solution import scored
-from oed.optimize.lifted import lifted, lowered
+from oed.optimize.lifted import EffortTotal, lifted, lowered
 from oed.optimize.terms.layout import PieceLayout
 from oed.optimize.terms.pieces import Pieces
 
@@ -67,3 +72,20 @@ def test_an_earlier_design_is_no_start():
     earlier = {"first": oed.solve(problem, oed.Ipopt(**few), seed=0, workers=1)}
     with pytest.raises(oed.ProblemError, match=r"^solvers\.start_from: .* no earlier design: leave it out$"):
         oed.solve(problem, oed.Ipopt(start_from="first", **few), seed=0, workers=1, earlier=earlier)
+
+
+@pytest.mark.parametrize(("sensor", "spent"), [(oed.Rates, 0.5), (oed.Outputs, 1.0)])
+def test_budget_of_time_is_spent_as_fast_as_time_passes(sensor: type, spent: float):
+    # Information was multiplied by the pace, what it cost was not.
+    problem = replace(decaying(sensor(noise={"a": 0.1})), selection=Selection(total=2.0))
+    search = lifted(problem)
+    (total,) = [limit for limit in search.limits if isinstance(limit, EffortTotal)]
+    rows = {}
+    for pace in (1.0, 0.5):
+        row = [pace if name == PACE else 0.5 for name in search.model.input_names]
+        inputs = ca.DM(np.tile(row, (12, 1)))
+        drive = roll_out(
+            search.system, inputs=inputs, start=ca.DM([0.2]), parameters=ca.DM([0.5]), period=ca.DM(0.5)
+        )
+        rows[pace] = float(ca.evalf(total.rows(drive).expression))
+    assert rows[0.5] == pytest.approx(spent * rows[1.0])

@@ -256,7 +256,7 @@ def stepper(system: System) -> ca.Function:
         return ca.Function(
             "step", [state, *held, period], [_part_states(coarse, parts, state, held, period)[:, -1]]
         )
-    given = _symbols(system)
+    given = step_symbols(system)
     return ca.Function("step", given, [system.step(*given)])
 
 
@@ -273,7 +273,7 @@ def carrier(system: System) -> ca.Function:
         begins = ca.horzcat(first, _part_states(coarse, parts, first, held, period)[:, :-1])
         along = carrier(coarse).mapaccum(parts)(begin, begins, *held, period / parts)
         return ca.Function("carry", [begin, first, *held, period], [along[:, -(size + states) :]])
-    given = _symbols(system)
+    given = step_symbols(system)
     state, _, parameters, _ = given
     before = ca.SX.sym("S", states, size + states)
     following = stepper(system)(*given)
@@ -285,7 +285,7 @@ def carrier(system: System) -> ca.Function:
 @lru_cache(maxsize=32)
 def signaller(system: System) -> ca.Function:
     """The function (state, inputs, parameters, period [s]) -> every signal, by name."""
-    given = _symbols(system)
+    given = step_symbols(system)
     signals = system.signals(*given)
     names = ["state", "inputs", "parameters", "period"]
     return ca.Function("signals", given, list(signals.values()), names, list(signals))
@@ -295,7 +295,7 @@ def signaller(system: System) -> ca.Function:
 def mover(system: System) -> ca.Function:
     """The function (state, inputs, parameters) -> the motion at an instant (m,)."""
     system, _ = system.refinement
-    *given, _ = _symbols(system)
+    *given, _ = step_symbols(system)
     return ca.Function("motion", given, [_motion(system, *given, ca.SX(0))])
 
 
@@ -303,7 +303,7 @@ def mover(system: System) -> ca.Function:
 def follows_state(system: System) -> bool:
     """Whether the motion depends on the state, not on the inputs alone."""
     system, _ = system.refinement
-    given = _symbols(system)
+    given = step_symbols(system)
     return bool(ca.depends_on(_motion(system, *given), given[0]))
 
 
@@ -314,14 +314,15 @@ def _part_states(system: System, parts: int, state: ca.MX, held: Sequence[ca.MX]
 
 
 def _loop_symbols(system: System) -> list[ca.MX]:
-    return [ca.MX.sym("given", *one.shape) for one in _symbols(system)]
+    return [ca.MX.sym("given", *one.shape) for one in step_symbols(system)]
 
 
 def _motion(system: System, *given: Expression) -> Expression:
     return system.signals(*given).get(system.motion_signal, ca.SX(0, 1))
 
 
-def _symbols(system: System) -> list[ca.SX]:
+def step_symbols(system: System) -> list[ca.SX]:
+    """Return symbols for the arguments of a step: state, inputs, parameters and period."""
     return [
         ca.SX.sym("state", len(system.states)),
         ca.SX.sym("inputs", len(system.inputs)),
