@@ -18,7 +18,7 @@ from oed.kernel.measurement.square_root import reduced
 
 @dataclass(frozen=True)
 class Nuisance:
-    """A constant that the readings depend on and nobody asks for, eliminated from the information.
+    """A constant that the readings depend on and the study does not ask for; it is eliminated.
 
     Attributes:
         name: "start.x", "gyroscope.bias", ...
@@ -44,18 +44,18 @@ class Block(Brief):
         units: their SI units ("" for a ratio).
         response: noise-free readings y (rows,).
         design_matrix: W = dy/dp (rows, p); every row in units of its own noise where `noise` is 1.
-        jacobian: by parameters and then nuisances, (rows, p + nuisances), in units of the noise where it is
-            not `noise`: its square, and what is known of nuisances beforehand, is the information.
-        information: on chosen unknowns, by their indices among these, the others known: W' K^-1 W of their
-            columns, with the noise's covariance noise^2 K.
-        noise: standard deviation that the information is still to be divided by, None where not known.
+        jacobian: derivatives by parameters and then nuisances, (rows, p + nuisances), in units of the noise
+            where it is not `noise`; its square and the nuisances' prior are the information.
+        information: function of indices of unknowns that returns the information on these, all others known:
+            W' K^-1 W of their columns, with the noise's covariance noise^2 K.
+        noise: standard deviation that the information is still to be divided by, None if unknown.
         nuisances: the nuisance parameters.
-        raw: whether `scaling: none` leaves the noise out, as the paper does.
-        sizes: what relative precisions refer to, (p,), SI; the nominal values' magnitudes by default.
-        summed: (1, p) of every parameter's column the most that its entries are if nothing cancels: sums of
-            magnitudes, beside which the column may be rounding. 0 where nobody says.
+        raw: True if `scaling: none` leaves the noise out, as the paper does.
+        sizes: sizes that relative precisions refer to, (p,), SI; the nominal values' magnitudes by default.
+        summed: sums of magnitudes of every parameter's column, (1, p), beside which the column may be
+            rounding; 0 where none are stated.
         shared: B where the rows' noise is B'e, e white, and estimation is by ordinary least squares all the
-            same; else the jacobian's rows are independent.
+            same; None where the jacobian's rows are independent.
     """
 
     name: str
@@ -75,30 +75,30 @@ class Block(Brief):
 
     @property
     def magnitudes(self) -> Expression:
-        """`summed`, (1, p)."""
+        """Sums of magnitudes, (1, p); see `summed`."""
         return ca.DM.zeros(1, len(self.parameters)) if self.summed is None else self.summed
 
     def asking(self, names: Mapping[str, str]) -> Block:
-        """The block with some nuisances among its parameters, of a joint estimation.
+        """Return the block of a joint estimation with some nuisances among its parameters.
 
         Args:
-            names: that they are to have, with the names of the nuisances.
+            names: names of the nuisances, by the names of the parameters that they become.
         """
         if not names:
             return self
-        every, count = [one.name for one in self.nuisances], len(self.parameters)
-        chosen = [every.index(label) for label in names.values()]
-        rest = [place for place in range(len(every)) if place not in chosen]
+        labels, count = [nuisance.name for nuisance in self.nuisances], len(self.parameters)
+        chosen = [labels.index(label) for label in names.values()]
+        rest = [place for place in range(len(labels)) if place not in chosen]
         order = [*range(count), *(count + place for place in (*chosen, *rest))]
-        asked = [self.nuisances[place] for place in chosen]
-        nominal = np.array([one.nominal for one in asked])
+        constants = [self.nuisances[place] for place in chosen]
+        nominal = np.array([nuisance.nominal for nuisance in constants])
         jacobian = self.jacobian[:, order]
         return replace(
             self,
             parameters=(*self.parameters, *names),
             nominal=np.concatenate([self.nominal, nominal]),
-            units=(*self.units, *(one.unit for one in asked)),
-            design_matrix=jacobian[:, : count + len(asked)],
+            units=(*self.units, *(nuisance.unit for nuisance in constants)),
+            design_matrix=jacobian[:, : count + len(constants)],
             jacobian=jacobian,
             information=lambda places: self.information([order[place] for place in places]),
             nuisances=tuple(self.nuisances[place] for place in rest),
@@ -106,7 +106,7 @@ class Block(Brief):
         )
 
     def rows(self, jacobian: Array) -> Array:
-        """R (k, n) with R'R the information of some of the jacobian's columns (rows, n), as numbers."""
+        """Return R (k, n) with R'R the information of some columns (rows, n) of the jacobian."""
         if self.shared is None:
             return reduced(jacobian)
         # With W = Q U, and T the triangular factor of B Q, the estimates' covariance
@@ -117,7 +117,7 @@ class Block(Brief):
 
     @property
     def scales(self) -> Array:
-        """What relative precisions refer to, (p,), SI; 0 where there is nothing."""
+        """Sizes that relative precisions refer to, (p,), SI; 0 where there are none."""
         return np.abs(self.nominal) if self.sizes is None else self.sizes
 
 
@@ -135,7 +135,7 @@ def regression(
     sizes: Array | None = None,
     shared: ca.DM | None = None,
 ) -> Block:
-    """The block of a linear regression y = W c + noise; `scaling: none` leaves its noise out.
+    """Return the block of a linear regression y = W c + noise; `scaling: none` leaves its noise out.
 
     Rows are independent and the information is W'W, unless there is another `jacobian` for it, or `shared`.
 

@@ -18,8 +18,8 @@ from oed.kernel.measurement.measurement import Cuts, Measurement, Sensor, proces
 from oed.kernel.measurement.readings import joint_readings, labelled_nuisances
 
 FRAME = 1e-3
-"""Standard deviation of start states that define the frame, SI. Its size is of no matter: readings that do
-not depend on the frame say the same of all else."""
+"""Standard deviation of start states that define the frame, SI. Its size does not matter: readings that do
+not depend on the frame say the same about everything else."""
 
 
 def blocks_of(measurement: Measurement, drive: Drive) -> tuple[Block, ...]:
@@ -35,26 +35,26 @@ def cuts_of(measurement: Measurement, samples: int) -> Cuts | None:
 
 
 def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
-    """The readings of all sensors as one estimation of the system's parameters."""
+    """Return the readings of all sensors as one estimation of the system's parameters."""
     system = drive.system
     size = len(system.parameters)
-    each, jacobian = joint_readings(sensors, drive)
+    responses, jacobian = joint_readings(sensors, drive)
     noise = process_noise_of(sensors)
     if noise is not None:
         # Readings share what the process did before them: their innovations do not.
         jacobian = innovations(sensors, drive, noise)
-    start, own = start_nuisances(sensors, system, drive.runs), labelled_nuisances(sensors)
-    nuisances, columns = (*start, *own), jacobian.shape[1]
+    start, constants = start_nuisances(sensors, system, drive.runs), labelled_nuisances(sensors)
+    nuisances, columns = (*start, *constants), jacobian.shape[1]
     # A start that is known is no unknown.
-    design = jacobian[:, [*range(size + len(start)), *range(columns - len(own), columns)]]
-    known = [0.0] * size + [(nuisance.deviation or np.inf) ** -2 for nuisance in nuisances]
-    matrix = design.T @ design + ca.diag(ca.DM(known))
+    design = jacobian[:, [*range(size + len(start)), *range(columns - len(constants), columns)]]
+    precisions = [0.0] * size + [(nuisance.deviation or np.inf) ** -2 for nuisance in nuisances]
+    matrix = design.T @ design + ca.diag(ca.DM(precisions))
     return Block(
         name="joint",
         parameters=tuple(parameter.name for parameter in system.parameters),
         nominal=np.array(system.nominal, dtype=float),
         units=tuple(parameter.unit for parameter in system.parameters),
-        response=ca.vertcat(*each),
+        response=ca.vertcat(*responses),
         design_matrix=design[:, :size],
         jacobian=design,
         information=lambda chosen: matrix[list(chosen), list(chosen)],
@@ -65,8 +65,10 @@ def joint_block(sensors: Sequence[Sensor], drive: Drive) -> Block:
 
 
 def joint_cuts(sensors: Sequence[Sensor]) -> Cuts | None:
-    """How drives can be cut where all sensors read; None where the noise of one is correlated over time, or
-    one reads across several samples that no filter goes through.
+    """Return how drives can be cut where all sensors read; None where they cannot.
+
+    They cannot where the noise of a sensor is correlated over time, or where a sensor reads across several
+    samples that no filter goes through.
     """
     if any(sensor.joint_whitening is not None for sensor in sensors):
         return None
@@ -76,12 +78,12 @@ def joint_cuts(sensors: Sequence[Sensor]) -> Cuts | None:
 
 
 def start_nuisances(sensors: Sequence[Sensor], system: System, runs: int = 1) -> tuple[Nuisance, ...]:
-    """The start states, run by run, that are nuisances; () where they are known or do not matter.
+    """Return the start states, run by run, that are nuisances; () where they are known or do not matter.
 
     Args:
-        sensors: which say what is known of the start.
-        system: whose states they are.
-        runs: each with a start of its own.
+        sensors: sensors that say what is known about the start.
+        system: system whose states they are.
+        runs: number of runs, each with its own start.
     """
     placed = [sensor for sensor in sensors if sensor.start_known is not None]
     if not placed or placed[0].start_known == "known":
@@ -101,12 +103,12 @@ def start_nuisances(sensors: Sequence[Sensor], system: System, runs: int = 1) ->
 
 
 def _deviation(deviations: Mapping[str, float], state: str, unit: str) -> float | None:
-    found = deviations.get(state, deviations.get(unit, inf))
-    return found if isfinite(found) else None
+    deviation = deviations.get(state, deviations.get(unit, inf))
+    return deviation if isfinite(deviation) else None
 
 
 def process_issues(sensors: Sequence[Sensor], system: System) -> list[Issue]:
-    """Why the process noise that sensors speak of is none that a filter takes in, by key; [] if it is."""
+    """Return why no filter can take in the process noise that sensors state, by key; [] if one can."""
     noise = process_noise_of(sensors)
     if noise is None:
         return []

@@ -14,17 +14,17 @@ from oed.kernel.dynamics.system import System
 
 @dataclass(frozen=True)
 class Moment(Named):
-    """What a sensor may read at one time; expressions.
+    """Expressions that a sensor may read at one time.
 
     Attributes:
-        system: that is driven.
-        state: (states,).
-        inputs: held at that time, (inputs,).
-        signals: the system's, at that instant or as means of the period; attributes by their names.
-        nuisances: the sensor's own, by the names it gave them.
-        earlier: of a sensor that reads between samples, the moment that its reading begins at.
-        elapsed: the time since then [s]; 0 of other sensors.
-        period: how long a reading of a period lasts [s]; 0 of an instant.
+        system: system that is driven.
+        state: states, (states,).
+        inputs: inputs held at that time, (inputs,).
+        signals: the system's signals, at that instant or as means of the period; attributes by their names.
+        nuisances: the sensor's nuisances, by their names.
+        earlier: moment at which the reading of a sensor between samples begins.
+        elapsed: time since then [s]; 0 for other sensors.
+        period: duration of the reading of a period [s]; 0 for an instant.
     """
 
     system: System
@@ -38,11 +38,11 @@ class Moment(Named):
 
 
 class AnyMoment:
-    """A moment at which nothing is known: symbols for all that is asked.
+    """A moment of symbols alone, for whatever attribute is read.
 
     Attributes:
-        SIZE: entries of each, more than any system's state or signal has.
-        nuisances: the sensor's own.
+        SIZE: entries of every symbol, more than any system's state or signal has.
+        nuisances: the sensor's nuisances.
     """
 
     SIZE = 32
@@ -53,9 +53,9 @@ class AnyMoment:
 
     @property
     def earlier(self) -> AnyMoment:
-        """Another one."""
+        """A further moment of symbols."""
         return AnyMoment(self.nuisances)
 
     def __getattr__(self, name: str) -> Expression:
-        """A symbol."""
+        """Return a symbol."""
         return ca.SX.sym(name, self.SIZE)

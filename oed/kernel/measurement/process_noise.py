@@ -1,4 +1,4 @@
-"""Process noise: what a system does beside what its inputs say, a random walk that readings see but no model.
+"""Process noise: random errors of a system's steps, which readings see and no model predicts.
 
 x_{k+1} = f(x_k, u_k, p, T; w_k) with w_k ~ N(0, Q_k), independent from period to period. Absolute readings do
 not average it away, so that information under it is less, and grows with the number of readings more slowly.
@@ -21,11 +21,11 @@ class Period(NamedTuple):
     """A period of a system, SI.
 
     Attributes:
-        system: that is driven.
-        state: at the period's begin, (states,).
-        inputs: held in it, (inputs,).
-        parameters: values, (p,).
-        duration: [s].
+        system: system that is driven.
+        state: states at the period's begin, (states,).
+        inputs: inputs held in it, (inputs,).
+        parameters: values of the parameters, (p,).
+        duration: duration [s].
     """
 
     system: System
@@ -36,19 +36,19 @@ class Period(NamedTuple):
 
     @classmethod
     def symbols(cls, system: System) -> Period:
-        """Of symbols (SX)."""
+        """Return a period of symbols (SX)."""
         sizes = {"state": system.states, "inputs": system.inputs, "p": system.parameters, "period": [""]}
         return cls(system, *(ca.SX.sym(name, len(entries)) for name, entries in sizes.items()))
 
 
 class ProcessNoise(ABC):
-    """Errors w (m,) of every period, and what they do; hashable, for functions of it are kept.
+    """Errors w (m,) of every period and their effect; hashable, because functions of it are cached.
 
     Attributes:
         signal: name of the system's signal of m entries whose mean over a period they change by w / T, which
             sensors that read periods see; "" for none.
-        key: of sensors, by which it is given.
-        walks: what it does, in words.
+        key: key of sensors that states it.
+        walks: sentence about its effect.
     """
 
     signal: ClassVar[str] = ""
@@ -57,37 +57,37 @@ class ProcessNoise(ABC):
 
     @abstractmethod
     def covariance(self, period: Period) -> Expression:
-        """Q (m, m) of a period's errors, smooth in all that the period depends on."""
+        """Return the covariance Q (m, m) of a period's errors, smooth in all that the period depends on."""
 
     @abstractmethod
     def step(self, period: Period, errors: Expression) -> Expression:
-        """The state (states,) after a period with `errors` (m,); with none of them the system's own step."""
+        """Return the state (states,) after a period with `errors` (m,); for errors of 0 the system's step."""
 
     @property
     @abstractmethod
     def size(self) -> int:
-        """How many errors a period has, m."""
+        """Number m of errors of a period."""
 
     @property
     @abstractmethod
     def text(self) -> str:
-        """What it is and how large, in words."""
+        """Kind and size of the noise, in words."""
 
     def issues(self, system: System) -> list[Issue]:
-        """Why it cannot be of that system; [] if it can."""
+        """Return why that system cannot have this noise; [] if it can."""
         return []
 
 
 @lru_cache(maxsize=16)
 def erring(noise: ProcessNoise, system: System) -> ca.Function:
-    """The function (state, inputs, parameters, period, errors) -> next state."""
+    """Return the function (state, inputs, parameters, period, errors) -> next state."""
     period, errors = Period.symbols(system), ca.SX.sym("errors", noise.size)
     return ca.Function("erring", [*period[1:], errors], [noise.step(period, errors)])
 
 
 @lru_cache(maxsize=16)
 def spread(noise: ProcessNoise, system: System) -> ca.Function:
-    """The function (state, inputs, parameters, period) -> G (states, m) = dx+/dw without errors, Q (m, m)."""
+    """Return the function (state, inputs, parameters, period) -> (dx+/dw (states, m) at w = 0, Q)."""
     period, errors = Period.symbols(system), ca.SX.sym("errors", noise.size)
     effect = ca.jacobian(noise.step(period, errors), errors)
     effect = ca.substitute(effect, errors, ca.SX.zeros(noise.size))

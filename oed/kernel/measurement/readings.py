@@ -21,9 +21,9 @@ from oed.kernel.measurement.moment import Moment
 
 @lru_cache(maxsize=64)
 def moment_reading(sensor: Sensor, system: System) -> ca.Function:
-    """What a sensor reads at one moment, as a function of (state, S, inputs, parameters, nuisances, period).
+    """Return a sensor's reading as a function of (state, S, inputs, parameters, nuisances, period).
 
-    S (states, p + states) are the state's derivatives by parameters and start. Of a reading between two
+    S (states, p + states) are the state's derivatives by parameters and start. For a reading between two
     moments the states, S and inputs of the later one stand above those of the earlier, and the period is the
     time between them. The results are the reading (q,), its derivatives by parameters, start and nuisances
     (columns, q), its whitening (q, q), sparse, and the first two in units of the noise.
@@ -31,16 +31,16 @@ def moment_reading(sensor: Sensor, system: System) -> ca.Function:
     states, size = len(system.states), len(system.parameters)
     moments = 2 if sensor.when == "between samples" else 1
     state, inputs = ca.SX.sym("state", moments * states), ca.SX.sym("inputs", moments * len(system.inputs))
-    parameters, own = ca.SX.sym("p", size), ca.SX.sym("nuisances", len(sensor.nuisances))
+    parameters, constants = ca.SX.sym("p", size), ca.SX.sym("nuisances", len(sensor.nuisances))
     period = ca.SX.sym("period")
     carried = ca.SX.sym("S", moments * states, size + states)
     names = [nuisance.name for nuisance in sensor.nuisances]
-    nuisances = dict(zip(names, ca.vertsplit(own), strict=True))
+    nuisances = dict(zip(names, ca.vertsplit(constants), strict=True))
     moment: Moment | None = None
     for place in reversed(range(moments)):
         at, held = (
-            one[place * size : (place + 1) * size]
-            for one, size in ((state, states), (inputs, len(system.inputs)))
+            column[place * size : (place + 1) * size, :]
+            for column, size in ((state, states), (inputs, len(system.inputs)))
         )
         lasting = period if sensor.when == "in periods" else 0.0
         signals = system.signals(at, held, parameters, lasting)
@@ -53,50 +53,53 @@ def moment_reading(sensor: Sensor, system: System) -> ca.Function:
         raise UserMistake(f"measurement: the whitening of {sensor.kind}: {text}")
     direct = ca.horzcat(ca.jacobian(reading, parameters), ca.SX(reading.shape[0], states))
     through = ca.jacobian(reading, state) @ carried + direct
-    jacobian = ca.densify(ca.horzcat(through, ca.jacobian(reading, own)))
+    jacobian = ca.densify(ca.horzcat(through, ca.jacobian(reading, constants)))
     return ca.Function(
         "reading",
-        [state, carried, inputs, parameters, own, period],
+        [state, carried, inputs, parameters, constants, period],
         [reading, jacobian.T, whitening, whitening @ reading, (whitening @ jacobian).T],
     )
 
 
 def reading_by_signal(sensor: Sensor, system: System, name: str) -> ca.Function:
-    """The derivatives (n, q) of what a sensor reads at one moment by a signal (n,), as a function of (state,
-    inputs, parameters, nuisances, period).
+    """Return the derivatives (n, q) of a sensor's reading by a signal (n,), as a function of (state, inputs,
+    parameters, nuisances, period).
 
     Args:
-        sensor: that reads.
-        system: whose signal it is.
-        name: of the signal.
+        sensor: sensor that reads.
+        system: system whose signal it is.
+        name: name of the signal.
     """
     state, inputs = ca.SX.sym("state", len(system.states)), ca.SX.sym("inputs", len(system.inputs))
-    parameters, own = ca.SX.sym("p", len(system.parameters)), ca.SX.sym("nuisances", len(sensor.nuisances))
+    parameters = ca.SX.sym("p", len(system.parameters))
+    constants = ca.SX.sym("nuisances", len(sensor.nuisances))
     period = ca.SX.sym("period")
-    nuisances = {one.name: own[place] for place, one in enumerate(sensor.nuisances)}
+    nuisances = {nuisance.name: constants[place] for place, nuisance in enumerate(sensor.nuisances)}
     signals = dict(system.signals(state, inputs, parameters, period))
     more = ca.SX.sym("more", *signals[name].shape)
     signals[name] = signals[name] + more
     reading = sensor.reading(Moment(system, state, inputs, signals, nuisances, None, 0.0))
     slopes = ca.substitute(ca.jacobian(reading, more), more, ca.SX.zeros(*more.shape))
-    return ca.Function("by_signal", [state, inputs, parameters, own, period], [ca.densify(slopes).T])
+    return ca.Function("by_signal", [state, inputs, parameters, constants, period], [ca.densify(slopes).T])
 
 
 def readings(sensor: Sensor, drive: Drive) -> tuple[Expression, Expression]:
-    """What `sensor` reads of `drive`, its nuisances at their nominal values, in units of the noise: (rows,),
-    and the derivatives by (parameters, start states, its nuisances), (rows, columns).
+    """Return a sensor's readings of a drive, (rows,), and their derivatives, (rows, columns).
+
+    Both are in units of the noise, with the nuisances at their nominal values; the columns are those of the
+    parameters, the start states and the sensor's nuisances.
     """
     samples, runs = drive.samples, range(drive.runs)
     states, sensitivities, inputs = list[Expression](), list[Expression](), list[Expression]()
-    for own in sensor.instants(samples):
-        columns = [run * (samples + 1) + column for run in runs for column in own]
+    for samples_read in sensor.instants(samples):
+        columns = [run * (samples + 1) + column for run in runs for column in samples_read]
         # At the last sample's instant the inputs are those held until then.
-        held = [run * samples + min(column, samples - 1) for run in runs for column in own]
+        held = [run * samples + min(column, samples - 1) for run in runs for column in samples_read]
         states.append(drive.states.T[:, columns])
         sensitivities.append(drive.sensitivities[:, block_columns(np.array(columns), drive.columns)])
         inputs.append(drive.inputs.T[:, held])
-    each = moment_reading(sensor, drive.system).map(states[0].shape[1])
-    response, transposed, _, white_response, white_transposed = each(
+    function = moment_reading(sensor, drive.system).map(states[0].shape[1])
+    response, transposed, _, white_response, white_transposed = function(
         ca.vertcat(*states),
         ca.vertcat(*sensitivities),
         ca.vertcat(*inputs),
@@ -104,29 +107,29 @@ def readings(sensor: Sensor, drive: Drive) -> tuple[Expression, Expression]:
         ca.DM([nuisance.nominal for nuisance in sensor.nuisances]),
         {"at samples": 0.0, "in periods": 1.0, "between samples": sensor.every}[sensor.when] * drive.period,
     )
-    whole = whole_whitening(sensor, response.numel() // drive.runs)
-    if whole is not None:
-        weights = ca.diagcat(*[ca.DM(whole)] * drive.runs)
+    joint = whole_whitening(sensor, response.numel() // drive.runs)
+    if joint is not None:
+        weights = ca.diagcat(*[ca.DM(joint)] * drive.runs)
         white_response, white_transposed = weights @ ca.vec(response), transposed @ weights.T
     return ca.vec(white_response), _by_run(white_transposed, drive).T
 
 
 def whole_whitening(sensor: Sensor, rows: int) -> Array | None:
-    """`joint_whitening` of a run that gives so many numbers, (rows, rows).
+    """Return `joint_whitening` of a run that gives so many numbers, (rows, rows); None without one.
 
     Raises:
         UserMistake: it is for another number.
     """
-    whole = sensor.joint_whitening
-    if whole is not None and len(whole) != rows:
+    whitening = sensor.joint_whitening
+    if whitening is not None and len(whitening) != rows:
         raise UserMistake(
-            f"the covariance of all readings is for {len(whole)} of them; this drive gives {rows}"
+            f"the covariance of all readings is for {len(whitening)} of them; this drive gives {rows}"
         )
-    return whole
+    return whitening
 
 
 def _by_run(transposed: Expression, drive: Drive) -> Expression:
-    # Every run has a start state of its own: rows of derivatives by it, for the run's own readings.
+    # Every run has its own start state: rows of derivatives by it, for the readings of that run.
     if drive.runs == 1:
         return transposed
     size, states = len(drive.system.parameters), len(drive.system.states)
@@ -137,13 +140,13 @@ def _by_run(transposed: Expression, drive: Drive) -> Expression:
 def row_times(
     sensors: Sequence[Sensor], system: System, samples: int, runs: int
 ) -> list[tuple[str, int, float]]:
-    """For every row of all sensors' readings its sensor's label, its run from 0, and its time in periods.
+    """Return the sensor's label, the run from 0 and the time in periods of every row of all readings.
 
     Args:
-        sensors: that read.
-        system: that is driven.
-        samples: of each run.
-        runs: how many.
+        sensors: sensors that read.
+        system: system that is driven.
+        samples: number of samples of a run.
+        runs: number of runs.
     """
     return [
         (label, run, column + (0.5 if sensor.when == "in periods" else 0.0))
@@ -156,18 +159,21 @@ def row_times(
 
 
 def joint_readings(sensors: Sequence[Sensor], drive: Drive) -> tuple[Sequence[Expression], Expression]:
-    """What all sensors read of `drive`, their nuisances at nominal values, in units of the noise: of each
-    (rows,), and the derivatives of all by (parameters, start states, nuisances), (M, columns).
+    """Return the readings of every sensor, (rows,) each, and the derivatives of all of them, (M, columns).
+
+    Both are in units of the noise, with the nuisances at their nominal values; the columns are those of the
+    parameters, the start states and all nuisances.
     """
-    found, jacobians = zip(*(readings(sensor, drive) for sensor in sensors), strict=True)
-    # Parameters and start are common to all sensors, the other columns are each sensor's own.
+    responses, jacobians = zip(*(readings(sensor, drive) for sensor in sensors), strict=True)
+    # Parameters and start are common to all sensors; every nuisance belongs to a single one.
     common = len(drive.system.parameters) + drive.runs * len(drive.system.states)
-    shared, own = zip(*(ca.horzsplit(one, [0, common, one.shape[1]]) for one in jacobians), strict=True)
-    return found, ca.horzcat(ca.vertcat(*shared), ca.diagcat(*own))
+    parts = (ca.horzsplit(jacobian, [0, common, jacobian.shape[1]]) for jacobian in jacobians)
+    shared, separate = zip(*parts, strict=True)
+    return responses, ca.horzcat(ca.vertcat(*shared), ca.diagcat(*separate))
 
 
 def labelled_nuisances(sensors: Sequence[Sensor]) -> tuple[Nuisance, ...]:
-    """The sensors' own nuisances, their names made unique."""
+    """Return the sensors' nuisances with unique names."""
     return tuple(
         replace(nuisance, name=f"{label}.{nuisance.name}")
         for sensor, label in zip(sensors, sensor_labels(sensors), strict=True)
@@ -176,19 +182,20 @@ def labelled_nuisances(sensors: Sequence[Sensor]) -> tuple[Nuisance, ...]:
 
 
 def constants_of(sensors: Sequence[Sensor]) -> dict[str, Nuisance]:
-    """The sensors' own nuisances by the names that `estimate` may ask for them by: with the sensor's label,
-    and without it where that is clear.
+    """Return the sensors' nuisances by the names that `estimate` may use: with the sensor's label, and
+    without it where that is clear.
     """
-    found = labelled_nuisances(sensors)
-    short = [one.name.partition(".")[2] for one in found]
-    clear = {name: one for name, one in zip(short, found, strict=True) if short.count(name) == 1}
-    return {**{one.name: one for one in found}, **clear}
+    nuisances = labelled_nuisances(sensors)
+    short = [nuisance.name.partition(".")[2] for nuisance in nuisances]
+    pairs = zip(short, nuisances, strict=True)
+    clear = {name: nuisance for name, nuisance in pairs if short.count(name) == 1}
+    return {**{nuisance.name: nuisance for nuisance in nuisances}, **clear}
 
 
 def sensor_labels(sensors: Sequence[Sensor]) -> list[str]:
-    """A name for each sensor: its kind, numbered from the second of a kind on."""
+    """Return a name for every sensor: its kind, numbered from the second of a kind on."""
     labels: list[str] = []
     for index, sensor in enumerate(sensors):
-        before = sum(other.kind == sensor.kind for other in sensors[:index])
+        before = sum(earlier.kind == sensor.kind for earlier in sensors[:index])
         labels.append(f"{sensor.kind}_{before + 1}" if before else sensor.kind)
     return labels
