@@ -60,8 +60,6 @@ from .kernel.dynamics.system import Parameter as Parameter
 from .kernel.dynamics.system import System as System
 from .kernel.dynamics.trajectory import Trajectory as Trajectory
 from .kernel.equivalence import weight_bound as weight_bound
-from .kernel.evaluation import Evaluation as Evaluation
-from .kernel.evaluation import Margin as Margin
 from .kernel.evaluation import evaluate as evaluate
 from .kernel.identifiability import Ambiguity as Ambiguity
 from .kernel.identifiability import ambiguities as ambiguities
@@ -71,6 +69,8 @@ from .kernel.parts import Cost as Cost
 from .kernel.parts import Parts as Parts
 from .kernel.parts import budgets_of as budgets_of
 from .kernel.problem import Problem as Problem
+from .kernel.results import Evaluation as Evaluation
+from .kernel.results import Margin as Margin
 from .kernel.solution import Solution as Solution
 from .kernel.solution import Status as Status
 from .kernel.solution import Violation as Violation

@@ -13,7 +13,7 @@ from oed.foundation.presenting import Card, Presented, given, number
 from oed.foundation.text import significant
 from oed.kernel.criteria import Criterion, E
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Evaluation
+from oed.kernel.results import Evaluation
 
 INFLATION = 1e-9
 """Share of the information by which every bound is raised, far above what rounding can have taken from it."""

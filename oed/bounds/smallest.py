@@ -21,8 +21,8 @@ from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.kernel.criteria import A, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.problem import Problem
+from oed.kernel.results import TOLERANCE
 from oed.kernel.scorer import score
 from oed.robots.limits import Rectangle
 from oed.robots.models.model import Model, robot_of

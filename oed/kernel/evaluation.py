@@ -9,16 +9,8 @@ import numpy as np
 from oed.foundation.arguments import typed
 from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluated import Evaluation as Evaluation
-from oed.kernel.evaluated import Steps
-from oed.kernel.margin import TOLERANCE as TOLERANCE
-from oed.kernel.margin import Margin as Margin
 from oed.kernel.problem import Problem
-from oed.kernel.scorer import full_information as full_information
-from oed.kernel.scorer import jacobians as jacobians
-from oed.kernel.scorer import limits_exceeded as limits_exceeded
-from oed.kernel.scorer import precision_over_time as precision_over_time
-from oed.kernel.scorer import require_shape as require_shape
+from oed.kernel.results import Evaluation, Steps
 from oed.kernel.scorer import score
 
 FACTOR = 4

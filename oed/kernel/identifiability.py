@@ -18,9 +18,9 @@ from oed.foundation.errors import Issue, NotFinite, ProblemError, TooLarge
 from oed.kernel.coarser import as_well_read
 from oed.kernel.dynamics.embedding import Embedding, embedding_of
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import full_information
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import full_information
 from oed.kernel.statement import Estimation
 
 DRIVES = 6

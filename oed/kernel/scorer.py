@@ -19,15 +19,14 @@ from oed.kernel.between import GAP, Sight, most_exceeded
 from oed.kernel.dynamics.direct_call import Outputs
 from oed.kernel.dynamics.rollout import FINE, any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluated import Evaluation
 from oed.kernel.finiteness import require_driven, require_measured
 from oed.kernel.limit import Limit, Rows
-from oed.kernel.margin import Margin
 from oed.kernel.measurement.readings import row_times
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import root_weights
 from oed.kernel.problem import Problem
 from oed.kernel.repetitions import carried_out, repetitions
+from oed.kernel.results import Evaluation, Margin
 from oed.kernel.statement import Estimation
 
 EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
@@ -312,8 +311,6 @@ class _Scorer:
         names = [one.block.name for one in self.estimations]
         return Evaluation(
             objective=float(problem.together([float(criterion.judge(own)) for own in robots])),
-            lambda_min=float(min(root.smallest for root in roots)),
-            lambda_max=float(max(root.largest for root in roots)),
             singular_values=np.sort(np.concatenate(singular))[::-1],
             norm_y=float(np.linalg.norm(np.concatenate(responses))),
             path_length=float(length.item()),

@@ -14,8 +14,9 @@ from oed.foundation.errors import UserMistake
 from oed.foundation.presenting import PARAMETER_COLUMNS, Card, Presented, given
 from oed.foundation.text import chance_text, count, quantity
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
+from oed.kernel.results import Evaluation
 from oed.kernel.tightening import Tightening
 
 

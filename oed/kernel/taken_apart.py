@@ -10,11 +10,12 @@ from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import jacobians, resolved
+from oed.kernel.evaluation import resolved
 from oed.kernel.measurement.measurement import process_noise_of
 from oed.kernel.measurement.square_root import SquareRoot, rounding_of
 from oed.kernel.parts import Parts, laid_out, rows_of
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import jacobians
 
 
 @typed

@@ -20,8 +20,8 @@ from pydantic import Field, PositiveInt
 from oed.foundation.arrays import Array
 from oed.foundation.errors import NotFinite
 from oed.foundation.quantities import Duration
-from oed.kernel.evaluation import Evaluation
 from oed.kernel.problem import Problem
+from oed.kernel.results import Evaluation
 from oed.kernel.scorer import score
 from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Status
 from oed.optimize.candidate_scores import CandidateScorer

@@ -17,10 +17,10 @@ from oed.foundation.arrays import Array, Bools
 from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import TOLERANCE, Evaluation
 from oed.kernel.limit import PathLimit
 from oed.kernel.measurement.square_root import SQUARED
 from oed.kernel.problem import Problem
+from oed.kernel.results import TOLERANCE, Evaluation
 from oed.kernel.scorer import score
 from oed.kernel.solution import Status
 from oed.optimize.exchange import Exchange

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.kernel.evaluation import Evaluation
+from oed.kernel.results import Evaluation
 from oed.kernel.solution import Start, Status
 
 

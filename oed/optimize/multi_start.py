@@ -15,8 +15,8 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.foundation.work.parallel import Workers, at_once, run_tasks, waiting
 from oed.kernel.criteria import D
-from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.problem import Problem
+from oed.kernel.results import TOLERANCE
 from oed.kernel.solution import BEST_YET, NOTHING_YET, Explored, HistoryPoint, Solution, Start, Status
 from oed.optimize.conflict import describe_conflict
 from oed.optimize.earlier import earlier_design

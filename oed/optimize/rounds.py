@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from oed.kernel.evaluation import Evaluation
+from oed.kernel.results import Evaluation
 from oed.kernel.solution import Status
 from oed.optimize.local_results import Local
 from oed.optimize.transcription.program import OUT_OF_TIME, Outcome

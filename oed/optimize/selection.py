@@ -15,11 +15,12 @@ from oed.foundation.presenting import Brief
 from oed.kernel.criteria import Criterion
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.equivalence import weight_bound
-from oed.kernel.evaluation import evaluate, limits_exceeded, resolved
-from oed.kernel.margin import TOLERANCE
+from oed.kernel.evaluation import evaluate, resolved
 from oed.kernel.parts import Budget, Cost, Parts
 from oed.kernel.problem import Problem
 from oed.kernel.repetitions import costs_of, periods_of, spent_at_most, with_candidates
+from oed.kernel.results import TOLERANCE
+from oed.kernel.scorer import limits_exceeded
 from oed.kernel.selection import Selection
 from oed.kernel.solution import Solution, scored
 from oed.kernel.taken_apart import parts_of

@@ -10,7 +10,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.errors import NotFinite
-from oed.kernel.evaluation import TOLERANCE
+from oed.kernel.results import TOLERANCE
 from oed.optimize.exchange import Exchange
 from oed.optimize.local import LocalSearch
 from oed.optimize.local_results import Sketch

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from oed.foundation.text import deviation_text, listing, significant, words
 from oed.foundation.work.progress import announce
-from oed.kernel.evaluation import Evaluation
 from oed.kernel.problem import Problem
+from oed.kernel.results import Evaluation
 from oed.optimize.solver import Context
 
 

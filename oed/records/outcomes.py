@@ -16,9 +16,9 @@ from oed.bounds import LOOSE, Certificate
 from oed.foundation.arrays import Array
 from oed.foundation.extras import package_version
 from oed.kernel.dynamics.system import label_of
-from oed.kernel.evaluation import TOLERANCE, Evaluation, precision_over_time
 from oed.kernel.problem import Problem
-from oed.kernel.scorer import score
+from oed.kernel.results import TOLERANCE, Evaluation
+from oed.kernel.scorer import precision_over_time, score
 from oed.kernel.solution import Solution
 from oed.records.stored.result import NUMBERS, Covariance, Margin, PrecisionOverTime, Result, StoredDrive
 from oed.records.stored.selection import StoredSelection

@@ -16,9 +16,9 @@ from oed.kernel.between import change_per_metre, exceeded, excess_of, largest, p
 from oed.kernel.dynamics.direct_call import mapped
 from oed.kernel.dynamics.rollout import FINE, any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import TOLERANCE
 from oed.kernel.limit import PathLimit
 from oed.kernel.problem import Problem
+from oed.kernel.results import TOLERANCE
 from oed.kernel.solution import TAIL, Violation
 from oed.uncertainty.uncertainty import Spread, given_spread
 

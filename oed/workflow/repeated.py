@@ -10,9 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import full_information, resolved
+from oed.kernel.evaluation import resolved
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import full_information
 
 MOST = 2**30
 """Drives, beyond which no number of them is enough."""

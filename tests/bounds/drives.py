@@ -7,8 +7,10 @@ import numpy.typing as npt
 
 from oed.bounds.reach import largest_rates, room
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Evaluation, evaluate, limits_exceeded
+from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
+from oed.kernel.results import Evaluation
+from oed.kernel.scorer import limits_exceeded
 
 Array = npt.NDArray[np.float64]
 

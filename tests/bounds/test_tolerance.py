@@ -17,9 +17,10 @@ from oed.bounds.certificate import Bound
 from oed.bounds.reach import largest_rates, room
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import TOLERANCE, Evaluation, evaluate
+from oed.kernel.evaluation import evaluate
 from oed.kernel.limit import BareLimit, Rows
 from oed.kernel.problem import Problem
+from oed.kernel.results import TOLERANCE, Evaluation
 from oed.kernel.solution import scored
 from oed.records.outcomes import certificate_of
 from oed.robots.limits import (

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 import oed
-from oed.kernel import evaluation as scoring
-from oed.kernel import scorer
+from oed.kernel import results, scorer
 from oed.optimize.selection import select
 from oed.workflow.studies import parse_study
 
@@ -30,7 +29,7 @@ Rng = np.random.Generator
 
 AGREED = 1e-6
 """Share by which scores may differ on a well-conditioned experiment."""
-TOLERANCE: float = scoring.TOLERANCE
+TOLERANCE: float = results.TOLERANCE
 CLEARLY = 3e-3
 """Share of its size by which a limit is kept so clearly that it must not be called broken."""
 FINE, SAMPLED = 32, 10

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 import oed
-from oed.kernel import evaluation as scoring
-from oed.kernel import scorer
+from oed.kernel import results, scorer
 from oed.workflow.studies import parse_study
 
 from .cases import Verdict, quoted
@@ -28,7 +27,7 @@ Rng = np.random.Generator
 
 AGREED = 1e-6
 """Share by which scores may differ on a well-conditioned drive."""
-TOLERANCE: float = scoring.TOLERANCE
+TOLERANCE: float = results.TOLERANCE
 """Share of a limit's size that the scorer says it tolerates."""
 ROUNDING = 1e-9
 """Share of what is added up that rounding may take from a distance."""

@@ -15,9 +15,11 @@ from oed.kernel.criteria import E
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import TOLERANCE, evaluate, limits_exceeded
+from oed.kernel.evaluation import evaluate
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.problem import Problem
+from oed.kernel.results import TOLERANCE
+from oed.kernel.scorer import limits_exceeded
 from oed.robots.limits import (
     BodySpeed,
     LateralAcceleration,

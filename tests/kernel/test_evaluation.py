@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
+from oed.kernel.results import Evaluation
 from oed.robots.sensors import Displacements
 from oed.robots.space import DesignSpace, StartPose
 

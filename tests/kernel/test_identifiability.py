@@ -20,11 +20,12 @@ from oed.kernel.criteria import D, E
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import evaluate, full_information
+from oed.kernel.evaluation import evaluate
 from oed.kernel.identifiability import STEP, ambiguities, require_identifiable
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import full_information
 from oed.kernel.solution import Solution
 from oed.optimize import Context, Ipopt, Solver
 from oed.robots.models import DifferentialDrive, Model, Parameter, SkidSteer

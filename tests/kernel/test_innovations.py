@@ -13,9 +13,10 @@ from oed.estimation.methods.nonlinear import Nonlinear
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import A, D, E
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import evaluate, precision_over_time
+from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.innovations import filter_of
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import precision_over_time
 from oed.optimize import Ipopt, solve
 from oed.optimize.terms.layout import PieceLayout, divisible
 from oed.optimize.terms.pieces import Pieces

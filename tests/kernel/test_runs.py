@@ -18,8 +18,9 @@ from oed.cli import main
 from oed.foundation.errors import PathFileError
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
+from oed.kernel.results import Evaluation
 from oed.records.path_file import read_trajectory, write_trajectory
 from oed.robots.limits import BodySpeed, PathLength, WheelJerk
 from oed.robots.sensors import Displacements

@@ -19,12 +19,13 @@ from oed.kernel.criteria import A, Criterion, D, E, G, I, Leg, ModifiedE
 from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.evaluation import evaluate
 from oed.kernel.identifiability import ambiguities, require_identifiable
 from oed.kernel.measurement.matrices import eliminate
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.square_root import SquareRoot, project_out, rounding_of
 from oed.kernel.problem import Problem
+from oed.kernel.results import Evaluation
 from oed.kernel.solution import Status
 from oed.optimize import Genetic, Ipopt, solve
 from oed.robots.models import Tricycle

@@ -10,7 +10,7 @@ import shapely
 import yaml
 from places import PROBLEMS
 
-from oed.kernel.evaluation import Evaluation
+from oed.kernel.results import Evaluation
 from oed.optimize import Ipopt, solve
 from oed.robots.baselines import baselines
 from oed.robots.models import MODELS

@@ -11,8 +11,9 @@ from builders import RADIUS, problem_of, random_drive
 from oed.foundation.arrays import Array
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
+from oed.kernel.results import Evaluation
 from oed.kernel.scorer import score
 from oed.optimize import Genetic, Ipopt, solve
 from oed.optimize.genetic import FINEST, MOST_TIGHTENED, Candidates, Generations, excess_between

@@ -18,9 +18,10 @@ from scipy.stats import binomtest
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.system import Input, Parameter
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import TOLERANCE, evaluate
+from oed.kernel.evaluation import evaluate
 from oed.kernel.limit import PathLimit, Rows
 from oed.kernel.problem import Problem
+from oed.kernel.results import TOLERANCE
 from oed.kernel.solution import Violation
 from oed.robots.limits import Obstacles, PathLength, Rectangle, TrailerAngle
 from oed.robots.models import TractorTrailer

@@ -28,14 +28,13 @@ from oed.estimation.setup.unknowns import Knowledge, Unknowns
 from oed.foundation.arrays import Array, Places
 from oed.foundation.errors import ProblemError
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import require_shape
 from oed.kernel.measurement.blocks import Nuisance
 from oed.kernel.measurement.joint import start_nuisances
 from oed.kernel.measurement.measurement import process_noise_of
 from oed.kernel.measurement.readings import labelled_nuisances
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
-from oed.kernel.scorer import score
+from oed.kernel.scorer import require_shape, score
 from oed.robots.models.model import Model
 
 

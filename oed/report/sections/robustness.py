@@ -10,7 +10,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.text import chance_text, fixed, listing, significant, whole, words
-from oed.kernel.margin import TOLERANCE
+from oed.kernel.results import TOLERANCE
 from oed.kernel.solution import NOMINAL
 from oed.records.record import Record
 from oed.records.stored.result import Result

@@ -13,9 +13,8 @@ import numpy as np
 
 from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import limits_exceeded
 from oed.kernel.problem import Problem
-from oed.kernel.scorer import score
+from oed.kernel.scorer import limits_exceeded, score
 from oed.robots.limits.workspace import Area
 
 BISECTIONS = 20

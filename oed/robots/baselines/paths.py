@@ -12,8 +12,9 @@ from oed.foundation.errors import NotFinite, ProblemError
 from oed.foundation.text import count, listing, quantity
 from oed.kernel.dynamics.system import label_of
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
+from oed.kernel.results import Evaluation
 from oed.kernel.solution import Solution, Status, unscored
 from oed.robots.baselines.baseline import Baseline
 from oed.robots.baselines.fitting import MOST_LAPS, Shape, chosen, largest_by_coarse_steps, of_length

@@ -7,8 +7,8 @@ import pytest
 from builders import problem_of
 
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import limits_exceeded
 from oed.kernel.problem import Problem
+from oed.kernel.scorer import limits_exceeded
 from oed.robots.baselines import fitting
 from oed.robots.baselines.fitting import EXACT, Shape, largest, largest_by_coarse_steps
 from oed.robots.limits import CommandedSpeed, CommandedYawRate, Rectangle

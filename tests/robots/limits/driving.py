@@ -13,8 +13,9 @@ from oed.kernel.criteria import E
 from oed.kernel.dynamics.rollout import Drive, roll_out
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Margin, evaluate
+from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
+from oed.kernel.results import Margin
 from oed.robots.limits import LIMITS, Limit
 from oed.robots.sensors import Poses
 from oed.robots.space import DesignSpace

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import TOLERANCE, Margin, evaluate
+from oed.kernel.evaluation import evaluate
+from oed.kernel.results import TOLERANCE, Margin
 from oed.robots.limits import Rectangle, WheelAcceleration, WheelSpeed
 from oed.robots.space import DesignSpace, StartPose
 

@@ -16,8 +16,9 @@ from sensors import PERIOD, Example, Experiment, named
 from oed.foundation.errors import ProblemError
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
+from oed.kernel.results import Evaluation
 from oed.records.outcomes import nuisance_table
 from oed.robots.sensors import Displacements, Poses, Several
 

@@ -15,8 +15,9 @@ from scipy.linalg import block_diag
 from oed.foundation.errors import PartError
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
+from oed.kernel.results import Evaluation
 from oed.robots.sensors import Displacements
 from oed.robots.space import DesignSpace
 

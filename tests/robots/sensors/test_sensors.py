@@ -39,8 +39,8 @@ from sensors import (
 from oed.foundation.errors import PartError, ProblemError, UserMistake
 from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Evaluation
 from oed.kernel.problem import Problem
+from oed.kernel.results import Evaluation
 from oed.kernel.scorer import score
 from oed.robots.models import DifferentialDrive
 from oed.robots.sensors import (

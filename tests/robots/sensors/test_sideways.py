@@ -26,7 +26,8 @@ from scipy.linalg import hadamard
 
 import oed
 from oed.kernel.dynamics.trajectory import Trajectory
-from oed.kernel.evaluation import Evaluation, evaluate
+from oed.kernel.evaluation import evaluate
+from oed.kernel.results import Evaluation
 from oed.robots.sensors import Displacements
 
 SAMPLES, PERIOD, TOP = 24, 0.1, 10.0

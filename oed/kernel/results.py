@@ -1,4 +1,4 @@
-"""What is said of a trajectory that was scored."""
+"""Result of scoring a trajectory: information, predicted precision and margins of the limits."""
 
 from __future__ import annotations
 
@@ -22,8 +22,44 @@ from oed.foundation.presenting import (
     parameter_rows,
 )
 from oed.foundation.text import Unit, quantity, significant, size_text, words
-from oed.kernel.margin import Margin
 from oed.kernel.measurement.square_root import SquareRoot
+
+TOLERANCE = 1e-3
+"""A limit is satisfied when it is exceeded by at most this share of its size, and active within it."""
+
+
+@dataclass(frozen=True)
+class Margin:
+    """Distance that a trajectory keeps from one limit.
+
+    Attributes:
+        name: name of the limit.
+        margin: distance to the limit at the closest time, in `unit`; negative when it is exceeded.
+        size: size of the limit in `unit`.
+        unit: SI unit.
+        certain: whether the margin holds at all times; else only at the points that were checked.
+    """
+
+    name: str
+    margin: float
+    size: float
+    unit: str
+    certain: bool = True
+
+    @property
+    def active(self) -> bool:
+        """True if the trajectory touches the limit or exceeds it."""
+        return self.margin <= TOLERANCE * self.size
+
+    @property
+    def violation(self) -> float:
+        """Amount by which the limit is exceeded, 0 where it is satisfied."""
+        return max(0.0, -self.margin)
+
+    @property
+    def satisfied(self) -> bool:
+        """True if the limit is satisfied, within `TOLERANCE` of its size."""
+        return self.violation <= TOLERANCE * self.size
 
 
 def _amount(margin: Margin) -> str:
@@ -35,15 +71,15 @@ def _amount(margin: Margin) -> str:
 
 @dataclass(frozen=True)
 class Steps:
-    """How fine the integration steps are by which a trajectory was scored.
+    """Fineness of the integration steps with which a trajectory was scored.
 
     Attributes:
-        times: number of times that they are finer than the study's.
-        enough: number of times finer by which information and limits are the same as by still finer steps; 1
-            where those of the study are fine enough.
+        times: factor by which the steps are finer than the study's.
+        enough: smallest factor that gives the same information and limits as still finer steps; 1 where the
+            steps of the study are fine enough.
         change: largest share by which information, standard errors and margins of limits change from the
             study's steps to these; infinite where the study's give no numbers.
-        settled: whether steps were found that are fine enough.
+        settled: whether fine enough steps were reached.
     """
 
     times: int
@@ -53,7 +89,7 @@ class Steps:
 
     @property
     def sentence(self) -> str:
-        """What a reader is to know of them; "" where the study's steps are fine enough."""
+        """Warning about coarse steps for readers; "" where the study's steps are fine enough."""
         if self.enough == 1 and self.settled:
             return ""
         change = f"by {significant(2)(100 * self.change)} %" if np.isfinite(self.change) else "without bound"
@@ -65,35 +101,32 @@ class Steps:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Evaluation(ByValue, Presented):
-    """What `evaluate` says of a trajectory; all SI.
+    """Score of a trajectory as `evaluate` returns it; all SI.
 
     Attributes:
-        objective: the criterion's value, larger is better; of a robust problem the one it asks for.
-        lambda_min, lambda_max: extreme eigenvalues of the information in the criterion's scaling.
-        singular_values: of W, descending, blocks together: of the paper's regressors unscaled, of sensors
-            in units of the noise and scaled, with all nuisances eliminated.
+        objective: value of the criterion, larger is better; of a robust problem the value that it asks for.
+        singular_values: singular values of W, descending, blocks together: of the paper's regressors
+            unscaled, of sensors in units of the noise and scaled, with all nuisances eliminated.
         norm_y: size of the noise-free measurement at the nominal parameters, |W c|; of sensors in units of
             the noise.
-        path_length: of the robot's origin [m].
-        margins: of every limit, at all times; of a robust problem less its back-off.
+        path_length: length of the path of the robot's origin [m].
+        margins: margins of every limit, at all times; of a robust problem less its back-off.
         design_matrices: W of each block by name.
         square_roots: information of each block by name, on the parameters the criterion judges, in its
             scaling; of the nominal robot.
-        full_square_roots: the same of each block's estimated parameters, SI.
-        identifiable: whether all is that the criterion asks about.
-        covariances: predicted, of each block's estimated parameters, SI; infinite variances of those that are
-            not identifiable; {} without noise.
-        parameters: the estimated parameters' names by block.
-        states: at the samples, (N + runs, states), run by run.
-        path: on the fine grid, (10 N + runs, states).
+        full_square_roots: information of each block by name, on its estimated parameters, SI.
+        identifiable: whether all that the criterion asks about is identifiable.
+        covariances: predicted covariance of each block's estimated parameters, SI; infinite variances of
+            those that are not identifiable; {} without noise.
+        parameters: names of the estimated parameters by block.
+        states: states at the samples, (N + runs, states), run by run.
+        path: states on the fine grid, (10 N + runs, states).
         nominal, units: nominal values and SI units of the estimated parameters, by name.
-        steps: by which the system was integrated; None of one whose steps are exact, or that was scored by
-            its own.
+        steps: integration steps of the score; None of a system whose steps are exact, or of a score by the
+            problem's own steps.
     """
 
     objective: float
-    lambda_min: float
-    lambda_max: float
     singular_values: Array
     norm_y: float
     path_length: float
@@ -125,6 +158,16 @@ class Evaluation(ByValue, Presented):
         """F of each block's estimated parameters, SI."""
         return {name: root.matrix for name, root in self.full_square_roots.items()}
 
+    @cached_property
+    def lambda_min(self) -> float:
+        """Smallest eigenvalue of the information in the criterion's scaling, over all blocks."""
+        return float(min(root.smallest for root in self.square_roots.values()))
+
+    @cached_property
+    def lambda_max(self) -> float:
+        """Largest eigenvalue of the information in the criterion's scaling, over all blocks."""
+        return float(max(root.largest for root in self.square_roots.values()))
+
     @property
     def smallest_singular_value(self) -> float:
         """s_min(W)."""
@@ -152,17 +195,17 @@ class Evaluation(ByValue, Presented):
 
     @property
     def singular(self) -> bool:
-        """Whether some combination of the parameters that the criterion judges is not identifiable."""
+        """True if some combination of the parameters that the criterion judges is not identifiable."""
         return not all(root.complete for root in self.square_roots.values())
 
     @property
     def feasible(self) -> bool:
-        """Whether every limit is satisfied."""
+        """True if every limit is satisfied."""
         return all(margin.satisfied for margin in self.margins)
 
     @property
     def checked_at_points(self) -> tuple[str, ...]:
-        """Limits that were checked at some points only: between them nothing is known."""
+        """Names of the limits that were checked at some points only: between them nothing is known."""
         return tuple(margin.name for margin in self.margins if not margin.certain)
 
     @property
@@ -172,14 +215,14 @@ class Evaluation(ByValue, Presented):
 
     @property
     def limits_text(self) -> str:
-        """How the limits fare, in words: `satisfied`, `duration exceeded by 0.50 s`."""
-        broken = [one for one in self.margins if not one.satisfied]
-        each = [f"{words(one.name)} exceeded by {_amount(one)}" for one in broken]
-        return "; ".join(each) or "satisfied"
+        """State of the limits in words: `satisfied`, `duration exceeded by 0.50 s`."""
+        broken = [margin for margin in self.margins if not margin.satisfied]
+        phrases = [f"{words(margin.name)} exceeded by {_amount(margin)}" for margin in broken]
+        return "; ".join(phrases) or "satisfied"
 
     @property
     def facts(self) -> tuple[Fact, ...]:
-        """What a reader is shown of it, by name; units on every number that has one."""
+        """Facts for readers, by name; units on every number that has one."""
         return given(
             ("limits", self.limits_text),
             ("path length", size_text(self.path_length, "m")),
@@ -189,25 +232,21 @@ class Evaluation(ByValue, Presented):
             ("not identifiable", "" if self.identifiable else "a combination that the criterion asks about"),
         )
 
-    @property
-    def precision(self) -> tuple[tuple[str, ...], ...]:
-        """A row of every estimated parameter: name, nominal value and predicted standard error; () without
-        noise.
-        """
-        return self.precision_in({})
-
     def precision_in(self, shown: Mapping[str, Unit]) -> tuple[tuple[str, ...], ...]:
-        """Rows of `precision`, parameters that `shown` names in its units, each with its factor from SI."""
+        """Return a row of every estimated parameter: name, nominal value and predicted standard error.
+
+        () without noise; parameters that `shown` names are in its units, each with its factor from SI.
+        """
         errors = self.standard_deviations
         return parameter_rows(tuple(errors), self.nominal, errors, self.units, shown)
 
     def _card(self) -> Card:
         title = f"Evaluation: {'feasible' if self.feasible else 'infeasible'}"
-        return Card(title, self.facts, PARAMETER_COLUMNS, self.precision, leads=True)
+        return Card(title, self.facts, PARAMETER_COLUMNS, self.precision_in({}), leads=True)
 
     def to_dataframe(self) -> Any:
-        """A pandas DataFrame with a row per estimated parameter: nominal value and standard error, SI; no row
-        without noise.
+        """Return a pandas DataFrame with a row per estimated parameter: nominal value and standard error, SI;
+        no row without noise.
 
         Raises:
             UserMistake: pandas is not installed.
@@ -216,8 +255,8 @@ class Evaluation(ByValue, Presented):
         return dataframe(
             {
                 "name": list(errors),
-                "nominal": [self.nominal.get(one) for one in errors],
+                "nominal": [self.nominal.get(name) for name in errors],
                 "standard_error": list(errors.values()),
-                "unit": [self.units.get(one, "") for one in errors],
+                "unit": [self.units.get(name, "") for name in errors],
             }
         )
