@@ -76,7 +76,7 @@ start.begin()
 
 import lazy_loader  # noqa: E402
 
-from oed.foundation import plots  # noqa: E402
+from oed.foundation import views  # noqa: E402
 
 _public, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
 # Of all names: `help(oed)` prints what each of these says of itself, and a star should bring no E, G or I.
@@ -99,4 +99,5 @@ def __getattr__(name: str) -> object:
     return _public(name)
 
 
-plots.drawn_by(f"{__name__}.report.plots")
+views.register(f"{__name__}.kernel.cards", "card", "table")
+views.register(f"{__name__}.report.plots", "figure")

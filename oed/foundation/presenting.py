@@ -1,7 +1,7 @@
 """How objects present themselves where people look at them: a console, a notebook, a table of numbers.
 
 An object says what matters of it as a `Card`, once; its text, its HTML and its short form follow from that.
-Figures are asked for in `oed.foundation.plots`.
+Cards, tables and figures that modules above make are found by `oed.foundation.views`.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import math
-from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from oed.foundation import views
 from oed.foundation.errors import UserMistake
 from oed.foundation.shown import shown, written
 from oed.foundation.text import (
@@ -120,10 +120,9 @@ def _aligned(rows: Sequence[Row]) -> list[str]:
 class Presented:
     """What has a card, and so a short form, a summary and a form for notebooks."""
 
-    @abstractmethod
     def _card(self) -> Card:
-        # What matters of it.
-        ...
+        card: Card = views.make("card", self)
+        return card
 
     def __repr__(self) -> str:
         """The card's title and facts; just the class where the object is too broken to say them."""

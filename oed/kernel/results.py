@@ -9,19 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from oed.foundation import views
 from oed.foundation.arrays import Array
 from oed.foundation.equality import ByValue
-from oed.foundation.presenting import (
-    PARAMETER_COLUMNS,
-    Card,
-    Fact,
-    Presented,
-    dataframe,
-    given,
-    number,
-    parameter_rows,
-)
-from oed.foundation.text import Unit, quantity, significant, size_text, words
+from oed.foundation.presenting import Presented
 from oed.kernel.measurement.square_root import SquareRoot
 
 TOLERANCE = 1e-3
@@ -62,13 +53,6 @@ class Margin:
         return self.violation <= TOLERANCE * self.size
 
 
-def _amount(margin: Margin) -> str:
-    # Rates stay in radians, as they are mostly given; angles are in degrees.
-    if margin.unit.startswith("rad/"):
-        return quantity(margin.violation, margin.unit, 2)
-    return size_text(margin.violation, margin.unit, 2)
-
-
 @dataclass(frozen=True)
 class Steps:
     """Fineness of the integration steps with which a trajectory was scored.
@@ -86,17 +70,6 @@ class Steps:
     enough: int
     change: float
     settled: bool
-
-    @property
-    def sentence(self) -> str:
-        """Warning about coarse steps for readers; "" where the study's steps are fine enough."""
-        if self.enough == 1 and self.settled:
-            return ""
-        change = f"by {significant(2)(100 * self.change)} %" if np.isfinite(self.change) else "without bound"
-        coarse = f"The integration steps of the study are coarse: results change {change} with finer steps"
-        if self.settled:
-            return f"{coarse}. All results are those of steps {self.times} times finer."
-        return f"{coarse}, and still change with steps {self.times} times finer: take more samples."
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -213,37 +186,6 @@ class Evaluation(ByValue, Presented):
         """Amount by which each limit that is not satisfied is exceeded, in its SI unit."""
         return {margin.name: margin.violation for margin in self.margins if not margin.satisfied}
 
-    @property
-    def limits_text(self) -> str:
-        """State of the limits in words: `satisfied`, `duration exceeded by 0.50 s`."""
-        broken = [margin for margin in self.margins if not margin.satisfied]
-        phrases = [f"{words(margin.name)} exceeded by {_amount(margin)}" for margin in broken]
-        return "; ".join(phrases) or "satisfied"
-
-    @property
-    def facts(self) -> tuple[Fact, ...]:
-        """Facts for readers, by name; units on every number that has one."""
-        return given(
-            ("limits", self.limits_text),
-            ("path length", size_text(self.path_length, "m")),
-            ("objective", number(self.objective)),
-            ("condition number", number(self.condition_number)),
-            ("integration", "" if self.steps is None else self.steps.sentence),
-            ("not identifiable", "" if self.identifiable else "a combination that the criterion asks about"),
-        )
-
-    def precision_in(self, shown: Mapping[str, Unit]) -> tuple[tuple[str, ...], ...]:
-        """Return a row of every estimated parameter: name, nominal value and predicted standard error.
-
-        () without noise; parameters that `shown` names are in its units, each with its factor from SI.
-        """
-        errors = self.standard_deviations
-        return parameter_rows(tuple(errors), self.nominal, errors, self.units, shown)
-
-    def _card(self) -> Card:
-        title = f"Evaluation: {'feasible' if self.feasible else 'infeasible'}"
-        return Card(title, self.facts, PARAMETER_COLUMNS, self.precision_in({}), leads=True)
-
     def to_dataframe(self) -> Any:
         """Return a pandas DataFrame with a row per estimated parameter: nominal value and standard error, SI;
         no row without noise.
@@ -251,12 +193,4 @@ class Evaluation(ByValue, Presented):
         Raises:
             UserMistake: pandas is not installed.
         """
-        errors = self.standard_deviations
-        return dataframe(
-            {
-                "name": list(errors),
-                "nominal": [self.nominal.get(name) for name in errors],
-                "standard_error": list(errors.values()),
-                "unit": [self.units.get(name, "") for name in errors],
-            }
-        )
+        return views.make("table", self)

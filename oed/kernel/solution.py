@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
-from oed.foundation import plots
+from oed.foundation import views
 from oed.foundation.arrays import Array
 from oed.foundation.equality import ByValue
-from oed.foundation.errors import UserMistake
-from oed.foundation.presenting import PARAMETER_COLUMNS, Card, Presented, given
-from oed.foundation.text import chance_text, count, quantity
+from oed.foundation.presenting import Presented
+from oed.foundation.text import chance_text
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
@@ -259,7 +258,7 @@ class Solution(ByValue, Presented):
         Raises:
             UserMistake: there is no design, or no such figure.
         """
-        return plots.plot(self, what)
+        return views.make("figure", self, what)
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame with a row per estimated parameter: nominal value and standard error, SI.
@@ -267,25 +266,7 @@ class Solution(ByValue, Presented):
         Raises:
             UserMistake: there is no design, or pandas is not installed.
         """
-        if self.evaluation is None:
-            raise UserMistake(f"there is no design to make a table of: {self.message}")
-        return self.evaluation.to_dataframe()
-
-    def _card(self) -> Card:
-        found = self.evaluation
-        search = count(len(self.starts), "start") if self.starts else ""
-        spent = quantity(self.wall_seconds, "s", 2) if self.wall_seconds else ""
-        model = None if self.problem is None else self.problem.model
-        # What does not move through space has no path.
-        still = model is not None and not model.velocity_signal
-        known = () if found is None else found.facts
-        facts = (
-            *(one for one in known if not (still and one[0] == "path length")),
-            *given(("search", ", ".join(filter(None, [search, spent]))), ("message", self.message)),
-        )
-        rows = () if found is None else found.precision_in({} if model is None else model.shown_units)
-        title = f"Solution {self.name}: {self.status.value.replace('_', ' ')}"
-        return Card(title, facts, PARAMETER_COLUMNS, rows, leads=True)
+        return views.make("table", self)
 
 
 def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:

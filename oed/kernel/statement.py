@@ -12,14 +12,13 @@ import numpy.typing as npt
 
 from oed.foundation.arguments import real_array
 from oed.foundation.arrays import Array
-from oed.foundation.presenting import Card, Fact, Presented, given
-from oed.foundation.text import given_text, words
+from oed.foundation.presenting import Presented
 from oed.kernel.criteria import Criterion, Subject
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive, drive_shape
 from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.starts import ChosenStarts
-from oed.kernel.dynamics.system import System, label_of
+from oed.kernel.dynamics.system import System
 from oed.kernel.limit import Limit, Rows, checked_rows, implied_bounds
 from oed.kernel.measurement.blocks import Block, Nuisance
 from oed.kernel.measurement.information import (
@@ -311,30 +310,6 @@ class Statement(Presented):
             start=np.pad(usual, (0, len(self.model.states) - len(usual))),
             period=self.design.period,
         )
-
-    @property
-    def facts(self) -> tuple[Fact, ...]:
-        """What a reader is shown of it, by name."""
-        space = self.design
-        names = dict.fromkeys(name for one in self.any_estimations for name in one.parameters)
-        runs = "" if space.runs == 1 else f"{space.runs} runs, "
-        return given(
-            (self.model.noun, words(label_of(self.model))),
-            ("estimates", ", ".join(map(words, names))),
-            (
-                "drive",
-                f"{runs}{given_text(space.whole_duration, 's')}, {space.samples} samples"
-                if self.designed
-                else "",
-            ),
-            ("measured", self.measurement.brief(space.samples) if self.designed else self.measurement.kind),
-            ("limits", ", ".join(words(one.name) for one in self.limits)),
-            ("criterion", self.criterion.kind),
-            ("robust", "" if self.robust is None else "yes"),
-        )
-
-    def _card(self) -> Card:
-        return Card(f"Problem {self.name}".strip(), self.facts)
 
     def __getstate__(self) -> dict[str, Any]:
         """The parts only: caches are made again where they are needed."""

@@ -12,6 +12,7 @@ from oed.foundation.work.cluster import Cluster
 from oed.foundation.work.parallel import Workers, default_workers
 from oed.foundation.work.progress import Progress, Silent
 from oed.foundation.work.signals import interrupts_answered
+from oed.kernel.cards import limits_text
 from oed.kernel.evaluation import evaluate
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.problem import Problem
@@ -72,7 +73,7 @@ def solve(
         evaluation = evaluate(problem, solution.trajectory)
         if own.system.integrates and solution.status not in ENDED and not evaluation.feasible:
             # By its own steps the search had satisfied the limits.
-            exceeded = f"With fine integration steps, limits are not satisfied: {evaluation.limits_text}."
+            exceeded = f"With fine integration steps, limits are not satisfied: {limits_text(evaluation)}."
             detail = f"{solution.detail} {exceeded}".strip()
             solution = replace(solution, status=Status.INFEASIBLE, detail=detail)
     if own is problem:

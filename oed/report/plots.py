@@ -1,6 +1,6 @@
 """The figures of objects in a console or a notebook: those of the reports, drawn for one object alone.
 
-`oed.foundation.plots` finds them here: objects themselves know of no figures.
+`oed.foundation.views` finds them here: objects themselves know of no figures.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from oed.foundation.errors import UserMistake
-from oed.foundation.plots import draws
 from oed.foundation.text import did_you_mean, listing, words
+from oed.foundation.views import makes
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.records.record import EstimateRecord, Record
@@ -43,7 +43,7 @@ def picture(plot: spec.Plot) -> Figure:
     return shown_figure(plot)
 
 
-@draws(Record)
+@makes("figure", Record)
 def record_figure(record: Record, what: str | None = None) -> Figure:
     """A figure of a record's report by its name, the first for None.
 
@@ -55,7 +55,7 @@ def record_figure(record: Record, what: str | None = None) -> Figure:
     return _named(sections_of(record), own.get(what or "", what))
 
 
-@draws(EstimateRecord)
+@makes("figure", EstimateRecord)
 def estimate_figure(record: EstimateRecord, what: str | None = None) -> Figure:
     """A figure of an estimate's page by its name, the first for None.
 
@@ -80,7 +80,7 @@ def _no_figure(what: str, known: Sequence[str]) -> UserMistake:
     return UserMistake(f"expected one of {listing(known)}; there is no figure {what!r}{hint}")
 
 
-@draws(Solution)
+@makes("figure", Solution)
 def solution_figure(solution: Solution, what: str = "path") -> Figure:
     """The path of a design in its room, or its inputs over time.
 

@@ -15,6 +15,7 @@ from oed.estimation import CalibrationOptions
 from oed.foundation.errors import FileIssue, Issue, NotFinite, ProblemError, StudyError, UserMistake
 from oed.foundation.own.part import OwnCodeError
 from oed.foundation.presenting import Card, Presented, given
+from oed.kernel.cards import problem_facts
 from oed.kernel.criteria import TaskDrive
 from oed.kernel.identifiability import require_identifiable
 from oed.kernel.measurement.prior import Prior
@@ -95,7 +96,7 @@ class Study(Presented):
         paths = [one if isinstance(one, str) else one.label for one in self.file.baselines]
         facts = given(
             ("file", self.source),
-            *self.problem.facts,
+            *problem_facts(self.problem),
             ("solvers", ", ".join(one.label for one in self.solvers)),
             ("baselines", ", ".join(paths)),
             ("also", ", ".join(name for name, wanted in asked.items() if wanted)),

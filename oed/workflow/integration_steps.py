@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from oed.kernel.cards import steps_text
 from oed.kernel.solution import Solution
 from oed.study.study import Study
 
@@ -28,4 +29,4 @@ def integration_notes(best: Solution | None) -> list[str]:
         best: design.
     """
     steps = None if best is None or best.evaluation is None else best.evaluation.steps
-    return [steps.sentence] if steps is not None and steps.sentence else []
+    return list(filter(None, [steps_text(steps)]))

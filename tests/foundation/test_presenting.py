@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from oed import E, Ipopt, UserMistake
-from oed.foundation import plots
+from oed.foundation import views
 from oed.foundation.presenting import UNIDENTIFIED, Card, Presented, brief, dataframe, parameter_rows
 
 CARD = Card(
@@ -86,4 +86,4 @@ def test_an_object_too_broken_to_describe_itself_is_named_all_the_same():
 
 def test_what_nobody_draws_is_refused():
     with pytest.raises(TypeError, match="no figure of a int"):
-        plots.plot(3)
+        views.make("figure", 3)

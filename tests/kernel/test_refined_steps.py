@@ -10,6 +10,7 @@ from builders import problem_of
 from scipy.integrate import solve_ivp
 
 import oed
+from oed.kernel.cards import steps_text
 from oed.kernel.dynamics.system import carrier, stepper
 from oed.kernel.evaluation import AGREEMENT, FINEST, evaluate, resolved
 from oed.kernel.scorer import score
@@ -177,7 +178,7 @@ def test_standard_errors_and_limits_of_a_car_are_those_of_an_exact_integration()
     np.testing.assert_allclose(found.states[1:, :3], poses(), atol=2e-4)
     assert found.steps.settled
     assert found.steps.enough > 1
-    assert "coarse" in found.steps.sentence
+    assert "coarse" in steps_text(found.steps)
     assert score(resolved(problem, drive), drive).objective == found.objective
 
 
@@ -186,7 +187,7 @@ def test_steps_that_are_fine_enough_are_not_spoken_of():
     found = evaluate(lagging_study(1.0), drive)
     assert found.steps.settled
     assert found.steps.enough == 1
-    assert found.steps.sentence == ""
+    assert steps_text(found.steps) == ""
 
 
 def test_a_robot_that_follows_at_once_has_no_steps():
@@ -213,4 +214,4 @@ measurement: {kind: outputs, noise: {seen: 1 mm}}
     steps = evaluate(swinging, swinging.design.only).steps
     assert not steps.settled
     assert steps.times == FINEST
-    assert "still change" in steps.sentence
+    assert "still change" in steps_text(steps)

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from oed.foundation import views
 from oed.foundation.arguments import real_array
 from oed.foundation.arrays import Array
 from oed.foundation.equality import ByValue
-from oed.foundation.presenting import Card, Presented, dataframe, given
+from oed.foundation.presenting import Presented
 from oed.foundation.quantities import parse_quantity
-from oed.foundation.text import given_text
 from oed.kernel.dynamics import spline
 
 
@@ -271,26 +271,7 @@ class Trajectory(ByValue, Presented):
             ValueError: another number of names.
             UserMistake: pandas is not installed.
         """
-        width = self.coefficients.shape[1]
-        called = tuple(names) or tuple(f"input_{place + 1}" for place in range(width))
-        if len(called) != width:
-            raise ValueError(f"names: expected {width}, one of each input, got {len(called)}")
-        times = self.period * np.arange(self.samples)
-        return dataframe({"t": times, **dict(zip(called, self.inputs.T, strict=True))}, {"t": "s"})
-
-    def _card(self) -> Card:
-        each, width = "" if self.runs == 1 else f"{self.runs} runs, ", self.coefficients.shape[1]
-        starts = "; ".join(", ".join(f"{value:.4g}" for value in start) for start in self.starts[:3])
-        more = "; ..." if self.runs > 3 else ""
-        facts = given(
-            ("samples", f"{each}{self.samples} of {given_text(self.period, 's')}"),
-            (
-                "inputs",
-                f"{width}, splines of degree {self.degree}, {len(self.coefficients)} coefficients each",
-            ),
-            ("start (SI)", starts + more),
-        )
-        return Card(f"Trajectory: {given_text(self.duration, 's')}", facts)
+        return views.make("table", self, names)
 
     def _held(self, changes: Callable[[Array, int, Array, int], Array]) -> Array:
         # Of what is held in every run.

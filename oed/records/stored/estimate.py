@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from oed.foundation import plots
+from oed.foundation import views
 from oed.foundation.presenting import Card, Presented, dataframe, given, parameter_rows
 from oed.foundation.text import count, listing, words
 from oed.kernel.dynamics.system import ROUNDING
@@ -328,7 +328,7 @@ class EstimateRecord(Presented, SavedFile):
         Raises:
             UserMistake: the page has no such figure; names those that it has.
         """
-        return plots.plot(self, what)
+        return views.make("figure", self, what)
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame with a row per parameter: nominal value, estimate and standard error, SI.

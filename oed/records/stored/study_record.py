@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, PrivateAttr
 
 from oed.bounds.certificate import with_common
-from oed.foundation import plots
+from oed.foundation import views
 from oed.foundation.presenting import (
     PARAMETER_COLUMNS,
     Card,
@@ -290,7 +290,7 @@ class Record(Presented, SavedFile):
         Raises:
             UserMistake: the report has no such figure; names those that it has.
         """
-        return plots.plot(self, what)
+        return views.make("figure", self, what)
 
     def to_dataframe(self) -> Any:
         """A pandas DataFrame with a row per result: what was reached, and predicted standard errors by
