@@ -10,8 +10,8 @@ import numpy as np
 from benchmarks.figure import Figure, seconds
 from benchmarks.forms import problem_of
 from oed.kernel.criteria import A
+from oed.optimize.ipopt import Ipopt
 from oed.optimize.local import LocalSearch
-from oed.optimize.local_results import Settings
 from oed.robots.sensors import Drift
 
 SAMPLES = (200, 1000)
@@ -37,7 +37,7 @@ def _compared(samples: int) -> Figure:
     steady = replace(problem_of("joint", samples), criterion=A())
     drifting = replace(steady, measurement=steady.measurement.model_copy(update={"drift": DRIFT}))
     searches = [
-        LocalSearch(problem, Settings(ITERATIONS, 1e-8, None, "none", samples))
+        LocalSearch(problem, Ipopt(max_iterations=ITERATIONS, search_samples=samples))
         for problem in (drifting, steady)
     ]
     shortest = [np.inf, np.inf]

@@ -14,8 +14,8 @@ from oed import EndPosition, Limit, PathLength
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
+from oed.optimize.ipopt import Ipopt
 from oed.optimize.local import LocalSearch
-from oed.optimize.local_results import Settings
 
 SAMPLES = 200
 FACTOR = 3.0
@@ -65,7 +65,7 @@ def figures() -> list[Figure]:
 def _building(problem: Problem) -> float:
     # Of a program and its solver, and one iteration.
     began = time.perf_counter()
-    search = LocalSearch(problem, Settings(1, 1e-8, None, "none"))
+    search = LocalSearch(problem, Ipopt(max_iterations=1))
     z = 0.25 * np.random.default_rng(0).uniform(-1, 1, search.design.terms.size)
     search.solved(search.program, z, search.grid.no_correction)
     return time.perf_counter() - began

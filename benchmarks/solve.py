@@ -12,8 +12,9 @@ from benchmarks.figure import Figure, seconds
 from benchmarks.forms import FORMS, problem_of
 from benchmarks.plain import Plain, multiple_shooting, single_shooting
 from oed.kernel.problem import Problem
+from oed.optimize.ipopt import Ipopt
 from oed.optimize.local import LocalSearch
-from oed.optimize.local_results import Local, Settings
+from oed.optimize.results import LocalResult
 
 COMPARED = (200, 1000)
 """Samples of drives that a search looks at all of, as the plain programs do."""
@@ -73,7 +74,7 @@ def _of_form(form: str) -> Iterator[Figure]:
 
 def _search(problem: Problem, iterations: int, samples: int | None = None) -> LocalSearch:
     # On so many samples, or those that a search takes by itself.
-    return LocalSearch(problem, Settings(iterations, 1e-8, None, "none", samples))
+    return LocalSearch(problem, Ipopt(max_iterations=iterations, search_samples=samples))
 
 
 def _samples(search: LocalSearch) -> int:
@@ -137,7 +138,7 @@ def _saved(name: str, problem: Problem) -> Figure:
     )
 
 
-def _searched(problem: Problem, samples: int | None) -> tuple[Local, float]:
+def _searched(problem: Problem, samples: int | None) -> tuple[LocalResult, float]:
     began = time.perf_counter()
     search = _search(problem, ENOUGH, samples)
     found = search.maximise(_start(search))

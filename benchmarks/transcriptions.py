@@ -17,8 +17,8 @@ from benchmarks.staged import Staged
 from benchmarks.stages import Stages
 from oed.foundation.arrays import Array, Places
 from oed.kernel.problem import Problem
+from oed.optimize.ipopt import Ipopt
 from oed.optimize.local import LocalSearch
-from oed.optimize.local_results import Settings
 from oed.optimize.transcription.solver_calls import one_thread
 
 SAMPLES = (200, 1000)
@@ -87,7 +87,7 @@ def figures() -> list[Figure]:
 
 def _of(samples: int) -> Iterator[Figure]:
     problem = problem_of("segment", samples)
-    search = LocalSearch(problem, Settings(MOST, 1e-8, None, "none", samples))
+    search = LocalSearch(problem, Ipopt(max_iterations=MOST, search_samples=samples))
     starts = [start_of(search, seed) for seed in range(STARTS)]
     known = search.exchange.begun()
     instants = np.rint(np.unique(known.time) / problem.design.period).astype(int)

@@ -130,7 +130,7 @@ def few_screened(monkeypatch: pytest.MonkeyPatch) -> None:
     """Searches from the best of forty random drives, not of two thousand: of systems whose steps take long
     these are half of a search.
     """
-    for module in ("multi_start", "transcription.starting_points"):
+    for module in ("search", "transcription.starting_points"):
         monkeypatch.setattr(f"oed.optimize.{module}.SCREENED", 40)
 
 

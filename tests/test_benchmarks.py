@@ -19,8 +19,8 @@ from benchmarks.staged import Staged
 from benchmarks.stages import Stages
 from oed.kernel.criteria import D
 from oed.kernel.parts import budgets_of
+from oed.optimize.ipopt import Ipopt
 from oed.optimize.local import LocalSearch
-from oed.optimize.local_results import Settings
 from oed.optimize.weights import best_weights
 
 SAMPLES = 620
@@ -95,7 +95,7 @@ def test_what_a_coarse_grid_brings_has_a_row_of_its_own(shown, searched):
 def staged_and_condensed() -> tuple[Staged, ca.DM, float]:
     """The program of stages, where it starts, and the optimum of the condensed one."""
     problem = problem_of("segment", 40)
-    search = LocalSearch(problem, Settings(transcriptions.MOST, 1e-8, None, "none", 100))
+    search = LocalSearch(problem, Ipopt(max_iterations=transcriptions.MOST, search_samples=100))
     z, known = transcriptions.start_of(search, 0), search.exchange.begun()
     chosen = search.exchange.chosen(known, search.grid.trajectory(z))
     condensed = search.solved(search.program, z, search.grid.no_correction, chosen=chosen)

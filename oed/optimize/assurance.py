@@ -79,8 +79,8 @@ class _Assured:
     def _searched_well(self, options: Solver, solution: Solution, tightened: Robust) -> Solution:
         # How tight limits have to be was found with quick searches: now a whole one, from the best of them,
         # where that is more than the last quick one was.
-        whole = options.again(quick=False)
-        if len(self.solutions) == 1 or whole == options.again():
+        whole, refining = options.again(quick=False), self.context.refining_since is not None
+        if len(self.solutions) == 1 or refining or whole == options.again():
             return self._summed(solution)
         again = self._searched(whole, tightened, self._knowing(solution))
         better = self._enough(again) and _objective(again) > _objective(solution)

@@ -142,7 +142,7 @@ class Exchange:
             after: the solve that it goes on from.
             instants: to begin with.
             trajectory: the drive of unknowns.
-            until: by `time.perf_counter`; what is not done by then is as if Ipopt had run out of time.
+            until: end by `time.time`; what is not done by then is as if Ipopt had run out of time.
         """
         if not self.needed:
             return solve(unknowns, after, None, False), instants
@@ -159,7 +159,7 @@ class Exchange:
             more = self.more(instants, drive)
             if not len(more) and not loosely:
                 break
-            if time.perf_counter() > until:
+            if time.time() > until:
                 outcome = replace(outcome, return_status=OUT_OF_TIME)
                 break
             loosely = loosely and bool(np.any(self.lower_level.violations(more, drive) > CLOSE))

@@ -25,8 +25,8 @@ from oed.kernel.results import Evaluation
 from oed.kernel.scorer import score
 from oed.kernel.solution import BEST_YET, NOTHING_YET, HistoryPoint, Solution, Status
 from oed.optimize.candidate_scores import CandidateScorer
+from oed.optimize.results import announce_drive
 from oed.optimize.solver import Context, Solver
-from oed.optimize.standing import announce_drive
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives, start_bounds
@@ -285,7 +285,7 @@ class _Search:
             return
         self.best = (unknowns, evaluation)
         seconds = time.perf_counter() - self.began
-        announce_drive(self.context, self.problem, evaluation, seconds)
+        announce_drive(self.context.progress, self.problem, evaluation, seconds)
         self.history.append(HistoryPoint(self.evaluations, seconds, evaluation.objective))
 
     def _solution(self, status: Status) -> Solution:

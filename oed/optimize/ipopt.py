@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import time
-
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.optimize.ipopt_options import IpoptOptions
-from oed.optimize.multi_start import MultiStart
+from oed.optimize.search import Search
 from oed.optimize.solver import Context
 
 
@@ -33,9 +31,5 @@ class Ipopt(IpoptOptions):
     """
 
     def search(self, problem: Problem, context: Context) -> Solution:
-        """The best design of all starts; interrupted, the best so far."""
-        return MultiStart(self, problem, context).run()
-
-    def refine(self, problem: Problem, context: Context, spent: float) -> Solution:
-        """The best design of a solve that stays near the earlier one, and one that does not."""
-        return MultiStart(self, problem, context, time.perf_counter() - spent, further=True).run()
+        """Return the best design of all starts; of an interrupted search, the best so far."""
+        return Search(self, problem, context).run()

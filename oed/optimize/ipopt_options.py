@@ -1,15 +1,18 @@
-"""Options of the search by Ipopt."""
+"""Options of the search by Ipopt, and the budget of iterations that the searches of a study share."""
 
 from __future__ import annotations
 
 from abc import ABC
+from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, PositiveInt, ValidationInfo, field_validator
 
 from oed.foundation.quantities import Duration
-from oed.optimize.exploration import BUDGET
 from oed.optimize.solver import Solver
+
+BUDGET = 1200
+"""Iterations, as budgets count, that the searches of a study share unless they are given."""
 
 
 class IpoptOptions(Solver, ABC):
@@ -31,28 +34,54 @@ class IpoptOptions(Solver, ABC):
 
     @field_validator("perturbations", "iterations")
     @classmethod
-    def _of_its_starts(cls, given: int | None, info: ValidationInfo) -> int | None:
+    def _of_its_starts(cls, value: int | None, info: ValidationInfo) -> int | None:
         auto = info.data.get("starts") == "auto"
         if auto and info.field_name == "perturbations":
             raise ValueError(
                 "goes with a number of `starts`: `starts: auto`, the default, perturbs designs within its "
                 "budget, `iterations`"
             )
-        if info.field_name == "iterations" and given is not None and "starts" in info.data and not auto:
+        if info.field_name == "iterations" and value is not None and "starts" in info.data and not auto:
             raise ValueError("is the budget of `starts: auto`: leave one of the two out")
-        return given
+        return value
 
     def as_data(self) -> dict[str, Any]:
         """The options as plain data, without those that mean nothing here."""
         unused = "perturbations" if self.starts == "auto" else ""
-        return {key: one for key, one in super().as_data().items() if key != unused}
+        return {key: value for key, value in super().as_data().items() if key != unused}
 
     @property
     def budget(self) -> int:
         """Iterations that "auto" may spend."""
         return BUDGET if self.iterations is None else self.iterations
 
+    @property
+    def for_ipopt(self) -> dict[str, Any]:
+        """The options of Ipopt, in its names."""
+        options: dict[str, Any] = {"ipopt.max_iter": self.max_iterations, "ipopt.tol": self.tolerance}
+        if self.time_limit is not None:
+            options["ipopt.max_wall_time"] = self.time_limit
+        return options
+
     def again(self, *, quick: bool = True) -> Self:
-        """From the earlier design, alone or in the place of the first start."""
+        """Return options that begin at the earlier design, alone or in the place of the first start."""
         fewer = {"starts": 1, "perturbations": 0, "iterations": None} if quick else {}
         return self.model_copy(update={**fewer, "start_from": self.label})
+
+
+def with_shared_budget(solvers: Sequence[Solver]) -> tuple[Solver, ...]:
+    """Return the solvers of a study, with `BUDGET` in equal shares for those of `starts: auto` that give no
+    `iterations`. What one does not spend is lost, so that no search depends on those before it.
+
+    Args:
+        solvers: solvers as the study gives them.
+    """
+    sharing = [
+        isinstance(solver, IpoptOptions) and solver.starts == "auto" and solver.iterations is None
+        for solver in solvers
+    ]
+    share = max(BUDGET // max(sum(sharing), 1), 1)
+    return tuple(
+        solver.model_copy(update={"iterations": share}) if shares else solver
+        for solver, shares in zip(solvers, sharing, strict=True)
+    )

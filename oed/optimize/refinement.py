@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from functools import partial
 
 from oed.foundation.text import listing, significant
 from oed.kernel.dynamics.space import Spline
@@ -30,163 +31,123 @@ Search = Callable[[Solver, Problem, Context], Solution]
 """What searches a problem whose spline is given."""
 
 
-def refined(options: Solver, problem: Problem, context: Context, search: Search) -> Solution:
-    """What `options` find for a problem whose spline is refined, with all levels.
-
-    Args:
-        options: of the search.
-        problem: to be solved.
-        context: seed, workers, progress, earlier solutions.
-        search: of a problem whose spline is given.
-    """
-    began = time.perf_counter()
-    first = search(options, on_spline(problem, problem.design.spline.first), context)
-    if not first.status.usable or first.trajectory is None:
-        return first
-    found = _Refinement(options, problem, context, search, began).after(first)
-    return replace(found, wall_seconds=time.perf_counter() - began)
-
-
-def on_spline(problem: Problem, spline: Spline) -> Problem:
-    """The problem of the same drives but for their splines."""
-    return replace(problem, design=problem.design.with_spline(spline))
-
-
-class _Further(Solver):
-    """A search that goes on from the earlier solution of its own name, on the same spline or a finer one.
-
-    Attributes:
-        inner: options of the search.
-        spent: seconds that it has taken so far.
-    """
-
-    inner: Solver
-    spent: float
-
-    def search(self, problem: Problem, context: Context) -> Solution:
-        """The best design found."""
-        return self.inner.refine(problem, context, self.spent)
-
-
 def plan(problem: Problem, solvers: Sequence[Solver]) -> str:
-    """What `coefficients: auto` means for a problem and its searches, in words; "" where the spline is given.
+    """Return in words what `coefficients: auto` means for a problem and its searches; "" for a given spline.
 
     Args:
-        problem: to be solved.
+        problem: problem to be solved.
         solvers: its searches.
     """
     spline = problem.design.spline
     if not spline.refines or not problem.designed:
         return ""
-    counts = [str(one.count) for one in (spline.first, *finer_splines(problem))]
-    first, *others = counts
-    text = f"{first} coefficients" + (f", then {', '.join(others)} as long as that gains {100 * ENOUGH:g} %")
-    staying = [one.label for one in solvers if not one.refines]
+    first, *finer = (str(level.count) for level in (spline.first, *finer_splines(problem)))
+    text = f"{first} coefficients" + (f", then {', '.join(finer)} as long as that gains {100 * ENOUGH:g} %")
+    staying = [solver.label for solver in solvers if not solver.refines]
     return f"{text}; {listing(staying)} on {first} only" if staying else text
 
 
 def finer_splines(problem: Problem) -> Iterator[Spline]:
-    """Splines that follow the first; with a coefficient for every sample one holds what any finer one can."""
+    """Yield the finer splines, up to one with a coefficient for every sample, which can be any of them."""
     spline = problem.design.spline.first
     while spline.count < problem.design.samples:
         spline = spline.finer
         yield spline
 
 
-@dataclass
-class _Refinement:
-    options: Solver
-    problem: Problem
-    context: Context
-    search: Search
-    began: float
-    levels: list[Level] = field(default_factory=list)
+def on_spline(problem: Problem, spline: Spline) -> Problem:
+    """Return the problem of the same drives but for their splines."""
+    return replace(problem, design=problem.design.with_spline(spline))
 
-    def after(self, first: Solution) -> Solution:
-        best, spline, why = self._scored(first), self.problem.design.spline.first, ""
-        self.levels.append(_level(spline, best))
-        if first.status is Status.INTERRUPTED:
-            return self._ended(best, "the search ended before it was refined")
-        for finer in finer_splines(self.problem) if self.options.refines else ():
-            found = self._on(finer, best)
-            if found.trajectory is None:
-                why = f"no design with {finer.count} coefficients was found"
-                best = replace(best, status=found.status) if found.status in ENDED else best
-                break
-            self.levels.append(_level(finer, found))
-            gain = self._gain(self.levels[-1].objective, self.levels[-2].objective)
-            best = _joined(best, found) if gain > 0 else replace(best, status=found.status)
-            if gain < ENOUGH or found.status in ENDED:
-                break
-        else:
-            why = self._why_no_finer
-        return self._ended(best, why)
 
-    def _ended(self, best: Solution, why: str) -> Solution:
-        detail = f"{best.detail} {self._said(why)}".strip()
-        return replace(best, levels=tuple(self.levels), detail=detail)
+def refined(options: Solver, problem: Problem, context: Context, search: Search) -> Solution:
+    """Return the best design for a problem whose spline is refined, with all levels.
 
-    @property
-    def _why_no_finer(self) -> str:
-        if not self.options.refines:
-            return f"{self.options.kind} searches on the first spline only"
-        return f"there are as many as the {self.problem.design.samples} samples of a run"
-
-    def _on(self, spline: Spline, best: Solution) -> Solution:
+    Args:
+        options: options of the search.
+        problem: problem to be solved.
+        context: seed, workers, progress, earlier solutions.
+        search: search of a problem whose spline is given.
+    """
+    began, spline = time.perf_counter(), problem.design.spline.first
+    best = search(options, on_spline(problem, spline), context)
+    if not best.status.usable or best.trajectory is None:
+        return best
+    best = _scored(problem, best)
+    levels = [_level(spline, best)]
+    finer: Iterator[Spline] = iter(())
+    if best.status is Status.INTERRUPTED:
+        reason = "the search ended before it was refined"
+    elif not options.refines:
+        reason = f"{options.kind} searches on the first spline only"
+    else:
+        finer = finer_splines(problem)
+        reason = f"there are as many as the {problem.design.samples} samples of a run"
+    for spline in finer:
         # Limits of a robust problem begin as tight as they had to be.
-        own = on_spline(self.problem, spline)
-        own = own if best.robust is None else replace(own, robust=best.robust)
-        spent = time.perf_counter() - self.began
-        options = _Further(kind=self.options.kind, name=self.options.label, inner=self.options, spent=spent)
-        context = replace(self.context, earlier={**self.context.earlier, options.label: best})
-        return self._scored(self.search(options, own, context))
-
-    def _scored(self, solution: Solution) -> Solution:
-        # By the problem as it was given.
+        robust = problem.robust if best.robust is None else best.robust
+        earlier = {**context.earlier, options.label: best}
+        further = replace(context, earlier=earlier, refining_since=began)
+        solution = search(options, replace(on_spline(problem, spline), robust=robust), further)
+        ended = solution.status in ENDED
         if solution.trajectory is None:
-            return solution
-        return replace(solution, evaluation=score(self.problem, solution.trajectory))
-
-    def _gain(self, value: float, before: float) -> float:
-        size = sum(len(one.judged) for one in self.problem.any_estimations)
-        return self.problem.objective.change(value, before, size)
-
-    def _said(self, why: str) -> str:
-        counts = listing([str(one.coefficients) for one in self.levels])
-        text = f"Splines of {counts} coefficients were searched"
-        if len(self.levels) > 1:
-            *_, before, last = (one.objective for one in self.levels)
-            whole, step = (
-                f"{significant(2)(100 * self._gain(last, one))} %"
-                for one in (self.levels[0].objective, before)
-            )
-            text += f": refining gained {whole}, the last doubling {step}"
-        return f"{text}; {why}." if why else f"{text}."
+            reason = f"no design with {spline.count} coefficients was found"
+            best = replace(best, status=solution.status) if ended else best
+            break
+        solution = _scored(problem, solution)
+        levels.append(_level(spline, solution))
+        gain = _gain(problem, levels[-1], levels[-2])
+        best = _joined(best, solution) if gain > 0 else replace(best, status=solution.status)
+        if gain < ENOUGH or ended:
+            reason = ""
+            break
+    detail = f"{best.detail} {_summary(problem, levels, reason)}".strip()
+    seconds = time.perf_counter() - began
+    return replace(best, levels=tuple(levels), detail=detail, wall_seconds=seconds)
 
 
-def _level(spline: Spline, found: Solution) -> Level:
-    assert found.evaluation is not None
-    assert found.trajectory is not None
-    return Level(
-        spline.count,
-        found.evaluation.objective,
-        sum(one.iterations for one in found.starts),
-        found.trajectory,
-    )
+def _scored(problem: Problem, solution: Solution) -> Solution:
+    # By the problem as it was given, however tight its limits were in the search.
+    assert solution.trajectory is not None
+    return replace(solution, evaluation=score(problem, solution.trajectory))
 
 
-def _joined(before: Solution, found: Solution) -> Solution:
+def _level(spline: Spline, solution: Solution) -> Level:
+    assert solution.evaluation is not None
+    assert solution.trajectory is not None
+    iterations = sum(start.iterations for start in solution.starts)
+    return Level(spline.count, solution.evaluation.objective, iterations, solution.trajectory)
+
+
+def _gain(problem: Problem, level: Level, before: Level) -> float:
+    size = sum(len(estimation.judged) for estimation in problem.any_estimations)
+    return problem.objective.change(level.objective, before.objective, size)
+
+
+def _joined(before: Solution, solution: Solution) -> Solution:
     # The finer design, with what the search went through before it.
-    assert found.evaluation is not None
+    assert solution.evaluation is not None
     spent = before.history[-1].evaluations if before.history else 0
-    known = before.history[-1].objective if before.history else -float("inf")
+    standing = before.history[-1].objective if before.history else -float("inf")
     risen = (
-        replace(one, evaluations=one.evaluations + spent) for one in found.history if one.objective > known
+        replace(point, evaluations=point.evaluations + spent)
+        for point in solution.history
+        if point.objective > standing
     )
     return replace(
-        found,
+        solution,
         starts=before.starts,
-        stages={**before.stages, STAGE: found.evaluation.objective},
+        stages={**before.stages, STAGE: solution.evaluation.objective},
         history=(*before.history, *risen),
         detail=before.detail,
     )
+
+
+def _summary(problem: Problem, levels: Sequence[Level], reason: str) -> str:
+    counts = listing([str(level.coefficients) for level in levels])
+    text = f"Splines of {counts} coefficients were searched"
+    if len(levels) > 1:
+        gain = partial(_gain, problem, levels[-1])
+        total, last = (f"{significant(2)(100 * gain(level))} %" for level in (levels[0], levels[-2]))
+        text += f": refining gained {total}, the last doubling {last}"
+    return f"{text}; {reason}." if reason else f"{text}."

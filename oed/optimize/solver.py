@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
+from oed.foundation.arrays import Array
 from oed.foundation.component import Component, OneOf, Seed
+from oed.foundation.errors import Failure, ProblemError
 from oed.foundation.text import NAME
 from oed.foundation.work.parallel import Workers, default_workers
 from oed.foundation.work.progress import Progress, Silent
 from oed.kernel.criteria import CRITERION_CHOICES, Criterion
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
+from oed.optimize.transcription.design import DesignExpressions
 
 
 @dataclass(frozen=True)
@@ -28,16 +32,47 @@ class Context:
         workers: processes to use, or a cluster.
         progress: who is informed how far it is.
         earlier: solutions of the searches before this one, by name.
+        refining_since: when the search began (by `time.perf_counter`) whose design this one only improves, on
+            a finer spline; it is among the earlier ones, by the solver's name. None for a search of its own.
     """
 
     seed: int = 0
     workers: Workers = field(default_factory=default_workers)
     progress: Progress = field(default_factory=Silent)
     earlier: Mapping[str, Solution] = field(default_factory=dict)
+    refining_since: float | None = None
 
     def rng(self, stream: int) -> np.random.Generator:
         """An independent generator for each part of a search."""
         return np.random.default_rng([self.seed, stream])
+
+
+def earlier_design(earlier: Mapping[str, Solution], name: str, design: DesignExpressions) -> Array:
+    """Return the unknowns of an earlier search's design: of those on several splines, of the finest one that
+    can be driven here.
+
+    Args:
+        earlier: solutions by name.
+        name: name of the search.
+        design: expressions of the problem that it is a start for.
+
+    Raises:
+        ProblemError: no search of that name.
+        Failure: it has no design.
+        ValueError: a design of splines that are not those of the problem.
+    """
+    solution = earlier.get(name)
+    if solution is None:
+        names = ", ".join(earlier) or "none"
+        text = f"expected the name of an earlier search ({names}), got {name!r}"
+        raise ProblemError.about(("solvers", "start_from"), text)
+    if solution.trajectory is None:
+        raise Failure(f"{name} found no design to start from: {solution.message}")
+    *finer, coarsest = solution.designs
+    for trajectory in finer:
+        with suppress(ValueError):
+            return design.unknowns_of(trajectory)
+    return design.unknowns_of(coarsest)
 
 
 class Solver(Component, ABC):
@@ -75,16 +110,6 @@ class Solver(Component, ABC):
         from that alone if `quick`. The same ones by default.
         """
         return self
-
-    def refine(self, problem: Problem, context: Context, spent: float) -> Solution:
-        """The best design found from the earlier solution of its name; of those that refine splines.
-
-        Args:
-            problem: with the earlier solution's spline, or a finer one.
-            context: that knows the earlier solution.
-            spent: seconds that the search has taken so far.
-        """
-        return self.search(problem, context)
 
     @abstractmethod
     def search(self, problem: Problem, context: Context) -> Solution:

@@ -22,7 +22,7 @@ from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
 from oed.logs import CsvForm, LogForm
 from oed.optimize import Solver
-from oed.optimize.budget import with_shared_budget
+from oed.optimize.ipopt_options import with_shared_budget
 from oed.robots.own_parts import code_issue, judge_issues
 from oed.robots.presets import preset_names
 from oed.simulation.trial import Trial

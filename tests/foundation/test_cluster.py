@@ -24,7 +24,7 @@ from oed.foundation.errors import Failure, UserMistake
 from oed.foundation.work import cluster
 from oed.foundation.work.cluster import Connection
 from oed.foundation.work.parallel import run_tasks
-from oed.optimize import Cluster, Genetic, Ipopt, Solver, candidate_scores, multi_start, solve
+from oed.optimize import Cluster, Genetic, Ipopt, Solver, candidate_scores, solve
 from oed.records.record import load_record
 from oed.robots.sensors import Displacements
 from oed.simulation import monte_carlo
@@ -59,7 +59,7 @@ def workers(local: distributed.LocalCluster) -> Cluster:
 @pytest.fixture
 def always_shared(monkeypatch: pytest.MonkeyPatch) -> None:
     """Even work that is done sooner here goes to the workers."""
-    monkeypatch.setattr(multi_start, "POOL_SECONDS", 0.0)
+    monkeypatch.setattr("oed.optimize.search.POOL_SECONDS", 0.0)
     for name in ("WORTH", "WRITING"):
         monkeypatch.setattr(candidate_scores, name, 0.0)
 

@@ -371,7 +371,7 @@ class TestSearches:
         assert before < cautious.evaluation.objective < plain.evaluation.objective
 
     def test_workers_do_not_matter(self, monkeypatch: pytest.MonkeyPatch):
-        monkeypatch.setattr("oed.optimize.multi_start.POOL_SECONDS", 0.0)
+        monkeypatch.setattr("oed.optimize.search.POOL_SECONDS", 0.0)
         problem = short_problem(robust=tightened(beta=2.0))
         # The first start is done alone.
         several = QUICK.model_copy(update={"starts": 3, "max_iterations": 8})

@@ -17,7 +17,6 @@ from oed.kernel.problem import Problem
 from oed.kernel.solution import Status
 from oed.optimize import Genetic, Ipopt, genetic, local, solve
 from oed.optimize.local import LocalSearch
-from oed.optimize.local_results import Settings
 from oed.optimize.lower_level import Instants
 from oed.optimize.solver import Context
 from oed.optimize.transcription.design import DesignExpressions
@@ -27,7 +26,7 @@ from oed.robots.sensors import Displacements, Poses
 
 QUICK = Ipopt(starts=2, perturbations=0, second_stage="none")
 CUT_SHORT = Ipopt(starts=1, perturbations=0, second_stage="none", max_iterations=30)
-SETTINGS = Settings(200, 1e-8, None, "none")
+SETTINGS = Ipopt(max_iterations=200)
 
 GIVEN_UP = (0, 19)
 """Problems of feasible starts whose searches ended outside between the samples and were given up."""
@@ -166,7 +165,7 @@ def test_where_every_search_fails_the_best_screened_drive_is_returned(monkeypatc
     _, _, _, outside = drives(problem)
     monkeypatch.setattr(LocalSearch, "exchanged", ending([outside]))
     # No start is feasible: all are as far outside.
-    monkeypatch.setattr("oed.optimize.multi_start.starting_points", lambda *_: [outside] * QUICK.starts)
+    monkeypatch.setattr("oed.optimize.search.starting_points", lambda *_: [outside] * QUICK.starts)
     solution = solve(problem, QUICK, seed=0, workers=1)
     assert solution.status is Status.UNIMPROVED
     assert solution.evaluation.feasible
@@ -240,7 +239,7 @@ def test_rounds_with_more_points_that_are_not_finite_take_nothing(monkeypatch: p
     search, poor, good, outside = drives(small())
     monkeypatch.setattr(LocalSearch, "exchanged", ending([good, outside]))
     monkeypatch.setattr(LocalSearch, "_misled", lambda *_: True)
-    monkeypatch.setattr(LocalSearch, "_slips", lambda own, _: own is search)
+    monkeypatch.setattr(LocalSearch, "_at_points", property(lambda own: np.full(2, own is search)))
     monkeypatch.setattr(local, "score", refusing([outside], search))
     np.testing.assert_array_equal(search.maximise(poor).unknowns, good)
 
@@ -282,17 +281,17 @@ def test_a_start_that_fewer_samples_see_as_worth_less_is_scored():
         measurement=Poses(noise={"position": 0.01, "heading": 0.01}),
         criterion=E(scaling="relative"),
     )
-    search = LocalSearch(problem, replace(SETTINGS, search_samples=8))
+    search = LocalSearch(problem, Ipopt(max_iterations=200, search_samples=8))
     assert search.grid.coarse
     start = search.design.unknowns_of(random_drive(problem, 5, 3.0))
     matrices = search.grid.matrices_of(start, search.grid.no_correction)
     seen, worth = search.design.objective(matrices), evaluate(problem, search.grid.trajectory(start))
     assert worth.feasible
     assert seen < 0.995 * worth.objective
-    found = search.met(start, (seen + worth.objective) / 2)
+    found = search.improvement(start, (seen + worth.objective) / 2)
     assert found is not None
     assert found.objective == worth.objective
-    assert search.met(start, worth.objective) is None
+    assert search.improvement(start, worth.objective) is None
 
 
 @pytest.mark.slow

@@ -15,7 +15,6 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.optimize import Ipopt, solve
 from oed.optimize.local import MISLED, LocalSearch
-from oed.optimize.local_results import Settings
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.starting_points import random_drives
 from oed.robots.sensors import Displacements, Poses, Several, YawRate
@@ -148,7 +147,7 @@ def test_where_a_search_on_few_samples_ends_nothing_is_left_to_gain_on_all():
     few, whole = (
         LocalSearch(
             fine_problem(24, measurement=MEASUREMENTS["samples"], limits=(SPEED, ACCELERATION)),
-            Settings(200, 1e-8, None, "none", samples),
+            Ipopt(max_iterations=200, search_samples=samples),
         )
         for samples in (8, 24)
     )

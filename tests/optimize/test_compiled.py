@@ -14,14 +14,15 @@ from some_instants import SLOTS, numbers_of
 from oed.kernel.dynamics.compiled import MANY, Making, compiled, compiler
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.problem import Problem
+from oed.optimize.ipopt import Ipopt
 from oed.optimize.local import LocalSearch
-from oed.optimize.local_results import Settings
 from oed.optimize.terms.layout import divisible
 from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
+from oed.optimize.transcription.program import slots_for
 from oed.robots.sensors import Displacements
 
-SETTINGS = Settings(200, 1e-8, None, "none")
+SETTINGS = Ipopt(max_iterations=200)
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
 
@@ -101,7 +102,7 @@ def problem() -> Problem:
 def test_what_a_search_calls_is_the_same_to_the_last_bit(shared: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(shared))
     search = LocalSearch(problem(), SETTINGS)
-    terms, (slots, _) = search.design.terms, search.compile(0.0)
+    terms, slots = search.design.terms, slots_for(len(search.first_instants()))
     plain = list(vars(terms.functions(slots)).values())
     making = Making(plain)
     making.wait()
@@ -160,7 +161,7 @@ def test_what_takes_longer_than_it_spares_is_not_compiled(
     cache: Path, shared: Path, monkeypatch: pytest.MonkeyPatch
 ):
     terms = Pieces(problem(), divisible(problem()))
-    slots, _ = LocalSearch(problem(), SETTINGS).compile(0.0)
+    slots = slots_for(len(LocalSearch(problem(), SETTINGS).first_instants()))
     assert terms.compile(slots, spared=0.1) is None
     assert terms.compile(slots, spared=1.5) is not None
     terms.compiled()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from itertools import chain, count, islice, repeat
 
 import numpy as np
@@ -10,14 +11,13 @@ import yaml
 from builders import ACCELERATION, problem_of
 from studies import small
 
+from oed.foundation.arrays import Array
 from oed.foundation.errors import StudyError
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Status
 from oed.optimize import Genetic, Ipopt, solve
-from oed.optimize.budget import with_shared_budget
 from oed.optimize.exploration import (
-    BUDGET,
     EXACT,
     HOPELESS,
     LEAST,
@@ -28,9 +28,10 @@ from oed.optimize.exploration import (
     Exploration,
     Pace,
 )
+from oed.optimize.ipopt_options import BUDGET, with_shared_budget
 from oed.optimize.local import LocalSearch
-from oed.optimize.local_results import Settings, Sketch
-from oed.optimize.sketches import Sketches
+from oed.optimize.results import LocalResult
+from oed.optimize.search import Search, TimeUp
 from oed.optimize.terms.base import Terms
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.perturbations import varied_design
@@ -40,6 +41,18 @@ from oed.robots.space import DesignSpace
 from oed.workflow.studies import parse_study
 
 SPACE = DesignSpace(duration=6, samples=24, spline=Spline(coefficients=7), rest_to_rest=False)
+
+
+def sketch(unknowns: Array, value: float, iterations: int) -> LocalResult:
+    return LocalResult(unknowns, iterations, 0.0, Status.ACCEPTABLE, sketched=value)
+
+
+def run(exploration: Exploration, solve: Callable[[Sequence[Attempt]], list[LocalResult]]) -> None:
+    """Explore until done, `solve` making the solves of a round."""
+    while not exploration.done:
+        attempts = exploration.next_round()
+        for attempt, result in zip(attempts, solve(attempts), strict=True):
+            exploration.take(attempt, result)
 
 
 @pytest.fixture(scope="module")
@@ -131,9 +144,9 @@ def test_after_the_opening_one_start_of_a_round_is_fresh(design, pace):
 
     def solved(attempts):
         rounds.append([one.perturbed for one in attempts])
-        return [(one, Sketch(one.unknowns, next(rising), 50)) for one in attempts]
+        return [sketch(one.unknowns, next(rising), 50) for one in attempts]
 
-    found.run(solved)
+    run(found, solved)
     fresh = [not any(one) for one in rounds]
     assert len(rounds) > pace.opening
     assert fresh == [place < pace.opening for place in range(len(rounds))]
@@ -142,30 +155,30 @@ def test_after_the_opening_one_start_of_a_round_is_fresh(design, pace):
 
 def test_it_ends_when_the_best_is_found_again_and_again(design):
     found, values = exploration(design, budget=700), iter([1.0, 2.0] * 4 + [3.0] + [1.0, 3.0] * 100)
-    found.run(lambda attempts: [(one, Sketch(one.unknowns, next(values), 50)) for one in attempts])
+    run(found, lambda attempts: [sketch(one.unknowns, next(values), 50) for one in attempts])
     # Up to a round.
     assert 9 + 2 * QUICK.again <= found.solves < 9 + 2 * QUICK.again + ROUND
 
 
 def test_a_best_found_late_is_looked_for_half_as_long_again(design):
     found, values = exploration(design, budget=700), chain(np.linspace(2.0, 1.0, 60), repeat(3.0))
-    found.run(lambda attempts: [(one, Sketch(one.unknowns, next(values), 50)) for one in attempts])
+    run(found, lambda attempts: [sketch(one.unknowns, next(values), 50) for one in attempts])
     # First found by solve 61, and again ever since: more often than `again` says before that is enough.
     assert 61 + QUICK.again + ROUND < 61 * 3 / 2 <= found.solves < 61 * 3 / 2 + ROUND
 
 
 def test_where_solves_are_cheap_it_goes_on_for_more_of_them(design):
     found = exploration(design, budget=150)
-    found.run(lambda attempts: [(one, Sketch(one.unknowns, 1.0, 10)) for one in attempts])
-    assert LEAST <= found.iterations < LEAST + ROUND * 10 < 150 / found.share
+    run(found, lambda attempts: [sketch(one.unknowns, 1.0, 10) for one in attempts])
+    assert LEAST <= found.iterations < LEAST + ROUND * 10 < 150 / (24 / 200)
     large = exploration(design, budget=BUDGET)
-    large.run(lambda attempts: [(one, Sketch(one.unknowns, 1.0, 10)) for one in attempts])
+    run(large, lambda attempts: [sketch(one.unknowns, 1.0, 10) for one in attempts])
     assert SHARE * BUDGET <= large.spent < SHARE * BUDGET + 10
 
 
 def test_it_ends_where_no_drive_keeps_the_limits(design):
     found = exploration(design)
-    found.run(lambda attempts: [(one, Sketch(one.unknowns, -np.inf, 1)) for one in attempts])
+    run(found, lambda attempts: [sketch(one.unknowns, -np.inf, 1) for one in attempts])
     assert found.solves == HOPELESS
     assert found.worth_finishing == []
 
@@ -175,11 +188,11 @@ def test_on_coarse_grids_limits_hold_at_all_samples_at_once():
     room = Rectangle(x=(-0.3, 0.3), y=(-0.3, 0.3))
     space = SPACE.model_copy(update={"samples": 72})
     problem = problem_of(design=space, limits=(room, WheelSpeed(bounds=(2, 8)), ACCELERATION))
-    search = LocalSearch(problem, Settings(500, 1e-8, None, "none", 24))
+    search = LocalSearch(problem, Ipopt(max_iterations=500, search_samples=24))
     drawn = screen(search.design, np.random.default_rng(0))
     starts = islice(varied_starts(search.design, drawn, np.random.default_rng(1)), 2)
-    sketches = [Sketches(search)(one, 1e-3, 0.0) for one in starts]
-    kept = [one.unknowns for one in sketches if np.isfinite(one.value)]
+    sketches = [search.sketch(one, 1e-3, 0.0) for one in starts]
+    kept = [one.unknowns for one in sketches if np.isfinite(one.objective)]
     assert kept
     for unknowns in kept:
         path = evaluate(search.design.problem, search.design.trajectory(unknowns)).states[:, :2]
@@ -188,11 +201,21 @@ def test_on_coarse_grids_limits_hold_at_all_samples_at_once():
         assert np.abs(path).max() == pytest.approx(0.3, abs=1e-6)
 
 
+def end_after(monkeypatch: pytest.MonkeyPatch, checks: int) -> None:
+    """Let the time be up after so many checks of it."""
+    left = iter(range(checks))
+
+    def check(_: Search) -> None:
+        if next(left, None) is None:
+            raise TimeUp
+
+    monkeypatch.setattr(Search, "_check_time", check)
+
+
 @pytest.mark.usefixtures("few_screened")
 @pytest.mark.slow
 def test_cut_short_it_hands_back_a_drive_met_on_the_way(monkeypatch):
-    asked = iter([False, False, False])
-    monkeypatch.setattr("oed.optimize.multi_start.MultiStart._out_of_time", lambda _: next(asked, True))
+    end_after(monkeypatch, 3)
     problem = problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION))
     found = solve(problem, Ipopt(starts="auto", second_stage="none"), seed=0, workers=1)
     assert found.status is Status.TIME_LIMIT
@@ -203,11 +226,13 @@ def test_cut_short_it_hands_back_a_drive_met_on_the_way(monkeypatch):
 @pytest.mark.usefixtures("few_screened")
 @pytest.mark.slow
 def test_cut_short_in_a_round_it_hands_back_the_best_that_had_ended(monkeypatch):
-    asked, ended = iter([False, False]), []
-    monkeypatch.setattr("oed.optimize.multi_start.MultiStart._out_of_time", lambda _: next(asked, True))
+    ended = []
+    end_after(monkeypatch, 2)
     take = Exploration.take
     monkeypatch.setattr(
-        Exploration, "take", lambda self, attempt, one: (ended.append(one.value), take(self, attempt, one))
+        Exploration,
+        "take",
+        lambda self, attempt, one: (ended.append(one.objective), take(self, attempt, one)),
     )
     problem = problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION))
     found = solve(problem, Ipopt(starts="auto", second_stage="none"), seed=0, workers=1)
@@ -232,13 +257,13 @@ def test_an_earlier_design_stands_where_exploring_finds_none(monkeypatch):
 def test_equal_optima_are_one_and_the_best_leads(design):
     found = exploration(design)
     for value in (1.0, 3.0, 2.0, 3.0 + 1e-7, 2.0 - 1e-6, -np.inf):
-        found.take(Attempt(np.zeros(2), 0.1), Sketch(np.zeros(2), value, 1))
-    assert [one.value for one in found.elite] == [3.0 + 1e-7, 2.0, 1.0]
+        found.take(Attempt(np.zeros(2), 0.1), sketch(np.zeros(2), value, 1))
+    assert [one.objective for one in found.elite] == [3.0 + 1e-7, 2.0, 1.0]
 
 
 @pytest.mark.slow
 def test_the_result_is_the_same_for_any_number_of_workers(monkeypatch):
-    monkeypatch.setattr("oed.optimize.multi_start.POOL_SECONDS", 0.0)
+    monkeypatch.setattr("oed.optimize.search.POOL_SECONDS", 0.0)
     problem = problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION))
     solver = Ipopt(starts="auto", iterations=30, second_stage="none")
     one, two = (solve(problem, solver, seed=3, workers=workers) for workers in (1, 2))
@@ -254,16 +279,16 @@ def test_the_result_is_the_same_for_any_number_of_workers(monkeypatch):
 @pytest.mark.slow
 def test_few_starts_are_begun_as_long_as_a_compiler_is_at_work(monkeypatch):
     # What it makes is for those that are begun after it.
-    sizes, asked = [], iter([False, True, True])
+    sizes, asked = [], iter([True, True])
     monkeypatch.setattr(Terms, "compiling", property(lambda _: next(asked, False)))
-    monkeypatch.setattr("oed.optimize.multi_start.MultiStart._workers", lambda *_: 3)
+    monkeypatch.setattr("oed.optimize.search.POOL_SECONDS", 0.0)
 
-    def run(work, tasks, workers, take):
+    def noted(work, tasks, workers, take):
         sizes.append(len(tasks))
         for place, task in enumerate(tasks):
             take(place, work(task))
 
-    monkeypatch.setattr("oed.optimize.multi_start.run_tasks", run)
+    monkeypatch.setattr("oed.optimize.search.run_tasks", noted)
     problem = problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION))
     found = solve(problem, Ipopt(starts=8, perturbations=0, second_stage="none"), seed=0, workers=3)
     assert sizes == [1, 2, 1, 4]

@@ -18,7 +18,6 @@ from oed.kernel.limit import Limit
 from oed.kernel.problem import Problem
 from oed.optimize import Genetic, Ipopt, solve
 from oed.optimize.local import LocalSearch
-from oed.optimize.local_results import Settings
 from oed.optimize.solver import Context
 from oed.optimize.transcription.starting_points import starting_points
 from oed.robots.limits import (
@@ -37,7 +36,7 @@ from oed.workflow.studies import parse_study
 pytestmark = pytest.mark.usefixtures("few_screened")
 
 ONE = Ipopt(starts=1, perturbations=0, second_stage="none")
-SETTINGS = Settings(200, 1e-9, None, "none")
+SETTINGS = Ipopt(max_iterations=200, tolerance=1e-9)
 POSES = Poses(noise={"position": 0.01, "heading": 0.02})
 ROOM = Rectangle(x=(-0.8, 0.8), y=(-0.8, 0.8))
 STEP = 1e-3
@@ -86,7 +85,9 @@ def begun(problem: Problem) -> tuple[LocalSearch, Array]:
 def require_gained(problem: Problem, wider: Problem, name: str, step: float, rel: float = 0.02) -> float:
     """That a search says what the best drive near its end gains in a wider problem; returns that share."""
     search, unknowns = begun(problem)
-    found, instants = search.exchanged(search.program, unknowns, search.grid.correction(unknowns))
+    found, instants = search.exchanged(
+        search.program, unknowns, search.grid.correction(unknowns), search.first_instants()
+    )
     gains = search.gains(found)
     assert set(gains) == {one.name for one in problem.limits}
     drive = search.grid.trajectory(found.unknowns)
@@ -132,11 +133,13 @@ def test_gains_of_robust_drives_are_those_under_tightened_limits(kind: str):
 def test_gains_of_a_search_on_fewer_samples_are_those_of_all():
     problem = limited(ROOM, samples=24)
     search, unknowns = begun(problem)
-    fewer = LocalSearch(problem, replace(SETTINGS, search_samples=12))
+    fewer = LocalSearch(problem, SETTINGS.model_copy(update={"search_samples": 12}))
     assert fewer.grid.coarse
     # Close to where the first search ended.
     both = [
-        one.exchanged(one.program, unknowns, one.grid.correction(unknowns), barrier=1e-3)[0]
+        one.exchanged(
+            one.program, unknowns, one.grid.correction(unknowns), one.first_instants(), barrier=1e-3
+        )[0]
         for one in (search, fewer)
     ]
     whole, own = (one.gains(end)["workspace"] for one, end in zip((search, fewer), both, strict=True))

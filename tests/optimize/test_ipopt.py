@@ -19,8 +19,8 @@ from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
-from oed.optimize import Ipopt, Workers, multi_start, solve
-from oed.optimize.rounds import ROUNDING
+from oed.optimize import Ipopt, Workers, search, solve
+from oed.optimize.results import ROUNDING
 from oed.robots.limits import Rectangle, WheelSpeed
 from oed.robots.models import DifferentialDrive, SkidSteer
 from oed.robots.sensors import Displacements
@@ -150,8 +150,8 @@ def shared(monkeypatch: pytest.MonkeyPatch) -> list[Workers]:
         done.append(workers if len(tasks) > 1 else 1)
         run_tasks(function, tasks, workers, take)
 
-    monkeypatch.setattr(multi_start, "POOL_SECONDS", 0.0)
-    monkeypatch.setattr(multi_start, "run_tasks", noted)
+    monkeypatch.setattr(search, "POOL_SECONDS", 0.0)
+    monkeypatch.setattr(search, "run_tasks", noted)
     return done
 
 
@@ -180,7 +180,7 @@ def test_the_history_is_the_same_in_whichever_order_starts_end(monkeypatch: pyte
 
     histories = []
     for run in (run_tasks, reversed_tasks):
-        monkeypatch.setattr(multi_start, "run_tasks", run)
+        monkeypatch.setattr(search, "run_tasks", run)
         histories.append(solve(problem, options, seed=3, workers=1).history)
     points = [[(point.evaluations, point.objective) for point in history] for history in histories]
     assert points[0] == points[1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import OrderedDict
 
 import numpy as np
 import pytest
@@ -13,8 +12,7 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Ipopt, solve
-from oed.optimize.local import _CACHED, local_search
-from oed.optimize.local_results import Settings
+from oed.optimize.local import LocalSearch
 from oed.robots.limits import Rectangle
 from oed.robots.sensors import Displacements
 
@@ -52,9 +50,8 @@ def test_a_start_has_what_is_left_of_the_whole_time(coarse: Problem):
     # Not the whole limit once more: that is up after a solve.
     ends, began = [], time.perf_counter()
     for left in (-1.0, 100.0):
-        settings = Settings(200, 1e-6, 100.0, "none", deadline=time.time() + left)
-        assert settings.until == pytest.approx(time.perf_counter() + left, abs=0.1)
-        search = local_search(f"{left} s left", coarse, settings)
+        options = Ipopt(max_iterations=200, tolerance=1e-6, time_limit=100.0)
+        search = LocalSearch(coarse, options, deadline=time.time() + left)
         ends.append(search.maximise(np.random.default_rng(0).uniform(-0.5, 0.5, search.design.terms.size)))
     cut, whole = ends
     assert 0 <= cut.wall_seconds + whole.wall_seconds <= time.perf_counter() - began
@@ -68,13 +65,3 @@ def test_of_the_first_instants_alone_hardly_a_search_would_end_inside(coarse: Pr
     monkeypatch.setattr("oed.optimize.exchange.EXCHANGES", 1)
     monkeypatch.setattr("oed.optimize.local.ROUNDS", 1)
     assert feasible_starts(solve(coarse, OPTIONS, seed=0, workers=1)) <= 1
-
-
-@pytest.mark.slow
-def test_a_search_in_use_is_not_the_first_to_go(monkeypatch):
-    monkeypatch.setattr("oed.optimize.local._CACHE", OrderedDict())
-    problem, settings = problem_of(), Settings(10, 1e-6, None, "none")
-    first = local_search("first", problem, settings)
-    for number in range(2 * _CACHED):
-        local_search(f"{number}", problem, settings)
-        assert local_search("first", problem, settings) is first

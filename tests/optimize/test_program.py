@@ -13,8 +13,8 @@ from builders import ACCELERATION, BOX, RADIUS, SPEED, TRACK, problem_of, random
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.evaluation import evaluate
 from oed.optimize.exchange import Exchange
+from oed.optimize.ipopt import Ipopt
 from oed.optimize.local import LocalSearch
-from oed.optimize.local_results import Settings
 from oed.optimize.terms.instants import LINEAR_WEIGHT
 from oed.optimize.transcription import program
 from oed.optimize.transcription.design import DesignExpressions
@@ -202,7 +202,7 @@ class TestGoingOn:
     def search(self) -> LocalSearch:
         room = Rectangle(x=(-0.3, 0.3), y=(-0.3, 0.3))
         problem = problem_of(design=DesignSpace(**SPACE), limits=(SPEED, ACCELERATION, room))
-        return LocalSearch(problem, Settings(300, 1e-8, None, "none"))
+        return LocalSearch(problem, Ipopt(max_iterations=300))
 
     @pytest.mark.slow
     def test_multipliers_that_mislead_are_forgotten(self, search: LocalSearch, monkeypatch):

@@ -15,9 +15,8 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution, Status
 from oed.optimize import Genetic, Ipopt, solve
-from oed.optimize.earlier import earlier_design
 from oed.optimize.refinement import ENOUGH, finer_splines, on_spline, plan, refined
-from oed.optimize.solver import Context
+from oed.optimize.solver import Context, earlier_design
 from oed.optimize.transcription.design import DesignExpressions
 from oed.robots.sensors import Displacements
 from oed.uncertainty.robust import Robust

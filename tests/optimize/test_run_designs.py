@@ -99,7 +99,7 @@ class TestDesigns:
 @pytest.mark.slow
 @pytest.mark.parametrize("search", SEARCHES)
 def test_the_number_of_workers_changes_nothing(search: str, monkeypatch: pytest.MonkeyPatch):
-    for place in ("multi_start.POOL_SECONDS", "candidate_scores.WORTH", "candidate_scores.WRITING"):
+    for place in ("search.POOL_SECONDS", "candidate_scores.WORTH", "candidate_scores.WRITING"):
         monkeypatch.setattr(f"oed.optimize.{place}", 0.0)
     # Three starts, of which the first is done alone; few steps.
     less = {"ipopt": {"starts": 3, "perturbations": 0, "max_iterations": 10}, "genetic": {"generations": 3}}

@@ -380,8 +380,8 @@ def test_many_steps_of_a_long_drive_need_little_memory():
     script = (
         "import numpy as np\n"
         "from test_signal_problems import fishing\n"
-        "from oed.optimize.local import LocalSearch, Settings\n"
-        "search = LocalSearch(fishing(120, 4, substeps=2), Settings(100, 1e-8, None, 'none'))\n"
+        "from oed.optimize import Ipopt\nfrom oed.optimize.local import LocalSearch\n"
+        "search = LocalSearch(fishing(120, 4, substeps=2), Ipopt(max_iterations=100))\n"
         "assert search.maximise(np.full(4, 0.4)).status.name == 'CONVERGED'\n"
         # Of this program alone: what a process has used before it became this one counts elsewhere.
         "text = open('/proc/self/status').read()\n"

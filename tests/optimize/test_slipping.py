@@ -69,7 +69,7 @@ def at_few_points(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("oed.optimize.exchange.FINE", 1)
     monkeypatch.setattr("oed.optimize.exchange.TIMES", 1)
     # Which limits are in each other's way, where nothing is found, takes longer than the search.
-    monkeypatch.setattr("oed.optimize.multi_start.describe_conflict", lambda *_: "")
+    monkeypatch.setattr("oed.optimize.search.describe_conflict", lambda *_: "")
 
 
 @pytest.mark.slow

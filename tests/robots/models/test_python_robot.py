@@ -101,7 +101,7 @@ def test_the_echo_is_the_same_study(folder: Path):
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_screened")
 def test_the_number_of_workers_changes_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("oed.optimize.multi_start.POOL_SECONDS", 0.0)
+    monkeypatch.setattr("oed.optimize.search.POOL_SECONDS", 0.0)
     study = load(folder)
     # Where all starts are after some steps: the first alone, the others in processes.
     solver = study.solvers[0].model_copy(update={"starts": 3, "max_iterations": 5})

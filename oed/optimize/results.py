@@ -1,0 +1,151 @@
+"""Results of local searches: where each ended, what it is worth, and what is told of it meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from oed.foundation.arrays import Array
+from oed.foundation.text import deviation_text, listing, significant, words
+from oed.foundation.work.progress import Progress, announce
+from oed.kernel.problem import Problem
+from oed.kernel.results import Evaluation
+from oed.kernel.solution import Start, Status
+from oed.optimize.transcription.program import OUT_OF_TIME, Outcome
+
+ROUNDING = 1e-9
+"""Share of the objective that a design must be better by to replace an earlier one."""
+
+_STATUS = {
+    "Solve_Succeeded": Status.CONVERGED,
+    "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
+    "Feasible_Point_Found": Status.ACCEPTABLE,
+    "Search_Direction_Becomes_Too_Small": Status.ACCEPTABLE,
+    "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
+    "Maximum_CpuTime_Exceeded": Status.TIME_LIMIT,
+    OUT_OF_TIME: Status.TIME_LIMIT,
+    "Infeasible_Problem_Detected": Status.INFEASIBLE,
+    "Restoration_Failed": Status.INFEASIBLE,
+}
+
+Round: TypeAlias = tuple[Outcome, Evaluation]
+"""End of a solve, and what the scorer says of the drive there."""
+
+
+@dataclass(frozen=True, eq=False)
+class LocalResult:
+    """End of one local search.
+
+    Attributes:
+        unknowns: unknowns z of the drive there, (size,).
+        iterations: iterations of Ipopt.
+        wall_seconds: time that it took [s].
+        status: how it ended.
+        evaluations: evaluations of the drive.
+        evaluation: what the scorer says of the drive; None unless that is a feasible design.
+        sketched: objective on the grid of a sketch, which nobody has scored; minus infinity where limits are
+            exceeded.
+        reason: why it has failed, where that is known.
+        gains: gains by wider limits, see `Solution`.
+    """
+
+    unknowns: Array
+    iterations: int
+    wall_seconds: float
+    status: Status
+    evaluations: int = 0
+    evaluation: Evaluation | None = None
+    sketched: float = -np.inf
+    reason: str = ""
+    gains: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def objective(self) -> float:
+        """The objective reached; minus infinity without a feasible design."""
+        return self.sketched if self.evaluation is None else self.evaluation.objective
+
+    @property
+    def start(self) -> Start:
+        """The entry of a solution's list of starts."""
+        objective = self.objective if np.isfinite(self.objective) else None
+        return Start(objective, self.status, self.wall_seconds, self.iterations)
+
+
+def is_better(objective: float, standing: float) -> bool:
+    """Return whether an objective is larger than another by more than rounding."""
+    return bool(np.isfinite(objective)) and objective > standing + ROUNDING * abs(objective)
+
+
+def best_round(rounds: Sequence[Round]) -> int:
+    """Return the place of the best feasible round, of equal ones the last; without any, of the last round."""
+    best, standing = len(rounds) - 1, -np.inf
+    for place, (_, evaluation) in reversed(list(enumerate(rounds))):
+        if evaluation.feasible and is_better(evaluation.objective, standing):
+            best, standing = place, evaluation.objective
+    return best
+
+
+def result_of(rounds: Sequence[Round], place: int, seconds: float, broken: str) -> LocalResult:
+    """Return the result of a local search whose last rounds may have led nowhere.
+
+    A drive that does not identify what is asked for is a design all the same: the search says so in the end.
+
+    Args:
+        rounds: solves of the search, one at least.
+        place: which of them counts.
+        seconds: time that it took [s].
+        broken: why a further round was not finite; "" if none was.
+    """
+    outcome, evaluation = rounds[place]
+    status = _STATUS.get(outcome.return_status, Status.FAILED)
+    usable = evaluation.feasible and (np.isfinite(evaluation.objective) or not evaluation.identifiable)
+    if not usable:
+        status = status if status is Status.INFEASIBLE else Status.FAILED
+    elif status in (Status.INFEASIBLE, Status.FAILED) or broken or place < len(rounds) - 1:
+        # A feasible end is a design, whatever made Ipopt stop there or went wrong from there.
+        status = Status.ACCEPTABLE
+    return LocalResult(
+        outcome.unknowns,
+        sum(end.iterations for end, _ in rounds),
+        seconds,
+        status,
+        evaluations=sum(end.evaluations for end, _ in rounds),
+        evaluation=evaluation if usable else None,
+        reason="" if usable else broken,
+    )
+
+
+def announce_drive(listener: Progress, problem: Problem, evaluation: Evaluation, seconds: float) -> None:
+    """Tell a listener what a feasible drive is worth: nobody need wait for the end to see what to expect.
+
+    Args:
+        listener: to the search.
+        problem: problem that is searched.
+        evaluation: scores of the drive.
+        seconds: time since the search began [s].
+    """
+    if not evaluation.identifiable:
+        return
+    first = "first feasible drive" if problem.robust is None else "first drive, untried with other robots,"
+    estimations = problem.any_estimations
+    units = {
+        name: unit
+        for estimation in estimations
+        for name, unit in zip(estimation.parameters, estimation.units, strict=True)
+    }
+    shown = problem.model.shown_units
+    errors = [
+        f"{words(name)} {deviation_text(size, units[name], shown.get(name))}"
+        for name, size in evaluation.standard_deviations.items()
+    ]
+    objective = significant(4)(evaluation.objective)
+    worth = f"standard errors {listing(errors)}" if errors else f"objective {objective}"
+    # A later drive may be better by the criterion, and yet less precise about some parameter.
+    names = [words(name) for estimation in estimations for name in estimation.judged]
+    minimised = problem.criterion.standard_error(names)
+    aim = f": to make {minimised} as small as possible" if minimised else ""
+    text = f"{first} after {significant(2)(seconds)} s: {worth}; the search for a better one goes on{aim}"
+    announce(listener, text)

@@ -1,0 +1,374 @@
+"""The search of Ipopt: starts, perturbed designs, a second stage; one loop that shares the solves of all.
+
+Which solves are made, and in which order their results count, depends on the seed alone; how many processes
+share them only on how long they take.
+"""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property, partial
+from typing import TypeAlias
+
+import numpy as np
+
+from oed.foundation.arrays import Array
+from oed.foundation.work.parallel import at_once, run_tasks, waiting
+from oed.kernel.criteria import D
+from oed.kernel.problem import Problem
+from oed.kernel.results import TOLERANCE
+from oed.kernel.solution import BEST_YET, NOTHING_YET, Explored, HistoryPoint, Solution, Start, Status
+from oed.optimize.conflict import describe_conflict
+from oed.optimize.exploration import BARRIERS, Attempt, Exploration, explorer_of
+from oed.optimize.ipopt_options import IpoptOptions
+from oed.optimize.local import LocalSearch
+from oed.optimize.results import LocalResult, announce_drive, is_better
+from oed.optimize.shared_search import SharedSearch
+from oed.optimize.solver import Context, earlier_design
+from oed.optimize.transcription.design import DesignExpressions
+from oed.optimize.transcription.starting_points import (
+    SCREENED,
+    Screening,
+    perturbed,
+    random_drives,
+    screen,
+    starting_points,
+    varied_starts,
+)
+
+ROUND = 4
+"""Perturbations tried from one design before the best of them is perturbed in turn."""
+TRIAL = 4
+"""Starts tried before a search without any design asks whether the limits conflict."""
+RESCORED = 5
+"""Screened drives that are scored between their samples at most, the best first."""
+SPARED = 0.5
+"""Share of a search's time that machine code spares it."""
+PERCENT = 100
+"""Steps of an exploration's progress."""
+POOL_SECONDS, READY_SECONDS = 8.0, 2.0
+"""Work left below which worker processes, each building its own program, take longer: such as have to be
+started first, and such as wait.
+"""
+
+Job: TypeAlias = Callable[[LocalSearch], LocalResult]
+"""A solve to make."""
+
+
+class TimeUp(Exception):
+    """The search's time limit has passed."""
+
+
+class Search:
+    """A search on its way.
+
+    Args:
+        options: options of the search.
+        problem: problem to be solved.
+        context: seed, workers, progress, earlier designs.
+    """
+
+    def __init__(self, options: IpoptOptions, problem: Problem, context: Context) -> None:
+        """Write the expressions that all solves share."""
+        self.options, self.problem, self.context = options, problem, context
+        began = context.refining_since
+        self.began = time.perf_counter() if began is None else began
+        spent, limit = time.perf_counter() - self.began, options.time_limit
+        self.deadline = np.inf if limit is None else time.time() + limit - spent
+        self.shared = SharedSearch(uuid.uuid4().hex, problem, options, self.deadline)
+        self.local = self.shared.local
+        self.best: LocalResult | None = None
+        self.starts: list[Start] = []
+        self.stages: dict[str, float] = {}
+        self.history: list[HistoryPoint] = []
+        self.evaluations = 0
+        self.explored: Explored | None = None
+        self.stopped: Status | None = None
+        self._looked_at: list[Array] = []
+        self._seconds: list[float] = []
+        self._solves_left = 0.0
+        self._standing = -np.inf
+        self._reason = ""
+
+    def run(self) -> Solution:
+        """Return the best design; of an interrupted search, the best so far."""
+        try:
+            self._check_time()
+            try:
+                self._find()
+            finally:
+                # No search is to end with less than the best drives that were only looked at.
+                self._keep_better(self._looked_at)
+            self._check_time()
+            self._decide()
+        except TimeUp:
+            self.stopped = Status.TIME_LIMIT
+        except KeyboardInterrupt:
+            self.stopped = Status.INTERRUPTED
+        return self._solution()
+
+    def _find(self) -> None:
+        if self.context.refining_since is not None:
+            self._go_on()
+        elif self.options.starts == "auto":
+            self._explore()
+        else:
+            self._try_starts(self.options.starts)
+            self._perturb(self.options.perturbations)
+
+    def _go_on(self) -> None:
+        # From the earlier design on a finer spline: which barrier parameter leads farther, nobody knows.
+        start = self._earlier_design(self.options.label)
+        count = self.problem.design.spline.count
+        self.context.progress.begin(f"refine the spline to {count} coefficients", len(BARRIERS))
+        for barrier in reversed(BARRIERS):
+            self._maximise([start], barrier)
+
+    def _try_starts(self, count: int) -> None:
+        rng, name = self.context.rng(0), self.options.start_from
+        self.context.progress.begin("starts", count)
+        screened = self._screened(self.local.design, rng)
+        points = starting_points(self.local.design, count, rng, screened)
+        if name is not None:
+            points[0] = self._earlier_design(name)
+        self._solves_left = count + (0 if self.options.starts == "auto" else self.options.perturbations)
+        self._maximise(points[:TRIAL])
+        # Where the first few starts give no design, asking why comes before trying the others.
+        if self.best is None:
+            self._keep_better(self._looked_at)
+        if self.best is not None or not self._conflict:
+            self._maximise(points[TRIAL:])
+        self._note_stage("starts")
+
+    def _perturb(self, count: int) -> None:
+        if self.best is None:
+            return
+        rng = self.context.rng(1)
+        if count:
+            self.context.progress.begin("perturb and solve again", count)
+        for begun in range(0, count, ROUND):
+            base, size = self.best.unknowns, min(ROUND, count - begun)
+            self._maximise([perturbed(self.local.design, base, rng) for _ in range(size)], perturbed=True)
+        self._note_stage("perturbations")
+
+    def _explore(self) -> None:
+        # Many solves, on a coarse grid where that will do; the best are then solved on the search's own.
+        explorer, pace = explorer_of(self.shared)
+        design, name = explorer.local.design, self.options.start_from
+        self.context.progress.begin("explore", PERCENT)
+        screened = self._screened(design, self.context.rng(0))
+        fresh = varied_starts(design, screened, self.context.rng(3))
+        exploration = Exploration(design, fresh, self.context.rng(1), self.options.budget, pace)
+        try:
+            if name is not None:
+                start = self._earlier_design(name)
+                self._maximise([start])
+                self._sketch(explorer, exploration, [Attempt(start)])
+            while not exploration.done:
+                self._sketch(explorer, exploration, exploration.next_round())
+        except (TimeUp, KeyboardInterrupt):
+            self._looked_at[:0] = [optimum.unknowns for optimum in exploration.worth_finishing]
+            raise
+        finally:
+            self.explored = exploration.explored
+        self._finish(exploration.worth_finishing, ranked=explorer == self.shared)
+        if self.best is None:
+            self._try_starts(TRIAL)
+        self._note_stage("starts")
+
+    def _sketch(self, explorer: SharedSearch, exploration: Exploration, attempts: Sequence[Attempt]) -> None:
+        def take(place: int, sketch: LocalResult) -> None:
+            before = exploration.spent
+            exploration.take(attempts[place], sketch)
+            self._solves_left = exploration.solves_left
+            steps = (
+                min(int(PERCENT * spent / exploration.budget), PERCENT)
+                for spent in (exploration.spent, before)
+            )
+            for _ in range(next(steps) - next(steps)):
+                self.context.progress.advance()
+
+        tolerance = exploration.pace.tolerance
+        jobs = [
+            partial(
+                LocalSearch.sketch,
+                unknowns=attempt.unknowns,
+                barrier=attempt.barrier,
+                tolerance=tolerance,
+            )
+            for attempt in attempts
+        ]
+        self._solves_left = exploration.solves_left
+        self._do(explorer, jobs, take, sketching=True)
+
+    def _finish(self, optima: Sequence[LocalResult], *, ranked: bool) -> None:
+        # One after the other as long as one may be better, where they are ranked by the search's own grid.
+        self.context.progress.begin("starts", len(optima))
+        self._solves_left = len(optima)
+        for batch in [[optimum] for optimum in optima] if ranked or not optima else [optima]:
+            if self.best is None or batch[0].objective > self.best.objective:
+                self._maximise([optimum.unknowns for optimum in batch], BARRIERS[-1])
+
+    def _decide(self) -> None:
+        stage, share, best = self.options.second_stage, self.options.second_stage_share, self.best
+        # Maximising log det is what the first stage of D has done.
+        done = stage == "none" or (stage == "logdet" and isinstance(self.problem.criterion, D))
+        if done or best is None or best.evaluation is None or best.evaluation.singular:
+            return
+        self.context.progress.begin("second stage among equal optima", 1)
+        decided = self.shared(partial(LocalSearch.second_stage, unknowns=best.unknowns, share=share))
+        self.context.progress.advance()
+        least = self.problem.criterion.concede(best.objective, share)
+        # Less than that only by rounding; anything worse is no gain.
+        if decided.objective >= least - 1e-6 * abs(least):
+            self.best = replace(decided, gains=best.gains)
+        self._note_stage("second_stage")
+
+    def _maximise(
+        self, points: Sequence[Array], barrier: float | None = None, *, perturbed: bool = False
+    ) -> None:
+        # Local searches to the end; those from perturbed designs are not listed as starts.
+        def take(place: int, result: LocalResult) -> None:
+            if not perturbed:
+                self.starts.append(result.start)
+            self._keep(result)
+
+        jobs = [partial(LocalSearch.maximise, unknowns=point, barrier=barrier) for point in points]
+        self._do(self.shared, jobs, take)
+
+    def _do(
+        self,
+        shared: SharedSearch,
+        jobs: Sequence[Job],
+        take: Callable[[int, LocalResult], None],
+        *,
+        sketching: bool = False,
+    ) -> None:
+        # The one loop over all solves; `take` hears of results in their order, whichever ends first.
+        begun = 0
+        while begun < len(jobs):
+            left = self._solves_left * float(np.mean(self._seconds)) if self._seconds else 0.0
+            binary = shared.local.compile(SPARED * left, sketching=sketching)
+            # How many share the work decides only when a design is there, not which.
+            least = POOL_SECONDS if waiting() == 1 else min(READY_SECONDS, POOL_SECONDS)
+            workers = self.context.workers if left > least else 1
+            if not self._seconds:
+                # The very first one alone: it shows how long the others will take.
+                count = 1
+            elif shared.local.design.terms.compiling:
+                # A compiler takes a processor, and what is begun now goes without what it makes.
+                count = max(at_once(workers) - 1, 1)
+            else:
+                count = len(jobs)
+            batch, ended = jobs[begun : begun + count], dict[int, tuple[LocalResult, float]]()
+            try:
+                hear = partial(self._hear, ended, sketching)
+                run_tasks(replace(shared, binary=binary), batch, workers, hear)
+            finally:
+                for place, (result, seconds) in sorted(ended.items()):
+                    self._note(result, seconds)
+                    take(begun + place, result)
+            begun += len(batch)
+
+    def _hear(
+        self,
+        ended: dict[int, tuple[LocalResult, float]],
+        sketching: bool,
+        place: int,
+        result: LocalResult,
+    ) -> None:
+        seconds = time.perf_counter() - self.began
+        ended[place] = result, seconds
+        self._seconds.append(result.wall_seconds)
+        self._solves_left -= 1
+        if result.evaluation is not None:
+            announce_drive(self.context.progress, self.problem, result.evaluation, seconds)
+        if not sketching:
+            self._standing = max(self._standing, result.objective)
+            kind, known = self.problem.criterion.kind, np.isfinite(self._standing)
+            self.context.progress.advance(f"best by {kind}: {self._standing:.4g}" if known else "")
+        self._check_time()
+
+    def _note(self, result: LocalResult, seconds: float) -> None:
+        # A later start may have ended before an earlier one; time in the history does not go back.
+        self.evaluations += result.evaluations
+        before = self.history[-1] if self.history else HistoryPoint(0, 0.0, -np.inf)
+        if result.evaluation is not None and result.objective > before.objective:
+            seconds = max(seconds, before.seconds)
+            self.history.append(HistoryPoint(self.evaluations, seconds, result.objective))
+
+    def _keep(self, result: LocalResult) -> None:
+        # Better than rounding alone could make it: else the first one stays, on every machine.
+        if result.evaluation is None:
+            self._reason = self._reason or result.reason
+        elif self.best is None or is_better(result.objective, self.best.objective):
+            self.best = result
+
+    def _keep_better(self, drives: Sequence[Array]) -> None:
+        standing = -np.inf if self.best is None else self.best.objective
+        for unknowns in drives:
+            evaluation = self.local.improvement(unknowns, standing)
+            if evaluation is not None:
+                self.best = LocalResult(unknowns, 0, 0.0, Status.UNIMPROVED, evaluation=evaluation)
+                return
+
+    def _screened(self, design: DesignExpressions, rng: np.random.Generator) -> Screening:
+        screened = screen(design, rng)
+        self.evaluations += SCREENED
+        self._looked_at = screened.kept(TOLERANCE)[:RESCORED]
+        return screened
+
+    def _earlier_design(self, name: str) -> Array:
+        return earlier_design(self.context.earlier, name, self.local.design)
+
+    def _note_stage(self, name: str) -> None:
+        if self.best is not None and self.best.evaluation is not None and self.best.evaluation.identifiable:
+            self.stages[name] = self.best.objective
+
+    def _check_time(self) -> None:
+        if time.time() > self.deadline:
+            raise TimeUp
+
+    def _solution(self) -> Solution:
+        status, detail = self._verdict()
+        best = self.best if status.usable else None
+        return Solution(
+            name=self.options.label,
+            kind=self.options.kind,
+            trajectory=None if best is None else self.local.grid.trajectory(best.unknowns),
+            evaluation=None if best is None else best.evaluation,
+            status=status,
+            starts=tuple(self.starts),
+            wall_seconds=time.perf_counter() - self.began,
+            seed=self.context.seed,
+            detail=detail,
+            stages=self.stages,
+            history=tuple(self.history),
+            gains={} if best is None else best.gains,
+            explored=self.explored,
+        )
+
+    def _verdict(self) -> tuple[Status, str]:
+        if self.best is None or self.best.evaluation is None:
+            if self.stopped is not None:
+                return self.stopped, NOTHING_YET
+            return (Status.INFEASIBLE, self._conflict) if self._conflict else (Status.FAILED, self._reason)
+        if not self.best.evaluation.identifiable:
+            return Status.SINGULAR, ""
+        if self.stopped is not None:
+            return self.stopped, BEST_YET
+        return self.best.status, "" if self.explored is None else self.explored.sentence
+
+    @cached_property
+    def _conflict(self) -> str:
+        # Which limits conflict, in words; "" if they turn out to agree, or something else is in the way.
+        if self._reason:
+            return ""
+        self.context.progress.begin("find out which limits conflict", 1)
+        points = random_drives(self.local.design, np.array([0.25, 0.5, 1.0]), self.context.rng(2))
+        conflict = describe_conflict(self.local.design, list(points))
+        self.context.progress.advance()
+        return conflict
