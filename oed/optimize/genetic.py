@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, PositiveInt
@@ -94,19 +94,22 @@ class Candidates:
 
 
 class Generations:
-    """Generations of pymoo's genetic algorithm.
+    """Generations of pymoo's genetic algorithm, asked for candidates and told their scores.
 
     Args:
-        options: of the search.
-        scorer: of candidates.
+        population: number of candidates.
+        scorer: scorer of candidates.
         design: expressions of the problem.
         sampling: unknowns of the first generation, (population, size).
         seed: seed of all random numbers.
+
+    Attributes:
+        evaluations: number of candidates scored so far.
     """
 
     def __init__(
         self,
-        options: Genetic,
+        population: int,
         scorer: CandidateScorer,
         design: DesignExpressions,
         sampling: Array,
@@ -115,27 +118,27 @@ class Generations:
         """Set the algorithm up."""
         # pymoo is loaded only when such a search runs.
         from pymoo.algorithms.soo.nonconvex.ga import GA
-        from pymoo.termination import get_termination
+        from pymoo.core.problem import Problem as Bounds
 
-        self._scorer = scorer
-        self._algorithm = GA(pop_size=options.population, sampling=sampling)
-        termination = get_termination("n_gen", options.generations)
-        problem = _pymoo_problem(design, scorer)
-        self._algorithm.setup(problem, termination=termination, seed=seed, verbose=False)
+        bounds = design.coefficient_bounds
+        if design.terms.size > len(bounds):
+            bounds = np.vstack([bounds, start_bounds(design)])
+        low, high = bounds.T
+        limits = len(design.terms.rows)
+        problem = Bounds(n_var=len(bounds), n_obj=1, n_ieq_constr=limits, xl=low, xu=high)
+        self._scorer, self.evaluations = scorer, 0
+        self._algorithm = GA(pop_size=population, sampling=sampling)
+        self._algorithm.setup(problem, seed=seed, verbose=False)
 
-    @property
-    def ended(self) -> bool:
-        """Whether all generations were made, or mating gave nothing new."""
-        return not self._algorithm.has_next()
-
-    @property
-    def evaluations(self) -> int:
-        """Number of candidates scored so far."""
-        return int(self._algorithm.evaluator.n_eval)
-
-    def advance(self) -> Candidates:
-        """Make, score and select the next generation, and return the candidates selected."""
-        self._algorithm.next()
+    def advance(self) -> Candidates | None:
+        """Make, score and select the next generation; return the candidates selected, None if none is new."""
+        offspring = self._algorithm.ask()
+        if offspring is None:
+            return None
+        values, excess = self._scorer.score(offspring.get("X"))
+        self.evaluations += len(offspring)
+        offspring.set("F", -values[:, None], "G", excess)
+        self._algorithm.tell(infills=offspring)
         unknowns, costs, excess = self._algorithm.pop.get("X", "F", "G")
         return Candidates(np.asarray(unknowns, dtype=float), -costs[:, 0], excess)
 
@@ -145,37 +148,11 @@ class Generations:
         Args:
             tightening: total shares of the limits' sizes, (limits,).
         """
-        if np.array_equal(tightening, self._scorer.tightening):
-            return
         population = self._algorithm.pop
-        population.set("G", population.get("G") + tightening - self._scorer.tightening)
-        # pymoo sums constraint violations up anew where there is none.
-        population.set("CV", [None] * len(population))
+        excess = population.get("G") + tightening - self._scorer.tightening
+        # Candidates are selected by the sum of what they exceed, which pymoo keeps.
+        population.set("G", excess, "CV", np.maximum(excess, 0.0).sum(axis=1, keepdims=True))
         self._scorer.tightening = tightening
-
-
-def _pymoo_problem(design: DesignExpressions, scorer: CandidateScorer) -> Any:
-    from pymoo.core.problem import Problem as PymooProblem
-
-    bounds = design.coefficient_bounds
-    if design.terms.size > len(bounds):
-        bounds = np.vstack([bounds, start_bounds(design)])
-
-    class Design(PymooProblem):  # type: ignore[misc]
-        def __init__(self) -> None:
-            super().__init__(
-                n_var=design.terms.size,
-                n_obj=1,
-                n_ieq_constr=len(design.terms.rows),
-                xl=bounds[:, 0],
-                xu=bounds[:, 1],
-            )
-
-        def _evaluate(self, x: Array, out: dict[str, Any], *_: Any, **__: Any) -> None:
-            values, out["G"] = scorer.score(x)
-            out["F"] = -values[:, None]
-
-    return Design()
 
 
 def excess_between(evaluation: Evaluation, at_points: Array) -> Array:
@@ -238,11 +215,13 @@ class _Search:
         expected = min(expected, options.evaluations or expected)
         until = np.inf if options.time_limit is None else self.began + options.time_limit
         scorer = CandidateScorer(design, refine, self.context.workers, expected, until)
-        generations = Generations(options, scorer, design, sampling, seed)
+        generations = Generations(options.population, scorer, design, sampling, seed)
         self.context.progress.begin(options.kind, options.generations)
-        while not generations.ended:
-            candidates = generations.advance()
-            self.evaluations = before + generations.evaluations
+        for _ in range(options.generations):
+            selected = generations.advance()
+            if selected is None:
+                break
+            candidates, self.evaluations = selected, before + generations.evaluations
             generations.tighten(self._rescore(candidates, RESCORED, scorer.tightening))
             kind = self.problem.criterion.kind
             note = "" if self.best is None else f"best by {kind}: {self.best[1].objective:.4g}"
