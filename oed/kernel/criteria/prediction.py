@@ -41,6 +41,8 @@ FAINT = 1e-8
 
 It leaves factors to matrices of drives that identify no more than what the predictions need.
 """
+PredictedDrive = tuple[Sequence[Sequence[float]], Sequence[float], Sequence[float] | None]
+"""Inputs held in every leg of a drive, the legs' durations [s], and its start, if it has its own."""
 Rows = tuple[tuple[tuple[tuple[float, ...], ...], ...], ...]
 
 
@@ -93,15 +95,21 @@ class Prediction(RootCriterion):
             rows.append(self.condensed(picked[:, :, columns] * scales).tolist())
         return self.with_rows(rows)
 
+    @property
+    def _drives(self) -> list[PredictedDrive]:
+        # Each is predicted from its own start.
+        legs = self.test_drive
+        return [([leg.inputs for leg in legs], [leg.duration for leg in legs], None)] if legs else []
+
     def predicted(self, subject: Subject) -> Array:
-        """Derivatives of all that is predicted by the system's parameters, (predictions, coordinates, p)."""
-        inputs, durations = [leg.inputs for leg in self.test_drive], [leg.duration for leg in self.test_drive]
-        return sensitivities(subject, inputs, durations)[:, states_of(subject, self.quantity)]
+        """Return derivatives (predictions, coordinates, p) of all predictions by the system's parameters."""
+        slopes = np.concatenate([sensitivities(subject, *drive) for drive in self._drives])
+        return slopes[:, states_of(subject, self.quantity)]
 
     @property
     def seconds(self) -> float:
-        """How far is predicted at once [s], with nothing begun anew."""
-        return sum(leg.duration for leg in self.test_drive)
+        """Longest time that is predicted at once [s], with nothing begun anew."""
+        return max((sum(durations) for _, durations, _ in self._drives), default=0.0)
 
     def condensed(self, rows: Array) -> Array:
         """Rows (predictions, coordinates, p) in place of others with the same judgement; as they are."""
@@ -313,21 +321,10 @@ class I(Prediction):  # noqa: E742
         return super().misfits(subject) or list(task_issues(subject, self.task))
 
     @property
-    def seconds(self) -> float:
-        """How far is predicted at once [s]: the longest drive."""
-        drives = (one for one in self.task if isinstance(one, TaskDrive))
-        longest = max((len(one.inputs) * one.period for one in drives), default=0.0)
-        return max(super().seconds, longest)
-
-    def predicted(self, subject: Subject) -> Array:
-        """Derivatives of all that is predicted by the system's parameters, (predictions, coordinates, p)."""
-        if not self.task:
-            return super().predicted(subject)
-        drives = [one for one in self.task if isinstance(one, TaskDrive)]
-        found = [
-            sensitivities(subject, one.inputs, [one.period] * len(one.inputs), one.start) for one in drives
-        ]
-        return np.concatenate(found)[:, states_of(subject, self.quantity)]
+    def _drives(self) -> list[PredictedDrive]:
+        drives = [drive for drive in self.task if isinstance(drive, TaskDrive)]
+        task = [(drive.inputs, [drive.period] * len(drive.inputs), drive.start) for drive in drives]
+        return [*super()._drives, *task]
 
     def condensed(self, rows: Array) -> Array:
         """Of a task at most p rows whose square is the mean over all predictions."""
