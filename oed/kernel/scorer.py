@@ -5,10 +5,9 @@ Searches score by it; what is reported comes from `evaluate`, which takes steps 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -57,7 +56,9 @@ def full_information(problem: Problem, trajectory: Trajectory) -> dict[str, Squa
         ValueError, NotFinite: as `evaluate` does.
     """
     scorer, _ = _scorer_of(problem, trajectory)
-    return scorer.full_information(trajectory)
+    *_, jacobians, magnitudes = scorer.measured(trajectory)
+    _, full = scorer.square_roots(jacobians, magnitudes)
+    return {part.block.name: root for part, root in zip(scorer.estimations, full, strict=True)}
 
 
 def jacobians(problem: Problem, trajectory: Trajectory) -> tuple[Array, ...]:
@@ -67,7 +68,7 @@ def jacobians(problem: Problem, trajectory: Trajectory) -> tuple[Array, ...]:
         ValueError, NotFinite: as `evaluate` does.
     """
     scorer, _ = _scorer_of(problem, trajectory)
-    return scorer.jacobians(trajectory)
+    return tuple(scorer.measured(trajectory)[2])
 
 
 def precision_over_time(problem: Problem, trajectory: Trajectory, times: Array) -> Array:
@@ -85,7 +86,14 @@ def precision_over_time(problem: Problem, trajectory: Trajectory, times: Array) 
         ValueError, NotFinite: as `evaluate` does.
     """
     scorer, _ = _scorer_of(problem, trajectory)
-    return scorer.precision_over_time(trajectory, times)
+    *_, (jacobian,), (magnitudes,) = scorer.measured(trajectory)
+    (estimation,), samples = scorer.estimations, trajectory.samples // trajectory.runs
+    rows = row_times(problem.measurement.joint_sensors, problem.system, samples, trajectory.runs)
+    read = np.array([trajectory.each[run].period * time for _, run, time in rows])
+    # What is read at a time counts, however that is rounded.
+    until = [jacobian * (read <= time + NEVER * trajectory.period)[:, None] for time in times]
+    roots = [estimation.square_roots(rows, magnitudes.ravel())[1] for rows in until]
+    return np.sqrt([np.diag(root.covariance) for root in roots])
 
 
 def limits_exceeded(problem: Problem, trajectory: Trajectory, share: float) -> frozenset[str]:
@@ -101,7 +109,8 @@ def limits_exceeded(problem: Problem, trajectory: Trajectory, share: float) -> f
         ValueError, NotFinite: as `evaluate` does.
     """
     scorer, extremes = _scorer_of(problem, trajectory)
-    return scorer.exceeded(trajectory, extremes, share)
+    margins = scorer.margins(trajectory, extremes, share)
+    return frozenset(margin.name for margin in margins if margin.violation > share * margin.size)
 
 
 def _scorer_of(problem: Problem, trajectory: Trajectory) -> tuple[_Scorer, list[Array]]:
@@ -178,39 +187,38 @@ class _Scorer:
         ]
         return Outputs("measured", self._symbols, groups)
 
-    @cached_property
-    def _jacobians(self) -> ca.Function:
-        # Of any robot, with what their columns add up; only where others than the nominal one count.
-        blocks = [one.block for one in self.estimations]
-        results = [*(one.jacobian for one in blocks), *(one.magnitudes for one in blocks)]
-        return ca.Function("jacobians", self._symbols, results)
-
     def _robots(self, trajectory: Trajectory, roots: Sequence[SquareRoot]) -> list[Sequence[SquareRoot]]:
-        """What the criterion sees of every robot that is judged."""
-        problem, found = self.problem, list[Sequence[SquareRoot]]()
+        # What the criterion sees of every robot that is judged.
+        problem = self.problem
         if problem.robust is None or problem.robust.objective == "nominal":
             return [roots]
+        robots = []
         for parameters, shift in problem.judged_systems:
-            given = [trajectory.inputs, trajectory.starts + shift, parameters, trajectory.period]
-            results = [np.array(each) for each in self._jacobians.call(given)]
-            jacobians, summed = results[: len(results) // 2], results[len(results) // 2 :]
-            jacobians = self._weighted(jacobians, trajectory)
-            found.append(self._square_roots(jacobians, summed)[0])
-        return found
+            _, _, jacobians, magnitudes, _ = self._read(trajectory, parameters, shift)
+            robots.append(self.square_roots(jacobians, magnitudes)[0])
+        return robots
 
-    def _weighted(self, jacobians: list[Array], drive: Trajectory) -> list[Array]:
-        # A reading that counts w times says as much as w readings.
+    def _read(
+        self, drive: Trajectory, parameters: Array | None = None, shift: Array | float = 0.0
+    ) -> list[list[Array]]:
+        # Regressors, responses, jacobians and what their columns add up, of every block; the states.
+        robot = self.problem.system.nominal if parameters is None else parameters
+        arguments = drive.inputs.T, (drive.starts + shift).T, np.array(robot), np.array(drive.period)
+        groups = self._of_measuring.values(*arguments)
         roots = root_weights(self.problem.measurement.joint_sensors, self.problem.system, drive)
-        return jacobians if roots is None else [roots[:, None] * one for one in jacobians]
+        if roots is not None:
+            # A reading that counts w times says as much as w readings.
+            groups[2] = [roots[:, None] * jacobian for jacobian in groups[2]]
+        return groups
 
-    def _square_roots(
-        self, jacobians: Sequence[Array], summed: Sequence[Array]
+    def square_roots(
+        self, jacobians: Sequence[Array], magnitudes: Sequence[Array]
     ) -> tuple[Sequence[SquareRoot], Sequence[SquareRoot]]:
-        # What the criterion sees of each block, and of all its estimated parameters.
-        each = zip(self.estimations, jacobians, summed, strict=True)
-        pairs = [one.square_roots(jacobian, own.ravel()) for one, jacobian, own in each]
-        seen, full = zip(*pairs, strict=True)
-        return seen, full
+        """Return information of each block: what the criterion sees, and on all its estimated parameters."""
+        triples = zip(self.estimations, jacobians, magnitudes, strict=True)
+        pairs = [part.square_roots(jacobian, sizes.ravel()) for part, jacobian, sizes in triples]
+        judged, full = zip(*pairs, strict=True)
+        return judged, full
 
     def _designs(self, regressors: Sequence[Array], jacobians: Sequence[Array]) -> list[Array]:
         own = iter(regressors)
@@ -221,65 +229,35 @@ class _Scorer:
 
     def _driven(self, drive: Trajectory, extremes: Sequence[Array]) -> tuple[list[Array], list[Array]]:
         # Its length, states at the samples, path and speeds; the limits' rows.
-        given = *self._given(drive), *(one.T for one in extremes), repetitions(self.problem, drive)
-        driven, limits = self._of_driving.values(*given)
-        require_driven(self.problem, drive, driven[2])
+        problem, robot = self.problem, np.array(self.problem.system.nominal)
+        arguments = drive.inputs.T, drive.starts.T, robot, np.array(drive.period)
+        tables = [values.T for values in extremes]
+        driven, limits = self._of_driving.values(*arguments, *tables, repetitions(problem, drive))
+        require_driven(problem, drive, driven[2])
         return driven, limits
 
-    def _measured(self, drive: Trajectory) -> list[list[Array]]:
-        # Regressors, responses, jacobians and what their columns add up, of every block of readings.
-        *groups, (states,) = self._of_measuring.values(*self._given(drive))
+    def measured(self, drive: Trajectory) -> list[list[Array]]:
+        """Return regressors, responses, jacobians and what their columns add up, of every block."""
+        *groups, (states,) = self._read(drive)
         require_driven(self.problem, drive, states)
-        groups[2] = self._weighted(groups[2], drive)
         require_measured(self.problem, drive, groups[1], groups[2])
         return groups
 
-    def _given(self, drive: Trajectory) -> list[Array]:
-        robot, period = np.array(self.problem.system.nominal), np.array(drive.period)
-        return [drive.inputs.T, drive.starts.T, robot, period]
-
-    def full_information(self, trajectory: Trajectory) -> dict[str, SquareRoot]:
-        *_, jacobians, summed = self._measured(trajectory)
-        _, full = self._square_roots(jacobians, summed)
-        return {one.block.name: root for one, root in zip(self.estimations, full, strict=True)}
-
-    def jacobians(self, trajectory: Trajectory) -> tuple[Array, ...]:
-        *_, found, _ = self._measured(trajectory)
-        return tuple(found)
-
-    def precision_over_time(self, trajectory: Trajectory, times: Array) -> Array:
-        """Standard deviations (n, p) by the readings until times (n,) [s] of every run."""
-        *_, (jacobian,), (summed,) = self._measured(trajectory)
-        (one,), samples = self.estimations, trajectory.samples // trajectory.runs
-        rows = row_times(
-            self.problem.measurement.joint_sensors, self.problem.system, samples, trajectory.runs
-        )
-        periods = np.array([trajectory.each[run].period for _, run, _ in rows])
-        read = periods * np.array([time for _, _, time in rows])
-        # What is read at a time counts, however that is rounded.
-        until = [jacobian * (read <= time + NEVER * trajectory.period)[:, None] for time in times]
-        each = [one.square_roots(rows, summed.ravel())[1].covariance for rows in until]
-        return np.sqrt([np.diag(covariance) for covariance in each])
-
-    def exceeded(self, trajectory: Trajectory, extremes: Sequence[Array], share: float) -> frozenset[str]:
-        """Names of the limits exceeded by more than a share of their size.
-
-        Args:
-            trajectory: what is driven.
-            extremes: of its splines.
-            share: of each limit's size.
-        """
-        margins = self._margins(trajectory, extremes, share)
-        return frozenset(margin.name for margin in margins if margin.violation > share * margin.size)
-
-    def _margins(
+    def margins(
         self,
         trajectory: Trajectory,
         extremes: Sequence[Array],
         share: float | None = None,
         scored: tuple[list[Array], list[Array]] | None = None,
     ) -> tuple[Margin, ...]:
-        # Limits are those of the trials that are carried out; `scored` is what the drive as it is has.
+        """Return the margins of all limits, those of the trials that are carried out.
+
+        Args:
+            trajectory: the drive.
+            extremes: extremes of its splines.
+            share: if only larger violations count, this share of a limit's size.
+            scored: what the drive as it is has, if that is known.
+        """
         problem, drive = self.problem, carried_out(self.problem, trajectory)
         if drive is not trajectory:
             extremes, scored = _extremes_of(problem, drive), None
@@ -298,10 +276,10 @@ class _Scorer:
     def evaluation(self, trajectory: Trajectory, extremes: Sequence[Array]) -> Evaluation:
         problem = self.problem
         driven, limits = self._driven(trajectory, extremes)
-        regressors, responses, jacobians, summed = self._measured(trajectory)
+        regressors, responses, jacobians, summed = self.measured(trajectory)
         length, states, path, _ = driven
         designs = self._designs(regressors, jacobians)
-        roots, full = self._square_roots(jacobians, summed)
+        roots, full = self.square_roots(jacobians, summed)
         robots, criterion = self._robots(trajectory, roots), problem.objective
         # Of the paper's regressors W is what it is, of sensors what is left of it.
         singular = [
@@ -314,7 +292,7 @@ class _Scorer:
             singular_values=np.sort(np.concatenate(singular))[::-1],
             norm_y=float(np.linalg.norm(np.concatenate(responses))),
             path_length=float(length.item()),
-            margins=self._margins(trajectory, extremes, scored=(driven, limits)),
+            margins=self.margins(trajectory, extremes, scored=(driven, limits)),
             design_matrices=dict(zip(names, designs, strict=True)),
             square_roots=dict(zip(names, roots, strict=True)),
             full_square_roots=dict(zip(names, full, strict=True)),
@@ -327,13 +305,17 @@ class _Scorer:
             parameters={one.block.name: one.parameters for one in self.estimations},
             states=states,
             path=path,
-            nominal={name: float(value) for name, value in self._by_parameter("nominal")},
-            units=dict(self._by_parameter("units")),
+            nominal={
+                name: value
+                for part in self.estimations
+                for name, value in zip(part.parameters, part.nominal.tolist(), strict=True)
+            },
+            units={
+                name: unit
+                for part in self.estimations
+                for name, unit in zip(part.parameters, part.units, strict=True)
+            },
         )
-
-    def _by_parameter(self, what: str) -> Iterable[tuple[str, Any]]:
-        for one in self.estimations:
-            yield from zip(one.parameters, getattr(one, what), strict=True)
 
 
 _scorer = lru_cache(maxsize=64)(_Scorer)
