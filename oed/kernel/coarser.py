@@ -14,8 +14,6 @@ USUAL = 400
 """Samples per run of a coarse grid: so many that paths hardly violate limits between them."""
 PER_COEFFICIENT = 12
 """Samples that a spline coefficient needs for a coarse grid to see its shape."""
-OFTEN = 50
-"""Readings of a sensor in a run so many that a few more or less tell the same parameters apart."""
 
 
 def coarse_samples(problem: Problem, wanted: int | None = None) -> int:
@@ -37,27 +35,3 @@ def coarsened(problem: Problem, samples: int) -> Problem:
     if measurement is None or samples >= space.samples or space.own_signals:
         return problem
     return replace(problem, measurement=measurement, design=space.model_copy(update={"samples": samples}))
-
-
-def as_well_read(problem: Problem) -> Problem:
-    """The problem on few samples per run, but so many that every sensor reads as often as on all of them, or
-    often anyway; itself where there are none.
-    """
-    if problem.design.only is not None:
-        return problem
-    fewest = coarse_samples(problem)
-    found = (coarsened(problem, count) for count in range(fewest, 2 * fewest))
-    return next((own for own in found if _counts_alike(problem, own)), problem)
-
-
-def _counts_alike(problem: Problem, own: Problem) -> bool:
-    return all(
-        one == other or min(one, other) >= OFTEN
-        for one, other in zip(_reading_counts(problem), _reading_counts(own), strict=True)
-    )
-
-
-def _reading_counts(problem: Problem) -> list[int]:
-    # Of every sensor in a run.
-    samples = problem.design.samples
-    return [len(sensor.columns(samples)) for sensor in problem.measurement.joint_sensors]

@@ -6,7 +6,6 @@ drives together, the start states and all nuisances eliminated.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -15,7 +14,6 @@ import numpy as np
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Issue, NotFinite, ProblemError, TooLarge
-from oed.kernel.coarser import as_well_read
 from oed.kernel.dynamics.embedding import Embedding, embedding_of
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.square_root import SquareRoot
@@ -86,20 +84,7 @@ def require_identifiable(problem: Problem) -> None:
 def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]:
     """Every combination of parameters that no drive of the space identifies, of those that the criterion
     judges; () if all is identifiable that it asks about.
-
-    Drives of many samples are tried on fewer: as many readings of the same splines identify the same.
     """
-    own = as_well_read(problem)
-    if own is not problem:
-        with contextlib.suppress(NotFinite):
-            found = _hidden(own, drives)
-            # Long steps may lead a system's further states astray.
-            if not found or len(problem.system.states) == problem.system.chosen_states:
-                return found
-    return _hidden(problem, drives)
-
-
-def _hidden(problem: Problem, drives: int) -> tuple[Ambiguity, ...]:
     rng = np.random.default_rng(0)
     found, failed = list[dict[str, SquareRoot]](), list[NotFinite]()
     pairs = list[tuple[Estimation, SquareRoot]]()
