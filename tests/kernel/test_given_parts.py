@@ -139,7 +139,7 @@ def test_a_part_that_is_something_else_is_refused_in_words(parts, reason):
 def test_all_wrong_parts_are_named_at_once():
     with pytest.raises(oed.ProblemError) as caught:
         replace(problem_of(), model=1, criterion="none", limits=None)
-    assert [issue.key[0] for issue in caught.value.issues] == ["criterion", "model", "limits"]
+    assert [issue.key[0] for issue in caught.value.issues] == ["model", "criterion", "limits"]
 
 
 @pytest.mark.parametrize(
