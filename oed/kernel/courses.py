@@ -1,4 +1,4 @@
-"""What a design does over time: its states and readings, and their derivatives by what is estimated."""
+"""States and readings of a design over time, and their derivatives by what is estimated."""
 
 from __future__ import annotations
 
@@ -66,7 +66,8 @@ def state_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) -> l
 
 
 def reading_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) -> list[list[Course]]:
-    """What sensors would read at all places, run by run; those that read two moments together are left out.
+    """Return the readings of all sensors at all places, run by run, except of those that read two moments
+    together.
 
     Of a system without states there is one of each setting of the inputs.
 
@@ -96,7 +97,7 @@ def reading_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) ->
 
 
 def response_courses(problem: Problem, place: int, values: Array) -> list[Course]:
-    """What sensors read of a system without states over values of one of its inputs, the only one.
+    """Return the readings of a system without states over values of one of its inputs, the only one.
 
     Args:
         problem: whose system has no states.

@@ -1,4 +1,4 @@
-"""How good any choice of readings can be: the equivalence theorem of concave criteria.
+"""Upper bounds on any choice of readings by the equivalence theorem of concave criteria.
 
 [Kiefer and Wolfowitz, The equivalence of two extremum problems, 1960; Pukelsheim, Optimal Design of
 Experiments, 1993]
@@ -37,7 +37,7 @@ def weight_bound(
     budgets: Sequence[Budget],
     costs: Sequence[Cost] = (),
 ) -> float:
-    """What no weights of the readings within budgets exceed by a criterion.
+    """Return an upper bound on a criterion over all weights of the readings within budgets.
 
     Infinite where there is no such plane, as of weights that leave undetermined what the criterion asks for.
 

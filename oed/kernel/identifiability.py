@@ -26,9 +26,9 @@ DRIVES = 6
 what none of them identifies is taken for what no drive does.
 """
 NEARER = 4
-"""As many times so many are tried near the ends: of several decades a drive sees one."""
+"""Factor by which more drives are tried near the ends: of several decades a drive sees one."""
 DECADES = 8.0
-"""How near the ends of their ranges, in powers of ten, inputs are tried where other drives hide something."""
+"""Powers of ten by which inputs come near the ends of their ranges where other drives hide something."""
 ANY = 1.0
 """Size of an input that nothing bounds, where no drive is designed, SI: any will do."""
 STEP = 0.01
@@ -50,7 +50,7 @@ class Ambiguity:
     relative: Mapping[str, float]
 
     def __str__(self) -> str:
-        """In words."""
+        """Return the combination in words."""
         names = list(self.changes)
         if len(names) == 1:
             return f"{names[0]} changes nothing that is measured"

@@ -1,4 +1,4 @@
-"""What a drive must keep to: the Limit seam. A limit is a name and rows lower <= expression <= upper."""
+"""Limits of drives: a limit is a name and rows lower <= expression <= upper."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from oed.kernel.dynamics.space import Space
 from oed.kernel.dynamics.system import System, label_of
 
 ROUNDING = 1e-9
-"""By how much more than what a linear program finds an input may be, relative to it."""
+"""Relative rounding by which an input may exceed the result of a linear program."""
 ROUNDED = 1e-3
 """Share of a magnitude's limit over which its corner at 0 is rounded."""
 
@@ -60,12 +60,14 @@ class Rows(Brief):
                 raise ValueError(text)
 
     def widened(self, share: float) -> Rows:
-        """These rows where they are exceeded by at most `share` of the size."""
+        """Return the rows that allow an excess of `share` of the size."""
         spare = share * self.size
         return replace(self, lower=self.lower - spare, upper=self.upper + spare)
 
     def backed_off(self, amounts: Expression) -> Rows:
-        """These rows `amounts` (rows,) away from their bounds: rows of the upper ones, then of the lower."""
+        """Return the rows `amounts` (rows,) away from their bounds: rows of the upper ones, then of the
+        lower.
+        """
         below, above = np.isfinite(self.lower), np.isfinite(self.upper)
         sides = [
             ca.vec(self.expression + sign * amounts)[np.flatnonzero(one).tolist()]
@@ -81,7 +83,7 @@ class Rows(Brief):
         )
 
     def joined(self, others: Sequence[Rows]) -> Rows:
-        """These and other rows of the same limit."""
+        """Return the rows together with other rows of the same limit."""
         every = (self, *others)
         return replace(
             self,
@@ -126,7 +128,7 @@ class LinearBound:
 
 
 BOTH_ENDS = "{name} {amount} wider at both ends"
-"""What there is where a range is wider: of a heater that gives 0 to 500 W, "5 W more" would be half of it."""
+"""Text about a wider range: of a heater that gives 0 to 500 W, "5 W more" would be half of it."""
 
 
 class Limit(Component, ABC):
@@ -153,14 +155,14 @@ class Limit(Component, ABC):
         """The limit on `drive`, for all the times that the drive's values stand for."""
 
     def amount(self, excess: float) -> float:
-        """By how much the limit is exceeded where its rows are by `excess`, both in its unit.
+        """Return the amount by which the limit is exceeded where its rows are by `excess`, both in its unit.
 
         The same, unless rows that an optimiser can follow measure it otherwise.
         """
         return excess
 
     def issues(self, system: System, space: Space) -> list[Issue]:
-        """What makes this limit impossible for the system or the design space; [] if nothing."""
+        """Return what makes this limit impossible for the system or the design space; [] if nothing."""
         return []
 
     def input_bounds(self, system: System) -> dict[str, tuple[float, float]]:

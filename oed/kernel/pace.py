@@ -10,6 +10,6 @@ PACE = "share_of_duration"
 
 
 def pace_of(drive: Drive) -> Expression | float:
-    """By which share every period is as long as the longest, (N, 1); 1 where the duration is given."""
+    """Return the share of the longest period that each period lasts, (N, 1); 1 for a given duration."""
     names = drive.system.input_names
     return drive.inputs[:, names.index(PACE)] if PACE in names else 1.0

@@ -1,4 +1,4 @@
-"""What every single reading of a trajectory says: information that adds up, reading by reading."""
+"""Information of every single reading of a trajectory, which adds up reading by reading."""
 
 from __future__ import annotations
 
@@ -67,7 +67,8 @@ class Parts(Brief):
         return np.asarray(self.known_rows.T @ self.known_rows)
 
     def taken(self, weights: Array, free: Places) -> Parts:
-        """Those of some readings, when others, or they themselves, are taken surely: that is known then.
+        """Return the parts of some readings, when others, or they themselves, are taken surely: that is known
+        then.
 
         Args:
             weights: that are taken, of all, (n,).
@@ -159,7 +160,7 @@ class Parts(Brief):
         return np.hstack([np.eye(count), -across])
 
     def information(self, weights: Array) -> Array:
-        """On the judged parameters, the others eliminated, (judged, judged)."""
+        """Return the information on the judged parameters, the others eliminated, (judged, judged)."""
         back = self.projection(weights)
         return np.asarray(back @ self.whole(weights) @ back.T)
 
@@ -203,14 +204,16 @@ class Budget:
 
     @property
     def whole(self) -> int | None:
-        """How many whole ones are the total; None where they are not all of one size, or not so many."""
+        """Number of whole weights that are the total; None where they are not all of one size, or not so
+        many.
+        """
         count = self.total / self.sizes[0]
         alike = np.ptp(self.sizes) <= ROUNDING * self.sizes[0]
         near = abs(count - round(count)) <= ROUNDING * max(count, 1.0) and self.most % 1 == 0
         return round(count) if alike and near and round(count) > 0 else None
 
     def spent(self, weights: Array) -> float:
-        """How much these weights of all readings take of it."""
+        """Return the amount of the budget that weights of all readings take."""
         return float(weights[list(self.places)] @ np.array(self.sizes))
 
     def largest(self, values: Array) -> float:
@@ -295,7 +298,7 @@ def laid_out(sensors: Sequence[Sensor], system: System, samples: int, runs: int,
 
 
 def rows_of(sensors: Sequence[Sensor], system: System, samples: int, runs: int) -> Places:
-    """For every row of all sensors' readings the place of its reading among `laid_out` ones, (rows,).
+    """Return the place among `laid_out` readings of every row of all sensors' readings, (rows,).
 
     Args:
         sensors: that read.

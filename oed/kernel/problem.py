@@ -20,7 +20,7 @@ from oed.kernel.tightening import Tightening, Uncertain
 
 
 class Problem(Statement):
-    """What to design for: a system, the drives allowed, a measurement, limits and a criterion.
+    """Design problem: a system, the drives allowed, a measurement, limits and a criterion.
 
     Attributes:
         model: the system, as the design space drives it.

@@ -29,7 +29,7 @@ from oed.kernel.results import Evaluation, Margin
 from oed.kernel.statement import Estimation
 
 EXTREMES = ("input_values", "input_rates", "input_jerks", "motion_inputs")
-"""What a drive's splines are among, as `roll_out` takes it."""
+"""Extremes of a drive's splines, as `roll_out` takes them."""
 
 NEVER = 1e-6
 """Share of a period within which readings never follow each other."""
@@ -163,7 +163,7 @@ class _Scorer:
 
     @cached_property
     def estimations(self) -> Sequence[Estimation]:
-        """Of this number of samples; what only asks for limits does not pay for them."""
+        """Estimations on this number of samples; a score of limits alone does not pay for them."""
         return self.problem.estimations(self._drive)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Which readings are taken, and how often: weights of readings within a budget."""
+"""Selection of readings, and how often each is taken: weights of readings within a budget."""
 
 from __future__ import annotations
 
@@ -69,11 +69,11 @@ class Selection(Component):
 
     @property
     def whole(self) -> bool:
-        """Whether whole readings are taken."""
+        """True if whole readings are taken."""
         return self.readings is not None
 
     def parts(self, parts: Parts) -> Parts:
-        """What has weights, of all readings' parts.
+        """Return the parts that have weights, from those of all readings.
 
         Raises:
             UserMistake: pieces of unequal length.

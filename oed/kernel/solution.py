@@ -1,4 +1,4 @@
-"""What a solver hands back: its best trajectory, how it was scored, and a status that says what to do."""
+"""Result of a solver: its best trajectory, how it was scored, and a status that says what to do."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from oed.kernel.tightening import Tightening
 
 
 class Status(Enum):
-    """How a search ended; `sentence` says what that means and what to do next."""
+    """End of a search; `sentence` says what it means and what to do next."""
 
     sentence: str
 
@@ -67,7 +67,7 @@ class Status(Enum):
 
     @property
     def usable(self) -> bool:
-        """Whether there is a design to use."""
+        """True if there is a design to use."""
         return self not in (
             Status.INFEASIBLE,
             Status.SINGULAR,
@@ -106,7 +106,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Explored:
-    """What a search with a budget (`starts: auto`) spent before its best optima were solved in the end.
+    """Effort of a search with a budget (`starts: auto`) before its best optima were solved in the end.
 
     Attributes:
         solves: made.
@@ -130,7 +130,7 @@ class Explored:
         return f"{solves} took {self.iterations} of Ipopt's iterations ({share})."
 
     def __add__(self, other: Explored) -> Explored:
-        """Of two searches together."""
+        """Return the effort of two searches together."""
         return Explored(
             self.solves + other.solves,
             self.iterations + other.iterations,
@@ -154,7 +154,8 @@ class Level:
 
 @dataclass(frozen=True)
 class Violation:
-    """How often robots violate the limits that the nominal robot satisfies, by more than scoring tolerates.
+    """Probability that robots violate the limits that the nominal robot satisfies, by more than scoring
+    tolerates.
 
     Attributes:
         probability: of a violation: share of the draws that exceed a limit on the path at any time.
@@ -186,7 +187,7 @@ class Violation:
         return f"{share} Checked at points only: {points}; between them more may." if points else share
 
     def surely_below(self, probability: float) -> bool:
-        """Whether the whole interval lies below a probability."""
+        """Return whether the whole interval lies below a probability."""
         return self.interval[1] <= probability
 
 

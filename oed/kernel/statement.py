@@ -1,4 +1,4 @@
-"""What follows from the parts of a design problem: bounds, limits, information."""
+"""Consequences of the parts of a design problem: bounds, limits, information."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from oed.kernel.tightening import Tightening, Uncertain, UncertainSystem, tighte
 
 @dataclass(frozen=True)
 class Estimation:
-    """What one block of a drive's readings says, as expressions.
+    """Information in one block of a drive's readings, as expressions.
 
     Attributes:
         block: the readings.
@@ -57,7 +57,7 @@ class Estimation:
 
     @property
     def scales(self) -> Array:
-        """Of the judged parameters, SI."""
+        """Scale factors of the judged parameters, SI."""
         return scale_factors(self.block, self.scaling, self.judged)
 
     @cached_property
@@ -116,7 +116,7 @@ class Statement(Presented):
 
     @cached_property
     def constants(self) -> dict[str, Nuisance]:
-        """What of `estimate` is a constant of a sensor's own, with the nuisance that it would be else."""
+        """Constants of sensors that `estimate` names, with the nuisances that they would be else."""
         own = {name for names in self.model.estimable.values() for name in names}
         known = constants_of(self.measurement.joint_sensors)
         return {name: known[name] for name in self.estimate or () if name not in own and name in known}
@@ -200,12 +200,12 @@ class Statement(Presented):
 
     @property
     def rest_spare(self) -> float:
-        """How fast an input may be where it is to rest [SI]: a share of the largest bound of all inputs."""
+        """Largest speed of an input that is to rest [SI]: a share of the largest bound of all inputs."""
         return self.excess * float(np.abs(self.input_bounds).max()) if self.excess else 0.0
 
     @property
     def start_spare(self) -> float:
-        """How far from its place a fixed start may be [m or rad]: a share of 1."""
+        """Largest distance of a fixed start from its place [m or rad]: a share of 1."""
         return self.excess
 
     @cached_property
@@ -216,7 +216,7 @@ class Statement(Presented):
 
     @cached_property
     def chosen_starts(self) -> ChosenStarts | None:
-        """How the design chooses start states; None where they are fixed."""
+        """Parametrisation of the start states by the design; None where they are fixed."""
         if self.fixed_starts is not None:
             return None
         count, runs, ranges = len(self.system.states), self.design.runs, self.design.start_ranges
@@ -255,7 +255,7 @@ class Statement(Presented):
         return self.robust.together(values) if self.robust is not None else np.asarray(values[0])
 
     def estimations(self, drive: Drive) -> tuple[Estimation, ...]:
-        """What each block of a drive's readings says about the parameters to estimate."""
+        """Return the information in each block of a drive's readings about the parameters to estimate."""
         return self._estimations(self._blocks(drive))
 
     def _estimations(self, blocks: Sequence[Block]) -> tuple[Estimation, ...]:
@@ -263,7 +263,7 @@ class Statement(Presented):
 
     @cached_property
     def any_estimations(self) -> tuple[Estimation, ...]:
-        """What blocks of a drive without values say: for parameters, noise and nuisances."""
+        """Estimations of a drive without values: for parameters, noise and nuisances."""
         return self._estimations(self.any_blocks)
 
     @cached_property
@@ -299,7 +299,7 @@ class Statement(Presented):
 
     @property
     def subject(self) -> Subject:
-        """What the criterion judges."""
+        """Subject that the criterion judges."""
         found, usual = self.any_estimations, self.design.usual_start
         return Subject(
             system=self.system.estimating(

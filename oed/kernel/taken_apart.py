@@ -20,7 +20,7 @@ from oed.kernel.scorer import jacobians
 
 @typed
 def parts_of(problem: Problem, trajectory: Trajectory) -> Parts:
-    """What every reading of a trajectory says, whatever weights they have in it.
+    """Return the information in every reading of a trajectory, whatever weights they have in it.
 
     Raises:
         ProblemError: a measurement whose readings do not add up: of regressions, or correlated.

@@ -45,11 +45,11 @@ class UncertainSystem:
     prior: Prior | None
 
     def __eq__(self, other: object) -> bool:
-        """Whether the same is said of the same system."""
+        """Return whether both are the same system with the same prior knowledge."""
         return isinstance(other, UncertainSystem) and self._said == other._said
 
     def __hash__(self) -> int:
-        """Of what is said."""
+        """Return the hash of the system and its prior knowledge."""
         return hash(self._said)
 
     @cached_property
@@ -87,7 +87,7 @@ class Scenarios:
 
 
 class Uncertain(Component, ABC):
-    """How far a system may be from its nominal parameters: what a design has to survive."""
+    """Uncertainty of a system about its nominal parameters: what a design has to survive."""
 
     @abstractmethod
     def issues(self, system: UncertainSystem) -> list[Issue]:
@@ -95,7 +95,7 @@ class Uncertain(Component, ABC):
 
 
 class Tightening(Component, ABC):
-    """How limits are satisfied by uncertain systems, and for which of their parameters a drive is good.
+    """Treatment of limits for uncertain systems, and the parameters for which a drive is to be good.
 
     Attributes:
         kind: in files.
@@ -117,15 +117,15 @@ class Tightening(Component, ABC):
 
     @abstractmethod
     def scenarios(self, system: UncertainSystem) -> Scenarios:
-        """Those that are to keep every limit as it stands, besides the nominal one."""
+        """Return the scenarios that are to keep every limit as it stands, besides the nominal one."""
 
     @abstractmethod
     def judged(self, system: UncertainSystem) -> Scenarios:
-        """Those whose criterion counts, where it is not that of the nominal one alone."""
+        """Return the scenarios whose criterion counts, where it is not that of the nominal one alone."""
 
     @property
     def backs_off(self) -> bool:
-        """Whether limits have a back-off at all."""
+        """True if limits have a back-off at all."""
         return True
 
     def issues(self, system: UncertainSystem) -> list[Issue]:

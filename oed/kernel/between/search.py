@@ -35,7 +35,7 @@ PATIENCE = 200_000
 
 @dataclass(frozen=True)
 class Sight:
-    """What the scorer says of a drive at its points.
+    """Views of a drive's points, as the scorer has computed them.
 
     Attributes:
         periods: periods of the nominal system.

@@ -9,7 +9,7 @@ from oed.kernel.criteria.volume import A, D
 
 CRITERIA: tuple[type[Criterion], ...] = (E, D, A, ModifiedE, G, I)
 CRITERION_CHOICES = (*CRITERIA, PythonCriterion)
-"""What a study's `criterion: {kind: ...}` may name."""
+"""Choices for a study's `criterion: {kind: ...}`."""
 
 __all__ = [
     "CRITERIA",

@@ -46,7 +46,7 @@ class Epigraph:
 
 @dataclass(frozen=True)
 class Subject:
-    """What the matrices that a criterion judges are about.
+    """Subject of the matrices that a criterion judges.
 
     Attributes:
         system: whose parameters are estimated.
@@ -87,17 +87,17 @@ class Criterion(Component, ABC):
     """
 
     number: ClassVar[str] = ""
-    """What its value is, in short; "" where it does not say."""
+    """Short name of the criterion's value; "" where there is none."""
     definition: ClassVar[str] = ""
-    """The same in words."""
+    """Name of the criterion's value in words."""
     share: ClassVar[str] = ""
-    """What its efficiency is, `{size}` the number of parameters; "" where it has none or does not say."""
+    """Meaning of the efficiency, `{size}` the number of parameters; "" where there is none."""
     asks_about: ClassVar[str] = ""
-    """What of the parameters it looks at, where that is not all of them."""
+    """Part of the parameters that the criterion looks at, where that is not all of them."""
     conceded: ClassVar[str] = "objective"
-    """What `concede` takes a share of."""
+    """Quantity of which `concede` takes a share."""
     proportional: ClassVar[bool] = False
-    """Whether k repetitions of a design give k times its value, which is 0 of what is not identifiable."""
+    """True if k repetitions of a design give k times its value, and 0 stands for what is not identifiable."""
 
     kind: str
     scaling: Scaling = "relative"
@@ -112,7 +112,9 @@ class Criterion(Component, ABC):
         return self.value([root.matrix for root in information])
 
     def identifiable(self, information: Sequence[SquareRoot]) -> Array:
-        """Whether all is that the criterion asks about, (...): by default every combination of parameters."""
+        """Return where all that the criterion asks about is identifiable, (...): by default every combination
+        of parameters.
+        """
         return np.asarray(np.all([root.complete for root in information], axis=0))
 
     @abstractmethod
@@ -121,7 +123,7 @@ class Criterion(Component, ABC):
 
     @property
     def concave(self) -> bool:
-        """Whether it is known to be, of one block: it has a supergradient."""
+        """True if the criterion of one block is known to be concave: it has a supergradient."""
         return type(self).supergradient is not Criterion.supergradient
 
     def supergradient(self, matrix: Array, dual: Array | None = None) -> Array | None:
@@ -170,12 +172,12 @@ class Criterion(Component, ABC):
         return self
 
     def issues(self, subject: Subject) -> list[Issue]:
-        """What makes this criterion impossible for these parameters; [] if nothing."""
+        """Return what makes this criterion impossible for these parameters; [] if nothing."""
         return []
 
     @property
     def meaning(self) -> str:
-        """What its value is, in words."""
+        """Meaning of the value in words."""
         taken = f"the parameters taken {scaling_text(self.scaling)}"
         return f"{self.definition}, {taken}" if self.definition else taken
 
@@ -186,8 +188,8 @@ class Criterion(Component, ABC):
         return ""
 
     def standard_error(self, names: Sequence[str]) -> str:
-        """Which standard error, of a design that judges parameters of these names, is inversely proportional
-        to the root of its efficiency, in words; "" where none is.
+        """Return, in words, the standard error that is inversely proportional to the root of the efficiency
+        of a design that judges parameters of these names; "" where none is.
         """
         return ""
 
@@ -206,7 +208,8 @@ class Criterion(Component, ABC):
         return value + share * abs(value)
 
     def efficiency(self, value: float, best: float, size: int) -> float | None:
-        """How many repetitions of the best design inform as one of this does; `size` parameters in all.
+        """Return the number of repetitions of the best design that inform as one of this does; `size`
+        parameters in all.
 
         None where repeating a design does not change the criterion.
 
@@ -218,7 +221,7 @@ class Criterion(Component, ABC):
         return value / best if best > 0 else None
 
     def change(self, value: float, best: float, size: int) -> float:
-        """By which share a value is more than `best`: in efficiency, or else of the number itself.
+        """Return the share by which a value is more than `best`: in efficiency, or else of the number itself.
 
         Args:
             value: the criterion of a design.

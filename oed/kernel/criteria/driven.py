@@ -1,4 +1,4 @@
-"""What a system is predicted to do when it is driven, and how that depends on its parameters."""
+"""Predicted states of a system that is driven, and their derivatives by its parameters."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from oed.kernel.criteria.criterion import Subject
 from oed.kernel.dynamics.simulate import simulate
 
 MOST_STEPS = 100_000
-"""That are predicted at most: some seconds."""
+"""Largest number of steps that are predicted: some seconds of computing."""
 ROUNDED = 1e-9
 """Share of a period by which legs of a whole number of them may be longer."""
 

@@ -56,9 +56,9 @@ class Prediction(RootCriterion):
     """
 
     of: ClassVar[str]
-    """Which of the legs' variances is judged."""
+    """Statistic of the legs' variances that is judged."""
     root_of: ClassVar[str]
-    """Which standard deviation is the root of that."""
+    """Standard deviation that is the root of that statistic."""
     test_drive: Annotated[tuple[Leg, ...], Field(min_length=1)]
     quantity: str = "position"
     _rows: Rows = PrivateAttr(default=())
@@ -137,7 +137,7 @@ class Prediction(RootCriterion):
         return [Issue(("criterion", "quantity"), text)]
 
     def misfits(self, subject: Subject) -> list[Issue]:
-        """What keeps predictions from being made."""
+        """Return what keeps predictions from being made."""
         names, known = subject.system.exact.input_names, subject.system.exact.predictions
         issues = [
             Issue(
@@ -174,7 +174,7 @@ class Prediction(RootCriterion):
         return np.asarray(np.sum(each, axis=0))
 
     def identifiable(self, information: Sequence[SquareRoot]) -> Array:
-        """Whether the predictions are; other combinations of parameters need not be."""
+        """Return where the predictions are identifiable; other combinations of parameters need not be."""
         return np.asarray(np.isfinite(self.variances(information)).all(axis=-1))
 
     def symbolic_variances(self, factors: Sequence[Factor]) -> list[Expression]:
@@ -201,7 +201,7 @@ class Prediction(RootCriterion):
 
     @abstractmethod
     def shares(self, matrix: Array, gradient: Array | None = None) -> Array:
-        """How much every leg counts where the criterion is a mean of all variances, (legs,), 1 in all.
+        """Return the weights (legs,), 1 in all, with which the criterion is a mean of the legs' variances.
 
         Args:
             matrix: F, (p, p).
@@ -229,12 +229,12 @@ class Prediction(RootCriterion):
         return f"minus the {self.of} variance of the {self.quantity} predicted after {legs} driven"
 
     def deviation(self, value: float, size: int) -> str:
-        """That of a prediction."""
+        """Return the standard deviation of a prediction, in words."""
         text = deviation_text(math.sqrt(-value), UNITS_BY_NAME.get(self.quantity, ""))
         return f"the {self.root_of} standard deviation of a predicted {self.quantity} is {text}"
 
     def standard_error(self, names: Sequence[str]) -> str:
-        """That of a prediction."""
+        """Return the name of a prediction's standard error."""
         return f"the {self.root_of} standard error of a predicted {self.quantity}"
 
     def efficiency(self, value: float, best: float, size: int) -> float | None:
@@ -253,7 +253,7 @@ class G(Prediction):
     kind: Literal["G"] = "G"
 
     def shares(self, matrix: Array, gradient: Array | None = None) -> Array:
-        """Those of a gradient; without one all is the worst leg's."""
+        """Return the weights of a gradient; without one the worst leg has all the weight."""
         inverse, found = _inverse(matrix), np.zeros(len(self._squares))
         if gradient is not None:
             from scipy.optimize import nnls
@@ -317,7 +317,9 @@ class I(Prediction):  # noqa: E742
         return self
 
     def misfits(self, subject: Subject) -> list[Issue]:
-        """Also tasks that are not read, or that are not of this system."""
+        """Return what keeps predictions from being made, tasks included that are not read or not of this
+        system.
+        """
         return super().misfits(subject) or list(task_issues(subject, self.task))
 
     @property
@@ -327,7 +329,7 @@ class I(Prediction):  # noqa: E742
         return [*super()._drives, *task]
 
     def condensed(self, rows: Array) -> Array:
-        """Of a task at most p rows whose square is the mean over all predictions."""
+        """Return at most p rows whose square is the mean over all predictions of a task."""
         if not self.task:
             return rows
         flat = rows.reshape(-1, rows.shape[-1]) / math.sqrt(len(rows))

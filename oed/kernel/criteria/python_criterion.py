@@ -10,7 +10,7 @@ from oed.kernel.criteria.criterion import Criterion
 
 
 class CriterionDescription(Component):
-    """What a criterion of the user's own says of itself."""
+    """Description of a criterion of the user's own."""
 
     kind: str | None = None
     number: str | None = None
@@ -29,5 +29,7 @@ class PythonCriterion(OwnPart, Criterion, extra="allow"):
     described: CriterionDescription | None = None
 
     def efficiency(self, value: float, best: float, size: int) -> float | None:
-        """How many repetitions of the best design are worth one of this; None unless repetitions add up."""
+        """Return the repetitions of the best design that are worth one of this; None unless repetitions add
+        up.
+        """
         return super().efficiency(value, best, size) if self.proportional else None

@@ -36,7 +36,7 @@ class E(RootCriterion):
         return np.asarray(np.min([root.smallest for root in information], axis=0))
 
     def standard_error(self, names: Sequence[str]) -> str:
-        """That of the combination that is the least certain; of one parameter its own."""
+        """Return the standard error of the least certain combination; of one parameter its own."""
         what = names[0] if len(names) == 1 else "the least certain combination of parameters"
         return f"the standard error of {what}"
 
@@ -128,5 +128,5 @@ class ModifiedE(RootCriterion):
         return Epigraph(-worst, ca.vertcat(*variables), ca.vertcat(*equalities), initial)
 
     def efficiency(self, value: float, best: float, size: int) -> float | None:
-        """None: repeating a design leaves the condition number as it is."""
+        """Return no efficiency: repeating a design leaves the condition number as it is."""
         return None

@@ -66,7 +66,9 @@ class D(RootCriterion):
         return _mean(self, name, math.exp(-value / 2 / size), size)
 
     def standard_error(self, names: Sequence[str]) -> str:
-        """That along the ellipsoid's axes, its geometric mean; of one parameter its own."""
+        """Return the geometric mean of the standard errors along the ellipsoid's axes; of one parameter its
+        own.
+        """
         if len(names) == 1:
             return f"the standard error of {names[0]}"
         return "the average standard error over all combinations of parameters"

@@ -1,1 +1,1 @@
-"""What responds, as expressions: signals, rollouts, and bounds of expressions over stretches of time."""
+"""Systems as expressions: signals, rollouts, and bounds of expressions over stretches of time."""

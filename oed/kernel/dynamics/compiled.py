@@ -35,11 +35,11 @@ FLAGS = (
 PATIENCE = 120.0
 """Time [s] after which a compiler is given up."""
 SOURCES = "oed-compiling-"
-"""What folders of sources are called, where the system has temporary ones."""
+"""Prefix of the temporary folders that hold sources."""
 KNOWN = 10.0
 """Time [s] after which a compiler that does not say its version is none."""
 SEAL = hashlib.sha256
-"""Of a library, behind it: what was cut short or changed crashes whoever loads it, or errs."""
+"""Hash that stands behind a library's code: a library that was cut short or changed crashes or errs."""
 MANY = 5000
 """Statements of a function from which it is translated as it stands: a compiler would look longer for what
 such a list has in common than a search takes; and it is called once where those of samples are called often.
@@ -66,7 +66,7 @@ def compiled(function: ca.Function, *, anew: bool = True, patience: float = PATI
 
 
 def is_compiled(function: ca.Function) -> bool:
-    """Whether a function is one of generated C, which `is_a` does not know before CasADi 3.8.1."""
+    """Return whether a function is one of generated C, which `is_a` does not know before CasADi 3.8.1."""
     return bool(function.class_name().endswith("External"))
 
 
@@ -146,7 +146,7 @@ class Making:
 
     @property
     def ended(self) -> bool:
-        """Whether no compiler is at work any more: then all processes find what it has made."""
+        """True if no compiler is at work any more: then all processes find what it has made."""
         self._look()
         return self._own is None
 

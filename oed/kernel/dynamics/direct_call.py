@@ -31,7 +31,7 @@ class DirectCall:
     """
 
     def __init__(self, function: ca.Function, *, lasting: bool = True) -> None:
-        """Of a function whose results are dense; of one that is called once only, not `lasting`."""
+        """Wrap a function whose results are dense; one that is called once only is not `lasting`."""
         self._function = function
         self._spent = 0.0 if lasting else -np.inf
         self._making: Making | None = None
@@ -44,7 +44,7 @@ class DirectCall:
         assert self._found == [function.numel_out(place) for place in range(function.n_out())]
 
     def __reduce__(self) -> tuple[Callable[[str], DirectCall], tuple[str]]:
-        """As it is made: its memory is its own, and another process has one of each, called for long."""
+        """Pickle the function alone: each process has one call with memory of its own, called for long."""
         return _shared, (self._function.serialize(),)
 
     def __call__(self, *arguments: Array) -> list[Array]:
@@ -127,7 +127,7 @@ class Outputs:
         self._function = ca.Function(name, list(arguments), outputs)
 
     def values(self, *arguments: Array) -> list[list[Array]]:
-        """Of arguments whose rows are the function's columns."""
+        """Return the groups of outputs at arguments whose rows are the function's columns."""
         results = direct_call(self._function, *arguments)
         arrays = [
             result.reshape(self._function.size_out(place), order="F") for place, result in enumerate(results)

@@ -1,4 +1,4 @@
-"""From a design's unknowns to the coefficients of its drives, one linear map for each input."""
+"""Embedding of a design's unknowns in the coefficients of its drives, one linear map for each input."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DIGITS = 12
 
 @dataclass(frozen=True)
 class Bounding:
-    """What bounds inputs and their derivatives at all times checked, as expressions of the unknowns.
+    """Expressions of the unknowns that bound inputs and their derivatives at all times checked.
 
     Attributes:
         values: (K, inputs).
@@ -57,12 +57,12 @@ class Embedding(ABC):
     @property
     @abstractmethod
     def shared(self) -> tuple[bool, ...]:
-        """Whether all runs have the same unknowns of an input."""
+        """True for every input whose unknowns are the same in all runs."""
 
     @property
     @abstractmethod
     def own_held(self) -> tuple[Array, ...]:
-        """Of each input, what takes its unknowns in a run to the values held in its periods, (N, n)."""
+        """Matrices (N, n) that take each input's unknowns in a run to the values held in its periods."""
 
     @abstractmethod
     def bounds(self, ranges: Array) -> Array:
@@ -94,11 +94,11 @@ class Embedding(ABC):
 
     @abstractmethod
     def bounding(self, unknowns: Expression) -> Bounding:
-        """What bounds the inputs of unknowns (size,)."""
+        """Return expressions that bound the inputs of unknowns (size,)."""
 
     @property
     def repeats(self) -> bool:
-        """Whether rows that bound the inputs may say the same again."""
+        """True if several rows that bound the inputs may be equal."""
         return bool(self.space.own_signals)
 
     @cached_property
@@ -113,12 +113,12 @@ class Embedding(ABC):
         return sum(self.sizes)
 
     def spread(self, each: Array) -> Array:
-        """What each input has (inputs,), for all its unknowns (size,)."""
+        """Return values of each input (inputs,), repeated for all its unknowns (size,)."""
         return np.repeat(each, self.sizes)
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
-        """Where each input's unknowns stand."""
+        """Places of each input's unknowns."""
         return tuple(slice(*edges) for edges in pairwise(np.cumsum([0, *self.sizes]).tolist()))
 
     def by_runs(self, matrices: Sequence[Expression], unknowns: Expression) -> Expression:
@@ -165,7 +165,7 @@ class OneSpline(Embedding):
         return np.repeat(ranges, len(self.free), axis=0)
 
     def within(self, unknowns: Array, ranges: Array) -> Array:
-        """As they are: splines stay between their coefficients."""
+        """Return the unknowns unchanged: splines stay between their coefficients."""
         return unknowns
 
     def table(self, unknowns: Array) -> Array:
@@ -201,12 +201,12 @@ class HeldSignals(Embedding):
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Those of the signals."""
+        """Numbers of unknowns of the signals."""
         return tuple(one.unknowns for one in self.space.own_signals)
 
     @property
     def shared(self) -> tuple[bool, ...]:
-        """What the signals say."""
+        """True for every signal that is the same in all runs."""
         return tuple(one.shared for one in self.space.own_signals)
 
     @cached_property
@@ -216,14 +216,14 @@ class HeldSignals(Embedding):
         return tuple(one.matrix(space.duration, space.samples) for one in space.own_signals)
 
     def bounds(self, ranges: Array) -> Array:
-        """Those of the signals."""
+        """Return the bounds of the signals' unknowns."""
         runs, found = self.space.runs, []
         for signal, (low, high) in zip(self.space.own_signals, ranges, strict=True):
             found.append(np.tile(signal.bounds(low, high), (1 if signal.shared else runs, 1)))
         return np.concatenate(found)
 
     def within(self, unknowns: Array, ranges: Array) -> Array:
-        """What each signal makes of them."""
+        """Return the unknowns as each signal bounds them."""
         found = np.empty_like(unknowns)
         for signal, own, (low, high) in zip(self.space.own_signals, self.slices, ranges, strict=True):
             table = unknowns[:, own]
@@ -239,7 +239,7 @@ class HeldSignals(Embedding):
         return np.stack([one.ravel() for one in columns], axis=1)
 
     def unknowns(self, table: Array) -> Array:
-        """By least squares, which nothing is left of."""
+        """Return unknowns by least squares, which leaves no residual."""
         parts = []
         for place, matrix in enumerate(self.own_held):
             held = table[:, place].reshape(self.space.runs, -1).T
@@ -263,7 +263,7 @@ class HeldSignals(Embedding):
         return table
 
     def bounding(self, unknowns: Expression) -> Bounding:
-        """What is held and how it changes, as of splines of degree 0: every row once."""
+        """Return the values held and their changes, as of splines of degree 0: every row once."""
         knots, samples = self.space.own_knots, self.space.samples
         rates, jerks = (
             [changes(knots, 0, one, samples) for one in self.own_held] for changes in (held_rates, held_jerks)
@@ -284,7 +284,7 @@ def _first_of_each(table: Array) -> Places:
 
 
 def embedding_of(space: Space, inputs: int) -> Embedding:
-    """How the unknowns of a space's drives become their coefficients.
+    """Return the embedding of a space's unknowns in the coefficients of its drives.
 
     Args:
         space: all drives.

@@ -1,4 +1,4 @@
-"""How states follow their derivatives over a period: rules that expressions of any kind can take."""
+"""Integration of states over a period: rules that expressions of any kind can take."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.roots import Solver
 
 POINTS = ca.collocation_points(3, "radau")
-"""Where in a step, as shares of its length, the equations hold."""
+"""Points of a step, as shares of its length, at which the equations hold."""
 NEWTON_STEPS = 30
 """Newton steps for the equations of a step: 6 do where steps are short enough to be accurate, 25 for one step
 from the begin of Robertson's reactions to far behind their fast part.

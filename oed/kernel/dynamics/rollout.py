@@ -19,11 +19,11 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.system import System, carrier, follows_state, mover, signaller, stepper
 
 FINE = 10
-"""How many times finer than the samples the grid is on which limits are checked."""
+"""Factor by which the grid on which limits are checked is finer than the samples."""
 
 
 class Named:
-    """What has the signals of a `system` as attributes, and goes by a domain's own names for its parts."""
+    """Values with the signals of a `system` as attributes, under a domain's own names for its parts."""
 
     system: System
     signals: Mapping[str, Expression]
@@ -157,7 +157,7 @@ class Drive(Brief, Named):
 
     @property
     def speeds(self) -> Expression:
-        """How fast the system moves through space in each period [m/s], (N, 1); 0 of one that does not."""
+        """Speed of the system through space in each period [m/s], (N, 1); 0 of one that does not move."""
         if not self.system.velocity_signal:
             return 0 * ca.sum2(self.inputs)
         velocity = self.signals[self.system.velocity_signal]

@@ -18,7 +18,7 @@ Pieces = Annotated[int, Field(ge=1, le=100_000)]
 
 
 class Signal(Component, ABC):
-    """What one input may do in a run: the values held in its N periods, linear in n unknowns.
+    """Course of one input in a run: the values held in its N periods, linear in n unknowns.
 
     Attributes:
         kind: its name.
@@ -31,7 +31,7 @@ class Signal(Component, ABC):
     @property
     @abstractmethod
     def unknowns(self) -> int:
-        """How many unknowns n a run has."""
+        """Number n of unknowns of a run."""
 
     @abstractmethod
     def matrix(self, duration: float, samples: int) -> Array:

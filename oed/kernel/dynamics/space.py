@@ -36,7 +36,7 @@ class Spline(Component):
 
     @property
     def refines(self) -> bool:
-        """Whether searches refine it."""
+        """True if searches refine the spline."""
         return self.coefficients == "auto"
 
     @property
@@ -101,7 +101,7 @@ class Space(Component, ABC):
 
     @property
     def own_signals(self) -> tuple[Signal, ...]:
-        """What each input may do; () where all have one spline."""
+        """Signal of each input; () where all have one spline."""
         return ()
 
     @property
@@ -203,7 +203,7 @@ class Space(Component, ABC):
 
     @property
     def start_is_free(self) -> bool:
-        """Whether start states are part of the design."""
+        """True if start states are part of the design."""
         return self.fixed_starts is None
 
     def trajectory(self, coefficients: npt.ArrayLike, start: npt.ArrayLike) -> Trajectory:
@@ -263,12 +263,12 @@ class SignalSpace(Space):
 
     @property
     def own_signals(self) -> tuple[Signal, ...]:
-        """What each input may do."""
+        """Signal of each input."""
         return self.signals
 
     @property
     def start_ranges(self) -> Array | None:
-        """Those that are given."""
+        """Ranges of the starts as they are given."""
         return np.array(self.start_bounds, dtype=float) if self.start_bounds else None
 
     @property

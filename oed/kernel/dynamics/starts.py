@@ -84,8 +84,8 @@ class ChosenStarts:
         return np.asarray((starts - self.middle)[:, self.places] / self.reach).ravel()
 
     def excess(self, starts: Array) -> float:
-        """How far start states (runs, states) are outside their bounds at most, as a share of each state's
-        largest.
+        """Return the largest distance of start states (runs, states) from their bounds, as a share of each
+        state's largest.
         """
         reach = np.zeros(len(self.middle))
         reach[self.places] = self.reach

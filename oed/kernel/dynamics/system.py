@@ -1,4 +1,4 @@
-"""What responds: named inputs, states and parameters, and one step x+ = f(x, u, p, T).
+"""Systems: named inputs, states and parameters, and one step x+ = f(x, u, p, T).
 
 A domain says how its systems step; trajectories, sensitivities, readings and limits follow from that for all
 alike. Expressions are CasADi's, of one period; the callers map them over time.
@@ -42,12 +42,12 @@ class Input:
 
     @property
     def drives(self) -> bool:
-        """Whether it moves the system, as a speed or a throttle does; an angle only shapes the motion."""
+        """True if the input moves the system, as a speed or a throttle does; an angle only shapes motion."""
         return self.unit in ("rad/s", "m/s") or self.pushes
 
     @property
     def pushes(self) -> bool:
-        """Whether it drives by a force: the system has speeds of its own, which follow."""
+        """True if the input drives by a force: the system has speeds of its own, which follow."""
         return self.quantity in FORCES
 
 
@@ -73,14 +73,14 @@ class Parameter:
 
     @property
     def scale(self) -> float:
-        """What a relative precision refers to: the nominal value's magnitude, or `size` where that is 0, or
-        but the rounding of a sine or a cosine.
+        """Size to which a relative precision refers: the nominal value's magnitude, or `size` where that is
+        0, or but the rounding of a sine or a cosine.
         """
         return abs(self.nominal) if abs(self.nominal) > ROUNDING * (self.size or 1.0) else self.size
 
 
 class System(ABC):
-    """What responds to inputs; hashable, for its compiled functions are kept.
+    """System that responds to inputs; hashable, for its compiled functions are kept.
 
     Attributes:
         inputs: held over each period.
@@ -107,7 +107,7 @@ class System(ABC):
     @property
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
-        """Its constants with their nominal values, in the order that expressions take them."""
+        """Constants of the system with their nominal values, in the order that expressions take them."""
 
     @abstractmethod
     def step(
@@ -159,11 +159,11 @@ class System(ABC):
         return {"parameters": tuple(parameter.name for parameter in self.parameters)}
 
     def remedy(self, unbounded: Input, limits: Sequence[str]) -> str:
-        """What to do about an input that nothing bounds, given the names of the limits there are."""
+        """Return the remedy for an input that nothing bounds, given the names of the limits there are."""
         return f"add a limit on {unbounded.quantity}"
 
     def speed_of(self, inputs: npt.ArrayLike) -> float:
-        """How fast it moves through space [m/s], at rest before, at the nominal parameters."""
+        """Return the speed through space [m/s], at rest before, at the nominal parameters."""
         if not self.velocity_signal:
             return 0.0
         found = self.signals(ca.DM.zeros(len(self.states)), ca.DM(inputs), ca.DM(self.nominal), ca.DM(0))
@@ -176,7 +176,7 @@ class System(ABC):
         return 0.0
 
     def allows(self, values: Mapping[str, float]) -> bool:
-        """Whether it can have these values of parameters, SI."""
+        """Return whether the system can have these values of parameters, SI."""
         return True
 
     def long_names(self, name: str) -> tuple[str, ...]:
@@ -195,7 +195,7 @@ class System(ABC):
 
     @property
     def integrates(self) -> bool:
-        """Whether its steps are those of a numerical integration, and so as exact as they are short."""
+        """True if steps are those of a numerical integration, and so as exact as they are short."""
         return False
 
     def refined(self, times: int) -> System:
@@ -218,17 +218,17 @@ class System(ABC):
 
     @property
     def when_not_finite(self) -> str:
-        """What to do where states or readings are not finite; "" where nothing is known."""
+        """Remedy where states or readings are not finite; "" where nothing is known."""
         return ""
 
     @property
     def chosen_states(self) -> int:
-        """How many of the states, from the first on, a start may choose; the others begin at 0."""
+        """Number of states, from the first on, that a start may choose; the others begin at 0."""
         return len(self.states)
 
     @property
     def as_far_as_velocity(self) -> bool:
-        """Whether within a period it goes no farther than its mean velocity says, wherever it turns."""
+        """True if within a period it goes no farther than its mean velocity says, wherever it turns."""
         return False
 
     @property
@@ -243,7 +243,7 @@ class System(ABC):
 
 
 def label_of(system: System) -> str:
-    """What a system is called in messages: its kind, where it has one."""
+    """Return the name of a system in messages: its kind, where it has one."""
     return str(getattr(system, "kind", type(system).__name__))
 
 
@@ -301,7 +301,7 @@ def mover(system: System) -> ca.Function:
 
 @lru_cache(maxsize=32)
 def follows_state(system: System) -> bool:
-    """Whether the motion depends on the state, not on the inputs alone."""
+    """Return whether the motion depends on the state, not on the inputs alone."""
     system, _ = system.refinement
     given = step_symbols(system)
     return bool(ca.depends_on(_motion(system, *given), given[0]))

@@ -26,8 +26,8 @@ def middles(duration: float, samples: int) -> Array:
 
 
 def held_rates(knots: Array, degree: int, coefficients: Array, samples: int) -> Array:
-    """How fast inputs (N + 1, inputs) change that are held in N equal periods: from the spline's first value
-    to the middle of the first period, from middle to middle, and on to the last value.
+    """Return the rates of inputs (N + 1, inputs) that are held in N equal periods: from the spline's first
+    value to the middle of the first period, from middle to middle, and on to the last value.
 
     With `coefficients` (n, inputs) the identity, the matrix that takes coefficients to these rates. It is
     what search, scorer and bounds limit of splines that have no derivative, and what the polygon through the
@@ -46,7 +46,7 @@ def held_rates(knots: Array, degree: int, coefficients: Array, samples: int) -> 
 
 
 def held_jerks(knots: Array, degree: int, coefficients: Array, samples: int) -> Array:
-    """How fast `held_rates` change (N, inputs): by how much in the middle of each period, over one period.
+    """Return the changes of `held_rates` (N, inputs) in the middle of each period, over one period.
 
     The jerk of splines whose rates jump (degrees 0 and 1), the same for a drive and its time reverse; of the
     identity, the matrix of it.

@@ -1,1 +1,1 @@
-"""From readings to information: sensors, noise, prior, and the square root of information."""
+"""Measurement: sensors, noise, prior, and the square root of information."""

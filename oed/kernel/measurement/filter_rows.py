@@ -1,4 +1,4 @@
-"""What a filter takes in of one sensor: readings of a period, and their slopes by all that it carries."""
+"""Rows of one sensor in a filter: readings of a period, and their slopes by all that it carries."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ class Placed:
     through: Expression
 
     def scaled(self, factor: Expression | float) -> Placed:
-        """By a number, or each row by its own: a diagonal matrix."""
+        """Return the row times a number, or times one of each row: a diagonal matrix."""
         return Placed(ca.mtimes(factor, self.direct), ca.mtimes(factor, self.through))
 
     def beside(self, one: Expression, others: int) -> Placed:
-        """With a column more, and columns of what the readings do not depend on directly."""
+        """Return the row with a column more, and columns of what the readings do not depend on directly."""
         return Placed(ca.horzcat(self.direct, one, ca.SX(one.shape[0], others)), self.through)
 
     def without_errors(self, size: int) -> Placed:
-        """Of an instant, that no errors precede."""
+        """Return the row of an instant that no errors precede."""
         return Placed(self.direct, self.through[:, : self.through.shape[1] - size])
 
 
@@ -62,14 +62,14 @@ class Row:
     by_errors: Expression
 
     def misfit(self, measured: Expression) -> Expression:
-        """What was read less the reading, in units of the noise; angles are known up to full turns."""
+        """Return the measured less the predicted reading, in units of the noise; angles up to full turns."""
         left = measured - self.reading
         for place in self.sensor.angles:
             left[place] = ca.atan2(ca.sin(left[place]), ca.cos(left[place]))
         return self.whitening @ left
 
     def among(self, columns: Sequence[int], memories: Sequence[int]) -> Placed:
-        """With columns for all unknowns, those of other sensors' nuisances 0.
+        """Return the row with columns for all unknowns, those of other sensors' nuisances 0.
 
         Args:
             columns: how many there are of parameters, start states, nuisances before the own and behind them.
@@ -94,7 +94,7 @@ def memories_of(sensors: Sequence[Sensor]) -> tuple[int, ...]:
 
 
 def reads_of(sensors: Sequence[Sensor], samples: int) -> Array:
-    """Which sensors read in every period of a run and at its end, and which memories begin there.
+    """Return where sensors read in every period of a run and at its end, and where memories begin.
 
     Args:
         sensors: that read.
@@ -113,7 +113,7 @@ def reads_of(sensors: Sequence[Sensor], samples: int) -> Array:
 
 
 def taken_in(sensor: Sensor, samples: int) -> list[int]:
-    """In which periods of a run its readings are taken in, the last instant after all of them."""
+    """Return the periods of a run in which readings are taken in, the last instant after all of them."""
     if sensor.when == "between samples":
         # That at whose end they end.
         return [column - 1 for column in sensor.columns(samples)]
@@ -128,7 +128,7 @@ def row_of(
     own: Expression,
     memory: Expression | None,
 ) -> Row:
-    """What a sensor reads in a period; the later moment of what it reads between samples is its end.
+    """Return a sensor's row in a period; the later moment of a reading between samples is the period's end.
 
     Args:
         sensor: that reads.

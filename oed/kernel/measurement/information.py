@@ -28,7 +28,7 @@ CANCELLED = 1e-13
 
 
 def scaling_text(scaling: Scaling) -> str:
-    """In what units a criterion sees the parameters, in words."""
+    """Return the units in which a criterion sees the parameters, in words."""
     return SCALINGS[scaling] if isinstance(scaling, str) else "in units of the scales given"
 
 
@@ -104,7 +104,7 @@ def _rounding_alone(block: Block, jacobian: Array, summed: Array | None) -> list
 
 
 def weights_of(block: Block, scaling: Scaling, parameters: Sequence[str]) -> Array:
-    """What parameters' columns of that square root are multiplied by, (p,), to be in a scaling.
+    """Return the factors (p,) that bring the parameters' columns of that square root to a scaling.
 
     Args:
         block: whose parameters they are.
@@ -162,7 +162,7 @@ def _size(block: Block, scaling: Mapping[str, Size], name: str) -> float:
 def scaling_issues(
     blocks: Sequence[Block], scaling: Scaling, parameters: Sequence[Sequence[str]] | None = None
 ) -> list[Issue]:
-    """What keeps `scaling` from being applied to these blocks' parameters of interest; [] if nothing.
+    """Return what keeps `scaling` from being applied to these blocks' parameters of interest; [] if nothing.
 
     Args:
         blocks: of readings.

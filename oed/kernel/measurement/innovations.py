@@ -168,7 +168,7 @@ class Filter:
         reads: Expression,
         columns: Sequence[int],
     ) -> Update:
-        """What a period's readings make of D and P of some of the unknowns, and of the errors.
+        """Return D and P of some of the unknowns, and the errors, after a period's readings.
 
         Args:
             belief: D (states, columns) and P.
@@ -198,7 +198,7 @@ class Filter:
         return _moved(belief, step[:, self.size :], effect, direct[:, list(columns)])
 
     def reads(self, samples: int) -> Array:
-        """Which sensors read in every period of a run and at its end, and which memories begin there,
+        """Return where sensors read in every period of a run and at its end, and where memories begin,
         (sensors + memories, samples + 1).
         """
         return reads_of(self.sensors, samples)

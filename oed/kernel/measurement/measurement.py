@@ -1,4 +1,4 @@
-"""What is measured: regressions on displacements, or sensors that read the drive as it truly was.
+"""Measurements: regressions on displacements, or sensors that read the drive as it truly was.
 
 A sensor says what it reads at one moment, and how noisy that is. Its dependence on the parameters, the
 start state and its own nuisances follows by the chain rule along the drive, for every system alike.

@@ -1,4 +1,4 @@
-"""What is known of the parameters before the drive: it adds to the information."""
+"""Prior knowledge of the parameters before the drive: it adds to the information."""
 
 from __future__ import annotations
 

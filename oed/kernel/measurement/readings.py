@@ -1,4 +1,4 @@
-"""What sensors read of a drive, in units of the noise, and how that depends on all that is unknown."""
+"""Readings of a drive in units of the noise, and their derivatives by all that is unknown."""
 
 from __future__ import annotations
 

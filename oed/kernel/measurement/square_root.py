@@ -24,12 +24,12 @@ TOUCHED = 1e-6
 
 
 def rounding_of(rows: Array) -> float:
-    """How long a combination of unit columns of a Jacobian (k, n) may be by rounding alone."""
+    """Return the length that rounding may give a combination of unit columns of a Jacobian (k, n)."""
     return float(ULPS * np.finfo(float).eps * max(rows.shape))
 
 
 def reduced(rows: Array) -> Array:
-    """At most n rows with the same square as these (k, n)."""
+    """Return at most n rows with the same square as these (k, n)."""
     return rows if len(rows) <= rows.shape[1] else np.asarray(np.linalg.qr(rows, mode="r"))
 
 
@@ -75,7 +75,7 @@ class SquareRoot:
 
     @classmethod
     def of_rows(cls, rows: Array, sizes: Array | None = None, rounding: float | None = None) -> SquareRoot:
-        """Of F = R'R by its rows R (k, p).
+        """Return the square root of F = R'R from its rows R (k, p).
 
         Args:
             rows: R.
@@ -89,7 +89,7 @@ class SquareRoot:
 
     @classmethod
     def of_matrix(cls, matrix: Array) -> SquareRoot:
-        """Of a matrix F (..., p, p) that is there already squared, its digits lost."""
+        """Return the square root of a matrix F (..., p, p) that is there already squared, its digits lost."""
         diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
         own = np.sqrt(np.maximum(diagonal, 0.0))
         divisors = _divisors(own)
@@ -117,12 +117,12 @@ class SquareRoot:
 
     @cached_property
     def identifiable(self) -> Bools:
-        """Which directions are identifiable, (..., p)."""
+        """True for every direction that is identifiable, (..., p)."""
         return np.asarray(self.lengths > self.rounding)
 
     @property
     def complete(self) -> Bools:
-        """Whether every combination of the parameters is identifiable, (...)."""
+        """True if every combination of the parameters is identifiable, (...)."""
         return np.asarray(self.identifiable.all(axis=-1))
 
     @cached_property
@@ -148,7 +148,7 @@ class SquareRoot:
 
     @property
     def singular_values(self) -> Array:
-        """Of R, (..., p), descending; 0 for what is not identifiable."""
+        """Singular values of R, (..., p), descending; 0 for what is not identifiable."""
         values = np.linalg.svd(self.rows, compute_uv=False)
         missing = np.count_nonzero(~self.identifiable, axis=-1)
         places = np.arange(values.shape[-1])
@@ -187,7 +187,7 @@ class SquareRoot:
         return np.asarray(found)
 
     def hides(self, combinations: Array) -> Bools:
-        """Whether combinations (q, p) of the parameters' changes are not identifiable, (..., q)."""
+        """Return which combinations (q, p) of the parameters' changes are not identifiable, (..., q)."""
         units = combinations / _divisors(self.sizes)[..., None, :]
         along = np.abs(units @ self.directions)
         whole = np.linalg.norm(units, axis=-1, keepdims=True)

@@ -17,7 +17,7 @@ from oed.kernel.measurement.matrices import solve_lower
 
 
 class Update:
-    """What readings make of a prediction; expressions (SX).
+    """Filter step from a prediction and readings; expressions (SX).
 
     Attributes:
         after: the matrix of information, sensitivities and covariance, (n + states, n + states).
@@ -51,7 +51,7 @@ class Update:
         self._columns = sorted(set(self._seen.sparsity().get_triplet()[1]))
 
     def __len__(self) -> int:
-        """How many numbers are read, q."""
+        """Return the number q of readings."""
         return int(self._through.shape[0])
 
     def parts(self, after: Expression) -> tuple[Expression, Expression, Expression]:
