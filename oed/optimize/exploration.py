@@ -14,6 +14,7 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.kernel.coarser import coarse_samples
 from oed.kernel.solution import Explored
+from oed.optimize.local import LocalSearch
 from oed.optimize.results import LocalResult
 from oed.optimize.shared_search import SharedSearch
 from oed.optimize.transcription.design import DesignExpressions
@@ -49,51 +50,35 @@ CLOSE = 0.02
 """Share of the objective that one of them may be worse than the best, as the grid explored on sees it."""
 
 
-@dataclass(frozen=True)
-class Pace:
-    """How thoroughly a grid is explored.
-
-    Attributes:
-        opening: rounds from starts alone, before designs are perturbed.
-        different: share of the objective by which two optima differ at least.
-        refined: whether the better of two optima that differ by less stays; else the first.
-        tolerance: tolerance of Ipopt, at least.
-        again: times that the best is found again which end it, if by then half as many solves as up to its
-            first time are made. Where optima are few this comes soon, where they are many never.
-    """
-
-    opening: int
-    different: float
-    refined: bool
-    tolerance: float
-    again: int
+DIFFERENT = 1e-4
+"""Share of the objective by which two optima differ at least; of closer ones the better stays."""
+AGAIN = 7
+"""Times that the best is found again which end a search, if by then half as many solves as up to its first
+time are made. Where optima are few this comes soon, where they are many never.
+"""
 
 
-QUICK = Pace(opening=1, different=1e-4, refined=True, tolerance=1e-5, again=7)
-"""Pace on the search's own grid, where the best ends are solved on."""
-EXACT = Pace(opening=2, different=1e-5, refined=False, tolerance=0.0, again=5)
-"""Pace on a coarser grid, whose optima are ranked as they are."""
-
-
-def explorer_of(shared: SharedSearch) -> tuple[SharedSearch, Pace]:
-    """Return a search on few samples, where these tell good splines from bad ones, and its pace; else the
-    search itself.
-    """
+def explorer_of(shared: SharedSearch) -> SharedSearch:
+    """Return a search on few samples, where these tell good splines from bad ones; else the search itself."""
     space = shared.problem.design
     few, samples = PER_COEFFICIENT * space.spline.count, shared.local.design.problem.design.samples
     if not space.spline.degree or coarse_samples(shared.problem, few) > samples * WORTHWHILE:
-        return shared, QUICK
+        return shared
     options = shared.options.model_copy(update={"search_samples": few})
-    return replace(shared, token=f"{shared.token} explored", options=options), EXACT
+    return replace(shared, token=f"{shared.token} explored", options=options)
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """A solve to make: where it begins, and its first barrier parameter."""
+    """A sketch to make: where it begins, and its first barrier parameter."""
 
     unknowns: Array
     barrier: float = BARRIERS[-1]
     perturbed: bool = False
+
+    def __call__(self, search: LocalSearch) -> LocalResult:
+        """Return the sketch."""
+        return search.sketch(self.unknowns, self.barrier)
 
 
 @dataclass
@@ -105,7 +90,6 @@ class Exploration:
         fresh: ever more starts.
         rng: generator of perturbations.
         budget: Ipopt's iterations, each over `UNIT` samples.
-        pace: how thorough it is.
         elite: the best different optima so far, the best first.
         iterations: iterations spent, of any size.
         solves: solves made.
@@ -116,7 +100,6 @@ class Exploration:
     fresh: Iterator[Array]
     rng: np.random.Generator
     budget: int
-    pace: Pace = QUICK
     elite: list[LocalResult] = field(default_factory=list)
     iterations: int = 0
     solves: int = 0
@@ -144,12 +127,12 @@ class Exploration:
         """Whether the budget is spent, or the best was found often enough."""
         lost = not self.elite and self.solves >= HOPELESS
         enough = self.iterations >= LEAST and self.spent >= SHARE * self.budget
-        often = enough and self._again >= self.pace.again and self.solves - self._risen >= self._risen / 2
+        often = enough and self._again >= AGAIN and self.solves - self._risen >= self._risen / 2
         return self.spent >= self.budget or often or lost
 
     def next_round(self) -> list[Attempt]:
         """Return the attempts of a further round: perturbed designs and one fresh start, or starts alone."""
-        opening = self.rounds < self.pace.opening or not self.elite
+        opening = not self.rounds or not self.elite
         self.rounds += 1
         perturbed = [] if opening else [self._perturbed(place) for place in range(ROUND - 1)]
         return [*perturbed, *(Attempt(next(self.fresh)) for _ in range(ROUND - len(perturbed)))]
@@ -174,11 +157,11 @@ class Exploration:
             self._join(sketch)
 
     def _join(self, sketch: LocalResult) -> None:
-        value, size = sketch.objective, self.pace.different * abs(sketch.objective)
+        value, size = sketch.objective, DIFFERENT * abs(sketch.objective)
         best = self.elite[0].objective if self.elite else -np.inf
         self._again += abs(value - best) <= size
         alike = [optimum for optimum in self.elite if abs(optimum.objective - value) <= size]
-        if alike and not (self.pace.refined and value > max(optimum.objective for optimum in alike)):
+        if any(optimum.objective >= value for optimum in alike):
             return
         different = [optimum for optimum in self.elite if optimum not in alike]
         self.elite = sorted([*different, sketch], key=lambda optimum: -optimum.objective)[:ELITE]

@@ -44,6 +44,8 @@ MISLED = 1e-5
 """Share of the objective by which a coarse grid may see a design otherwise than all samples do."""
 LOOSE = 1e-3
 """Tolerance of solves after which more instants may be added."""
+SKETCHED = 1e-5
+"""Tolerance of sketches, at least: the best of their ends are solved on."""
 SLIPPED = 0.02
 """Excess between the points of a path, as a share of a limit's size, from which on points are denser."""
 FINER, FINEST = 4, 64
@@ -152,19 +154,18 @@ class LocalSearch:
         level = self.problem.criterion.concede(value, share + 1e-3 * (1 - share))
         return self._searched(unknowns, np.append(self.no_floors, level), corrections, second=True)
 
-    def sketch(self, unknowns: Array, barrier: float, tolerance: float) -> LocalResult:
+    def sketch(self, unknowns: Array, barrier: float) -> LocalResult:
         """Solve once on the search's own grid, without tightening limits, to see where a start leads.
 
         Args:
             unknowns: unknowns z to begin at.
             barrier: first barrier parameter, see `Program.solve`.
-            tolerance: tolerance of Ipopt, at least.
         """
         began, nothing, exchange = time.perf_counter(), self.grid.no_correction, self._sketching
         options: dict[str, Any] = {
             "floors": self.no_floors,
             "barrier": barrier,
-            "tolerance": max(tolerance, self.options.tolerance),
+            "tolerance": max(SKETCHED, self.options.tolerance),
         }
         instants, excess = self.first_instants(sketching=True), 0.0
         try:

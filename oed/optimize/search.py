@@ -156,12 +156,12 @@ class Search:
 
     def _explore(self) -> None:
         # Many solves, on a coarse grid where that will do; the best are then solved on the search's own.
-        explorer, pace = explorer_of(self.shared)
+        explorer = explorer_of(self.shared)
         design, name = explorer.local.design, self.options.start_from
         self.context.progress.begin("explore", PERCENT)
         screened = self._screened(design, self.context.rng(0))
         fresh = varied_starts(design, screened, self.context.rng(3))
-        exploration = Exploration(design, fresh, self.context.rng(1), self.options.budget, pace)
+        exploration = Exploration(design, fresh, self.context.rng(1), self.options.budget)
         try:
             if name is not None:
                 start = self._earlier_design(name)
@@ -174,7 +174,10 @@ class Search:
             raise
         finally:
             self.explored = exploration.explored
-        self._finish(exploration.worth_finishing, ranked=explorer == self.shared)
+        optima = [optimum.unknowns for optimum in exploration.worth_finishing]
+        self.context.progress.begin("starts", len(optima))
+        self._solves_left = len(optima)
+        self._maximise(optima, BARRIERS[-1])
         if self.best is None:
             self._try_starts(TRIAL)
         self._note_stage("starts")
@@ -191,26 +194,8 @@ class Search:
             for _ in range(next(steps) - next(steps)):
                 self.context.progress.advance()
 
-        tolerance = exploration.pace.tolerance
-        jobs = [
-            partial(
-                LocalSearch.sketch,
-                unknowns=attempt.unknowns,
-                barrier=attempt.barrier,
-                tolerance=tolerance,
-            )
-            for attempt in attempts
-        ]
         self._solves_left = exploration.solves_left
-        self._do(explorer, jobs, take, sketching=True)
-
-    def _finish(self, optima: Sequence[LocalResult], *, ranked: bool) -> None:
-        # One after the other as long as one may be better, where they are ranked by the search's own grid.
-        self.context.progress.begin("starts", len(optima))
-        self._solves_left = len(optima)
-        for batch in [[optimum] for optimum in optima] if ranked or not optima else [optima]:
-            if self.best is None or batch[0].objective > self.best.objective:
-                self._maximise([optimum.unknowns for optimum in batch], BARRIERS[-1])
+        self._do(explorer, attempts, take, sketching=True)
 
     def _decide(self) -> None:
         stage, share, best = self.options.second_stage, self.options.second_stage_share, self.best

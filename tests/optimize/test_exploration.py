@@ -18,15 +18,13 @@ from oed.kernel.evaluation import evaluate
 from oed.kernel.solution import Status
 from oed.optimize import Genetic, Ipopt, solve
 from oed.optimize.exploration import (
-    EXACT,
+    AGAIN,
     HOPELESS,
     LEAST,
-    QUICK,
     ROUND,
     SHARE,
     Attempt,
     Exploration,
-    Pace,
 )
 from oed.optimize.ipopt_options import BUDGET, with_shared_budget
 from oed.optimize.local import LocalSearch
@@ -60,10 +58,10 @@ def design() -> DesignExpressions:
     return DesignExpressions(problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION)))
 
 
-def exploration(design: DesignExpressions, budget: int = 10**6, pace: Pace = QUICK) -> Exploration:
+def exploration(design: DesignExpressions, budget: int = 10**6) -> Exploration:
     screened = screen(design, np.random.default_rng(0))
     fresh = varied_starts(design, screened, np.random.default_rng(1))
-    return Exploration(design, fresh, np.random.default_rng(2), budget, pace)
+    return Exploration(design, fresh, np.random.default_rng(2), budget)
 
 
 @pytest.mark.slow
@@ -137,9 +135,8 @@ def test_a_drive_whose_time_is_warped_begins_and_ends_as_it_did(design):
     assert np.mean(alike) == pytest.approx(0.5, abs=1.5 / np.sqrt(len(alike)))
 
 
-@pytest.mark.parametrize("pace", [QUICK, EXACT], ids=["quick", "exact"])
-def test_after_the_opening_one_start_of_a_round_is_fresh(design, pace):
-    found, rounds = exploration(design, budget=60, pace=pace), []
+def test_after_the_first_round_one_start_of_a_round_is_fresh(design):
+    found, rounds = exploration(design, budget=60), []
     rising = count()
 
     def solved(attempts):
@@ -148,23 +145,23 @@ def test_after_the_opening_one_start_of_a_round_is_fresh(design, pace):
 
     run(found, solved)
     fresh = [not any(one) for one in rounds]
-    assert len(rounds) > pace.opening
-    assert fresh == [place < pace.opening for place in range(len(rounds))]
-    assert all(one == [True] * (ROUND - 1) + [False] for one in rounds[pace.opening :])
+    assert len(rounds) > 1
+    assert fresh == [place < 1 for place in range(len(rounds))]
+    assert all(one == [True] * (ROUND - 1) + [False] for one in rounds[1:])
 
 
 def test_it_ends_when_the_best_is_found_again_and_again(design):
     found, values = exploration(design, budget=700), iter([1.0, 2.0] * 4 + [3.0] + [1.0, 3.0] * 100)
     run(found, lambda attempts: [sketch(one.unknowns, next(values), 50) for one in attempts])
     # Up to a round.
-    assert 9 + 2 * QUICK.again <= found.solves < 9 + 2 * QUICK.again + ROUND
+    assert 9 + 2 * AGAIN <= found.solves < 9 + 2 * AGAIN + ROUND
 
 
 def test_a_best_found_late_is_looked_for_half_as_long_again(design):
     found, values = exploration(design, budget=700), chain(np.linspace(2.0, 1.0, 60), repeat(3.0))
     run(found, lambda attempts: [sketch(one.unknowns, next(values), 50) for one in attempts])
     # First found by solve 61, and again ever since: more often than `again` says before that is enough.
-    assert 61 + QUICK.again + ROUND < 61 * 3 / 2 <= found.solves < 61 * 3 / 2 + ROUND
+    assert 61 + AGAIN + ROUND < 61 * 3 / 2 <= found.solves < 61 * 3 / 2 + ROUND
 
 
 def test_where_solves_are_cheap_it_goes_on_for_more_of_them(design):
@@ -191,7 +188,7 @@ def test_on_coarse_grids_limits_hold_at_all_samples_at_once():
     search = LocalSearch(problem, Ipopt(max_iterations=500, search_samples=24))
     drawn = screen(search.design, np.random.default_rng(0))
     starts = islice(varied_starts(search.design, drawn, np.random.default_rng(1)), 2)
-    sketches = [search.sketch(one, 1e-3, 0.0) for one in starts]
+    sketches = [search.sketch(one, 1e-3) for one in starts]
     kept = [one.unknowns for one in sketches if np.isfinite(one.objective)]
     assert kept
     for unknowns in kept:
