@@ -56,13 +56,15 @@ def state_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) -> l
         trajectory: what is done.
         finer: places of every period.
     """
-    system, own = problem.system, _estimated(problem)
-    found = []
+    system, columns = problem.system, _estimated(problem)
+    courses = []
     for run, (states, slopes) in enumerate(_simulated(system, trajectory, finer)):
         times = np.linspace(0.0, trajectory.each[run].duration, len(states))
-        each = zip(system.states, system.state_units, states.T, slopes.transpose(1, 0, 2), strict=True)
-        found.append([Course(name, unit, times, value, slope[:, own]) for name, unit, value, slope in each])
-    return found
+        quantities = zip(system.states, system.state_units, states.T, slopes.transpose(1, 0, 2), strict=True)
+        courses.append(
+            [Course(name, unit, times, value, slope[:, columns]) for name, unit, value, slope in quantities]
+        )
+    return courses
 
 
 def reading_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) -> list[list[Course]]:
@@ -77,14 +79,14 @@ def reading_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) ->
         finer: places of every period of a system with states.
     """
     system = problem.system
-    found = list[list[Course]]()
+    courses = list[list[Course]]()
     finer = finer if system.states else 1
     for run, (states, slopes) in enumerate(_simulated(system, trajectory, finer)):
-        one = trajectory.each[run]
+        drive = trajectory.each[run]
         begun = len(states) - 1 if not system.states else len(states)
-        held = np.vstack([np.repeat(one.inputs, finer, axis=0), one.inputs[-1:]])[:begun]
-        times = np.linspace(0.0, one.duration, len(states))[:begun]
-        found.append(
+        held = np.vstack([np.repeat(drive.inputs, finer, axis=0), drive.inputs[-1:]])[:begun]
+        times = np.linspace(0.0, drive.duration, len(states))[:begun]
+        courses.append(
             [
                 course
                 for sensor, label in _at_moments(problem)
@@ -93,7 +95,7 @@ def reading_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) ->
                 )
             ]
         )
-    return found
+    return courses
 
 
 def response_courses(problem: Problem, place: int, values: Array) -> list[Course]:
@@ -116,9 +118,9 @@ def response_courses(problem: Problem, place: int, values: Array) -> list[Course
 
 def _estimated(problem: Problem) -> list[int]:
     # Places of the parameters that are estimated, among the system's.
-    known = [one.name for one in problem.system.parameters]
-    (one,) = problem.any_estimations
-    return [known.index(name) for name in one.parameters if name in known]
+    names = [parameter.name for parameter in problem.system.parameters]
+    (estimation,) = problem.any_estimations
+    return [names.index(name) for name in estimation.parameters if name in names]
 
 
 def _at_moments(problem: Problem) -> Iterator[tuple[Sensor, str]]:
@@ -141,17 +143,17 @@ def _simulated(system: System, trajectory: Trajectory, finer: int) -> Iterator[t
 def _courses(
     problem: Problem, sensor: Sensor, label: str, moments: Sequence[Array], places: Array, finer: int = 1
 ) -> Iterator[Course]:
-    system, own = problem.system, _estimated(problem)
+    system, parameters = problem.system, _estimated(problem)
     function, count = moment_reading(sensor, system), len(places)
     states, slopes, held = moments
     size = len(system.parameters)
     carried = np.zeros((count, len(system.states), size + len(system.states)))
     carried[:, :, :size] = slopes
-    nominal = [one.nominal for one in sensor.nuisances]
+    nominal = [nuisance.nominal for nuisance in sensor.nuisances]
     readings, by_all = function.map(count)(
         states.T, np.hstack(list(carried)) if count else ca.DM(), held.T, system.nominal, nominal, 0.0
     )[:2]
-    values, each = np.array(readings), np.array(by_all).reshape(by_all.shape[0], count, -1)
+    values, derivatives = np.array(readings), np.array(by_all).reshape(by_all.shape[0], count, -1)
     deviations, units = sensor.deviations, sensor.units_of(system)
     read = tuple(
         finer * column for column in sensor.columns(problem.design.samples) if finer * column < count
@@ -160,7 +162,7 @@ def _courses(
         name = _name(sensor, entry)
         unit = units[entry] if units else ""
         noise = deviations[entry] if deviations else None
-        yield Course(name, unit, places, value, each[own, :, entry].T, noise, read, label)
+        yield Course(name, unit, places, value, derivatives[parameters, :, entry].T, noise, read, label)
 
 
 def _name(sensor: Sensor, entry: int) -> str:

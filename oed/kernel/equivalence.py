@@ -72,12 +72,14 @@ def _largest(values: Array, budgets: Sequence[Budget], costs: Sequence[Cost]) ->
     prices = np.array([cost.sizes for cost in costs])
     totals, most = [budget.total for budget in budgets], np.array([cost.most for cost in costs])
     limits = {"A_ub": np.vstack([prices, spent]), "b_ub": np.concatenate([most, totals])}
-    found = scipy.optimize.linprog(-values, bounds=np.stack([np.zeros(len(upper)), upper], axis=1), **limits)
+    solution = scipy.optimize.linprog(
+        -values, bounds=np.stack([np.zeros(len(upper)), upper], axis=1), **limits
+    )
     multipliers = np.zeros(len(costs))
-    if found.success:
-        multipliers = np.clip(-found.ineqlin.marginals[: len(costs)], 0.0, None)
-    left = np.clip(values - multipliers @ prices, 0.0, None)
-    return float(multipliers @ most) + sum(budget.largest(left) for budget in budgets)
+    if solution.success:
+        multipliers = np.clip(-solution.ineqlin.marginals[: len(costs)], 0.0, None)
+    reduced = np.clip(values - multipliers @ prices, 0.0, None)
+    return float(multipliers @ most) + sum(budget.largest(reduced) for budget in budgets)
 
 
 def root_of(gradient: Array) -> Array:

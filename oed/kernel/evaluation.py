@@ -38,7 +38,7 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
     """
     if not problem.system.integrates:
         return score(problem, trajectory)
-    own = coarse = _finite(problem, trajectory)
+    study_score = coarse = _finite(problem, trajectory)
     times, settled = FACTOR, False
     while True:
         fine = _finite(problem.refined(times), trajectory)
@@ -48,7 +48,7 @@ def evaluate(problem: Problem, trajectory: Trajectory) -> Evaluation:
         coarse, times = fine, FACTOR * times
     if fine is None:
         fine = score(problem.refined(times), trajectory)
-    change = np.inf if own is None else _change(own, fine)
+    change = np.inf if study_score is None else _change(study_score, fine)
     return replace(fine, steps=Steps(times, times // FACTOR, change, settled))
 
 
@@ -80,7 +80,8 @@ def resolved(problem: Problem, trajectory: Trajectory) -> Problem:
 def _agree(coarse: Evaluation, fine: Evaluation) -> bool:
     # To a share of all that is reported, and in which limits are satisfied.
     alike = all(
-        one.satisfied == other.satisfied for one, other in zip(coarse.margins, fine.margins, strict=True)
+        margin.satisfied == exact.satisfied
+        for margin, exact in zip(coarse.margins, fine.margins, strict=True)
     )
     return alike and _change(coarse, fine) <= AGREEMENT
 
@@ -88,9 +89,9 @@ def _agree(coarse: Evaluation, fine: Evaluation) -> bool:
 def _change(coarse: Evaluation, fine: Evaluation) -> float:
     # The largest of the differences of the information, of standard errors and of margins.
     margins = (
-        abs(one.margin - other.margin) / other.size
-        for one, other in zip(coarse.margins, fine.margins, strict=True)
-        if other.size > 0 and one.margin != other.margin
+        abs(margin.margin - exact.margin) / exact.size
+        for margin, exact in zip(coarse.margins, fine.margins, strict=True)
+        if exact.size > 0 and margin.margin != exact.margin
     )
     errors = coarse.standard_deviations
     deviations = (
@@ -106,5 +107,5 @@ def _difference(coarse: np.ndarray, fine: np.ndarray) -> float:
     # The largest |F - F'|_ij / sqrt(F'_ii F'_jj).
     sizes = np.sqrt(np.diag(fine))
     units = np.outer(sizes, sizes)
-    found = (np.abs(coarse - fine) / np.where(units > 0, units, 1.0)).max(initial=0.0)
-    return float(found) if np.isfinite(found) else np.inf
+    difference = (np.abs(coarse - fine) / np.where(units > 0, units, 1.0)).max(initial=0.0)
+    return float(difference) if np.isfinite(difference) else np.inf

@@ -28,9 +28,9 @@ def require_driven(problem: Problem, trajectory: Trajectory, path: Array) -> Non
     Raises:
         NotFinite: says what is not finite, or beyond `LARGEST`, and when.
     """
-    for inside, what in ((np.isfinite(path), "not finite"), (np.abs(path) <= LARGEST, f"beyond {LARGEST:g}")):
+    for inside, text in ((np.isfinite(path), "not finite"), (np.abs(path) <= LARGEST, f"beyond {LARGEST:g}")):
         if not inside.all():
-            raise NotFinite(Issue((problem.model.noun,), _departure(problem, trajectory, inside, what)))
+            raise NotFinite(Issue((problem.model.noun,), _departure(problem, trajectory, inside, text)))
 
 
 def require_measured(
@@ -48,26 +48,26 @@ def require_measured(
         NotFinite: says what is not finite, or beyond `FARTHEST` (`TooLarge`), and when.
     """
     pairs = [("reading", array) for array in responses] + [("derivative", array) for array in derivatives]
-    for what, array in pairs:
-        for inside, how, error in (
+    for quantity, array in pairs:
+        for inside, text, error in (
             (np.isfinite(array), "not finite", NotFinite),
             (np.abs(array) <= FARTHEST, f"beyond {FARTHEST:g} in units of the noise", TooLarge),
         ):
             rows = np.flatnonzero(~np.atleast_2d(inside.T).all(axis=0))
             if rows.size:
-                where = _reading(problem, trajectory, int(rows[0]), len(array))
-                columns = np.flatnonzero(~inside[rows[0]]).tolist() if what == "derivative" else []
-                raise error(Issue(("measurement",), _sentence(problem, what, where, columns, how)))
+                place = _reading(problem, trajectory, int(rows[0]), len(array))
+                columns = np.flatnonzero(~inside[rows[0]]).tolist() if quantity == "derivative" else []
+                raise error(Issue(("measurement",), _sentence(problem, quantity, place, columns, text)))
 
 
-def _departure(problem: Problem, trajectory: Trajectory, inside: Bools, what: str) -> str:
+def _departure(problem: Problem, trajectory: Trajectory, inside: Bools, text: str) -> str:
     # The earliest moment of any run.
     rows = np.array(np.split(inside, trajectory.runs))
     moments = np.flatnonzero(~rows.all(axis=(0, 2)))
     states = np.atleast_1d(~rows[:, moments[0]].all(axis=0))
     names = ", ".join(name for name, wrong in zip(problem.system.states, states, strict=True) if wrong)
-    each = trajectory.duration / trajectory.runs
-    when = f"{names}: {what} from {moments[0] / (rows.shape[1] - 1) * each:.6g} s on"
+    duration = trajectory.duration / trajectory.runs
+    when = f"{names}: {text} from {moments[0] / (rows.shape[1] - 1) * duration:.6g} s on"
     return when + _advice(problem)
 
 
@@ -86,10 +86,10 @@ def _reading(problem: Problem, trajectory: Trajectory, row: int, count: int) -> 
     return f"{label} at {samples * trajectory.period:.6g} s" + (f" of run {run + 1}" if runs > 1 else "")
 
 
-def _sentence(problem: Problem, what: str, where: str, columns: Sequence[int], how: str) -> str:
-    if what == "reading":
-        return f"the reading of {where} is {how}{_advice(problem)}"
+def _sentence(problem: Problem, quantity: str, place: str, columns: Sequence[int], text: str) -> str:
+    if quantity == "reading":
+        return f"the reading of {place} is {text}{_advice(problem)}"
     block = problem.any_estimations[0].block
     names = [*block.parameters, *(nuisance.name for nuisance in block.nuisances)]
-    known = [names[column] for column in columns if column < len(names)]
-    return f"the derivative of {where} by {', '.join(known) or 'what is estimated'} is {how}"
+    wrong = [names[column] for column in columns if column < len(names)]
+    return f"the derivative of {place} by {', '.join(wrong) or 'what is estimated'} is {text}"

@@ -72,12 +72,12 @@ def require_identifiable(problem: Problem) -> None:
     Raises:
         ProblemError: names every combination that is not identifiable, and what to do.
     """
-    found = ambiguities(problem)
-    if not found:
+    combinations = ambiguities(problem)
+    if not combinations:
         return
     remedy = "Take one of them as known (leave it out of `estimate`), give a `prior`, or measure more."
     key = "measurement" if problem.estimate is None else "estimate"
-    raise ProblemError([Issue((key,), f"{'; '.join(map(str, found))}. {remedy}")])
+    raise ProblemError([Issue((key,), f"{'; '.join(map(str, combinations))}. {remedy}")])
 
 
 @typed
@@ -86,7 +86,7 @@ def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]
     judges; () if all is identifiable that it asks about.
     """
     rng = np.random.default_rng(0)
-    found, failed = list[dict[str, SquareRoot]](), list[NotFinite]()
+    roots, failed = list[dict[str, SquareRoot]](), list[NotFinite]()
     pairs = list[tuple[Estimation, SquareRoot]]()
     # What is over soon, or goes beyond all bounds, shows in next to none of the drives that are anywhere.
     only = problem.design.only
@@ -95,44 +95,46 @@ def ambiguities(problem: Problem, drives: int = DRIVES) -> tuple[Ambiguity, ...]
         for drive in tried:
             # Of drives that are finite: a system at its fastest may go beyond all bounds.
             try:
-                found.append(full_information(problem, drive))
+                roots.append(full_information(problem, drive))
             except NotFinite as error:
                 failed.append(error)
                 continue
             # What some drives identify, more of them do as well.
-            pairs = _together(problem, found)
+            pairs = _together(problem, roots)
             if _identified(problem, pairs):
                 return ()
     # Drives whose readings are too large may identify what those left do not.
     too_large = [error for error in failed if isinstance(error, TooLarge)]
-    if too_large or not found:
+    if too_large or not roots:
         raise [*too_large, *failed][0]
-    return tuple(ambiguity for one, root in pairs for ambiguity in _null_combinations(one, root))
+    return tuple(
+        ambiguity for estimation, root in pairs for ambiguity in _null_combinations(estimation, root)
+    )
 
 
 def _together(
-    problem: Problem, found: Sequence[Mapping[str, SquareRoot]]
+    problem: Problem, roots: Sequence[Mapping[str, SquareRoot]]
 ) -> list[tuple[Estimation, SquareRoot]]:
     # What drives say together of what each sensor's block estimates.
     return [
-        (one, SquareRoot.together([each[one.block.name] for each in found]))
-        for one in problem.any_estimations
+        (estimation, SquareRoot.together([by_block[estimation.block.name] for by_block in roots]))
+        for estimation in problem.any_estimations
     ]
 
 
 def _identified(problem: Problem, pairs: Sequence[tuple[Estimation, SquareRoot]]) -> bool:
-    asked = [root.leading(len(one.judged)).scaled(one.scales) for one, root in pairs]
-    return bool(problem.objective.identifiable(asked))
+    scaled = [root.leading(len(estimation.judged)).scaled(estimation.scales) for estimation, root in pairs]
+    return bool(problem.objective.identifiable(scaled))
 
 
-def _null_combinations(one: Estimation, root: SquareRoot) -> list[Ambiguity]:
-    sizes = np.where(one.nominal != 0, np.abs(one.nominal), 1.0)
+def _null_combinations(estimation: Estimation, root: SquareRoot) -> list[Ambiguity]:
+    sizes = np.where(estimation.nominal != 0, np.abs(estimation.nominal), 1.0)
     rows = _reduced((root.hidden / sizes[:, None]).T)
-    judged = np.isin(one.parameters, one.judged)
+    judged = np.isin(estimation.parameters, estimation.judged)
     # What only hides parameters that nobody asks for does no harm.
     touched = [row for row in rows if np.abs(row[judged]).max() > NEGLIGIBLE * np.abs(row).max()]
     touched.sort(key=lambda row: int(np.argmax(np.abs(row) > NEGLIGIBLE * np.abs(row).max())))
-    return [_ambiguity(one, row * sizes) for row in touched]
+    return [_ambiguity(estimation, row * sizes) for row in touched]
 
 
 def _reduced(rows: Array) -> Array:
@@ -143,13 +145,13 @@ def _reduced(rows: Array) -> Array:
         pivot_row, pivot = divmod(int(np.argmax(rest)), rest.shape[1])
         rows[[index, index + pivot_row]] = rows[[index + pivot_row, index]]
         rows[index] /= rows[index, pivot]
-        others = np.arange(len(rows)) != index
-        rows[others] -= np.outer(rows[others, pivot], rows[index])
+        remaining = np.arange(len(rows)) != index
+        rows[remaining] -= np.outer(rows[remaining, pivot], rows[index])
     return rows
 
 
-def _ambiguity(one: Estimation, changes: Array) -> Ambiguity:
-    nominal = one.nominal
+def _ambiguity(estimation: Estimation, changes: Array) -> Ambiguity:
+    nominal = estimation.nominal
     sizes = np.where(nominal != 0, np.abs(nominal), 1.0)
     shares = changes / sizes
     shares[np.abs(shares) < NEGLIGIBLE * np.abs(shares).max()] = 0.0
@@ -157,9 +159,9 @@ def _ambiguity(one: Estimation, changes: Array) -> Ambiguity:
     shares *= STEP / shares[first]
     chosen = np.flatnonzero(shares)
     return Ambiguity(
-        changes={one.parameters[index]: float(shares[index] * sizes[index]) for index in chosen},
+        changes={estimation.parameters[index]: float(shares[index] * sizes[index]) for index in chosen},
         relative={
-            one.parameters[index]: float(shares[index] * np.sign(nominal[index]))
+            estimation.parameters[index]: float(shares[index] * np.sign(nominal[index]))
             for index in chosen
             if nominal[index] != 0
         },
@@ -182,8 +184,8 @@ def _random_drive(
     shares: Callable[[np.random.Generator, tuple[int, ...]], Array],
 ) -> Trajectory:
     # Inputs at shares of their ranges. Whether it keeps to the room does not matter here.
-    space, own = problem.design, problem.input_bounds
-    bounds = np.where(np.isfinite(own), own, [-ANY, ANY])
+    space, ranges = problem.design, problem.input_bounds
+    bounds = np.where(np.isfinite(ranges), ranges, [-ANY, ANY])
     if space.own_signals:
         coefficients = _random_signals(embedding_of(space, len(bounds)), bounds, rng, shares)
     else:

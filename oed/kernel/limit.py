@@ -70,9 +70,9 @@ class Rows(Brief):
         """
         below, above = np.isfinite(self.lower), np.isfinite(self.upper)
         sides = [
-            ca.vec(self.expression + sign * amounts)[np.flatnonzero(one).tolist()]
-            for sign, one in ((1, above), (-1, below))
-            if one.any()
+            ca.vec(self.expression + sign * amounts)[np.flatnonzero(side).tolist()]
+            for sign, side in ((1, above), (-1, below))
+            if side.any()
         ]
         high, low = int(above.sum()), int(below.sum())
         return replace(
@@ -87,9 +87,9 @@ class Rows(Brief):
         every = (self, *others)
         return replace(
             self,
-            expression=ca.vertcat(*(one.expression for one in every)),
-            lower=np.concatenate([one.lower for one in every]),
-            upper=np.concatenate([one.upper for one in every]),
+            expression=ca.vertcat(*(rows.expression for rows in every)),
+            lower=np.concatenate([rows.lower for rows in every]),
+            upper=np.concatenate([rows.upper for rows in every]),
         )
 
 
@@ -296,13 +296,13 @@ class InputLimit(Limit, ABC):
 
     def issues(self, system: System, space: Space) -> list[Issue]:
         """A system without such inputs, inputs without bounds, bounds that its equations do not allow."""
-        own = [entry for entry in system.inputs if entry.quantity == self.quantity]
-        if not own:
+        limited = [entry for entry in system.inputs if entry.quantity == self.quantity]
+        if not limited:
             text = (
                 f"{label_of(system)} has no {self.quantity}; its inputs are {', '.join(system.input_names)}"
             )
             return [Issue(("limits", self.name), text)]
-        names = [entry.name for entry in own]
+        names = [entry.name for entry in limited]
         if self.each is not None and set(self.each) != set(names):
             text = f"expected bounds of {', '.join(names)}; got {', '.join(self.each)}"
             return [Issue(("limits", self.name), text)]
@@ -317,8 +317,8 @@ class InputLimit(Limit, ABC):
 
     def bounds_by_name(self, system: System) -> dict[str, tuple[float, float]]:
         """(min, max) of every input limited, by its name."""
-        own = [entry.name for entry in system.inputs if entry.quantity == self.quantity]
-        return {name: self.bounds_of(name) for name in own}
+        names = [entry.name for entry in system.inputs if entry.quantity == self.quantity]
+        return {name: self.bounds_of(name) for name in names}
 
     def bounded(self, table: Expression, system: System) -> Rows:
         """The bounds on the limited columns of `table` (K, inputs); the size is the largest bound's."""
@@ -363,31 +363,31 @@ def magnitude(first: Expression, second: Expression, size: float) -> Expression:
     return ca.sqrt(first**2 + second**2 + soft**2) + (size - float(np.hypot(size, soft)))
 
 
-def implied_bounds(known: Array, combined: Sequence[LinearBound]) -> Array:
-    """Bounds on inputs (inputs, 2), where those `known` (inputs, 2) are infinite by what all say together.
+def implied_bounds(bounds: Array, combined: Sequence[LinearBound]) -> Array:
+    """Bounds on inputs (inputs, 2), where those `bounds` (inputs, 2) are infinite by what all say together.
 
     Infinite still where nothing follows.
     """
-    if not combined or np.isfinite(known).all():
-        return known
-    table = np.array([one.slopes for one in combined])
-    low, high = np.array([(one.low - one.offset, one.high - one.offset) for one in combined]).T
+    if not combined or np.isfinite(bounds).all():
+        return bounds
+    table = np.array([bound.slopes for bound in combined])
+    low, high = np.array([(bound.low - bound.offset, bound.high - bound.offset) for bound in combined]).T
     return np.array(
         [
-            pair if np.isfinite(pair).all() else _reach(table, low, high, known, place)
-            for place, pair in enumerate(known)
+            pair if np.isfinite(pair).all() else _reach(table, low, high, bounds, place)
+            for place, pair in enumerate(bounds)
         ]
     )
 
 
-def _reach(table: Array, low: Array, high: Array, known: Array, place: int) -> list[float]:
+def _reach(table: Array, low: Array, high: Array, bounds: Array, place: int) -> list[float]:
     # The least and the largest that one input can be.
     from scipy.optimize import linprog
 
     ends = []
     for sign in (1.0, -1.0):
-        goal = sign * np.eye(len(known))[place]
-        found = linprog(goal, np.vstack([table, -table]), np.concatenate([high, -low]), bounds=known)
-        end = float(sign * found.fun) if found.status == 0 else -sign * np.inf
+        goal = sign * np.eye(len(bounds))[place]
+        solution = linprog(goal, np.vstack([table, -table]), np.concatenate([high, -low]), bounds=bounds)
+        end = float(sign * solution.fun) if solution.status == 0 else -sign * np.inf
         ends.append(end - sign * ROUNDING * abs(end))
     return ends

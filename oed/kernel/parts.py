@@ -76,12 +76,12 @@ class Parts(Brief):
         """
         number = np.full(len(self.readings), -1)
         number[free] = np.arange(len(free))
-        left = number[self.places] >= 0
+        remaining = number[self.places] >= 0
         return replace(
             self,
             readings=tuple(self.readings[place] for place in free),
-            rows=self.rows[left],
-            places=number[self.places[left]],
+            rows=self.rows[remaining],
+            places=number[self.places[remaining]],
             known_rows=self._weighted(weights),
             sizes=self.sizes[free],
             members=tuple(self.members[place] for place in free),
@@ -100,7 +100,7 @@ class Parts(Brief):
             UserMistake: no divisor of how many readings these are.
         """
         groups = list[list[int]]()
-        for places in self._each(lambda one: (one.sensor, one.run)):
+        for places in self._grouped(lambda reading: (reading.sensor, reading.run)):
             if len(places) % pieces:
                 name = self.readings[places[0]].sensor
                 text = f"pieces: expected a divisor of the {len(places)} readings of {name} in a trial"
@@ -110,14 +110,14 @@ class Parts(Brief):
 
     def by_run(self) -> Parts:
         """All readings of a run together, each run of size 1: how often is it to be repeated?"""
-        merged = self._merged(self._each(lambda one: one.run))
+        merged = self._merged(self._grouped(lambda reading: reading.run))
         return replace(merged, sizes=np.ones(len(merged.readings)))
 
-    def _each(self, key: Callable[[Reading], object]) -> list[list[int]]:
-        found = dict[object, list[int]]()
-        for place, one in enumerate(self.readings):
-            found.setdefault(key(one), []).append(place)
-        return list(found.values())
+    def _grouped(self, key: Callable[[Reading], object]) -> list[list[int]]:
+        groups = dict[object, list[int]]()
+        for place, reading in enumerate(self.readings):
+            groups.setdefault(key(reading), []).append(place)
+        return list(groups.values())
 
     def _merged(self, groups: Sequence[Sequence[int]]) -> Parts:
         first = [self.readings[group[0]] for group in groups]
@@ -129,8 +129,8 @@ class Parts(Brief):
         return replace(
             self,
             readings=tuple(
-                replace(one, time=time, sensor="" if one_run else one.sensor)
-                for one, time in zip(first, times, strict=True)
+                replace(reading, time=time, sensor="" if one_run else reading.sensor)
+                for reading, time in zip(first, times, strict=True)
             ),
             places=number[self.places],
             sizes=np.array([self.sizes[list(group)].sum() for group in groups]),
@@ -139,10 +139,10 @@ class Parts(Brief):
 
     def of_every_reading(self, weights: Array) -> Array:
         """Weights of these, (n,), for each of the readings that they are made of."""
-        found = np.empty(sum(map(len, self.members)))
+        spread = np.empty(sum(map(len, self.members)))
         for places, weight in zip(self.members, weights, strict=True):
-            found[list(places)] = weight
-        return found
+            spread[list(places)] = weight
+        return spread
 
     def whole(self, weights: Array) -> Array:
         """Information on all q of readings that count so much, (q, q)."""
@@ -151,12 +151,14 @@ class Parts(Brief):
 
     def projection(self, weights: Array) -> Array:
         """T = [I, -F12 F22^-1], (judged, q): T F T' is what is left on the judged, the others eliminated."""
-        whole, count = self.whole(weights), self.judged
+        information, count = self.whole(weights), self.judged
         # In units in which each is of size 1: what is in small units is not taken for rounding.
-        sizes = np.sqrt(np.diag(whole)[count:])
+        sizes = np.sqrt(np.diag(information)[count:])
         sizes[sizes == 0] = 1.0
-        others = whole[count:, count:] / np.outer(sizes, sizes)
-        across = np.linalg.lstsq(others, whole[count:, :count] / sizes[:, None], rcond=None)[0].T / sizes
+        nuisances = information[count:, count:] / np.outer(sizes, sizes)
+        across = (
+            np.linalg.lstsq(nuisances, information[count:, :count] / sizes[:, None], rcond=None)[0].T / sizes
+        )
         return np.hstack([np.eye(count), -across])
 
     def information(self, weights: Array) -> Array:
@@ -208,9 +210,9 @@ class Budget:
         many.
         """
         count = self.total / self.sizes[0]
-        alike = np.ptp(self.sizes) <= ROUNDING * self.sizes[0]
+        equal = np.ptp(self.sizes) <= ROUNDING * self.sizes[0]
         near = abs(count - round(count)) <= ROUNDING * max(count, 1.0) and self.most % 1 == 0
-        return round(count) if alike and near and round(count) > 0 else None
+        return round(count) if equal and near and round(count) > 0 else None
 
     def spent(self, weights: Array) -> float:
         """Return the amount of the budget that weights of all readings take."""
@@ -218,11 +220,11 @@ class Budget:
 
     def largest(self, values: Array) -> float:
         """The largest sum of values of all readings, (n,), weighted so: a linear program, by sorting."""
-        own, sizes, upper = values[list(self.places)], np.array(self.sizes), self.upper
-        order = np.argsort(-own / sizes, kind="stable")
+        limited, sizes, upper = values[list(self.places)], np.array(self.sizes), self.upper
+        order = np.argsort(-limited / sizes, kind="stable")
         sizes, upper = sizes[order], upper[order]
         spared = np.clip((self.total - np.cumsum(sizes * upper)) / sizes, -upper, 0.0)
-        return float((spared + upper) @ own[order])
+        return float((spared + upper) @ limited[order])
 
 
 @dataclass(frozen=True)
@@ -254,22 +256,22 @@ def budgets_of(parts: Parts, totals: float | Mapping[str, float], most: float = 
     Raises:
         UserMistake: a total that no such weights have, a sensor that reads nothing, or one without a total.
     """
-    each = {"": list(range(len(parts.readings)))}
+    groups = {"": list(range(len(parts.readings)))}
     if isinstance(totals, Mapping):
-        each = {}
-        for place, one in enumerate(parts.readings):
-            each.setdefault(one.sensor, []).append(place)
-    given = dict(totals) if isinstance(totals, Mapping) else {"": totals}
-    if set(given) != set(each):
-        raise UserMistake(f"totals: expected one of each of {', '.join(each)}, got {', '.join(given)}")
-    for name, places in each.items():
+        groups = {}
+        for place, reading in enumerate(parts.readings):
+            groups.setdefault(reading.sensor, []).append(place)
+    amounts = dict(totals) if isinstance(totals, Mapping) else {"": totals}
+    if set(amounts) != set(groups):
+        raise UserMistake(f"totals: expected one of each of {', '.join(groups)}, got {', '.join(amounts)}")
+    for name, places in groups.items():
         largest = most * float(parts.sizes[places].sum())
-        if not 0 < given[name] <= largest * (1 + ROUNDING):
+        if not 0 < amounts[name] <= largest * (1 + ROUNDING):
             of = f" of {name}" if name else ""
-            raise UserMistake(f"expected a total{of} above 0 and at most {largest:g}, got {given[name]:g}")
+            raise UserMistake(f"expected a total{of} above 0 and at most {largest:g}, got {amounts[name]:g}")
     return tuple(
-        Budget(tuple(places), tuple(parts.sizes[places].tolist()), given[name], most)
-        for name, places in each.items()
+        Budget(tuple(places), tuple(parts.sizes[places].tolist()), amounts[name], most)
+        for name, places in groups.items()
     )
 
 
@@ -285,15 +287,15 @@ def laid_out(sensors: Sequence[Sensor], system: System, samples: int, runs: int,
     """
     labels = zip(sensors, sensor_labels(sensors), strict=True)
     lasting = {label: period if sensor.continuous else 1.0 for sensor, label in labels}
-    each = list(dict.fromkeys(row_times(sensors, system, samples, runs)))
+    readings = list(dict.fromkeys(row_times(sensors, system, samples, runs)))
     return Parts(
-        tuple(Reading(label, run, column * period) for label, run, column in each),
+        tuple(Reading(label, run, column * period) for label, run, column in readings),
         np.zeros((0, 0)),
         np.zeros(0, dtype=int),
         np.zeros((0, 0)),
         0,
-        np.array([lasting[label] for label, _, _ in each]),
-        tuple((place,) for place in range(len(each))),
+        np.array([lasting[label] for label, _, _ in readings]),
+        tuple((place,) for place in range(len(readings))),
     )
 
 
@@ -307,8 +309,8 @@ def rows_of(sensors: Sequence[Sensor], system: System, samples: int, runs: int) 
         runs: how many.
     """
     times = row_times(sensors, system, samples, runs)
-    places = {one: place for place, one in enumerate(dict.fromkeys(times))}
-    return np.array([places[one] for one in times], dtype=int)
+    places = {reading: place for place, reading in enumerate(dict.fromkeys(times))}
+    return np.array([places[reading] for reading in times], dtype=int)
 
 
 def root_weights(sensors: Sequence[Sensor], system: System, trajectory: Trajectory) -> Array | None:

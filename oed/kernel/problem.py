@@ -63,9 +63,9 @@ class Problem(Statement):
         designed: bool = True,
     ) -> None:
         """Take lists and names for what they stand for, and check that the parts fit together."""
-        given = locals()
-        for one in fields(self):
-            object.__setattr__(self, one.name, given[one.name])
+        arguments = locals()
+        for field in fields(self):
+            object.__setattr__(self, field.name, arguments[field.name])
         for key, part in parts_of(self).items():
             object.__setattr__(self, key, part)
         object.__setattr__(self, "model", self.design.driving(self.model))

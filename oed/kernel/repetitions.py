@@ -44,8 +44,8 @@ def repetitions(problem: Problem, trajectory: Trajectory) -> Array:
     counts[:] = 0.0
     np.maximum.at(counts, _periods(problem, trajectory), weights)
     if _weighs_trials(problem):
-        each = counts.reshape(trajectory.runs, -1)
-        each[:] = each.max(axis=1, keepdims=True)
+        by_trial = counts.reshape(trajectory.runs, -1)
+        by_trial[:] = by_trial.max(axis=1, keepdims=True)
     return counts
 
 
@@ -88,8 +88,8 @@ def periods_of(problem: Problem, trajectory: Trajectory, parts: Parts) -> list[P
         trajectory: whose readings they are.
         parts: readings, or groups of them.
     """
-    each = _periods(problem, trajectory)
-    return [each[list(members)] for members in parts.members]
+    places = _periods(problem, trajectory)
+    return [places[list(members)] for members in parts.members]
 
 
 def costs_of(problem: Problem, trajectory: Trajectory, parts: Parts) -> tuple[Cost, ...]:
@@ -107,11 +107,11 @@ def costs_of(problem: Problem, trajectory: Trajectory, parts: Parts) -> tuple[Co
     counts = ca.MX.sym("counts", trajectory.samples)
     rows = [limit.rows(replace(drive, repetitions=counts)) for limit in limits]
     slopes = ca.Function("costs", symbols, [ca.jacobian(row.expression, counts) for row in rows])
-    given = trajectory.inputs, trajectory.starts, problem.system.nominal, trajectory.period
-    values = [np.array(value).ravel() for value in slopes.call(list(given))]
+    arguments = trajectory.inputs, trajectory.starts, problem.system.nominal, trajectory.period
+    values = [np.array(value).ravel() for value in slopes.call(list(arguments))]
     return tuple(
-        Cost(tuple(_by_part(problem, trajectory, parts, each).tolist()), float(row.upper[0]))
-        for row, each in zip(rows, values, strict=True)
+        Cost(tuple(_by_part(problem, trajectory, parts, costs).tolist()), float(row.upper[0]))
+        for row, costs in zip(rows, values, strict=True)
     )
 
 
@@ -120,8 +120,8 @@ def _by_part(problem: Problem, trajectory: Trajectory, parts: Parts, costs: Arra
     if _weighs_trials(problem):
         runs = [reading.run for reading in parts.readings]
         return np.asarray(costs.reshape(trajectory.runs, -1).sum(axis=1)[runs])
-    each = costs[_periods(problem, trajectory)]
-    return np.array([each[list(members)].sum() for members in parts.members])
+    by_reading = costs[_periods(problem, trajectory)]
+    return np.array([by_reading[list(members)].sum() for members in parts.members])
 
 
 def _periods(problem: Problem, trajectory: Trajectory) -> Places:

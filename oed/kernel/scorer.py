@@ -122,7 +122,7 @@ def _scorer_of(problem: Problem, trajectory: Trajectory) -> tuple[_Scorer, list[
 
 def _extremes_of(problem: Problem, trajectory: Trajectory) -> list[Array]:
     extremes = [trajectory.extremes(order) for order in range(3)]
-    return [*extremes, _asked(trajectory) if _checked_at_points(problem) else trajectory.inputs]
+    return [*extremes, _dense_inputs(trajectory) if _checked_at_points(problem) else trajectory.inputs]
 
 
 def require_shape(problem: Problem, trajectory: Trajectory) -> None:
@@ -148,10 +148,10 @@ class _Scorer:
     def __init__(self, problem: Problem, samples: int, runs: int, *counts: int) -> None:
         system = problem.system
         self._extremes = [ca.MX.sym("extremes", count, len(system.inputs)) for count in counts]
-        given = dict(zip(EXTREMES, self._extremes, strict=True))
+        splines = dict(zip(EXTREMES, self._extremes, strict=True))
         if not _checked_at_points(problem):
-            given["motion_inputs"] = None
-        self._symbols, drive = any_drive(system, samples, runs, refine=FINE, **given)
+            splines["motion_inputs"] = None
+        self._symbols, drive = any_drive(system, samples, runs, refine=FINE, **splines)
         self._repetitions = ca.MX.sym("repetitions", samples)
         self._drive = replace(drive, repetitions=self._repetitions)
         self.problem = problem
@@ -179,10 +179,10 @@ class _Scorer:
     def _of_measuring(self) -> Outputs:
         groups = [
             # Of sensors the jacobian's first columns: they are not asked for twice.
-            [one.block.design_matrix for one in self.estimations if one.block.raw],
-            [one.block.response for one in self.estimations],
-            [one.block.jacobian for one in self.estimations],
-            [one.block.magnitudes for one in self.estimations],
+            [part.block.design_matrix for part in self.estimations if part.block.raw],
+            [part.block.response for part in self.estimations],
+            [part.block.jacobian for part in self.estimations],
+            [part.block.magnitudes for part in self.estimations],
             [self._drive.states],
         ]
         return Outputs("measured", self._symbols, groups)
@@ -221,10 +221,10 @@ class _Scorer:
         return judged, full
 
     def _designs(self, regressors: Sequence[Array], jacobians: Sequence[Array]) -> list[Array]:
-        own = iter(regressors)
+        remaining = iter(regressors)
         return [
-            next(own) if one.block.raw else jacobian[:, : len(one.block.parameters)]
-            for one, jacobian in zip(self.estimations, jacobians, strict=True)
+            next(remaining) if part.block.raw else jacobian[:, : len(part.block.parameters)]
+            for part, jacobian in zip(self.estimations, jacobians, strict=True)
         ]
 
     def _driven(self, drive: Trajectory, extremes: Sequence[Array]) -> tuple[list[Array], list[Array]]:
@@ -283,12 +283,12 @@ class _Scorer:
         robots, criterion = self._robots(trajectory, roots), problem.objective
         # Of the paper's regressors W is what it is, of sensors what is left of it.
         singular = [
-            (SquareRoot.of_rows(design) if one.block.raw else root).singular_values
-            for one, design, root in zip(self.estimations, designs, roots, strict=True)
+            (SquareRoot.of_rows(design) if part.block.raw else root).singular_values
+            for part, design, root in zip(self.estimations, designs, roots, strict=True)
         ]
-        names = [one.block.name for one in self.estimations]
+        names = [part.block.name for part in self.estimations]
         return Evaluation(
-            objective=float(problem.together([float(criterion.judge(own)) for own in robots])),
+            objective=float(problem.together([float(criterion.judge(robot)) for robot in robots])),
             singular_values=np.sort(np.concatenate(singular))[::-1],
             norm_y=float(np.linalg.norm(np.concatenate(responses))),
             path_length=float(length.item()),
@@ -296,13 +296,13 @@ class _Scorer:
             design_matrices=dict(zip(names, designs, strict=True)),
             square_roots=dict(zip(names, roots, strict=True)),
             full_square_roots=dict(zip(names, full, strict=True)),
-            identifiable=all(bool(criterion.identifiable(own)) for own in robots),
+            identifiable=all(bool(criterion.identifiable(robot)) for robot in robots),
             covariances={
-                one.block.name: root.covariance
-                for one, root in zip(self.estimations, full, strict=True)
-                if one.block.noise is not None
+                part.block.name: root.covariance
+                for part, root in zip(self.estimations, full, strict=True)
+                if part.block.noise is not None
             },
-            parameters={one.block.name: one.parameters for one in self.estimations},
+            parameters={part.block.name: part.parameters for part in self.estimations},
             states=states,
             path=path,
             nominal={
@@ -325,10 +325,12 @@ def _checked_at_points(problem: Problem) -> bool:
     return any(limit.looks_at is None for limit in problem.limits)
 
 
-def _asked(trajectory: Trajectory) -> Array:
+def _dense_inputs(trajectory: Trajectory) -> Array:
     # What the splines ask for between the samples too: for limits that are checked at points only.
-    times = [np.linspace(0.0, one.duration, FINE * one.samples + 1) for one in trajectory.each]
-    return np.concatenate([one.inputs_at(own) for one, own in zip(trajectory.each, times, strict=True)])
+    times = [np.linspace(0.0, run.duration, FINE * run.samples + 1) for run in trajectory.each]
+    return np.concatenate(
+        [run.inputs_at(moments) for run, moments in zip(trajectory.each, times, strict=True)]
+    )
 
 
 def _margin(
@@ -342,8 +344,8 @@ def _margin(
     excess = np.maximum(values - rows.upper, rows.lower - values) + spare
     # Nothing to satisfy, as with a limit of changes on a drive of one sample, is satisfied as at rest.
     excess = excess if excess.size else np.array([-rows.size])
-    asked = (-np.inf, np.inf) if share is None else (spare - GAP * rows.size, spare + share * rows.size)
-    most, certain = most_exceeded(problem, limit, sight, excess, asked)
+    window = (-np.inf, np.inf) if share is None else (spare - GAP * rows.size, spare + share * rows.size)
+    most, certain = most_exceeded(problem, limit, sight, excess, window)
     return Margin(limit.name, spare - limit.amount(most), rows.size, rows.unit, certain)
 
 
@@ -352,8 +354,8 @@ def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
     space, model = problem.design, problem.model
     if not model.states:
         # Settings take no time: there are only so many.
-        left = space.all_samples - trajectory.samples
-        return [Margin("settings", float(left), float(space.all_samples), "")]
+        remaining = space.all_samples - trajectory.samples
+        return [Margin("settings", float(remaining), float(space.all_samples), "")]
     spare = space.whole_duration - trajectory.duration
     margins = [Margin("duration", spare, space.whole_duration, "s")]
     shortest = space.runs * (space.shortest_duration or 0.0)

@@ -34,7 +34,9 @@ def _plain(text: str) -> bool:
 
 def _amounts(value: Any) -> Any:
     return (
-        {name: _amount(one) for name, one in value.items()} if isinstance(value, Mapping) else _amount(value)
+        {name: _amount(amount) for name, amount in value.items()}
+        if isinstance(value, Mapping)
+        else _amount(value)
     )
 
 
@@ -88,10 +90,12 @@ class Selection(Component):
         Raises:
             UserMistake: totals that no weights have.
         """
-        given = self.total if self.readings is None else self.readings
-        assert given is not None
+        amounts = self.total if self.readings is None else self.readings
+        assert amounts is not None
         totals = (
-            {name: float(one) for name, one in given.items()} if isinstance(given, dict) else float(given)
+            {name: float(amount) for name, amount in amounts.items()}
+            if isinstance(amounts, dict)
+            else float(amounts)
         )
         return budgets_of(parts, totals, self.most)
 
@@ -117,7 +121,7 @@ class Selection(Component):
         Raises:
             UserMistake: readings of a budget differ in size, or are repeated a broken number of times.
         """
-        if self.whole and any(one.whole is None for one in budgets):
+        if self.whole and any(budget.whole is None for budget in budgets):
             raise UserMistake("whole readings are of one size and repeated whole times: change `most`")
 
     def margins(self, sensors: Sequence[Sensor], system: System, trajectory: Trajectory) -> list[Margin]:
@@ -132,10 +136,10 @@ class Selection(Component):
         """
         samples = trajectory.samples // trajectory.runs
         single = laid_out(sensors, system, samples, trajectory.runs, trajectory.period)
-        given = np.ones(len(single.readings)) if trajectory.weights is None else trajectory.weights
+        single_weights = np.ones(len(single.readings)) if trajectory.weights is None else trajectory.weights
         parts = self.parts(single)
-        weights = np.array([given[list(places)].mean() for places in parts.members])
-        spare = [(one.total - one.spent(weights), one.total) for one in self.budgets(parts)]
+        weights = np.array([single_weights[list(places)].mean() for places in parts.members])
+        spare = [(budget.total - budget.spent(weights), budget.total) for budget in self.budgets(parts)]
         least, size = min(spare, key=lambda pair: pair[0] / pair[1])
         beyond = max(float(weights.max()) - self.most, -float(weights.min()))
         return [Margin("weights", least, size, ""), Margin("weight of a reading", -beyond, self.most, "")]

@@ -26,9 +26,9 @@ class Status(Enum):
 
     def __new__(cls, value: str, sentence: str) -> Status:
         """A status by its value in files, with what it says."""
-        one = object.__new__(cls)
-        one._value_, one.sentence = value, sentence
-        return one
+        status = object.__new__(cls)
+        status._value_, status.sentence = value, sentence
+        return status
 
     CONVERGED = "converged", "Converged to a local optimum that satisfies every limit."
     ACCEPTABLE = (
@@ -241,17 +241,17 @@ class Solution(ByValue, Presented):
     @property
     def designs(self) -> tuple[Trajectory, ...]:
         """The design, and after it those on coarser splines, the finest first."""
-        own = () if self.trajectory is None else (self.trajectory,)
-        return (*own, *(one.trajectory for one in reversed(self.levels)))
+        best = () if self.trajectory is None else (self.trajectory,)
+        return (*best, *(level.trajectory for level in reversed(self.levels)))
 
     @property
     def message(self) -> str:
         """The status in words, with what is special to this search or drive; of one that was only scored, the
         latter alone.
         """
-        said = "" if self.violation is None else self.violation.sentence
-        known = self.status is Status.SCORED and self.detail
-        return " ".join(filter(None, ["" if known else self.status.sentence, self.detail, said]))
+        violation = "" if self.violation is None else self.violation.sentence
+        only_scored = self.status is Status.SCORED and self.detail
+        return " ".join(filter(None, ["" if only_scored else self.status.sentence, self.detail, violation]))
 
     def plot(self, what: str = "path") -> Any:
         """The figure (matplotlib's) of the design: its "path" in the room, or its "inputs" over time.

@@ -75,10 +75,10 @@ class Estimation:
         """Information of a drive with these values of the block's jacobian and its magnitudes: what `matrix`
         is of it, and F on all estimated parameters, SI (per unit of noise where that is not known).
         """
-        block, judged, others = self.block, self.judged, self.parameters[len(self.judged) :]
+        block, judged, nuisances = self.block, self.judged, self.parameters[len(self.judged) :]
         full = square_root(block, jacobian, self.parameters, prior=self.prior, summed=summed)
-        seen = square_root(block, jacobian, judged, others, self.prior, summed) if others else full
-        return seen.scaled(weights_of(block, self.scaling, judged)), full.scaled(1.0 / (block.noise or 1.0))
+        root = square_root(block, jacobian, judged, nuisances, self.prior, summed) if nuisances else full
+        return root.scaled(weights_of(block, self.scaling, judged)), full.scaled(1.0 / (block.noise or 1.0))
 
     @property
     def nominal(self) -> Array:
@@ -117,9 +117,13 @@ class Statement(Presented):
     @cached_property
     def constants(self) -> dict[str, Nuisance]:
         """Constants of sensors that `estimate` names, with the nuisances that they would be else."""
-        own = {name for names in self.model.estimable.values() for name in names}
-        known = constants_of(self.measurement.joint_sensors)
-        return {name: known[name] for name in self.estimate or () if name not in own and name in known}
+        names_of_system = {name for names in self.model.estimable.values() for name in names}
+        constants = constants_of(self.measurement.joint_sensors)
+        return {
+            name: constants[name]
+            for name in self.estimate or ()
+            if name not in names_of_system and name in constants
+        }
 
     @property
     def estimated_of_system(self) -> tuple[str, ...] | None:
@@ -140,21 +144,21 @@ class Statement(Presented):
     @cached_property
     def input_bounds(self) -> Array:
         """Bounds (inputs, 2) that the limits set on each input, by itself or together with others."""
-        own = self._tightest([limit.input_bounds(self.model) for limit in self.limits])
-        combined = [one for limit in self.limits for one in limit.linear_bounds(self.model)]
-        return implied_bounds(own, [one.widened(self.excess) for one in combined])
+        bounds = self._tightest([limit.input_bounds(self.model) for limit in self.limits])
+        combined = [bound for limit in self.limits for bound in limit.linear_bounds(self.model)]
+        return implied_bounds(bounds, [bound.widened(self.excess) for bound in combined])
 
     @cached_property
     def rate_bounds(self) -> Array:
         """Bounds (inputs, 2) that they set on each input's rate."""
         return self._tightest([limit.rate_bounds(self.model) for limit in self.limits])
 
-    def _tightest(self, found: Sequence[Mapping[str, tuple[float, float]]]) -> Array:
+    def _tightest(self, bounds_by_limit: Sequence[Mapping[str, tuple[float, float]]]) -> Array:
         bounds = np.tile([-np.inf, np.inf], (len(self.model.inputs), 1))
-        for limit, own in zip(self.limits, found, strict=True):
-            if self.excess and own:
-                own = limit.widened_bounds(own, self.excess, limit.rows(self._any_drive).size)
-            for name, (low, high) in own.items():
+        for limit, limited in zip(self.limits, bounds_by_limit, strict=True):
+            if self.excess and limited:
+                limited = limit.widened_bounds(limited, self.excess, limit.rows(self._any_drive).size)
+            for name, (low, high) in limited.items():
                 row = bounds[self.model.input_names.index(name)]
                 row[:] = max(row[0], low), min(row[1], high)
         return bounds
@@ -211,8 +215,8 @@ class Statement(Presented):
     @cached_property
     def fixed_starts(self) -> Array | None:
         """The start state of every run, (runs, states), where it is fixed."""
-        given = self.design.fixed_starts
-        return None if given is None else self.start_states(given)
+        starts = self.design.fixed_starts
+        return None if starts is None else self.start_states(starts)
 
     @cached_property
     def chosen_starts(self) -> ChosenStarts | None:
@@ -226,9 +230,9 @@ class Statement(Presented):
 
     def start_states(self, chosen: npt.ArrayLike) -> Array:
         """Start states (runs, states) of which the first k are chosen, (runs, k): the others begin at 0."""
-        given = real_array("start", chosen)
-        given = given if given.ndim == 2 else given.reshape(self.design.runs, -1)
-        return np.pad(given, ((0, 0), (0, len(self.model.states) - given.shape[1])))
+        table = real_array("start", chosen)
+        table = table if table.ndim == 2 else table.reshape(self.design.runs, -1)
+        return np.pad(table, ((0, 0), (0, len(self.model.states) - table.shape[1])))
 
     @cached_property
     def uncertain_system(self) -> UncertainSystem:
@@ -241,7 +245,7 @@ class Statement(Presented):
             rows = [checked_rows(limit, drive) for limit in self.limits]
         else:
             rows = tightened_rows(self.robust, self.limits, drive, self.uncertain_system)
-        return [one.widened(self.excess) for one in rows] if self.excess else rows
+        return [row.widened(self.excess) for row in rows] if self.excess else rows
 
     @cached_property
     def judged_systems(self) -> tuple[tuple[Array, Array], ...]:
@@ -272,8 +276,8 @@ class Statement(Presented):
         return self._blocks(self._any_drive)
 
     def _blocks(self, drive: Drive) -> tuple[Block, ...]:
-        asked = {name: one.name for name, one in self.constants.items()}
-        return tuple(block.asking(asked) for block in blocks_of(self.measurement, drive))
+        labels = {name: constant.name for name, constant in self.constants.items()}
+        return tuple(block.asking(labels) for block in blocks_of(self.measurement, drive))
 
     @cached_property
     def _any_drive(self) -> Drive:
@@ -292,21 +296,26 @@ class Statement(Presented):
 
     def _estimation(self, block: Block) -> Estimation:
         judged, scaling = self.judged(block), self.criterion.scaling
-        others = tuple(name for name in self._estimated(block) if name not in judged)
-        names = judged + others
+        unjudged = tuple(name for name in self._estimated(block) if name not in judged)
+        names = judged + unjudged
         prior = None if self.prior is None else prior_of(self.prior, block, names)
         return Estimation(block, names, judged, scaling, prior)
 
     @property
     def subject(self) -> Subject:
         """Subject that the criterion judges."""
-        found, usual = self.any_estimations, self.design.usual_start
+        estimations, usual = self.any_estimations, self.design.usual_start
         return Subject(
             system=self.system.estimating(
-                [name for one in found for name in one.judged if name not in self.constants]
+                [
+                    name
+                    for estimation in estimations
+                    for name in estimation.judged
+                    if name not in self.constants
+                ]
             ),
-            parameters=tuple(one.judged for one in found),
-            scales=tuple(one.scales for one in found),
+            parameters=tuple(estimation.judged for estimation in estimations),
+            scales=tuple(estimation.scales for estimation in estimations),
             start=np.pad(usual, (0, len(self.model.states) - len(usual))),
             period=self.design.period,
         )

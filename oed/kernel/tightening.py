@@ -46,14 +46,14 @@ class UncertainSystem:
 
     def __eq__(self, other: object) -> bool:
         """Return whether both are the same system with the same prior knowledge."""
-        return isinstance(other, UncertainSystem) and self._said == other._said
+        return isinstance(other, UncertainSystem) and self._identity == other._identity
 
     def __hash__(self) -> int:
         """Return the hash of the system and its prior knowledge."""
-        return hash(self._said)
+        return hash(self._identity)
 
     @cached_property
-    def _said(self) -> tuple[System, System, int, str, str]:
+    def _identity(self) -> tuple[System, System, int, str, str]:
         return self.own, self.estimated, self.runs, repr(self.uncertainty), repr(self.prior)
 
 
@@ -150,17 +150,18 @@ def tightened_rows(
         system: with what is uncertain of it.
     """
     begin, _ = drive.ends_of(drive.states)
-    scenarios, own = tightening.scenarios(system), drive
-    seen = scenarios.system
-    others = [
-        drive.again(ca.DM(parameters), begin + ca.DM(shift), seen) for parameters, shift in scenarios.each
+    scenarios, nominal = tightening.scenarios(system), drive
+    seen_system = scenarios.system
+    drives = [
+        drive.again(ca.DM(parameters), begin + ca.DM(shift), seen_system)
+        for parameters, shift in scenarios.each
     ]
-    if seen != drive.system:
+    if seen_system != drive.system:
         # Seen through other parameters, a system would not say by itself how its own ones move it.
-        own = drive.again(ca.DM(seen.nominal), begin, seen)
+        nominal = drive.again(ca.DM(seen_system.nominal), begin, seen_system)
 
     def tightened(limit: PathLimit) -> Rows:
-        rows = tightening.backed_off(limit, own, system) if tightening.backs_off else limit.rows(own)
-        return rows.joined([limit.rows(other) for other in others])
+        rows = tightening.backed_off(limit, nominal, system) if tightening.backs_off else limit.rows(nominal)
+        return rows.joined([limit.rows(scenario) for scenario in drives])
 
     return [tightened(limit) if isinstance(limit, PathLimit) else limit.rows(drive) for limit in limits]

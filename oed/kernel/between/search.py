@@ -90,13 +90,13 @@ def most_exceeded(
 
 
 def _checked(
-    problem: Problem, limit: Limit, sight: Sight, seen: Array, before: float
+    problem: Problem, limit: Limit, sight: Sight, margins: Array, before: float
 ) -> Iterator[tuple[Excess, Periods, Stretches | None]]:
     # The nominal system, with its back-off, and the other systems that are to keep the limit.
     tightening, drive = problem.robust, sight.periods.trajectory
     if tightening is None or not isinstance(limit, PathLimit):
         excess = excess_of(limit, problem.system.refinement[0])
-        yield excess, sight.periods, _near(excess, sight, seen, before)
+        yield excess, sight.periods, _near(excess, sight, margins, before)
         return
     scenarios = tightening.scenarios(problem.uncertain_system)
     system, parts = scenarios.system.refinement
@@ -109,18 +109,18 @@ def _checked(
         scenarios = scenarios.after_nominal
     if len(scenarios.parameters):
         starts = drive.starts + scenarios.shifts
-        others = periods_of(system, drive, scenarios.parameters, starts, parts=parts)
-        yield excess_of(limit, system), others, None
+        scenario_periods = periods_of(system, drive, scenarios.parameters, starts, parts=parts)
+        yield excess_of(limit, system), scenario_periods, None
 
 
-def _near(excess: Excess, sight: Sight, seen: Array, before: float) -> Stretches | None:
+def _near(excess: Excess, sight: Sight, margins: Array, before: float) -> Stretches | None:
     # Parts of a path between its points that may hold more than the excess before, as far as systems move
     # between points; None if the rows' change with that is not bounded.
     if not np.isfinite(excess.per_metre):
         return None
     drive = sight.periods.trajectory
     # The most exceeded row at each point of each run, (runs, points).
-    points = seen.reshape(-1, drive.runs, FINE * (drive.samples // drive.runs) + 1).max(axis=0)
+    points = margins.reshape(-1, drive.runs, FINE * (drive.samples // drive.runs) + 1).max(axis=0)
     reach = excess.per_metre * np.repeat(sight.speeds, FINE) * drive.period / (2 * FINE)
     bounds = np.maximum(points[:, :-1], points[:, 1:]).ravel() + reach
     places = np.flatnonzero(~(bounds <= _ceiling(excess, np.array([before]))))
@@ -166,17 +166,17 @@ def largest(
     is_certain = np.ones(len(values), dtype=bool)
     if (most := excess.exact_most(periods)) is not None:
         return np.maximum(values, most), is_certain
-    left = PATIENCE + 20 * len(periods.states)
+    remaining = PATIENCE + 20 * len(periods.states)
     stretches = excess.everywhere(periods) if stretches is None else stretches
     while len(stretches):
         drives = periods.drive_of(stretches.row)
         ends, bounds = excess.over(periods, stretches, _ceiling(excess, values)[drives])
         np.maximum.at(values, drives, ends)
-        left -= len(stretches)
+        remaining -= len(stretches)
         is_closed = (bounds <= _ceiling(excess, values)[drives]) | (values > enough)[drives]
         is_closed |= stretches.end - stretches.begin < NARROWEST
         stretches = stretches.chosen(~is_closed)
-        if left < 0:
+        if remaining < 0:
             is_certain[drives[~is_closed]] = False
             break
         stretches = stretches.cut(max(AT_LEAST // max(len(stretches), 1), 2))

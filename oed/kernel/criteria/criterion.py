@@ -285,6 +285,8 @@ def factored(matrices: Sequence[Expression], objective: Callable[[Sequence[Facto
     variables = ca.vertcat(*(factor.variables for factor in factors))
 
     def initial(numeric: Sequence[Array]) -> Array:
-        return np.concatenate([factor.initial(each) for factor, each in zip(factors, numeric, strict=True)])
+        return np.concatenate(
+            [factor.initial(matrix) for factor, matrix in zip(factors, numeric, strict=True)]
+        )
 
     return Epigraph(objective(factors), variables, ca.vertcat(*residuals), initial)

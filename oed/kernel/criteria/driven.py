@@ -51,14 +51,16 @@ def task_issues(subject: Subject, task: Sequence[str | TaskDrive]) -> Iterator[I
         task: drives, or names of files.
     """
     inputs, states = len(subject.system.exact.inputs), len(subject.system.exact.states)
-    for index, one in enumerate(task):
+    for index, drive in enumerate(task):
         key = ("criterion", "task", index)
-        if isinstance(one, str):
-            yield Issue(key, f"the file {one} is read where a study is loaded from a file; here give drives")
-        elif any(len(row) != inputs for row in one.inputs):
+        if isinstance(drive, str):
+            yield Issue(
+                key, f"the file {drive} is read where a study is loaded from a file; here give drives"
+            )
+        elif any(len(row) != inputs for row in drive.inputs):
             yield Issue((*key, "inputs"), f"expected {count(inputs, 'input')} in every period")
-        elif one.start is not None and len(one.start) != states:
-            yield Issue((*key, "start"), f"expected {count(states, 'state')}, got {len(one.start)}")
+        elif drive.start is not None and len(drive.start) != states:
+            yield Issue((*key, "start"), f"expected {count(states, 'state')}, got {len(drive.start)}")
 
 
 def states_of(subject: Subject, quantity: str) -> list[int]:

@@ -81,9 +81,9 @@ class Prediction(RootCriterion):
         Args:
             rows: of every block, [block][leg][coordinate][parameter].
         """
-        found = self.model_copy()
-        found._rows = _nested(rows)
-        return found
+        criterion = self.model_copy()
+        criterion._rows = _nested(rows)
+        return criterion
 
     def about(self, subject: Subject) -> Criterion:
         """The criterion with the predictions' derivatives by the parameters of each block."""
@@ -123,8 +123,8 @@ class Prediction(RootCriterion):
 
     def _unmoved(self, subject: Subject) -> list[Issue]:
         names = [name for names in subject.parameters for name in names]
-        own = [parameter.name for parameter in subject.system.exact.parameters]
-        slopes = self.predicted(subject)[..., [own.index(name) for name in names]]
+        own_names = [parameter.name for parameter in subject.system.exact.parameters]
+        slopes = self.predicted(subject)[..., [own_names.index(name) for name in names]]
         if not np.all(np.isfinite(slopes)):
             text = (
                 f"derivatives of the predicted {self.quantity} are not finite: predict less far, or begin "
@@ -138,7 +138,7 @@ class Prediction(RootCriterion):
 
     def misfits(self, subject: Subject) -> list[Issue]:
         """Return what keeps predictions from being made."""
-        names, known = subject.system.exact.input_names, subject.system.exact.predictions
+        names, predictions = subject.system.exact.input_names, subject.system.exact.predictions
         issues = [
             Issue(
                 ("criterion", "test_drive", index, "inputs"),
@@ -147,18 +147,18 @@ class Prediction(RootCriterion):
             for index, leg in enumerate(self.test_drive)
             if len(leg.inputs) != len(names)
         ]
-        if not known:
+        if not predictions:
             text = f"predicts states, of which this {subject.system.exact.noun} has none; use E, D or A"
             return [Issue(("criterion", "kind"), text)]
-        if self.quantity not in known:
-            text = f"expected one of {', '.join(known)}; got {self.quantity!r}"
+        if self.quantity not in predictions:
+            text = f"expected one of {', '.join(predictions)}; got {self.quantity!r}"
             issues.append(Issue(("criterion", "quantity"), text))
         if self.seconds > MOST_STEPS * subject.period:
-            whole, each = given_text(self.seconds, "s"), given_text(subject.period, "s")
-            text = f"predicts {whole}, more than {MOST_STEPS} samples of {each}: predict less far"
+            horizon, period = given_text(self.seconds, "s"), given_text(subject.period, "s")
+            text = f"predicts {horizon}, more than {MOST_STEPS} samples of {period}: predict less far"
             issues.append(Issue(("criterion", "kind"), text))
-        own = {parameter.name for parameter in subject.system.exact.parameters}
-        strangers = [name for names in subject.parameters for name in names if name not in own]
+        own_names = {parameter.name for parameter in subject.system.exact.parameters}
+        strangers = [name for names in subject.parameters for name in names if name not in own_names]
         if strangers:
             text = f"predictions follow from the {subject.system.exact.noun}'s parameters"
             text += f"; {', '.join(strangers)} are none"
@@ -167,11 +167,11 @@ class Prediction(RootCriterion):
 
     def variances(self, information: Sequence[SquareRoot]) -> Array:
         """Variance of each leg's prediction, (..., legs); infinite of what is not identifiable."""
-        each = [
+        variances = [
             np.stack([root.variances(np.array(leg)).sum(axis=-1) for leg in rows], axis=-1)
             for root, rows in zip(information, self.rows, strict=True)
         ]
-        return np.asarray(np.sum(each, axis=0))
+        return np.asarray(np.sum(variances, axis=0))
 
     def identifiable(self, information: Sequence[SquareRoot]) -> Array:
         """Return where the predictions are identifiable; other combinations of parameters need not be."""
@@ -191,8 +191,12 @@ class Prediction(RootCriterion):
         """
         inverse = _inverse(matrix)
         plain = np.asarray(inverse @ np.tensordot(self.shares(matrix), self._squares, axes=1) @ inverse)
-        found = multipliers_of(dual)
-        return plain if found is None else found * (np.trace(plain @ matrix) / np.trace(found @ matrix))
+        multipliers = multipliers_of(dual)
+        return (
+            plain
+            if multipliers is None
+            else multipliers * (np.trace(plain @ matrix) / np.trace(multipliers @ matrix))
+        )
 
     @property
     def _squares(self) -> Array:
@@ -212,12 +216,15 @@ class Prediction(RootCriterion):
         """Tr(C F'^-1) >= (tr (C^1/2 Z C^1/2)^1/2)^2 / tr(Z F') for any Z >= 0; and no mean of variances, by
         whichever shares of the legs, is above the largest.
         """
-        return min(self._mixture_bound(self.shares(matrix, one), root, most) for one in (root @ root.T, None))
+        return min(
+            self._mixture_bound(self.shares(matrix, gradient), root, most)
+            for gradient in (root @ root.T, None)
+        )
 
     def _mixture_bound(self, shares: Array, root: Array, most: float) -> float:
         # The singular values of B S with C = B'B and Z = S S'.
         rows = np.vstack(
-            [np.sqrt(one) * np.array(leg) for one, leg in zip(shares, self.rows[0], strict=True)]
+            [np.sqrt(share) * np.array(leg) for share, leg in zip(shares, self.rows[0], strict=True)]
         )
         mean = float(np.linalg.svd(rows @ root, compute_uv=False).sum())
         return -(mean**2) / most if most > 0 else -math.inf
@@ -254,19 +261,22 @@ class G(Prediction):
 
     def shares(self, matrix: Array, gradient: Array | None = None) -> Array:
         """Return the weights of a gradient; without one the worst leg has all the weight."""
-        inverse, found = _inverse(matrix), np.zeros(len(self._squares))
+        inverse, shares = _inverse(matrix), np.zeros(len(self._squares))
         if gradient is not None:
             from scipy.optimize import nnls
 
             # Without units.
             sizes = np.sqrt(np.clip(np.diag(matrix), 0.0, None))
-            each = (inverse @ self._squares @ inverse) * np.outer(sizes, sizes)
-            each, wanted = each.reshape(len(found), -1), (gradient * np.outer(sizes, sizes)).ravel()
+            gradients = (inverse @ self._squares @ inverse) * np.outer(sizes, sizes)
+            gradients, wanted = (
+                gradients.reshape(len(shares), -1),
+                (gradient * np.outer(sizes, sizes)).ravel(),
+            )
             wanted = wanted / (np.abs(wanted).max() or 1.0)
-            found = nnls((each / (np.abs(each).max() or 1.0)).T, wanted)[0]
-        if not np.any(found):
-            found[int(np.argmax(np.einsum("lab,ab->l", self._squares, inverse)))] = 1.0
-        return np.asarray(found / found.sum())
+            shares = nnls((gradients / (np.abs(gradients).max() or 1.0)).T, wanted)[0]
+        if not np.any(shares):
+            shares[int(np.argmax(np.einsum("lab,ab->l", self._squares, inverse)))] = 1.0
+        return np.asarray(shares / shares.sum())
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
         """Minus the largest variance."""
@@ -281,8 +291,8 @@ class G(Prediction):
         levels = ca.vertcat(*self.symbolic_variances(factors)) + slack**2 - worst
 
         def initial(numeric: Sequence[Array]) -> Array:
-            entries = [factor.initial(each) for factor, each in zip(factors, numeric, strict=True)]
-            variances = self.variances([SquareRoot.of_matrix(lifted(each)) for each in numeric])
+            entries = [factor.initial(matrix) for factor, matrix in zip(factors, numeric, strict=True)]
+            variances = self.variances([SquareRoot.of_matrix(lifted(matrix)) for matrix in numeric])
             start = 1.1 * float(variances.max())
             return np.concatenate([*entries, [start], np.sqrt(start - variances)])
 
@@ -336,9 +346,9 @@ class I(Prediction):  # noqa: E742
         _, sizes, directions = np.linalg.svd(flat, full_matrices=False)
         # What is rounding would ask for combinations that no prediction needs; of a regression that changes
         # none, a row of zeros is left.
-        kept = sizes > rounding_of(flat) * sizes[0]
-        kept[0] = True
-        return np.asarray((sizes[:, None] * directions)[kept][None])
+        large = sizes > rounding_of(flat) * sizes[0]
+        large[0] = True
+        return np.asarray((sizes[:, None] * directions)[large][None])
 
     @property
     def meaning(self) -> str:

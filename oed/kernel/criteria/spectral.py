@@ -37,18 +37,18 @@ class E(RootCriterion):
 
     def standard_error(self, names: Sequence[str]) -> str:
         """Return the standard error of the least certain combination; of one parameter its own."""
-        what = names[0] if len(names) == 1 else "the least certain combination of parameters"
-        return f"the standard error of {what}"
+        label = names[0] if len(names) == 1 else "the least certain combination of parameters"
+        return f"the standard error of {label}"
 
     def supergradient(self, matrix: Array, dual: Array | None = None) -> Array:
         """Z = v v' of the least certain combination v, or Z >= 0 of trace 1 from the multipliers of
         F - t I = L L': any such Z bounds, and is one where it lies on the eigenspace of lambda_min.
         """
-        found = multipliers_of(dual)
-        if found is None:
+        multipliers = multipliers_of(dual)
+        if multipliers is None:
             least = np.linalg.eigh(matrix)[1][:, 0]
             return np.outer(least, least)
-        return np.asarray(found / np.trace(found))
+        return np.asarray(multipliers / np.trace(multipliers))
 
     def homogeneous_bound(self, matrix: Array, root: Array, most: float) -> float:
         """lambda_min(F') <= tr(Z F') / tr(Z), for any Z >= 0."""
@@ -94,9 +94,9 @@ class ModifiedE(RootCriterion):
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
         """-lambda_max / lambda_min, minus infinity where some combination is not identifiable."""
-        known = self.identifiable(information)
-        ratios = [root.largest / np.where(known, root.smallest, 1.0) for root in information]
-        return np.where(known, -np.max(ratios, axis=0), -np.inf)
+        identifiable = self.identifiable(information)
+        ratios = [root.largest / np.where(identifiable, root.smallest, 1.0) for root in information]
+        return np.where(identifiable, -np.max(ratios, axis=0), -np.inf)
 
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise -k with I <= s_b F_b <= k I for every block b."""
@@ -114,8 +114,10 @@ class ModifiedE(RootCriterion):
 
         def initial(numeric: Sequence[Array]) -> Array:
             # A little apart from the extremes, so that both factors exist.
-            smallest = [max(np.linalg.eigvalsh(each)[0], 1e-6 * np.trace(each), 1e-12) for each in numeric]
-            largest = [np.linalg.eigvalsh(each)[-1] for each in numeric]
+            smallest = [
+                max(np.linalg.eigvalsh(matrix)[0], 1e-6 * np.trace(matrix), 1e-12) for matrix in numeric
+            ]
+            largest = [np.linalg.eigvalsh(matrix)[-1] for matrix in numeric]
             start = 1.2 * max(top / low for top, low in zip(largest, smallest, strict=True))
             parts = [np.array([start])]
             for (above, below), matrix, low in zip(pairs, numeric, smallest, strict=True):

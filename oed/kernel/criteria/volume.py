@@ -49,7 +49,7 @@ class D(RootCriterion):
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise 2 sum log L_ii with F_b = L_b L_b'."""
         return factored(
-            matrices, lambda factors: sum(ca.sum1(ca.log(ca.diag(each.matrix) ** 2)) for each in factors)
+            matrices, lambda factors: sum(ca.sum1(ca.log(ca.diag(factor.matrix) ** 2)) for factor in factors)
         )
 
     def concede(self, value: float, share: float) -> float:
@@ -113,7 +113,8 @@ class A(RootCriterion):
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise -sum of squares of L_b^-1, with F_b = L_b L_b'."""
         return factored(
-            matrices, lambda factors: -sum(ca.sumsqr(each.inverse(ca.SX.eye(each.size))) for each in factors)
+            matrices,
+            lambda factors: -sum(ca.sumsqr(factor.inverse(ca.SX.eye(factor.size))) for factor in factors),
         )
 
     def deviation(self, value: float, size: int) -> str:

@@ -61,8 +61,8 @@ def compiled(function: ca.Function, *, anew: bool = True, patience: float = PATI
     """
     making = Making([function], anew=anew)
     making.wait(patience)
-    found = making.functions()
-    return found[0] if found else function
+    functions = making.functions()
+    return functions[0] if functions else function
 
 
 def is_compiled(function: ca.Function) -> bool:
@@ -99,7 +99,7 @@ class Making:
             folder = tempfile.mkdtemp(prefix=SOURCES)
             stack.callback(shutil.rmtree, folder, ignore_errors=True)
             source = _written(functions, folder)
-            self.binary = _kept(source.read_bytes(), tool)
+            self.binary = _binary_path(source.read_bytes(), tool)
             if not self.binary.exists() and anew:
                 self.binary.parent.mkdir(parents=True, exist_ok=True)
                 _clear(self.binary.parent)
@@ -132,12 +132,12 @@ class Making:
 
     def wait(self, patience: float = PATIENCE) -> None:
         """Until the compiler has ended, well or not, or is given up after a time [s]."""
-        if self._own is not None:
+        if self._running is not None:
             try:
-                self._own.wait(min(patience, PATIENCE))
+                self._running.wait(min(patience, PATIENCE))
             except subprocess.TimeoutExpired:
-                _end(self._own)
-            self._ended(self._own)
+                _end(self._running)
+            self._ended(self._running)
 
     def functions(self) -> list[ca.Function] | None:
         """The functions in machine code; None as long as there is none."""
@@ -148,23 +148,23 @@ class Making:
     def ended(self) -> bool:
         """True if no compiler is at work any more: then all processes find what it has made."""
         self._look()
-        return self._own is None
+        return self._running is None
 
     def _look(self) -> None:
-        if self._own is not None and self._own.poll() is not None:
-            self._ended(self._own)
-        elif self._own is not None and time.monotonic() - self._began > PATIENCE:
+        if self._running is not None and self._running.poll() is not None:
+            self._ended(self._running)
+        elif self._running is not None and time.monotonic() - self._began > PATIENCE:
             self.stop()
 
     @property
-    def _own(self) -> subprocess.Popen[bytes] | None:
+    def _running(self) -> subprocess.Popen[bytes] | None:
         return self._process if self._owner == os.getpid() else None
 
     def stop(self) -> None:
         """Give it up, if it is not there yet."""
-        if self._own is not None:
-            _end(self._own)
-            self._ended(self._own)
+        if self._running is not None:
+            _end(self._running)
+            self._ended(self._running)
 
     def _ended(self, process: subprocess.Popen[bytes]) -> None:
         assert self.binary is not None
@@ -199,10 +199,10 @@ def stop_all() -> None:
 def _clear(cache: Path) -> None:
     # What processes have left that were killed, there and of sources.
     old = time.time() - 2 * PATIENCE
-    for left in (*cache.glob("*.part"), *Path(tempfile.gettempdir()).glob(f"{SOURCES}*")):
+    for path in (*cache.glob("*.part"), *Path(tempfile.gettempdir()).glob(f"{SOURCES}*")):
         with suppress(OSError):
-            if left.stat().st_mtime < old:
-                shutil.rmtree(left) if left.is_dir() else left.unlink()
+            if path.stat().st_mtime < old:
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
 def taken(binary: Path, names: Sequence[str]) -> list[ca.Function] | None:
@@ -238,7 +238,7 @@ def _written(functions: Sequence[ca.Function], folder: str) -> Path:
 
 def _as_they_stand(source: str) -> str:
     # The longest functions by the compiler without its optimisation; one that knows no such wish ignores it.
-    begins = [found.start() for found in re.finditer(r"^static int casadi_f\d+\(.*\{$", source, re.MULTILINE)]
+    begins = [match.start() for match in re.finditer(r"^static int casadi_f\d+\(.*\{$", source, re.MULTILINE)]
     edges = [0, *begins, len(source)]
     parts = [source[first:last] for first, last in pairwise(edges)]
     light = '__attribute__((optimize("O0"))) '
@@ -252,12 +252,12 @@ def _version(tool: str) -> bytes | None:
     command = [tool, "--version"]
     with subprocess.Popen(  # noqa: S603
         command, stdin=quiet, stdout=pipe, stderr=quiet, start_new_session=True
-    ) as asked:
+    ) as process:
         try:
-            return asked.communicate(timeout=KNOWN)[0]
+            return process.communicate(timeout=KNOWN)[0]
         except subprocess.TimeoutExpired:
             # With what it has started, which may hold the pipe.
-            _end(asked)
+            _end(process)
             return None
 
 
@@ -267,12 +267,12 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def _kept(source: bytes, tool: str) -> Path:
+def _binary_path(source: bytes, tool: str) -> Path:
     version = _version(tool)
     if version is None:
         raise OSError(f"{tool} does not say its version")
     made_by = [tool, *FLAGS, platform.system(), platform.machine(), ca.__version__]
-    parts = [source, *(one.encode() for one in made_by), version]
+    parts = [source, *(part.encode() for part in made_by), version]
     name = hashlib.sha256(b"\0".join(parts)).hexdigest()
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return cache / "oed" / f"{name}.so"

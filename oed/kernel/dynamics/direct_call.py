@@ -49,29 +49,29 @@ class DirectCall:
 
     def __call__(self, *arguments: Array) -> list[Array]:
         """The results at these arguments."""
-        given = [np.ascontiguousarray(one, dtype=float).ravel() for one in arguments]
-        assert [one.size for one in given] == self._given
-        found = [np.empty(size) for size in self._found]
-        for place, one in enumerate(given):
-            self._buffer.set_arg(place, one.data)
-        for place, one in enumerate(found):
-            self._buffer.set_res(place, one.data)
+        buffers = [np.ascontiguousarray(argument, dtype=float).ravel() for argument in arguments]
+        assert [buffer.size for buffer in buffers] == self._given
+        results = [np.empty(size) for size in self._found]
+        for place, buffer in enumerate(buffers):
+            self._buffer.set_arg(place, buffer.data)
+        for place, buffer in enumerate(results):
+            self._buffer.set_res(place, buffer.data)
         began = time.perf_counter()
         self._evaluate()
         self._spent += time.perf_counter() - began
         if self._spent > PAYS:
             self._compile()
-        return found
+        return results
 
     def _compile(self) -> None:
         # Begins it, and takes what has come of it.
         if self._making is None:
             self._making = Making([self._function]) if _worth(self._function) else None
         over = self._making is None or self._making.ended
-        found = None if self._making is None else self._making.functions()
-        if found:
-            self._take(found[0])
-        if found or over:
+        functions = None if self._making is None else self._making.functions()
+        if functions:
+            self._take(functions[0])
+        if functions or over:
             self._spent = -np.inf
 
 
@@ -87,8 +87,8 @@ def _worth(function: ca.Function) -> bool:
         # Before CasADi 3.8.1 a map finds none of the functions in it.
         inner = function.info()["f"]
         every += [inner, *inner.find_functions()]
-    plain = [one for one in every if one.is_a("SXFunction") or one.is_a("MXFunction")]
-    return not any(map(is_compiled, every)) and sum(one.n_instructions() for one in plain) <= MOST
+    plain = [inner for inner in every if inner.is_a("SXFunction") or inner.is_a("MXFunction")]
+    return not any(map(is_compiled, every)) and sum(inner.n_instructions() for inner in plain) <= MOST
 
 
 @lru_cache(maxsize=64)

@@ -112,9 +112,9 @@ class Embedding(ABC):
         """All unknowns."""
         return sum(self.sizes)
 
-    def spread(self, each: Array) -> Array:
+    def spread(self, values: Array) -> Array:
         """Return values of each input (inputs,), repeated for all its unknowns (size,)."""
-        return np.repeat(each, self.sizes)
+        return np.repeat(values, self.sizes)
 
     @cached_property
     def slices(self) -> tuple[slice, ...]:
@@ -129,9 +129,11 @@ class Embedding(ABC):
             unknowns: of all inputs, (size,).
         """
         runs, columns = self.space.runs, []
-        for matrix, own, count, shared in zip(matrices, self.slices, self.counts, self.shared, strict=True):
-            found = matrix @ ca.reshape(unknowns[own], count, 1 if shared else runs)
-            columns.append(ca.vec(ca.repmat(found, 1, runs) if shared else found))
+        for matrix, places, count, shared in zip(
+            matrices, self.slices, self.counts, self.shared, strict=True
+        ):
+            values = matrix @ ca.reshape(unknowns[places], count, 1 if shared else runs)
+            columns.append(ca.vec(ca.repmat(values, 1, runs) if shared else values))
         return ca.horzcat(*columns)
 
 
@@ -157,8 +159,8 @@ class OneSpline(Embedding):
     @cached_property
     def own_held(self) -> tuple[Array, ...]:
         """The splines in the middles of the periods."""
-        whole = self.space.own_sampling
-        return (whole[:, 1:-1] if self.space.rest_to_rest else whole,) * self.inputs
+        sampling = self.space.own_sampling
+        return (sampling[:, 1:-1] if self.space.rest_to_rest else sampling,) * self.inputs
 
     def bounds(self, ranges: Array) -> Array:
         """The inputs' ranges."""
@@ -202,41 +204,43 @@ class HeldSignals(Embedding):
     @property
     def counts(self) -> tuple[int, ...]:
         """Numbers of unknowns of the signals."""
-        return tuple(one.unknowns for one in self.space.own_signals)
+        return tuple(signal.unknowns for signal in self.space.own_signals)
 
     @property
     def shared(self) -> tuple[bool, ...]:
         """True for every signal that is the same in all runs."""
-        return tuple(one.shared for one in self.space.own_signals)
+        return tuple(signal.shared for signal in self.space.own_signals)
 
     @cached_property
     def own_held(self) -> tuple[Array, ...]:
         """The signals' matrices."""
         space = self.space
-        return tuple(one.matrix(space.duration, space.samples) for one in space.own_signals)
+        return tuple(signal.matrix(space.duration, space.samples) for signal in space.own_signals)
 
     def bounds(self, ranges: Array) -> Array:
         """Return the bounds of the signals' unknowns."""
-        runs, found = self.space.runs, []
+        runs, bounds = self.space.runs, []
         for signal, (low, high) in zip(self.space.own_signals, ranges, strict=True):
-            found.append(np.tile(signal.bounds(low, high), (1 if signal.shared else runs, 1)))
-        return np.concatenate(found)
+            bounds.append(np.tile(signal.bounds(low, high), (1 if signal.shared else runs, 1)))
+        return np.concatenate(bounds)
 
     def within(self, unknowns: Array, ranges: Array) -> Array:
         """Return the unknowns as each signal bounds them."""
-        found = np.empty_like(unknowns)
-        for signal, own, (low, high) in zip(self.space.own_signals, self.slices, ranges, strict=True):
-            table = unknowns[:, own]
-            found[:, own] = signal.within(table.reshape(-1, signal.unknowns), low, high).reshape(table.shape)
-        return found
+        bounded = np.empty_like(unknowns)
+        for signal, places, (low, high) in zip(self.space.own_signals, self.slices, ranges, strict=True):
+            table = unknowns[:, places]
+            bounded[:, places] = signal.within(table.reshape(-1, signal.unknowns), low, high).reshape(
+                table.shape
+            )
+        return bounded
 
     def table(self, unknowns: Array) -> Array:
         """The values held."""
         columns = []
-        for matrix, own, shared in zip(self.own_held, self.slices, self.shared, strict=True):
-            each = unknowns[own].reshape(-1, matrix.shape[1])
-            columns.append((np.tile(each, (self.space.runs, 1)) if shared else each) @ matrix.T)
-        return np.stack([one.ravel() for one in columns], axis=1)
+        for matrix, places, shared in zip(self.own_held, self.slices, self.shared, strict=True):
+            values = unknowns[places].reshape(-1, matrix.shape[1])
+            columns.append((np.tile(values, (self.space.runs, 1)) if shared else values) @ matrix.T)
+        return np.stack([column.ravel() for column in columns], axis=1)
 
     def unknowns(self, table: Array) -> Array:
         """Return unknowns by least squares, which leaves no residual."""
@@ -244,19 +248,19 @@ class HeldSignals(Embedding):
         for place, matrix in enumerate(self.own_held):
             held = table[:, place].reshape(self.space.runs, -1).T
             wanted = held.mean(axis=1, keepdims=True) if self.shared[place] else held
-            found = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
-            if np.abs(matrix @ found - held).max() > SLIGHT * np.abs(held).max():
+            solution = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
+            if np.abs(matrix @ solution - held).max() > SLIGHT * np.abs(held).max():
                 kind = self.space.own_signals[place].kind
                 again = ", the same in all runs" if self.shared[place] else ""
                 raise ValueError(
                     f"input {place + 1} of the trajectory is not the design space's {kind}{again}"
                 )
-            parts.append(found.T.ravel())
+            parts.append(solution.T.ravel())
         return np.concatenate(parts)
 
     def expressed(self, unknowns: Expression) -> Expression:
         """The values held."""
-        return self.by_runs([without_zeros(one) for one in self.own_held], unknowns)
+        return self.by_runs([without_zeros(matrix) for matrix in self.own_held], unknowns)
 
     def held(self, table: Expression) -> Expression:
         """The coefficients themselves."""
@@ -266,13 +270,14 @@ class HeldSignals(Embedding):
         """Return the values held and their changes, as of splines of degree 0: every row once."""
         knots, samples = self.space.own_knots, self.space.samples
         rates, jerks = (
-            [changes(knots, 0, one, samples) for one in self.own_held] for changes in (held_rates, held_jerks)
+            [changes(knots, 0, matrix, samples) for matrix in self.own_held]
+            for changes in (held_rates, held_jerks)
         )
-        return Bounding(*(self._once(one, unknowns) for one in (self.own_held, rates, jerks)))
+        return Bounding(*(self._once(matrices, unknowns) for matrices in (self.own_held, rates, jerks)))
 
     def _once(self, matrices: Sequence[Array], unknowns: Expression) -> Expression:
         rows = _first_of_each(np.hstack(matrices))
-        return self.by_runs([without_zeros(one[rows]) for one in matrices], unknowns)
+        return self.by_runs([without_zeros(matrix[rows]) for matrix in matrices], unknowns)
 
 
 def _first_of_each(table: Array) -> Places:

@@ -137,12 +137,12 @@ def _eliminated(matrix: ca.SX) -> Callable[[ca.SX], ca.SX]:
                     row[column] -= row[place] * pivot[column]
 
     def solved(wanted: ca.SX) -> ca.SX:
-        found = ca.vertsplit(wanted)
+        solution = ca.vertsplit(wanted)
         for place, row in enumerate(rows):
-            found[place] -= sum((row[other] * found[other] for other in range(place)), ca.SX(0))
+            solution[place] -= sum((row[column] * solution[column] for column in range(place)), ca.SX(0))
         for place in reversed(range(count)):
-            later = (rows[place][other] * found[other] for other in range(place + 1, count))
-            found[place] = (found[place] - sum(later, ca.SX(0))) / rows[place][place]
-        return ca.vertcat(*found)
+            later = (rows[place][column] * solution[column] for column in range(place + 1, count))
+            solution[place] = (solution[place] - sum(later, ca.SX(0))) / rows[place][place]
+        return ca.vertcat(*solution)
 
     return solved

@@ -45,8 +45,8 @@ class Named:
                 return self.signals[name]
             if name in self.system.renamed:
                 return getattr(self, self.system.renamed[name])
-            known = ", ".join([*self.signals, *self.system.renamed]) or "none"
-            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}; its signals are {known}")
+            names = ", ".join([*self.signals, *self.system.renamed]) or "none"
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}; its signals are {names}")
 
 
 @dataclass(frozen=True, repr=False)
@@ -101,9 +101,9 @@ class Drive(Brief, Named):
 
     def ends_of(self, rows: Expression) -> tuple[Expression, Expression]:
         """First and last rows of every run, (runs, columns) each, of `states` or `path`."""
-        each = rows.shape[0] // self.runs
-        first = [run * each for run in range(self.runs)]
-        return rows[first, :], rows[[index + each - 1 for index in first], :]
+        count = rows.shape[0] // self.runs
+        first = [run * count for run in range(self.runs)]
+        return rows[first, :], rows[[index + count - 1 for index in first], :]
 
     @property
     def columns(self) -> int:
@@ -123,8 +123,8 @@ class Drive(Brief, Named):
         begun, inputs = self.states[self.begins, :].T, self.inputs.T
         parts = []
         for run in range(self.runs):
-            own = slice(run * count, (run + 1) * count)
-            parts += [begin, carry(begin, begun[:, own], inputs[:, own], self.parameters, self.period)]
+            places = slice(run * count, (run + 1) * count)
+            parts += [begin, carry(begin, begun[:, places], inputs[:, places], self.parameters, self.period)]
         return ca.horzcat(*parts)
 
     @cached_property
@@ -245,8 +245,8 @@ def roll_out(
         states = _stepped(system, start.T if runs > 1 else ca.reshape(start, -1, 1), held, parameters, period)
     begun = ca.horzcat(*(part[:, :-1] for part in states))
     function = signaller(system)
-    found = function.map(count).call([begun, held, parameters, period]) if function.n_out() else []
-    signals = {name: one.T for name, one in zip(function.name_out(), found, strict=True)}
+    results = function.map(count).call([begun, held, parameters, period]) if function.n_out() else []
+    signals = {name: result.T for name, result in zip(function.name_out(), results, strict=True)}
     if motion_inputs is None:
         motion = signals.get(system.motion_signal, inputs[:, []])
     else:
@@ -288,8 +288,8 @@ def any_drive(
         ca.MX.sym("parameters", len(system.parameters)),
         ca.MX.sym("period"),
     )
-    given = dict(zip(("inputs", "start", "parameters", "period"), symbols, strict=True))
-    return symbols, roll_out(system, **given, runs=runs, **further)
+    named = dict(zip(("inputs", "start", "parameters", "period"), symbols, strict=True))
+    return symbols, roll_out(system, **named, runs=runs, **further)
 
 
 def _stepped(
@@ -298,8 +298,8 @@ def _stepped(
     # States of every run from its start, a column of `starts`, through its share of the inputs held.
     periods = held.shape[1] // starts.shape[1]
     step = stepper(system).mapaccum(periods)
-    each = zip(ca.horzsplit(starts), ca.horzsplit(held, periods), strict=True)
-    return [ca.horzcat(first, step(first, own, parameters, period)) for first, own in each]
+    pairs = zip(ca.horzsplit(starts), ca.horzsplit(held, periods), strict=True)
+    return [ca.horzcat(first, step(first, inputs, parameters, period)) for first, inputs in pairs]
 
 
 def _motion(system: System, states: Expression, inputs: Expression, parameters: Expression) -> Expression:
@@ -385,13 +385,13 @@ def _refined(table: Expression, step: ca.Function, begins: Sequence[Expression],
         # A system without states has no path; thousands of settings would be stepped through for nothing.
         return type(table)(0, drive.runs * (drive.samples * drive.refine + 1))
     count, between = drive.inputs.shape[0], drive.refine - 1
-    each = np.repeat(np.arange(count), between)
+    places = np.repeat(np.arange(count), between)
     fractions = ca.DM(np.tile(np.arange(1, drive.refine) / drive.refine, count)).T
-    given = [one[:, block_columns(each, one.shape[1] // count)] for one in begins]
-    found = step.map(count * between)(*given, drive.parameters, drive.period * fractions)
+    arguments = [begin[:, block_columns(places, begin.shape[1] // count)] for begin in begins]
+    results = step.map(count * between)(*arguments, drive.parameters, drive.period * fractions)
     # The columns as they follow each other in time.
     samples, behind = count + drive.runs, count + drive.runs + np.arange(count * between)
     order = np.empty((drive.runs, drive.samples * drive.refine + 1), dtype=int)
     order[:, :: drive.refine] = np.arange(samples).reshape(drive.runs, -1)
     order[:, np.arange(order.shape[1]) % drive.refine > 0] = behind.reshape(drive.runs, -1)
-    return ca.horzcat(table, found)[:, block_columns(order.ravel(), table.shape[1] // samples)]
+    return ca.horzcat(table, results)[:, block_columns(order.ravel(), table.shape[1] // samples)]

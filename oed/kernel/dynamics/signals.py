@@ -200,9 +200,9 @@ class Fourier(Signal):
     def bounds(self, low: float, high: float) -> Array:
         """The range for the mean, half of it either way for the amplitudes."""
         half = (high - low) / 2
-        found = np.tile([-half, half], (self.unknowns, 1))
-        found[0] = low, high
-        return found
+        bounds = np.tile([-half, half], (self.unknowns, 1))
+        bounds[0] = low, high
+        return bounds
 
     def within(self, unknowns: Array, low: float, high: float) -> Array:
         """Waves of this shape, as large as there is room on both sides of the mean."""

@@ -182,15 +182,15 @@ class Space(Component, ABC):
     def _of_every_run(self, held: Callable[[Array, int, Array, int], Array]) -> Array:
         # The matrix of what is held of a run's splines, for all runs.
         identity = np.eye(self.own_spline.count)
-        own = held(self.own_knots, self.own_spline.degree, identity, self.samples)
-        return np.asarray(np.kron(np.eye(self.runs), own))
+        changes = held(self.own_knots, self.own_spline.degree, identity, self.samples)
+        return np.asarray(np.kron(np.eye(self.runs), changes))
 
     @property
     def free_rows(self) -> Places:
         """Indices of the coefficients that are free; the others are 0."""
-        own = np.arange(self.own_spline.count)
-        own = own[1:-1] if self.rest_to_rest else own
-        return np.concatenate([run * self.own_spline.count + own for run in range(self.runs)])
+        rows = np.arange(self.own_spline.count)
+        rows = rows[1:-1] if self.rest_to_rest else rows
+        return np.concatenate([run * self.own_spline.count + rows for run in range(self.runs)])
 
     @property
     def usual_start(self) -> Array:

@@ -69,9 +69,9 @@ class ChosenStarts:
 
     def states(self, unknowns: Array) -> Array:
         """The start states (runs, states) that unknowns (size,) stand for."""
-        found = np.tile(self.middle, (self.runs, 1))
-        found[:, self.places] += self.reach * unknowns.reshape(self.runs, -1)
-        return found
+        states = np.tile(self.middle, (self.runs, 1))
+        states[:, self.places] += self.reach * unknowns.reshape(self.runs, -1)
+        return states
 
     def unknowns(self, starts: Array) -> Array:
         """The unknowns (size,) of start states (runs, states).
@@ -97,7 +97,8 @@ class ChosenStarts:
         """The start states (runs, states) of unknowns (size,), as expressions (SX)."""
         free = ca.reshape(unknowns, len(self.places), self.runs).T
         columns = [
-            ca.SX(self.runs, 1) if not one else ca.SX(ca.DM.ones(self.runs, 1) * one) for one in self.middle
+            ca.SX(self.runs, 1) if not middle else ca.SX(ca.DM.ones(self.runs, 1) * middle)
+            for middle in self.middle
         ]
         for place, column in enumerate(self.places):
             columns[column] = columns[column] + self.reach[place] * free[:, place]

@@ -166,8 +166,8 @@ class System(ABC):
         """Return the speed through space [m/s], at rest before, at the nominal parameters."""
         if not self.velocity_signal:
             return 0.0
-        found = self.signals(ca.DM.zeros(len(self.states)), ca.DM(inputs), ca.DM(self.nominal), ca.DM(0))
-        return float(ca.norm_2(found[self.velocity_signal][:2]))
+        signals = self.signals(ca.DM.zeros(len(self.states)), ca.DM(inputs), ca.DM(self.nominal), ca.DM(0))
+        return float(ca.norm_2(signals[self.velocity_signal][:2]))
 
     def lever(self, entry: Input) -> float:
         """The length [m] by which a speed in m/s is one of its inputs in rad/s, nominal; 0 where none is
@@ -256,8 +256,8 @@ def stepper(system: System) -> ca.Function:
         return ca.Function(
             "step", [state, *held, period], [_part_states(coarse, parts, state, held, period)[:, -1]]
         )
-    given = step_symbols(system)
-    return ca.Function("step", given, [system.step(*given)])
+    arguments = step_symbols(system)
+    return ca.Function("step", arguments, [system.step(*arguments)])
 
 
 @lru_cache(maxsize=32)
@@ -273,38 +273,38 @@ def carrier(system: System) -> ca.Function:
         begins = ca.horzcat(first, _part_states(coarse, parts, first, held, period)[:, :-1])
         along = carrier(coarse).mapaccum(parts)(begin, begins, *held, period / parts)
         return ca.Function("carry", [begin, first, *held, period], [along[:, -(size + states) :]])
-    given = step_symbols(system)
-    state, _, parameters, _ = given
+    arguments = step_symbols(system)
+    state, _, parameters, _ = arguments
     before = ca.SX.sym("S", states, size + states)
-    following = stepper(system)(*given)
+    following = stepper(system)(*arguments)
     direct = ca.horzcat(ca.jacobian(following, parameters), ca.SX(states, states))
     after = ca.jacobian(following, state) @ before + direct
-    return ca.Function("carry", [before, *given], [ca.densify(after)])
+    return ca.Function("carry", [before, *arguments], [ca.densify(after)])
 
 
 @lru_cache(maxsize=32)
 def signaller(system: System) -> ca.Function:
     """The function (state, inputs, parameters, period [s]) -> every signal, by name."""
-    given = step_symbols(system)
-    signals = system.signals(*given)
+    arguments = step_symbols(system)
+    signals = system.signals(*arguments)
     names = ["state", "inputs", "parameters", "period"]
-    return ca.Function("signals", given, list(signals.values()), names, list(signals))
+    return ca.Function("signals", arguments, list(signals.values()), names, list(signals))
 
 
 @lru_cache(maxsize=32)
 def mover(system: System) -> ca.Function:
     """The function (state, inputs, parameters) -> the motion at an instant (m,)."""
     system, _ = system.refinement
-    *given, _ = step_symbols(system)
-    return ca.Function("motion", given, [_motion(system, *given, ca.SX(0))])
+    *arguments, _ = step_symbols(system)
+    return ca.Function("motion", arguments, [_motion(system, *arguments, ca.SX(0))])
 
 
 @lru_cache(maxsize=32)
 def follows_state(system: System) -> bool:
     """Return whether the motion depends on the state, not on the inputs alone."""
     system, _ = system.refinement
-    given = step_symbols(system)
-    return bool(ca.depends_on(_motion(system, *given), given[0]))
+    arguments = step_symbols(system)
+    return bool(ca.depends_on(_motion(system, *arguments), arguments[0]))
 
 
 def _part_states(system: System, parts: int, state: ca.MX, held: Sequence[ca.MX], period: ca.MX) -> ca.MX:
@@ -314,7 +314,7 @@ def _part_states(system: System, parts: int, state: ca.MX, held: Sequence[ca.MX]
 
 
 def _loop_symbols(system: System) -> list[ca.MX]:
-    return [ca.MX.sym("given", *one.shape) for one in step_symbols(system)]
+    return [ca.MX.sym("given", *symbol.shape) for symbol in step_symbols(system)]
 
 
 def _motion(system: System, *given: Expression) -> Expression:

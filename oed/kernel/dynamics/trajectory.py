@@ -147,15 +147,17 @@ class Trajectory(ByValue, Presented):
             duration = parse_quantity(duration, "s")
         if not 0 < duration < math.inf:
             raise ValueError(f"expected a positive, finite duration, got {duration}")
-        rows, each = real_array("inputs", inputs), duration / runs
+        rows, duration_of_run = real_array("inputs", inputs), duration / runs
         if rows.ndim != 2 or not len(rows):
             raise ValueError(f"expected inputs of shape (N, inputs), got {rows.shape}")
         parts = []
         for run in np.split(rows, runs):
             ends = np.zeros((2, rows.shape[1])) if rest_to_rest else run[[0, -1]]
             parts += [ends[:1], run, ends[1:]]
-        own = np.concatenate([[0.0, 0.0], middles(each, len(rows) // runs), [each, each]])
-        knots = spline.repeated_knots(own, 1, runs)
+        edges = np.concatenate(
+            [[0.0, 0.0], middles(duration_of_run, len(rows) // runs), [duration_of_run, duration_of_run]]
+        )
+        knots = spline.repeated_knots(edges, 1, runs)
         return cls(knots, 1, np.vstack(parts), real_array("start", start), len(rows), runs)
 
     def on_knots(self, own: Array) -> Trajectory:
@@ -167,7 +169,7 @@ class Trajectory(ByValue, Presented):
         Raises:
             ValueError: knots that leave out some of the splines'.
         """
-        tables = [spline.refined(one.knots, self.degree, one.coefficients, own) for one in self.each]
+        tables = [spline.refined(run.knots, self.degree, run.coefficients, own) for run in self.each]
         knots = spline.repeated_knots(own, self.degree, self.runs)
         return replace(self, knots=knots, coefficients=np.vstack(tables))
 
@@ -213,7 +215,7 @@ class Trajectory(ByValue, Presented):
     def inputs(self) -> Array:
         """Inputs held in each period, (N, inputs), read-only."""
         # By each run's own clock: on the common one, rounding may move a knot past a period's middle.
-        held = [one.inputs_at(middles(one.duration, one.samples)) for one in self.each]
+        held = [run.inputs_at(middles(run.duration, run.samples)) for run in self.each]
         table = np.concatenate(held)
         table.setflags(write=False)
         return table
@@ -221,7 +223,7 @@ class Trajectory(ByValue, Presented):
     @property
     def ends(self) -> Array:
         """Inputs at the begin and at the end of every run, (2 runs, inputs)."""
-        return np.concatenate([one.inputs_at(np.array([0.0, one.duration])) for one in self.each])
+        return np.concatenate([run.inputs_at(np.array([0.0, run.duration])) for run in self.each])
 
     def inputs_at(self, times: Array) -> Array:
         """Values of the splines at `times` [s], (len(times), inputs)."""
@@ -253,13 +255,13 @@ class Trajectory(ByValue, Presented):
         if order == self.degree == 0:
             # Of steps, what is held: nobody drives a value between two periods' middles.
             return self.inputs
-        found = []
+        tables = []
         if order <= self.degree:
-            found = [spline.extremes(one.knots, one.degree, one.coefficients, order) for one in self.each]
+            tables = [spline.extremes(run.knots, run.degree, run.coefficients, order) for run in self.each]
         if order and (order > self.degree or len(spline.jumps(self._own_knots, self.degree, order - 1))):
             # A jump has no derivative: what is held has its rates and jerks.
-            found.append(self._held((held_rates, held_jerks)[order - 1]))
-        return np.concatenate(found)
+            tables.append(self._held((held_rates, held_jerks)[order - 1]))
+        return np.concatenate(tables)
 
     def to_dataframe(self, names: Sequence[str] = ()) -> Any:
         """A pandas DataFrame with a row per period: its begin `t` [s] and the inputs held in it, SI.
@@ -276,5 +278,5 @@ class Trajectory(ByValue, Presented):
     def _held(self, changes: Callable[[Array, int, Array, int], Array]) -> Array:
         # Of what is held in every run.
         return np.concatenate(
-            [changes(one.knots, one.degree, one.coefficients, one.samples) for one in self.each]
+            [changes(run.knots, run.degree, run.coefficients, run.samples) for run in self.each]
         )

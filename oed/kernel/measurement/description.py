@@ -18,8 +18,8 @@ UNCORRELATED = 1e-9
 
 def when_text(unit: str, every: int) -> str:
     """`at every 5th sample`, `in every period`."""
-    where = "in" if unit == "period" else "at"
-    return f"{where} every {unit}" if every == 1 else f"{where} every {_ordinal(every)} {unit}"
+    preposition = "in" if unit == "period" else "at"
+    return f"{preposition} every {unit}" if every == 1 else f"{preposition} every {_ordinal(every)} {unit}"
 
 
 def _ordinal(number: int) -> str:

@@ -32,9 +32,9 @@ class Placed:
         """Return the row times a number, or times one of each row: a diagonal matrix."""
         return Placed(ca.mtimes(factor, self.direct), ca.mtimes(factor, self.through))
 
-    def beside(self, one: Expression, others: int) -> Placed:
+    def extended(self, column: Expression, empty: int) -> Placed:
         """Return the row with a column more, and columns of what the readings do not depend on directly."""
-        return Placed(ca.horzcat(self.direct, one, ca.SX(one.shape[0], others)), self.through)
+        return Placed(ca.horzcat(self.direct, column, ca.SX(column.shape[0], empty)), self.through)
 
     def without_errors(self, size: int) -> Placed:
         """Return the row of an instant that no errors precede."""
@@ -63,10 +63,10 @@ class Row:
 
     def misfit(self, measured: Expression) -> Expression:
         """Return the measured less the predicted reading, in units of the noise; angles up to full turns."""
-        left = measured - self.reading
+        residual = measured - self.reading
         for place in self.sensor.angles:
-            left[place] = ca.atan2(ca.sin(left[place]), ca.cos(left[place]))
-        return self.whitening @ left
+            residual[place] = ca.atan2(ca.sin(residual[place]), ca.cos(residual[place]))
+        return self.whitening @ residual
 
     def among(self, columns: Sequence[int], memories: Sequence[int]) -> Placed:
         """Return the row with columns for all unknowns, those of other sensors' nuisances 0.
@@ -77,19 +77,19 @@ class Row:
         """
         size, states, before, rest = columns
         count, leading = self.slopes.shape[0], size + states
-        known, own = self.slopes[:, :size], self.slopes[:, leading:]
-        direct = ca.horzcat(known, ca.SX(count, states + before), own, ca.SX(count, rest))
-        others = ca.SX(count, states)
-        beside = [
-            others if self.by_memory is None or every != self.sensor.every else self.by_memory
+        by_parameters, by_nuisances = self.slopes[:, :size], self.slopes[:, leading:]
+        direct = ca.horzcat(by_parameters, ca.SX(count, states + before), by_nuisances, ca.SX(count, rest))
+        zeros = ca.SX(count, states)
+        by_memories = [
+            zeros if self.by_memory is None or every != self.sensor.every else self.by_memory
             for every in memories
         ]
-        return Placed(direct, ca.horzcat(self.slopes[:, size:leading], *beside, self.by_errors))
+        return Placed(direct, ca.horzcat(self.slopes[:, size:leading], *by_memories, self.by_errors))
 
 
 def memories_of(sensors: Sequence[Sensor]) -> tuple[int, ...]:
     """After how many samples the states that readings across several of them begin at are others."""
-    across = {one.every for one in sensors if one.when == "between samples" and one.every > 1}
+    across = {sensor.every for sensor in sensors if sensor.when == "between samples" and sensor.every > 1}
     return tuple(sorted(across))
 
 
@@ -104,12 +104,12 @@ def reads_of(sensors: Sequence[Sensor], samples: int) -> Array:
         1 or 0, (sensors + memories, samples + 1).
     """
     memories = memories_of(sensors)
-    found = np.zeros((len(sensors) + len(memories), samples + 1))
+    table = np.zeros((len(sensors) + len(memories), samples + 1))
     for place, sensor in enumerate(sensors):
-        found[place, taken_in(sensor, samples)] = 1.0
+        table[place, taken_in(sensor, samples)] = 1.0
     for place, every in enumerate(memories, len(sensors)):
-        found[place, ::every] = 1.0
-    return found
+        table[place, ::every] = 1.0
+    return table
 
 
 def taken_in(sensor: Sensor, samples: int) -> list[int]:
@@ -124,8 +124,8 @@ def row_of(
     sensor: Sensor,
     system: System,
     noise: ProcessNoise,
-    given: Sequence[Expression],
-    own: Expression,
+    moment: Sequence[Expression],
+    nuisances: Expression,
     memory: Expression | None,
 ) -> Row:
     """Return a sensor's row in a period; the later moment of a reading between samples is the period's end.
@@ -134,50 +134,54 @@ def row_of(
         sensor: that reads.
         system: that is driven.
         noise: of its process.
-        given: state at the period's begin, inputs, parameters and period.
-        own: the sensor's nuisances.
+        moment: state at the period's begin, inputs, parameters and period.
+        nuisances: the sensor's nuisances.
         memory: the state that a reading across several periods began at.
     """
     if sensor.when == "between samples":
-        return _between(sensor, system, noise, given, own, memory)
-    state, inputs, parameters, period = given
-    here, function = _here(system), moment_reading(sensor, system)
+        return _between(sensor, system, noise, moment, nuisances, memory)
+    state, inputs, parameters, period = moment
+    slopes, function = _identity_slopes(system), moment_reading(sensor, system)
     lasting = period if sensor.when == "in periods" else ca.SX(0)
-    found = function(state, here, inputs, parameters, own, lasting)
-    seen = ca.SX(found[0].shape[0], noise.size)
+    results = function(state, slopes, inputs, parameters, nuisances, lasting)
+    by_errors = ca.SX(results[0].shape[0], noise.size)
     if sensor.when == "in periods" and noise.signal:
-        by_signal = reading_by_signal(sensor, system, noise.signal)(state, inputs, parameters, own, period)
-        seen = ca.sparsify(found[2] @ by_signal.T / period)
-    return Row(sensor, found[0], found[2], found[4].T, None, seen)
+        by_signal = reading_by_signal(sensor, system, noise.signal)(
+            state, inputs, parameters, nuisances, period
+        )
+        by_errors = ca.sparsify(results[2] @ by_signal.T / period)
+    return Row(sensor, results[0], results[2], results[4].T, None, by_errors)
 
 
 def _between(
     sensor: Sensor,
     system: System,
     noise: ProcessNoise,
-    given: Sequence[Expression],
-    own: Expression,
+    moment: Sequence[Expression],
+    nuisances: Expression,
     memory: Expression | None,
 ) -> Row:
-    state, inputs, parameters, period = given
-    here, function = _here(system), moment_reading(sensor, system)
-    none, start = ca.SX(*here.shape), slice(len(system.parameters), here.shape[1])
-    both = ca.vertcat(stepper(system)(*given), state if memory is None else memory)
+    state, inputs, parameters, period = moment
+    slopes, function = _identity_slopes(system), moment_reading(sensor, system)
+    none, start = ca.SX(*slopes.shape), slice(len(system.parameters), slopes.shape[1])
+    both = ca.vertcat(stepper(system)(*moment), state if memory is None else memory)
 
     def read(later: Expression, earlier: Expression) -> Sequence[Expression]:
         held, carried = ca.vertcat(inputs, inputs), ca.vertcat(later, earlier)
-        found: Sequence[Expression] = function(both, carried, held, parameters, own, sensor.every * period)
-        return found
+        results: Sequence[Expression] = function(
+            both, carried, held, parameters, nuisances, sensor.every * period
+        )
+        return results
 
     effect, _ = spread(noise, system)(state, inputs, ca.SX(ca.DM(system.nominal)), period)
-    seen = read(here, none)[4].T[:, start] @ effect
-    moved = carrier(system)(here, *given)
-    found = read(moved, here if memory is None else none)
-    before = None if memory is None else read(none, here)[4].T[:, start]
-    return Row(sensor, found[0], found[2], found[4].T, before, seen)
+    by_errors = read(slopes, none)[4].T[:, start] @ effect
+    moved = carrier(system)(slopes, *moment)
+    results = read(moved, slopes if memory is None else none)
+    before = None if memory is None else read(none, slopes)[4].T[:, start]
+    return Row(sensor, results[0], results[2], results[4].T, before, by_errors)
 
 
-def _here(system: System) -> Expression:
+def _identity_slopes(system: System) -> Expression:
     # A state's slopes by (parameters, itself).
     states = len(system.states)
     return ca.horzcat(ca.SX(states, len(system.parameters)), ca.SX.eye(states))

@@ -82,13 +82,13 @@ def square_root(
         summed: the drive's values of `block.magnitudes`, (p,).
     """
     width = len(parameters)
-    own = np.array(jacobian)
-    own[:, _rounding_alone(block, jacobian, summed)] = 0.0
-    rows = block.rows(own[:, _columns(block, (*parameters, *unwanted))])
-    rows = np.vstack([rows, (block.noise or 1.0) * _known(block, rows.shape[1], prior)])
+    scaled_jacobian = np.array(jacobian)
+    scaled_jacobian[:, _rounding_alone(block, jacobian, summed)] = 0.0
+    rows = block.rows(scaled_jacobian[:, _columns(block, (*parameters, *unwanted))])
+    rows = np.vstack([rows, (block.noise or 1.0) * _known_rows(block, rows.shape[1], prior)])
     sizes = np.linalg.norm(rows[:, :width], axis=0)
-    left, rounding = project_out(rows, width, rounding_of(jacobian))
-    return SquareRoot.of_rows(left, sizes, rounding)
+    remaining, rounding = project_out(rows, width, rounding_of(jacobian))
+    return SquareRoot.of_rows(remaining, sizes, rounding)
 
 
 def _rounding_alone(block: Block, jacobian: Array, summed: Array | None) -> list[int]:
@@ -117,16 +117,18 @@ def weights_of(block: Block, scaling: Scaling, parameters: Sequence[str]) -> Arr
 def _columns(block: Block, names: Sequence[str]) -> list[int]:
     # Of these parameters, then of all nuisances.
     first = len(block.parameters)
-    own = [block.parameters.index(name) for name in names]
-    return [*own, *range(first, first + len(block.nuisances))]
+    places = [block.parameters.index(name) for name in names]
+    return [*places, *range(first, first + len(block.nuisances))]
 
 
-def _known(block: Block, width: int, prior: Array | None) -> Array:
+def _known_rows(block: Block, width: int, prior: Array | None) -> Array:
     # Priors as further rows: of the parameters, and of nuisances with a deviation.
     first = width - len(block.nuisances)
-    deviations = [(first + index, each.deviation) for index, each in enumerate(block.nuisances)]
-    own = [np.eye(width)[place] / deviation for place, deviation in deviations if deviation is not None]
-    nuisances = np.reshape(own, (-1, width))
+    deviations = [(first + index, nuisance.deviation) for index, nuisance in enumerate(block.nuisances)]
+    nuisance_rows = [
+        np.eye(width)[place] / deviation for place, deviation in deviations if deviation is not None
+    ]
+    nuisances = np.reshape(nuisance_rows, (-1, width))
     if prior is None:
         return nuisances
     return np.vstack([np.pad(SquareRoot.of_matrix(prior).rows, ((0, 0), (0, width - first))), nuisances])

@@ -46,11 +46,11 @@ class Filter:
     def __init__(self, sensors: tuple[Sensor, ...], system: System, noise: ProcessNoise) -> None:
         """Write the readings of a period."""
         self.sensors, self.system, self.noise = sensors, system, noise
-        own = [len(sensor.nuisances) for sensor in sensors]
+        counts = [len(sensor.nuisances) for sensor in sensors]
         self.memories = memories_of(sensors)
         self.size, self._each = len(system.parameters), len(system.states)
         self.states = self._each * (1 + len(self.memories))
-        self.width = self.size + self._each + sum(own)
+        self.width = self.size + self._each + sum(counts)
         self._state = ca.SX.sym("state", self.states)
         self._held = [
             ca.SX.sym("inputs", len(system.inputs)),
@@ -60,26 +60,26 @@ class Filter:
         start = np.zeros((self.states, self.width))
         start[: self._each, self.size : self.size + self._each] = np.eye(self._each)
         self.begin = ca.DM(start), ca.DM.zeros(self.states, self.states)
-        self._own = ca.SX.sym("nuisances", sum(own))
+        self._nuisances = ca.SX.sym("nuisances", sum(counts))
         self._reads = ca.SX.sym("reads", len(sensors) + len(self.memories))
         nominal = [nuisance.nominal for sensor in sensors for nuisance in sensor.nuisances]
         self._nominal = ca.SX(ca.DM(nominal)) if nominal else ca.SX(0, 1)
         self._readings = [
             row_of(sensor, system, noise, self._now, part, self._memory(sensor))
-            for sensor, part in zip(sensors, self._each_own(own), strict=True)
+            for sensor, part in zip(sensors, self._each_own(counts), strict=True)
         ]
         self._placed = []
         for place, row in enumerate(self._readings):
-            columns = self.size, self._each, sum(own[:place]), sum(own[place + 1 :])
+            columns = self.size, self._each, sum(counts[:place]), sum(counts[place + 1 :])
             self._placed.append(row.among(columns, self.memories))
         self.rows = tuple(row.slopes.shape[0] for row in self._readings)
 
     def _each_own(self, counts: Sequence[int]) -> list[Expression]:
         # Every sensor's nuisances.
-        return list(ca.vertsplit(self._own, np.cumsum([0, *counts]).tolist()))
+        return list(ca.vertsplit(self._nuisances, np.cumsum([0, *counts]).tolist()))
 
     @property
-    def _given(self) -> list[Expression]:
+    def _arguments(self) -> list[Expression]:
         # States, inputs, parameters and period.
         return [self._state, *self._held]
 
@@ -106,9 +106,9 @@ class Filter:
         the next sample, and e / sqrt(s) (rows, n) of all sensors' readings.
         """
         slopes, covariance = self._symbols(self.width)
-        found = [row.scaled(self._reads[place]) for place, row in enumerate(self._placed)]
-        period, rows = self._period(slopes, covariance, found)
-        return self._function("filter", [slopes, covariance, *self._given, self._reads], [*period, rows])
+        rows_read = [row.scaled(self._reads[place]) for place, row in enumerate(self._placed)]
+        period, rows = self._period(slopes, covariance, rows_read)
+        return self._function("filter", [slopes, covariance, *self._arguments, self._reads], [*period, rows])
 
     @cached_property
     def last(self) -> ca.Function:
@@ -117,7 +117,7 @@ class Filter:
         """
         slopes, covariance = self._symbols(self.width)
         _, last = _Belief(slopes, covariance, self.states).whitened(self._at_end(self._placed))
-        return self._function("last", [slopes, covariance, *self._given, self._reads], [last])
+        return self._function("last", [slopes, covariance, *self._arguments, self._reads], [last])
 
     @cached_property
     def tracking(self) -> ca.Function:
@@ -128,26 +128,26 @@ class Filter:
         states).
         """
         slopes, covariance = self._symbols(self.width + 1)
-        measured, beside = self._compared
+        measured, compared = self._compared
         following = ca.SX.sym("following", self._each)
-        found = [row.scaled(self._reads[place]) for place, row in enumerate(beside)]
-        (moved, spreads), rows = self._period(self._with_columns(slopes), covariance, found)
+        rows_read = [row.scaled(self._reads[place]) for place, row in enumerate(compared)]
+        (moved, spreads), rows = self._period(self._with_columns(slopes), covariance, rows_read)
         moved[: self._each, self.width] += stepper(self.system)(*self._now) - following
         count = self.width + 1
         results = [moved[:, :count], spreads, rows[:, :count], moved[:, count:], rows[:, count:]]
-        given = [slopes, covariance, *self._given, self._reads, self._own, measured, following]
-        return ca.Function("tracking", given, ca.cse([ca.densify(one) for one in results]))
+        arguments = [slopes, covariance, *self._arguments, self._reads, self._nuisances, measured, following]
+        return ca.Function("tracking", arguments, ca.cse([ca.densify(result) for result in results]))
 
     @cached_property
     def ending(self) -> ca.Function:
         """`tracking` at the last instant, without a next sample: innovations, and their derivatives."""
         slopes, covariance = self._symbols(self.width + 1)
-        measured, beside = self._compared
+        measured, compared = self._compared
         belief = _Belief(self._with_columns(slopes), covariance, self.states)
-        _, last = belief.whitened(self._at_end(beside))
+        _, last = belief.whitened(self._at_end(compared))
         results = [last[:, : self.width + 1], last[:, self.width + 1 :]]
-        given = [slopes, covariance, *self._given, self._reads, self._own, measured]
-        return ca.Function("ending", given, ca.cse([ca.densify(one) for one in results]))
+        arguments = [slopes, covariance, *self._arguments, self._reads, self._nuisances, measured]
+        return ca.Function("ending", arguments, ca.cse([ca.densify(result) for result in results]))
 
     @cached_property
     def _linear(self) -> ca.Function:
@@ -156,15 +156,15 @@ class Filter:
         direct, through = (
             ca.vertcat(*(getattr(row, name) for row in self._placed)) for name in ("direct", "through")
         )
-        given = self._given
+        arguments = self._arguments
         results = [direct, through, self._step(), *self._spread()]
-        fixed = [ca.sparsify(ca.substitute(one, self._own, self._nominal)) for one in results]
-        return ca.Function("linear", given, ca.cse(fixed))
+        fixed = [ca.sparsify(ca.substitute(result, self._nuisances, self._nominal)) for result in results]
+        return ca.Function("linear", arguments, ca.cse(fixed))
 
     def update(
         self,
         belief: Sequence[Expression],
-        given: Sequence[Expression],
+        moment: Sequence[Expression],
         reads: Expression,
         columns: Sequence[int],
     ) -> Update:
@@ -172,11 +172,11 @@ class Filter:
 
         Args:
             belief: D (states, columns) and P.
-            given: states, inputs, parameters and period.
+            moment: states, inputs, parameters and period.
             reads: which sensors read and memories begin.
             columns: those unknowns' places.
         """
-        direct, through, _, _, errors = self._linear(*given)
+        direct, through, _, _, errors = self._linear(*moment)
         heights = np.repeat(np.arange(len(self.rows)), self.rows).tolist()
         rows = Placed(direct[:, list(columns)], through).scaled(ca.diag(reads[heights]))
         slopes, covariance = self._begun(belief[0], belief[1], reads)
@@ -184,16 +184,16 @@ class Filter:
         return Update(begun.slopes, begun.covariance, rows.direct, rows.through)
 
     def moved(
-        self, belief: Sequence[Expression], given: Sequence[Expression], columns: Sequence[int]
+        self, belief: Sequence[Expression], moment: Sequence[Expression], columns: Sequence[int]
     ) -> tuple[Expression, Expression]:
         """D and P at the next sample.
 
         Args:
             belief: both after a period's readings, of state and errors.
-            given: states, inputs, parameters and period.
+            moment: states, inputs, parameters and period.
             columns: of D, the unknowns' places.
         """
-        _, _, step, effect, _ = self._linear(*given)
+        _, _, step, effect, _ = self._linear(*moment)
         direct = ca.horzcat(step[:, : self.size], ca.SX(self.states, self.width - self.size))
         return _moved(belief, step[:, self.size :], effect, direct[:, list(columns)])
 
@@ -226,8 +226,10 @@ class Filter:
         parts, count = [[same, *[none] * len(self.memories)]], len(self.sensors)
         for place in range(len(self.memories)):
             begins = reads[count + place]
-            kept = [(1 - begins) * same if other == place else none for other in range(len(self.memories))]
-            parts.append([begins * same, *kept])
+            unchanged = [
+                (1 - begins) * same if column == place else none for column in range(len(self.memories))
+            ]
+            parts.append([begins * same, *unchanged])
         return ca.sparsify(ca.blockcat(parts))
 
     def _symbols(self, width: int) -> tuple[Expression, Expression]:
@@ -237,17 +239,17 @@ class Filter:
     def _function(self, name: str, arguments: list[Expression], results: list[Expression]) -> ca.Function:
         # At the nuisances' nominal values; a covariance is taken by its upper half, lest rounding bend it.
         covariance = arguments[1]
-        whole = ca.triu2symm(ca.triu(covariance))
-        fixed = [ca.substitute(one, self._own, self._nominal) for one in results]
-        dense = [ca.densify(ca.substitute(one, covariance, whole)) for one in fixed]
+        symmetric = ca.triu2symm(ca.triu(covariance))
+        fixed = [ca.substitute(result, self._nuisances, self._nominal) for result in results]
+        dense = [ca.densify(ca.substitute(result, covariance, symmetric)) for result in fixed]
         return ca.Function(name, arguments, ca.cse(dense))
 
     def _period(
-        self, slopes: Expression, covariance: Expression, found: Sequence[Placed]
+        self, slopes: Expression, covariance: Expression, readings: Sequence[Placed]
     ) -> tuple[list[Expression], Expression]:
         effect, errors = self._spread()
         begun = self._begun(slopes, covariance, self._reads)
-        read, rows = _Belief.of(*begun, errors).whitened(found)
+        read, rows = _Belief.of(*begun, errors).whitened(readings)
         belief = read.slopes, read.covariance
         step = self._step()
         direct = ca.horzcat(step[:, : self.size], ca.SX(self.states, slopes.shape[1] - self.size))
@@ -263,8 +265,8 @@ class Filter:
 
     def _step(self) -> Expression:
         # Slopes of a period's step by (parameters, states); what is remembered lasts.
-        here = ca.horzcat(ca.SX(self._each, self.size), ca.SX.eye(self._each))
-        moved, rest = carrier(self.system)(here, *self._now), self.states - self._each
+        identity = ca.horzcat(ca.SX(self._each, self.size), ca.SX.eye(self._each))
+        moved, rest = carrier(self.system)(identity, *self._now), self.states - self._each
         lasting = ca.horzcat(ca.SX(rest, self.size + self._each), ca.SX.eye(rest))
         return ca.sparsify(ca.vertcat(ca.horzcat(moved, ca.SX(self._each, rest)), lasting))
 
@@ -279,8 +281,10 @@ class Filter:
         # Symbols for what was read, and all readings with what they are off as a column more.
         edges = np.cumsum([0, *self.rows]).tolist()
         measured = ca.SX.sym("measured", edges[-1])
-        each = zip(self._readings, self._placed, ca.vertsplit(measured, edges), strict=True)
-        return measured, [placed.beside(-row.misfit(own), self.states) for row, placed, own in each]
+        triples = zip(self._readings, self._placed, ca.vertsplit(measured, edges), strict=True)
+        return measured, [
+            placed.extended(-row.misfit(values), self.states) for row, placed, values in triples
+        ]
 
     def _with_columns(self, slopes: Expression) -> Expression:
         # And columns that show what becomes of any.
@@ -302,17 +306,17 @@ class _Belief:
 
     def whitened(self, readings: Sequence[Placed]) -> tuple[_Belief, Expression]:
         # After readings of unit noise, one number at a time; and their whitened innovations' sensitivities.
-        slopes, covariance, found = self.slopes, self.covariance, []
-        for one in readings:
-            for row in range(one.direct.shape[0]):
-                through = ca.sparsify(one.through[row, :])
+        slopes, covariance, whitened = self.slopes, self.covariance, []
+        for reading in readings:
+            for row in range(reading.direct.shape[0]):
+                through = ca.sparsify(reading.through[row, :])
                 gained = covariance @ through.T
                 root = ca.sqrt(1 + through @ gained)
-                white = (through @ slopes + one.direct[row, :]) / root
+                white = (through @ slopes + reading.direct[row, :]) / root
                 gain = gained / root
                 slopes, covariance = slopes - gain @ white, covariance - gain @ gain.T
-                found.append(white)
-        return _Belief(slopes, covariance, self.states), ca.vertcat(*found)
+                whitened.append(white)
+        return _Belief(slopes, covariance, self.states), ca.vertcat(*whitened)
 
 
 def _moved(
@@ -350,15 +354,15 @@ def innovations(sensors: Sequence[Sensor], drive: Drive, noise: ProcessNoise) ->
     blocks = []
     for place, sensor in enumerate(sensors):
         first = sum(used.rows[:place])
-        own = np.arange(first, first + used.rows[place])
+        places = np.arange(first, first + used.rows[place])
         columns = np.array(taken_in(sensor, samples))
-        chosen = (columns[:, None] * sum(used.rows) + own).ravel().tolist()
+        chosen = (columns[:, None] * sum(used.rows) + places).ravel().tolist()
         blocks.append([table[chosen, :] for table in tables])
     rows = []
-    for each in blocks:
+    for runs in blocks:
         # Every run has a start of its own.
-        starts, whole = ca.diagcat(*(one[:, start] for one in each)), ca.vertcat(*each)
-        rows.append(ca.horzcat(whole[:, : start.start], starts, whole[:, start.stop :]))
+        starts, stacked = ca.diagcat(*(table[:, start] for table in runs)), ca.vertcat(*runs)
+        rows.append(ca.horzcat(stacked[:, : start.start], starts, stacked[:, start.stop :]))
     return ca.vertcat(*rows)
 
 
@@ -368,11 +372,11 @@ def _of_run(used: Filter, drive: Drive, run: int) -> Expression:
     path = drive.states[[run * (samples + 1) + place for place in range(samples + 1)], :].T
     path = used.remembering(path)
     inputs = drive.inputs[run * samples : (run + 1) * samples, :].T
-    given = drive.parameters, drive.period
+    arguments = drive.parameters, drive.period
     along = used.period.mapaccum("along", samples, 2)
     reads = ca.DM(used.reads(samples))
-    slopes, covariance, rows = along(begin, none, path[:, :samples], inputs, *given, reads[:, :samples])
+    slopes, covariance, rows = along(begin, none, path[:, :samples], inputs, *arguments, reads[:, :samples])
     end = slopes[:, -used.width :], covariance[:, -used.states :]
-    last = used.last(*end, path[:, -1], inputs[:, -1], *given, reads[:, samples])
+    last = used.last(*end, path[:, -1], inputs[:, -1], *arguments, reads[:, samples])
     # Those of all periods stand side by side.
     return ca.vertcat(*ca.horzsplit(rows, used.width), last)

@@ -20,23 +20,23 @@ NOTHING = 1e-60
 """A pivot's square below which there is nothing at all, of a size that may be cubed."""
 
 
-def eliminate(matrix: Expression, kept: int) -> Expression:
-    """The Schur complement on the first `kept` rows: what is left when the others are unknown as well."""
+def eliminate(matrix: Expression, leading: int) -> Expression:
+    """The Schur complement on the first `leading` rows: what is left when the others are unknown as well."""
     size = matrix.shape[0]
-    if size == kept:
+    if size == leading:
         return matrix
     if isinstance(matrix, ca.SX) and not matrix.is_dense():
         # What is 0 by structure, as between start states of different trials, costs nothing.
-        return _eliminated(matrix, kept)
-    return _elimination(size, kept)(matrix)
+        return _eliminated(matrix, leading)
+    return _elimination(size, leading)(matrix)
 
 
 def posterior(covariance: Expression, information: Expression) -> Expression:
     """(P^-1 + F)^-1 of a covariance P that may be singular and information F (SX): P (1 + F P)^-1."""
     size = covariance.shape[0]
-    whole = ca.densify(ca.SX.eye(size) + information @ covariance)
+    product = ca.densify(ca.SX.eye(size) + information @ covariance)
     # By cofactors where these are few: no pivot may vanish, and the determinant is at least 1.
-    inverse = ca.inv(whole) if size <= BY_COFACTORS else ca.solve(whole, ca.SX.eye(size))
+    inverse = ca.inv(product) if size <= BY_COFACTORS else ca.solve(product, ca.SX.eye(size))
     return ca.triu2symm(ca.triu(covariance @ inverse))
 
 
@@ -72,14 +72,14 @@ def quotient(matrix: Expression, right: Expression) -> Expression:
 
 # Entry by entry, as SX; as functions they serve every type.
 @lru_cache(maxsize=64)
-def _elimination(size: int, kept: int) -> ca.Function:
+def _elimination(size: int, leading: int) -> ca.Function:
     matrix = ca.SX.sym("F", size, size)
-    return ca.Function("eliminate", [matrix], [_eliminated(matrix, kept)])
+    return ca.Function("eliminate", [matrix], [_eliminated(matrix, leading)])
 
 
-def _eliminated(matrix: ca.SX, kept: int) -> ca.SX:
-    taken = quotient(matrix[kept:, kept:], matrix[kept:, :kept])
-    return ca.densify(matrix[:kept, :kept] - taken)
+def _eliminated(matrix: ca.SX, leading: int) -> ca.SX:
+    taken = quotient(matrix[leading:, leading:], matrix[leading:, :leading])
+    return ca.densify(matrix[:leading, :leading] - taken)
 
 
 @lru_cache(maxsize=16)

@@ -64,14 +64,14 @@ class Prior(Component):
             nominal: their values, SI.
             units: their SI units.
         """
-        issues, given = [], bool(self.standard_deviations)
+        issues, by_deviations = [], bool(self.standard_deviations)
         for name in self.names:
-            key = ("prior", "standard_deviations", name) if given else ("prior", "parameters")
+            key = ("prior", "standard_deviations", name) if by_deviations else ("prior", "parameters")
             if name not in known:
                 hint = did_you_mean(name, known)
                 text = f"{name} is not estimated here; the parameters are {', '.join(known)}{hint}"
                 issues.append(Issue(key, text))
-            elif given:
+            elif by_deviations:
                 index = list(known).index(name)
                 try:
                     self._deviation(name, nominal[index], units[index])
@@ -94,9 +94,9 @@ class Prior(Component):
                     matrix[index, index] = self._deviation(name, nominal[index], units[index]) ** -2
             return matrix
         # Of parameters that are estimated apart, each block has its own part of the covariance.
-        own = [index for index, name in enumerate(self.parameters) if name in names]
-        places = [list(names).index(self.parameters[index]) for index in own]
-        matrix[np.ix_(places, places)] = np.linalg.inv(np.array(self.covariance)[np.ix_(own, own)])
+        members = [index for index, name in enumerate(self.parameters) if name in names]
+        places = [list(names).index(self.parameters[index]) for index in members]
+        matrix[np.ix_(places, places)] = np.linalg.inv(np.array(self.covariance)[np.ix_(members, members)])
         return matrix
 
     def _deviation(self, name: str, nominal: float, unit: str) -> float:

@@ -33,22 +33,23 @@ def reduced(rows: Array) -> Array:
     return rows if len(rows) <= rows.shape[1] else np.asarray(np.linalg.qr(rows, mode="r"))
 
 
-def project_out(rows: Array, kept: int, rounding: float) -> tuple[Array, float]:
-    """The first `kept` columns of a Jacobian (k, n) less what the others explain, (k, kept): the rows of what
-    is left when the others are unknown as well; and how long a combination of unit columns may then be by
-    rounding alone.
+def project_out(rows: Array, width: int, rounding: float) -> tuple[Array, float]:
+    """Return the first `width` columns of a Jacobian (k, n) less what the others explain, (k, width).
+
+    The rows remain when the others are unknown as well. Also return the length that rounding alone may then
+    give a combination of unit columns.
 
     Args:
         rows: the Jacobian.
-        kept: columns.
+        width: columns.
         rounding: of unit columns of the Jacobian.
     """
-    wanted, others = rows[:, :kept], rows[:, kept:]
-    sizes = np.linalg.norm(others, axis=0)
-    others = others[:, sizes > 0] / sizes[sizes > 0]
-    if not others.shape[1]:
+    wanted, nuisances = rows[:, :width], rows[:, width:]
+    sizes = np.linalg.norm(nuisances, axis=0)
+    nuisances = nuisances[:, sizes > 0] / sizes[sizes > 0]
+    if not nuisances.shape[1]:
         return wanted, rounding
-    basis, lengths, _ = np.linalg.svd(others, full_matrices=False)
+    basis, lengths, _ = np.linalg.svd(nuisances, full_matrices=False)
     identifiable = lengths > rounding
     basis, lengths = basis[:, identifiable], lengths[identifiable]
     shares = basis.T @ wanted
@@ -82,20 +83,20 @@ class SquareRoot:
             sizes: (p,) of the columns before any elimination; as they are by default.
             rounding: of a unit column; by default that of R as a Jacobian.
         """
-        own = np.linalg.norm(rows, axis=0) if sizes is None else sizes
+        magnitudes = np.linalg.norm(rows, axis=0) if sizes is None else sizes
         filled = np.vstack([reduced(rows), np.zeros((rows.shape[1], rows.shape[1]))])
-        _, lengths, transposed = np.linalg.svd(filled / _divisors(own), full_matrices=False)
-        return cls(own, lengths, transposed.T, rounding_of(rows) if rounding is None else rounding)
+        _, lengths, transposed = np.linalg.svd(filled / _divisors(magnitudes), full_matrices=False)
+        return cls(magnitudes, lengths, transposed.T, rounding_of(rows) if rounding is None else rounding)
 
     @classmethod
     def of_matrix(cls, matrix: Array) -> SquareRoot:
         """Return the square root of a matrix F (..., p, p) that is there already squared, its digits lost."""
         diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
-        own = np.sqrt(np.maximum(diagonal, 0.0))
-        divisors = _divisors(own)
+        magnitudes = np.sqrt(np.maximum(diagonal, 0.0))
+        divisors = _divisors(magnitudes)
         values, vectors = np.linalg.eigh(matrix / (divisors[..., :, None] * divisors[..., None, :]))
         lengths = np.sqrt(np.maximum(values[..., ::-1], 0.0))
-        return cls(own, lengths, vectors[..., ::-1], float(np.sqrt(SQUARED)))
+        return cls(magnitudes, lengths, vectors[..., ::-1], float(np.sqrt(SQUARED)))
 
     @classmethod
     def together(cls, parts: Sequence[SquareRoot]) -> SquareRoot:
@@ -104,12 +105,12 @@ class SquareRoot:
         rows = np.vstack([part._unrounded for part in parts])
         return cls.of_rows(rows, sizes, max(part.rounding for part in parts))
 
-    def leading(self, kept: int) -> SquareRoot:
-        """Information on the first `kept` parameters, the others unknown as well."""
-        if kept == len(self.sizes):
+    def leading(self, count: int) -> SquareRoot:
+        """Information on the first `count` parameters, the others unknown as well."""
+        if count == len(self.sizes):
             return self
-        rows, rounding = project_out(self._unrounded, kept, self.rounding)
-        return SquareRoot.of_rows(rows, self.sizes[:kept], rounding)
+        rows, rounding = project_out(self._unrounded, count, self.rounding)
+        return SquareRoot.of_rows(rows, self.sizes[:count], rounding)
 
     def scaled(self, scales: Array | float) -> SquareRoot:
         """D F D, with D = diag(scales): of parameters in other units."""
@@ -170,33 +171,33 @@ class SquareRoot:
     @property
     def log_determinant(self) -> Array:
         """Log det F (...), minus infinity where some combination is not identifiable."""
-        whole = self.complete
-        lengths = np.where(whole[..., None], self.lengths, 1.0)
-        logs = np.log(lengths) + np.log(np.where(whole[..., None], self.sizes, 1.0))
-        return np.where(whole, 2.0 * logs.sum(axis=-1), -np.inf)
+        complete = self.complete
+        lengths = np.where(complete[..., None], self.lengths, 1.0)
+        logs = np.log(lengths) + np.log(np.where(complete[..., None], self.sizes, 1.0))
+        return np.where(complete, 2.0 * logs.sum(axis=-1), -np.inf)
 
     @cached_property
     def covariance(self) -> Array:
         """F^-1 (..., p, p): infinite variances, and covariances that are no numbers, of parameters that are
         not identifiable.
         """
-        found = self.factor @ np.swapaxes(self.factor, -1, -2)
+        covariance = self.factor @ np.swapaxes(self.factor, -1, -2)
         hidden = self.hides(np.eye(self.sizes.shape[-1]))
-        found = np.where(hidden[..., :, None] | hidden[..., None, :], np.nan, found)
-        np.einsum("...ii->...i", found)[hidden] = np.inf
-        return np.asarray(found)
+        covariance = np.where(hidden[..., :, None] | hidden[..., None, :], np.nan, covariance)
+        np.einsum("...ii->...i", covariance)[hidden] = np.inf
+        return np.asarray(covariance)
 
     def hides(self, combinations: Array) -> Bools:
         """Return which combinations (q, p) of the parameters' changes are not identifiable, (..., q)."""
         units = combinations / _divisors(self.sizes)[..., None, :]
         along = np.abs(units @ self.directions)
-        whole = np.linalg.norm(units, axis=-1, keepdims=True)
-        return np.asarray((~self.identifiable[..., None, :] & (along > TOUCHED * whole)).any(axis=-1))
+        lengths = np.linalg.norm(units, axis=-1, keepdims=True)
+        return np.asarray((~self.identifiable[..., None, :] & (along > TOUCHED * lengths)).any(axis=-1))
 
     def variances(self, combinations: Array) -> Array:
         """Variances (..., q) of combinations (q, p) of the parameters, infinite where not identifiable."""
-        found = ((combinations @ self.factor) ** 2).sum(axis=-1)
-        return np.where(self.hides(combinations), np.inf, found)
+        variances = ((combinations @ self.factor) ** 2).sum(axis=-1)
+        return np.where(self.hides(combinations), np.inf, variances)
 
     @property
     def _unrounded(self) -> Array:

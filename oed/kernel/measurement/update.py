@@ -56,8 +56,8 @@ class Update:
 
     def parts(self, after: Expression) -> tuple[Expression, Expression, Expression]:
         """D and P after the readings, and their information, of the matrix."""
-        own = slice(self._count, None)
-        return after[own, : self._count], after[own, own], -after[: self._count, : self._count]
+        places = slice(self._count, None)
+        return after[places, : self._count], after[places, places], -after[: self._count, : self._count]
 
     @property
     def entries(self) -> Expression:
@@ -67,10 +67,10 @@ class Update:
     @property
     def named(self) -> Expression:
         """The matrix with symbols in the place of these."""
-        found = ca.SX(self.after)
+        matrix = ca.SX(self.after)
         for symbol, (row, column) in zip(self.symbols.elements(), self.changed, strict=True):
-            found[row, column] = found[column, row] = symbol
-        return found
+            matrix[row, column] = matrix[column, row] = symbol
+        return matrix
 
     def written_out(self, expressions: Sequence[Expression]) -> list[Expression]:
         """Expressions of the symbols by what these stand for."""
@@ -83,16 +83,18 @@ class Update:
         size, count = self._before.shape[0], self._count
         gained = self._through.T @ self._solved
         turning = ca.SX.eye(size) - ca.vertcat(ca.SX(count, size), gained)
-        whole, *own = (ca.jacobian(ca.vec(one), by) for one in (self._before, self._direct, self._through))
+        by_matrix, *direct_slopes = (
+            ca.jacobian(ca.vec(expression), by) for expression in (self._before, self._direct, self._through)
+        )
         entries, changes = [], []
         for place in range(by.shape[0]):
-            moved = ca.reshape(whole[:, place], size, size) @ turning
-            found, seen = turning.T @ moved, self._through @ moved[count:, :]
-            if any(one[:, place].nnz() for one in own):
-                more, change = self._by_slopes(*(one[:, place] for one in own))
-                found, seen = found - more, seen + change
-            entries.append(ca.vertcat(ca.SX(0, 1), *(found[at] for at in self.changed)))
-            changes.append(ca.vec(solve_lower(self._root, seen)[:, self._columns].T))
+            moved = ca.reshape(by_matrix[:, place], size, size) @ turning
+            change_of_matrix, change_of_readings = turning.T @ moved, self._through @ moved[count:, :]
+            if any(slopes[:, place].nnz() for slopes in direct_slopes):
+                more, change = self._by_slopes(*(slopes[:, place] for slopes in direct_slopes))
+                change_of_matrix, change_of_readings = change_of_matrix - more, change_of_readings + change
+            entries.append(ca.vertcat(ca.SX(0, 1), *(change_of_matrix[at] for at in self.changed)))
+            changes.append(ca.vec(solve_lower(self._root, change_of_readings)[:, self._columns].T))
         return ca.horzcat(*entries), ca.horzcat(*changes)
 
     def _by_slopes(self, direct: Expression, through: Expression) -> tuple[Expression, Expression]:
@@ -108,17 +110,17 @@ class Update:
         """Second derivatives of the weighted sum of `entries`: by `by`, as far as Z, U and S are bent in it,
         and by the changes that `slopes` finds.
         """
-        whole = ca.SX(*self._before.shape)
+        weighted = ca.SX(*self._before.shape)
         for weight, (row, column) in zip(weights.elements(), self.changed, strict=True):
-            whole[row, column] = whole[column, row] = weight if row == column else weight / 2
-        crossed = self._solved @ whole
-        factors = [ca.densify(one) for one in (whole, -2 * crossed, crossed @ self._solved.T)]
-        symbols = [ca.SX.sym("weights", *one.shape) for one in factors]
+            weighted[row, column] = weighted[column, row] = weight if row == column else weight / 2
+        crossed = self._solved @ weighted
+        factors = [ca.densify(factor) for factor in (weighted, -2 * crossed, crossed @ self._solved.T)]
+        symbols = [ca.SX.sym("weights", *factor.shape) for factor in factors]
         of = self._before, self._seen, self._variance
-        total = sum(ca.dot(weight, one) for weight, one in zip(symbols, of, strict=True))
+        total = sum(ca.dot(weight, matrix) for weight, matrix in zip(symbols, of, strict=True))
         bent, _ = ca.hessian(total, by)
-        own = -2 * whole[self._columns, self._columns]
-        return ca.substitute([bent], symbols, factors)[0], ca.diagcat(*[own] * len(self))
+        block = -2 * weighted[self._columns, self._columns]
+        return ca.substitute([bent], symbols, factors)[0], ca.diagcat(*[block] * len(self))
 
 
 def _symmetric(matrix: Expression) -> Expression:
