@@ -16,7 +16,7 @@ from valid import VALID, assert_echo_is_equal, assert_echo_of, issues_of, line_o
 
 from oed.foundation.errors import FileIssue, StudyError
 from oed.optimize import Genetic, Ipopt
-from oed.optimize.exploration import BUDGET
+from oed.optimize.ipopt_options import BUDGET
 from oed.robots.models import DifferentialDrive
 from oed.study.study import PathFile, json_schema
 from oed.workflow.studies import load_study, own_paths, parse_study
