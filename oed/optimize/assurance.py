@@ -1,4 +1,4 @@
-"""A search for a robust drive: simulated with many robots, limits tightened until enough keep them."""
+"""A search for a robust drive: simulated with many robots, limits tightened until enough satisfy them."""
 
 from __future__ import annotations
 
@@ -25,69 +25,68 @@ FINAL = 0
 
 Of up to `ROUNDS` + 1 drives the one is chosen that they accept, so intervals are for all these together."""
 UNTRIED = "It was not tried with other robots."
-"""Said of a design whose verification was interrupted."""
+"""Note on a design whose verification was interrupted."""
 
 
 def assured(options: Solver, problem: Problem, context: Context) -> Solution:
-    """What `options` find for a problem; of a robust one, satisfied by as many robots as its confidence asks.
+    """Return the best design; of a robust problem, one that as many robots satisfy as its confidence asks.
 
     Args:
-        options: of the search.
-        problem: to be solved.
+        options: options of the search.
+        problem: problem to be solved.
         context: seed, workers, progress, earlier solutions.
     """
     robust = problem.robust
     if not isinstance(robust, Robust):
         return options.search(problem, context)
-    return _Assured(problem, robust, context).run(options)
+    return _Assurance(problem, robust, context).run(options)
 
 
-class _Assured:
+class _Assurance:
     def __init__(self, problem: Problem, robust: Robust, context: Context) -> None:
         self.problem, self.robust, self.context = problem, robust, context
         self.solutions: list[Solution] = []
-        # One of these is chosen by the same verification samples; one more is that of the whole search.
+        # One of these is chosen by the same verification samples; one more is that of the last search.
         self.drives = robust.verifications(ROUNDS + 1)
         self.verified = 0
 
     def run(self, options: Solver) -> Solution:
-        tightened, quick, context = self.robust, options, self.context
+        tightened, solver, context = self.robust, options, self.context
         last: Violation | None = None
         for _ in range(ROUNDS):
-            solution = self._searched(quick, tightened, context)
+            solution = self._searched(solver, tightened, context)
             if solution.trajectory is None:
-                return self._without_design(solution, last)
-            if solution.status is Status.INTERRUPTED or solution.violation is None:
+                return self._failed(solution, last)
+            seen = solution.violation
+            if solution.status is Status.INTERRUPTED or seen is None:
                 return self._summed(solution)
-            found = solution.violation
             if self._enough(solution):
                 solution = self._verified(solution)
                 if solution.status is Status.INTERRUPTED:
                     return self._summed(solution)
                 if self._enough(solution):
-                    return self._searched_well(options, solution, tightened)
-            # Of the verification samples nothing is learned but that they were not enough.
+                    return self._improved(options, solution, tightened)
             last = solution.violation
             if self.verified == self.drives:
-                detail = f"{solution.detail} {MORE_DRAWS}".strip()
-                solution = replace(solution, detail=detail)
+                solution = replace(solution, detail=f"{solution.detail} {MORE_DRAWS}".strip())
                 break
-            tightened, quick = tightened.tighter(found.worst), options.again()
-            context = self._knowing(solution)
-        return self._without_design(replace(solution, status=Status.FAILED), last)
+            # The verification samples tell no more than that they are not satisfied: others say where.
+            tightened, solver = tightened.tighter(seen.worst), options.again()
+            context = self.context.with_earlier(solution)
+        return self._failed(replace(solution, status=Status.FAILED), last)
 
-    def _searched_well(self, options: Solver, solution: Solution, tightened: Robust) -> Solution:
+    def _improved(self, options: Solver, solution: Solution, tightened: Robust) -> Solution:
         # How tight limits have to be was found with quick searches: now a whole one, from the best of them,
         # where that is more than the last quick one was.
         whole, refining = options.again(quick=False), self.context.refining_since is not None
         if len(self.solutions) == 1 or refining or whole == options.again():
             return self._summed(solution)
-        again = self._searched(whole, tightened, self._knowing(solution))
-        better = self._enough(again) and _objective(again) > _objective(solution)
+        further = self._searched(whole, tightened, self.context.with_earlier(solution))
+        better = self._enough(further) and _objective(further) > _objective(solution)
         if better and self.verified < self.drives:
-            again = self._verified(again)
-            solution = again if self._enough(again) else solution
-        if again.status is Status.INTERRUPTED:
+            further = self._verified(further)
+            solution = further if self._enough(further) else solution
+        if further.status is Status.INTERRUPTED:
             solution = replace(solution, status=Status.INTERRUPTED)
         return self._summed(solution)
 
@@ -98,7 +97,7 @@ class _Assured:
             return solution
         # Scored by the problem as it was given, however limits were tightened.
         scored = replace(solution, evaluation=score(self.problem, solution.trajectory), robust=tightened)
-        # With draws of its own each time, lest the drive suit the draws that it is judged by.
+        # Every drive has draws of its own, lest it suit the draws that it is judged by.
         return self._tried(scored, FINAL + len(self.solutions))
 
     def _verified(self, solution: Solution) -> Solution:
@@ -107,50 +106,40 @@ class _Assured:
 
     def _tried(self, solution: Solution, stream: int) -> Solution:
         assert solution.trajectory is not None
-        progress, draws = self.context.progress, self.robust.draws
+        progress, draws, seed = self.context.progress, self.robust.draws, self.context.seed
         progress.begin(f"simulate {draws} robots", 1)
         try:
-            found = violation_probability(
-                self.problem,
-                solution.trajectory,
-                draws=draws,
-                seed=self.context.seed,
-                stream=stream,
-                drives=self.drives,
+            violation = violation_probability(
+                self.problem, solution.trajectory, draws=draws, seed=seed, stream=stream, drives=self.drives
             )
         except KeyboardInterrupt:
             detail = solution.detail if solution.violation else f"{solution.detail} {UNTRIED}".strip()
             return replace(solution, status=Status.INTERRUPTED, detail=detail)
-        progress.advance(f"{chance_text(found.probability)} violate the limits")
-        return replace(solution, violation=found)
+        progress.advance(f"{chance_text(violation.probability)} violate the limits")
+        return replace(solution, violation=violation)
 
     def _enough(self, solution: Solution) -> bool:
         return solution.violation is not None and solution.violation.surely_below(1 - self.robust.confidence)
 
-    def _knowing(self, solution: Solution) -> Context:
-        return replace(self.context, earlier={**self.context.earlier, solution.name: solution})
-
-    def _without_design(self, solution: Solution, last: Violation | None) -> Solution:
+    def _failed(self, solution: Solution, last: Violation | None) -> Solution:
         detail = solution.detail
         if last is not None:
-            verified = (
+            detail = (
                 f"On the last drive {chance_text(last.probability)} of {last.draws} robots violated the "
                 f"limits (up to {chance_text(last.interval[1])} with 95 % confidence), where "
-                f"{chance_text(1 - self.robust.confidence)} may."
+                f"{chance_text(1 - self.robust.confidence)} may. {detail}"
             )
-            detail = f"{verified} {detail}"
         detail = f"{detail.strip()} {NARROWER}".strip()
-        return self._summed(
-            replace(solution, trajectory=None, evaluation=None, violation=None, detail=detail)
-        )
+        nothing = replace(solution, trajectory=None, evaluation=None, violation=None, detail=detail)
+        return self._summed(nothing)
 
     def _summed(self, solution: Solution) -> Solution:
-        explored = [one.explored for one in self.solutions if one.explored is not None]
+        explored = [step.explored for step in self.solutions if step.explored is not None]
         return replace(
             solution,
             explored=sum(explored[1:], explored[0]) if explored else None,
-            starts=tuple(start for one in self.solutions for start in one.starts),
-            wall_seconds=sum(one.wall_seconds for one in self.solutions),
+            starts=tuple(start for step in self.solutions for start in step.starts),
+            wall_seconds=sum(step.wall_seconds for step in self.solutions),
         )
 
 

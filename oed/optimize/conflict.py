@@ -1,9 +1,8 @@
-"""Why no feasible drive was found: which limits stand against each other, and by how much."""
+"""Reasons why no drive is feasible: limits that stand against each other, and by how much."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -20,10 +19,10 @@ NEGLIGIBLE = 1e-4
 
 
 def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str:
-    """A sentence naming the limits of which one has to give way, and how far each alone would have to.
+    """Return a sentence naming the limits of which one has to give way, and how far each alone would have to.
 
-    Every limit in turn is relaxed as little as a local search finds possible while the others hold. ""
-    where the limits turn out to agree.
+    Every limit in turn is relaxed as little as a local search finds possible while all others hold. The
+    sentence is "" where the limits turn out to agree.
     """
     relaxation = ca.SX.sym("relaxation", len(design.terms.rows))
     program = Program(
@@ -35,20 +34,16 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
         relaxing=True,
         options={"ipopt.max_iter": 150},
     )
-    exchange = Exchange(design.problem, design.terms)
-    needed = [
-        _relaxed_alone(program, exchange, design, starts, index) for index in range(len(design.terms.rows))
-    ]
-    if any(amount is not None and amount < NEGLIGIBLE for amount in needed):
-        return ""
-    limits = design.problem.limits
-    # What the rows exceed by share of their size, as the limit itself is measured.
-    phrases = [
-        f"{words(limit.name)} (by at most "
-        f"{excess_text(limit.amount(share * rows.size), rows.unit, degrees=limit.in_degrees)})"
-        for limit, rows, share in zip(limits, design.terms.rows, needed, strict=True)
-        if share is not None
-    ]
+    limits, phrases = design.problem.limits, []
+    for place, (limit, rows) in enumerate(zip(limits, design.terms.rows, strict=True)):
+        share = _smallest_relaxation(program, starts, place)
+        if share is None:
+            continue
+        if share < NEGLIGIBLE:
+            return ""
+        # What the rows exceed by share of their size, as the limit itself is measured.
+        amount = excess_text(limit.amount(share * rows.size), rows.unit, degrees=limit.in_degrees)
+        phrases.append(f"{words(limit.name)} (by at most {amount})")
     if not phrases:
         names = ", ".join(words(limit.name) for limit in limits)
         return f"The limits {names} conflict; loosening a single one was not found to be enough."
@@ -57,38 +52,26 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
     return f"These limits conflict, and loosening any one of them is enough: {', '.join(phrases)}."
 
 
-def _relaxed_alone(
-    program: Program, exchange: Exchange, design: DesignExpressions, starts: Sequence[Array], index: int
-) -> float | None:
-    # A small relaxation of one limit with the others satisfied, from the first start that finds one.
-    count = len(design.terms.rows)
-    upper = np.zeros(count)
-    upper[index] = np.inf
+def _smallest_relaxation(program: Program, starts: Sequence[Array], place: int) -> float | None:
+    # Of one limit with the others satisfied, as a share of its size, from the first start that leads there.
+    design = program.design
+    exchange, count = Exchange(design.problem, design.terms), len(design.terms.rows)
+    upper = np.where(np.arange(count) == place, np.inf, 0.0)
+
+    def solve(begin: Array, after: Outcome | None, chosen: Chosen | None, loosely: bool) -> Outcome:
+        return program.solve(
+            begin,
+            np.minimum(upper, 1.0) if after is None else after.auxiliary,
+            auxiliary_lower=np.zeros(count),
+            auxiliary_upper=upper,
+            after=after,
+            chosen=chosen,
+        )
+
     for start in starts:
-        initial = np.where(upper > 0, 1.0, 0.0)
-        solve = partial(_solve, program, initial, upper)
         outcome, _ = exchange.solved(solve, start, None, exchange.begun(), design.trajectory)
         # Wherever Ipopt stopped: if all other limits hold there, it is a witness.
         _, violations = design.score_many(outcome.unknowns[None, :])
-        if np.delete(violations[0], index).max(initial=0.0) < NEGLIGIBLE:
-            return float(violations[0, index])
+        if np.delete(violations[0], place).max(initial=0.0) < NEGLIGIBLE:
+            return float(violations[0, place])
     return None
-
-
-def _solve(
-    program: Program,
-    relaxed: Array,
-    upper: Array,
-    begin: Array,
-    after: Outcome | None,
-    chosen: Chosen | None,
-    loosely: bool,
-) -> Outcome:
-    return program.solve(
-        begin,
-        relaxed if after is None else after.auxiliary,
-        auxiliary_lower=np.zeros(len(upper)),
-        auxiliary_upper=upper,
-        after=after,
-        chosen=chosen,
-    )

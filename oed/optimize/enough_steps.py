@@ -18,17 +18,17 @@ FINEST_SEARCHED = 16
 NEARLY = 0.1
 """Share by which results may change with finer steps where a search from the design alone will do."""
 COARSER = "A search with finer integration steps found no design; this one is of coarser steps."
-"""What is said of a design whose search could not be taken up again."""
+"""Note on a design whose search could not be taken up again."""
 
 
 def by_enough_steps(search: Search, options: Solver, problem: Problem, context: Context) -> Solution:
-    """The design of a search whose steps are made finer until information and limits no longer depend on
-    them; the detail of the solution says so where that was necessary.
+    """Return the design of a search whose steps are made finer until information and limits no longer depend
+    on them; the detail of the solution says so where that was necessary.
 
     Args:
-        search: of a problem, by its own steps.
-        options: of the search.
-        problem: whose system is integrated numerically.
+        search: search of a problem, by its own steps.
+        options: options of the search.
+        problem: problem whose system is integrated numerically.
         context: seed, workers, progress, earlier solutions.
     """
     began, times = time.perf_counter(), 1
@@ -44,14 +44,13 @@ def by_enough_steps(search: Search, options: Solver, problem: Problem, context: 
         quick = steps.change <= NEARLY
         times = min(times * (2 if quick else steps.enough), FINEST_SEARCHED)
         again = options if lifted(problem) is not None else options.again(quick=quick)
-        known = replace(context, earlier={**context.earlier, options.label: solution})
-        further = search(again, problem.refined(times), known)
+        further = search(again, problem.refined(times), context.with_earlier(solution))
         if further.trajectory is None:
-            # What was found with coarser steps is kept, and scored by finer ones.
+            # The design of coarser steps stays, and is scored by finer ones.
             status = further.status if further.status in ENDED else solution.status
             return replace(solution, status=status, detail=f"{solution.detail} {COARSER}".strip())
         solution = replace(further, wall_seconds=time.perf_counter() - began)
     if times == 1:
         return solution
-    said = f"Searched with integration steps {times} times finer than those of the study."
-    return replace(solution, detail=f"{solution.detail} {said}".strip())
+    finer = f"Searched with integration steps {times} times finer than those of the study."
+    return replace(solution, detail=f"{solution.detail} {finer}".strip())

@@ -86,8 +86,7 @@ def refined(options: Solver, problem: Problem, context: Context, search: Search)
     for spline in finer:
         # Limits of a robust problem begin as tight as they had to be.
         robust = problem.robust if best.robust is None else best.robust
-        earlier = {**context.earlier, options.label: best}
-        further = replace(context, earlier=earlier, refining_since=began)
+        further = replace(context.with_earlier(best), refining_since=began)
         solution = search(options, replace(on_spline(problem, spline), robust=robust), further)
         ended = solution.status in ENDED
         if solution.trajectory is None:

@@ -42,8 +42,12 @@ class Context:
     earlier: Mapping[str, Solution] = field(default_factory=dict)
     refining_since: float | None = None
 
+    def with_earlier(self, solution: Solution) -> Context:
+        """Return the context of a further search that may start from a solution, by its name."""
+        return replace(self, earlier={**self.earlier, solution.name: solution})
+
     def rng(self, stream: int) -> np.random.Generator:
-        """An independent generator for each part of a search."""
+        """Return an independent generator for each part of a search."""
         return np.random.default_rng([self.seed, stream])
 
 
