@@ -23,14 +23,14 @@ class Course(Brief):
     """One quantity of a run of a design, from its start to its end, or over settings of an input.
 
     Attributes:
-        name: of the quantity.
+        name: name of the quantity.
         unit: SI.
         places: times [s], or values of the input, (n,).
         values: (n,), SI.
         slopes: derivatives by the estimated parameters, (n, p), SI.
         deviation: standard deviation of the noise of a reading; None of a state, or where it depends.
         read: places among these at which it is read; () of a state.
-        sensor: that reads it, its label; "" of a state.
+        sensor: label of the sensor that reads it; "" of a state.
     """
 
     name: str
@@ -52,8 +52,8 @@ def state_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) -> l
     """The states over time, run by run; the starts taken as known.
 
     Args:
-        problem: whose system it is.
-        trajectory: what is done.
+        problem: problem with the system.
+        trajectory: design to follow.
         finer: places of every period.
     """
     system, columns = problem.system, _estimated(problem)
@@ -74,8 +74,8 @@ def reading_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) ->
     Of a system without states there is one of each setting of the inputs.
 
     Args:
-        problem: whose sensors and system these are.
-        trajectory: what is done.
+        problem: problem with the sensors and the system.
+        trajectory: design to follow.
         finer: places of every period of a system with states.
     """
     system = problem.system
@@ -102,9 +102,9 @@ def response_courses(problem: Problem, place: int, values: Array) -> list[Course
     """Return the readings of a system without states over values of one of its inputs, the only one.
 
     Args:
-        problem: whose system has no states.
-        place: of the input.
-        values: of it, SI, (n,).
+        problem: problem with a system without states.
+        place: place of the input.
+        values: values of the input, SI, (n,).
     """
     states, slopes = np.zeros((len(values), 0)), np.zeros((len(values), 0, len(problem.system.parameters)))
     held = np.zeros((len(values), len(problem.system.inputs)))

@@ -21,8 +21,8 @@ def directional_derivatives(parts: Parts, weights: Array, gradient: Array) -> Ar
     """tr(G F) that every reading adds at a weight of 1, (n,): the switching function.
 
     Args:
-        parts: of the information.
-        weights: of the readings, (n,).
+        parts: information of the readings.
+        weights: weights of the readings, (n,).
         gradient: G, a supergradient of the criterion at these, (judged, judged).
     """
     return _added(parts, parts.projection(weights).T @ root_of(gradient))
@@ -43,11 +43,11 @@ def weight_bound(
 
     Args:
         criterion: concave, of one block.
-        parts: of the information.
-        weights: of the readings, where the plane touches, (n,).
+        parts: information of the readings.
+        weights: weights of the readings, where the plane touches, (n,).
         gradient: a supergradient there, (judged, judged).
-        budgets: of all readings.
-        costs: that the weights may not exceed.
+        budgets: budgets of all readings.
+        costs: costs that the weights may not exceed.
     """
     if not np.all(np.isfinite(gradient)) or not np.any(gradient):
         return float(np.inf)

@@ -64,11 +64,11 @@ def resolved(problem: Problem, trajectory: Trajectory) -> Problem:
     """The problem with the integration steps by which `evaluate` scores a trajectory.
 
     Args:
-        problem: that scores it.
-        trajectory: what is driven.
+        problem: problem that scores it.
+        trajectory: trajectory to score.
 
     Raises:
-        ValueError, NotFinite: as `evaluate` does.
+        ValueError, NotFinite: see `evaluate`.
     """
     if not problem.system.integrates:
         return problem

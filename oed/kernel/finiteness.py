@@ -21,9 +21,9 @@ def require_driven(problem: Problem, trajectory: Trajectory, path: Array) -> Non
     """Refuse a drive that cannot be scored, or goes farther than anything that a study may speak of.
 
     Args:
-        problem: that scores it.
+        problem: problem that scores it.
         trajectory: the drive.
-        path: its states, all runs at the same times, (rows, states).
+        path: states of the drive, all runs at the same times, (rows, states).
 
     Raises:
         NotFinite: says what is not finite, or beyond `LARGEST`, and when.
@@ -39,10 +39,10 @@ def require_measured(
     """Refuse a drive whose readings, or what they say, cannot be scored.
 
     Args:
-        problem: that scores it.
+        problem: problem that scores it.
         trajectory: the drive.
-        responses: of each block of readings, (M,) or (M, 1).
-        derivatives: of these by what is estimated, (M, p).
+        responses: responses of each block of readings, (M,) or (M, 1).
+        derivatives: derivatives of the responses by what is estimated, (M, p).
 
     Raises:
         NotFinite: says what is not finite, or beyond `FARTHEST` (`TooLarge`), and when.

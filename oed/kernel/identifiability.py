@@ -42,8 +42,8 @@ class Ambiguity:
     """A combination of parameters that no drive identifies, as far as random ones tell.
 
     Attributes:
-        changes: of the parameters, SI, that together change nothing that is measured.
-        relative: the same as shares of the nominal values, where these are not 0.
+        changes: changes of the parameters, SI, that together change nothing that is measured.
+        relative: changes as shares of the nominal values, where these are not 0.
     """
 
     changes: Mapping[str, float]

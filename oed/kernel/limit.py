@@ -97,7 +97,7 @@ def checked_rows(limit: Limit, drive: Drive) -> Rows:
     """Return a limit's rows on a drive.
 
     Raises:
-        WrongKind: what the limit returns is no `Rows`.
+        WrongKind: the limit returns no `Rows`.
     """
     rows = limit.rows(drive)
     reason = kind_issue(rows, Rows)
@@ -112,7 +112,7 @@ class LinearBound:
 
     Attributes:
         slopes: (inputs,).
-        offset: at inputs of 0.
+        offset: value at inputs of 0.
         low, high: the limit's own bounds.
     """
 
@@ -135,13 +135,13 @@ class Limit(Component, ABC):
     """One named limit on a drive.
 
     Attributes:
-        looks_at: what its rows look at: "inputs", the splines and their derivatives; "state", every instant
+        looks_at: subject of the rows: "inputs", the splines and their derivatives; "state", every instant
             of the drive by itself, as its path and its motion have it; "run", whole runs. Rows of instants
             are written for `Instant`s too, which is how they are checked between the points of a drive. A
             limit that does not say (None) is checked at the points of its rows only.
-        in_degrees: whether its angles are shown in degrees.
-        loosened: what there is where it is wider by an `{amount}`, in words.
-        counts_trials: whether its rows are sums over all trials, each as often as it is carried out.
+        in_degrees: angles are shown in degrees.
+        loosened: description of the limit that is wider by an `{amount}`.
+        counts_trials: the rows are sums over all trials, each as often as it is carried out.
     """
 
     name: ClassVar[str]
@@ -191,8 +191,8 @@ class Limit(Component, ABC):
 
         Args:
             bounds: (min, max) by input name, SI.
-            share: of the size.
-            size: of the limit's rows, in their unit.
+            share: share of the size.
+            size: size of the limit's rows, in their unit.
         """
         largest = max((abs(bound) for pair in bounds.values() for bound in pair), default=0.0)
         spare = share * max(size, largest)
@@ -203,7 +203,7 @@ class PathLimit(Limit, ABC):
     """A limit on the states that the system is in: on each point of its path by itself.
 
     Attributes:
-        per_metre: what its rows change by at most while it moves 1 m through space; infinite where that is
+        per_metre: largest change of the rows while it moves 1 m through space; infinite where that is
             not bounded.
     """
 
@@ -333,9 +333,9 @@ def rest_issues(limit: Limit, pairs: Iterable[tuple[float, float]], unit: str, s
     """Bounds that exclude 0 where everything begins and ends there.
 
     Args:
-        limit: whose bounds they are.
+        limit: limit that has the bounds.
         pairs: (min, max) of each input.
-        unit: of the bounds.
+        unit: unit of the bounds.
         space: all drives.
     """
     if not space.rest_to_rest:

@@ -24,9 +24,9 @@ class Reading:
     """One reading.
 
     Attributes:
-        sensor: its label.
-        run: from 0.
-        time: of a run [s]; of readings in periods the middle of theirs.
+        sensor: label of the sensor.
+        run: place of the run, from 0.
+        time: time in the run [s]; of readings in periods the middle of the period.
     """
 
     sensor: str
@@ -40,15 +40,15 @@ class Parts(Brief):
 
     Attributes:
         readings: n of them, or of groups of them.
-        rows: what they say, whitened: derivatives by the judged parameters in the criterion's scaling, and by
+        rows: whitened readings: derivatives by the judged parameters in the criterion's scaling, and by
             combinations of all other unknowns, (k, q).
-        places: of every row its reading, (k,).
-        known_rows: what is known before, likewise: a square root of its information, (m, q).
-        judged: how many of the q are judged; the others are unknown as well.
-        sizes: how much of a budget each is at a weight of 1: one reading, or so many seconds of one that is
+        places: place of every row's reading, (k,).
+        known_rows: square root of the information had before, in the same columns, (m, q).
+        judged: number of the q columns that are judged; the others are unknown as well.
+        sizes: amount of a budget that each takes at a weight of 1: one reading, or the seconds of one that is
             taken all the time, (n,).
-        members: of each the places of its readings among all that there are.
-        rounding: what may be rounding of each column of the rows, as a share of it, (q,); () where they are
+        members: places of each part's readings among all that there are.
+        rounding: possible rounding of each column of the rows, as a share of it, (q,); () where they are
             derivatives as they are.
     """
 
@@ -71,7 +71,7 @@ class Parts(Brief):
         then.
 
         Args:
-            weights: that are taken, of all, (n,).
+            weights: weights that are taken, of all, (n,).
             free: places of the readings that are left.
         """
         number = np.full(len(self.readings), -1)
@@ -181,8 +181,8 @@ class Budget:
     """Weights of some readings, each from 0 to `most`, of which so much is taken together.
 
     Attributes:
-        places: of these readings among all.
-        sizes: how much of the total each is at a weight of 1.
+        places: places of these readings among all.
+        sizes: amount of the total that each takes at a weight of 1.
         total: above 0, and at most as much as they can be.
         most: weight of each.
         tops: largest weight of each by itself; () for `most`.
@@ -233,7 +233,7 @@ class Cost:
 
     Attributes:
         sizes: cost of each weight of 1, (n,).
-        most: that all weights may cost together.
+        most: upper bound on the cost of all weights together.
     """
 
     sizes: tuple[float, ...]
@@ -249,9 +249,9 @@ def budgets_of(parts: Parts, totals: float | Mapping[str, float], most: float = 
     """One budget for all readings, or one for those of every sensor.
 
     Args:
-        parts: with the readings.
-        totals: of the weights times the sizes, all together or by the sensors' labels.
-        most: of each weight.
+        parts: parts of the readings.
+        totals: totals of the weights times the sizes, all together or by the sensors' labels.
+        most: upper bound on each weight.
 
     Raises:
         UserMistake: a total that no such weights have, a sensor that reads nothing, or one without a total.
@@ -279,10 +279,10 @@ def laid_out(sensors: Sequence[Sensor], system: System, samples: int, runs: int,
     """The readings that sensors take, before anything is known of what they say.
 
     Args:
-        sensors: whose readings are independent of each other.
-        system: that is read.
-        samples: of each run.
-        runs: how many.
+        sensors: sensors with independent readings.
+        system: system that is read.
+        samples: number of samples of each run.
+        runs: number of runs.
         period: T [s].
     """
     labels = zip(sensors, sensor_labels(sensors), strict=True)
@@ -303,10 +303,10 @@ def rows_of(sensors: Sequence[Sensor], system: System, samples: int, runs: int) 
     """Return the place among `laid_out` readings of every row of all sensors' readings, (rows,).
 
     Args:
-        sensors: that read.
-        system: that is read.
-        samples: of each run.
-        runs: how many.
+        sensors: sensors that read.
+        system: system that is read.
+        samples: number of samples of each run.
+        runs: number of runs.
     """
     times = row_times(sensors, system, samples, runs)
     places = {reading: place for place, reading in enumerate(dict.fromkeys(times))}
@@ -317,9 +317,9 @@ def root_weights(sensors: Sequence[Sensor], system: System, trajectory: Trajecto
     """The roots of a trajectory's weights for every row of all sensors' readings, (rows,); None without any.
 
     Args:
-        sensors: that read.
-        system: that is read.
-        trajectory: with the weights.
+        sensors: sensors that read.
+        system: system that is read.
+        trajectory: trajectory with the weights.
 
     Raises:
         ValueError: weights of another number of readings.

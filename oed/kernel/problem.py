@@ -25,20 +25,20 @@ class Problem(Statement):
     Attributes:
         model: the system, as the design space drives it.
         design: all drives allowed.
-        measurement: what is measured; several sensors may be given as a list of them.
-        limits: what a drive must keep to.
-        criterion: what makes a drive good; one that needs no options may be given by its name, "E".
+        measurement: measurement of the drive; several sensors may be given as a list of them.
+        limits: limits that a drive must keep to.
+        criterion: optimality criterion; one that needs no options may be given by its name, "E".
         name: shown in reports.
         estimate: the parameters to estimate, those of the system or others that it is known by; all that
             the measurement is informative about by default. Other parameters are taken as known. Constants
             of sensors that are nuisances else may be named as well.
-        prior: what is known of them beforehand.
-        uncertainty: how far the system may be from its nominal parameters; that of the prior if None.
-        robust: how limits are satisfied all the same; by the nominal system alone if None.
+        prior: prior knowledge of the parameters.
+        uncertainty: distribution of the system's parameters; that of the prior if None.
+        robust: treatment of the limits under that uncertainty; only the nominal system keeps them if None.
         excess: share of its size by which every limit, and what the design space asks, may be exceeded; see
             `widened`.
-        selection: which readings are taken, where not all of them are.
-        designed: whether drives are designed. Else parameters are only estimated, inputs need no bounds, and
+        selection: selection of the readings, where not all of them are taken.
+        designed: drives are designed. Else parameters are only estimated, inputs need no bounds, and
             the design space is any.
 
     Raises:

@@ -84,8 +84,8 @@ def periods_of(problem: Problem, trajectory: Trajectory, parts: Parts) -> list[P
     """Return the periods among all in which the readings of each part are taken.
 
     Args:
-        problem: with the sensors.
-        trajectory: whose readings they are.
+        problem: problem with the sensors.
+        trajectory: trajectory with the readings.
         parts: readings, or groups of them.
     """
     places = _periods(problem, trajectory)
@@ -96,8 +96,8 @@ def costs_of(problem: Problem, trajectory: Trajectory, parts: Parts) -> tuple[Co
     """Return what the limits on all trials together let weights cost.
 
     Args:
-        problem: with the limits.
-        trajectory: whose readings have the weights.
+        problem: problem with the limits.
+        trajectory: trajectory with the weighted readings.
         parts: readings, or groups of them, with one weight each.
     """
     limits = [limit for limit in problem.limits if limit.counts_trials]
@@ -146,8 +146,8 @@ def spent_at_most(costs: Sequence[Cost], weights: Array) -> Array:
     """Return weights lowered by one share until they keep to all costs.
 
     Args:
-        costs: that limit the weights.
-        weights: of the readings, (n,).
+        costs: costs that limit the weights.
+        weights: weights of the readings, (n,).
     """
     spent = [(float(np.array(cost.sizes) @ weights), cost.most) for cost in costs]
     share = min((most / amount for amount, most in spent if amount > most > 0), default=1.0)

@@ -28,7 +28,7 @@ class Margin:
         margin: distance to the limit at the closest time, in `unit`; negative when it is exceeded.
         size: size of the limit in `unit`.
         unit: SI unit.
-        certain: whether the margin holds at all times; else only at the points that were checked.
+        certain: the margin holds at all times; else only at the points that were checked.
     """
 
     name: str
@@ -63,7 +63,7 @@ class Steps:
             steps of the study are fine enough.
         change: largest share by which information, standard errors and margins of limits change from the
             study's steps to these; infinite where the study's give no numbers.
-        settled: whether fine enough steps were reached.
+        settled: fine enough steps were reached.
     """
 
     times: int
@@ -88,7 +88,7 @@ class Evaluation(ByValue, Presented):
         square_roots: information of each block by name, on the parameters the criterion judges, in its
             scaling; of the nominal robot.
         full_square_roots: information of each block by name, on its estimated parameters, SI.
-        identifiable: whether all that the criterion asks about is identifiable.
+        identifiable: all that the criterion asks about is identifiable.
         covariances: predicted covariance of each block's estimated parameters, SI; infinite variances of
             those that are not identifiable; {} without noise.
         parameters: names of the estimated parameters by block.

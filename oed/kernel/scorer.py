@@ -39,11 +39,11 @@ def score(problem: Problem, trajectory: Trajectory) -> Evaluation:
     """Score a trajectory as `evaluate` does, by the problem's own steps however coarse they are.
 
     Args:
-        problem: that scores it.
-        trajectory: what is driven.
+        problem: problem that scores it.
+        trajectory: trajectory to score.
 
     Raises:
-        ValueError, NotFinite: as `evaluate` does.
+        ValueError, NotFinite: see `evaluate`.
     """
     scorer, extremes = _scorer_of(problem, trajectory)
     return scorer.evaluation(trajectory, extremes)
@@ -53,7 +53,7 @@ def full_information(problem: Problem, trajectory: Trajectory) -> dict[str, Squa
     """A trajectory's `full_square_roots` alone, whatever limits it keeps.
 
     Raises:
-        ValueError, NotFinite: as `evaluate` does.
+        ValueError, NotFinite: see `evaluate`.
     """
     scorer, _ = _scorer_of(problem, trajectory)
     *_, jacobians, magnitudes = scorer.measured(trajectory)
@@ -65,7 +65,7 @@ def jacobians(problem: Problem, trajectory: Trajectory) -> tuple[Array, ...]:
     """Derivatives of a trajectory's readings, by every block's parameters and nuisances, (rows, n) each.
 
     Raises:
-        ValueError, NotFinite: as `evaluate` does.
+        ValueError, NotFinite: see `evaluate`.
     """
     scorer, _ = _scorer_of(problem, trajectory)
     return tuple(scorer.measured(trajectory)[2])
@@ -78,12 +78,12 @@ def precision_over_time(problem: Problem, trajectory: Trajectory, times: Array) 
     Under drift a time's readings are innovations, which say what is new beside all readings before.
 
     Args:
-        problem: with the sensors.
-        trajectory: what is driven.
+        problem: problem with the sensors.
+        trajectory: trajectory to score.
         times: [s].
 
     Raises:
-        ValueError, NotFinite: as `evaluate` does.
+        ValueError, NotFinite: see `evaluate`.
     """
     scorer, _ = _scorer_of(problem, trajectory)
     *_, (jacobian,), (magnitudes,) = scorer.measured(trajectory)
@@ -101,12 +101,12 @@ def limits_exceeded(problem: Problem, trajectory: Trajectory, share: float) -> f
     `evaluate`, for less, because nobody asks how large these are.
 
     Args:
-        problem: with the limits.
-        trajectory: what is driven.
-        share: of each limit's size.
+        problem: problem with the limits.
+        trajectory: trajectory to score.
+        share: share of each limit's size.
 
     Raises:
-        ValueError, NotFinite: as `evaluate` does.
+        ValueError, NotFinite: see `evaluate`.
     """
     scorer, extremes = _scorer_of(problem, trajectory)
     margins = scorer.margins(trajectory, extremes, share)
@@ -256,7 +256,7 @@ class _Scorer:
             trajectory: the drive.
             extremes: extremes of its splines.
             share: if only larger violations count, this share of a limit's size.
-            scored: what the drive as it is has, if that is known.
+            scored: results of the drive as it is, if they are known.
         """
         problem, drive = self.problem, carried_out(self.problem, trajectory)
         if drive is not trajectory:

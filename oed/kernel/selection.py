@@ -48,10 +48,10 @@ class Selection(Component):
     """Weights of readings, from 0 to `most` each, within a budget.
 
     Attributes:
-        total: of all weights, or by sensor; of what is read all the time how long it may be read [s].
+        total: total of all weights, or by sensor; of continuous readings the time that they may take [s].
         readings: instead, how many whole readings, or trials, are taken, in all or by sensor.
         most: weight of one; more than 1 where a reading, or a trial, may be repeated.
-        of: what has a weight of its own: every reading, or every trial as a whole.
+        of: unit that has a weight of its own: every reading, or every trial as a whole.
         pieces: into how many parts each trial's readings of a sensor are divided, each with one weight.
     """
 

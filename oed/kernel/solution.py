@@ -110,10 +110,10 @@ class Explored:
 
     Attributes:
         solves: made.
-        iterations: of Ipopt that these took.
+        iterations: iterations of Ipopt that these took.
         samples: per run of the grid that they were made on.
         budget: iterations on 200 samples that it had.
-        spent: of these.
+        spent: iterations of the budget that were spent.
     """
 
     solves: int
@@ -158,13 +158,13 @@ class Violation:
     tolerates.
 
     Attributes:
-        probability: of a violation: share of the draws that exceed a limit on the path at any time.
-        interval: of that probability, 95 %, exact [Clopper and Pearson, 1934]: with 97.5 % confidence it is
-            no more than the upper end. Of a robust search it is for all drives together that were verified by
-            the same draws [Bonferroni].
-        draws, seed: of the simulation.
+        probability: share of the draws that exceed a limit on the path at any time.
+        interval: exact 95 % interval of that probability [Clopper and Pearson, 1934]: with 97.5 % confidence
+            it is no more than the upper end. Of a robust search it is for all drives together that were
+            verified by the same draws [Bonferroni].
+        draws, seed: number of draws and seed of the simulation.
         by_limit: share of the draws that exceed each limit.
-        farthest: how far the worst draws exceed a limit, as a share of the limit's size; 0 for none, infinite
+        farthest: excess of the worst draws, as a share of the limit's size; 0 for none, infinite
             where a drive is not a number somewhere.
         worst: the uncertain quantities of the draws that exceed a limit most, SI, (<= 4, q).
         checked_at_points: limits that draws were checked against at some points only: more may exceed them.
@@ -196,27 +196,27 @@ class Solution(ByValue, Presented):
     """A solver's best design.
 
     Attributes:
-        name, kind: of the solver.
+        name, kind: name and kind of the solver.
         trajectory: the best design, None where there is none.
-        evaluation: what `evaluate` says of it.
-        status: how the search ended.
+        evaluation: score of the design by `evaluate`.
+        status: end of the search.
         starts: every local search.
-        wall_seconds: of the whole search.
-        seed: of every random draw.
-        detail: what the status' sentence cannot know, e.g. which limits conflict.
+        wall_seconds: time of the whole search [s].
+        seed: seed of every random draw.
+        detail: details that the status' sentence cannot know, e.g. which limits conflict.
         stages: objective reached after each stage of the search, by name.
         history: the best objective so far, re-scored, each time it rose, and at the end.
         criterion: kind of the criterion searched for, where that is not the problem's; `starts`, `stages`,
             `history` and `levels` are in its numbers then.
-        violation: how often robots of the problem's uncertainty violate the limits on this drive.
-        robust: how limits were tightened in the end; None where the problem is not robust.
-        problem: that scored it, whose room figures show.
+        violation: violations of the limits on this drive by robots of the problem's uncertainty.
+        robust: tightening of the limits in the end; None where the problem is not robust.
+        problem: problem that scored it; figures show its surroundings.
         levels: splines searched, the coarsest first, where `coefficients: auto` refines them; `starts` are of
             the first.
-        gains: by which share the best drive would be better, to first order, were a limit wider: per SI unit,
+        gains: share by which the best drive would be better, to first order, were a limit wider: per SI unit,
             by the limits' names; {} where the search does not know. Lagrange multipliers: they hold for small
             changes, and for drives like this one.
-        explored: what a search with a budget spent; None of others.
+        explored: effort of a search with a budget; None of others.
     """
 
     name: str
@@ -274,9 +274,9 @@ def scored(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
     """Any trajectory as a solution that nobody searched for, scored by a problem.
 
     Args:
-        problem: that scores it.
+        problem: problem that scores it.
         trajectory: the drive.
-        name: of the solution.
+        name: name of the solution.
     """
     return Solution(
         name=name,
@@ -292,9 +292,9 @@ def unscored(name: str, kind: str, reason: str, status: Status = Status.UNSCORED
     """A drive among others that cannot be scored, and why.
 
     Args:
-        name: of the drive.
-        kind: of what made it.
+        name: name of the drive.
+        kind: kind of the method that made it.
         reason: why it has no score.
-        status: what that means.
+        status: status of the drive.
     """
     return Solution(name, kind, None, None, status, detail=reason)

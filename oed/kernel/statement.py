@@ -43,9 +43,9 @@ class Estimation:
 
     Attributes:
         block: the readings.
-        parameters: those estimated, those of the criterion's interest first.
+        parameters: estimated parameters, those of the criterion's interest first.
         judged: the latter alone.
-        scaling: of the criterion.
+        scaling: scaling of the criterion.
         prior: information on all estimated parameters had beforehand, SI, or None.
     """
 
@@ -329,8 +329,8 @@ def prior_of(prior: Prior, block: Block, names: Sequence[str]) -> Array | None:
     """Information (p, p) that a prior has on a block's parameters `names`, SI; None where it has none.
 
     Args:
-        prior: of the parameters.
-        block: of readings.
+        prior: prior knowledge of the parameters.
+        block: block of readings.
         names: p of its parameters.
     """
     if not set(prior.names) & set(names):

@@ -24,7 +24,7 @@ def parts_of(problem: Problem, trajectory: Trajectory) -> Parts:
 
     Raises:
         ProblemError: a measurement whose readings do not add up: of regressions, or correlated.
-        ValueError, NotFinite: as `evaluate` does.
+        ValueError, NotFinite: see `evaluate`.
     """
     sensors = problem.measurement.joint_sensors
     alone = all(sensor.joint_whitening is None for sensor in sensors) and process_noise_of(sensors) is None

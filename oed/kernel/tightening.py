@@ -31,11 +31,11 @@ class UncertainSystem:
     Those of which the same is said, in the same order, are equal: functions of them are kept.
 
     Attributes:
-        own: with its own parameters.
-        estimated: with those to estimate, which may be others.
-        runs: of a drive.
-        uncertainty: how far it may be from its nominal parameters, or None.
-        prior: what is known of those to estimate, or None.
+        own: system with its own parameters.
+        estimated: system with the parameters to estimate, which may be others.
+        runs: number of runs of a drive.
+        uncertainty: distribution of the system's parameters, or None.
+        prior: prior knowledge of the parameters to estimate, or None.
     """
 
     own: System
@@ -62,9 +62,9 @@ class Scenarios:
     """K values of a system's parameters and starts.
 
     Attributes:
-        system: that has them.
+        system: system with these parameters.
         parameters: values of its parameters, (K, p), SI.
-        shifts: what its start states are off by, (K, runs, states), SI.
+        shifts: shifts of the start states, (K, runs, states), SI.
     """
 
     system: System
@@ -98,7 +98,7 @@ class Tightening(Component, ABC):
     """Treatment of limits for uncertain systems, and the parameters for which a drive is to be good.
 
     Attributes:
-        kind: in files.
+        kind: name in files.
         objective: the criterion of the "nominal" system, or the "mean" or the "worst" over several.
     """
 
@@ -110,9 +110,9 @@ class Tightening(Component, ABC):
         """A limit with its back-off, on a drive of the nominal system that has the uncertain parameters.
 
         Args:
-            limit: on states.
-            drive: of the nominal system.
-            system: with what is uncertain of it.
+            limit: limit on states.
+            drive: drive of the nominal system.
+            system: system with its uncertainty.
         """
 
     @abstractmethod
@@ -144,10 +144,10 @@ def tightened_rows(
     """Every limit on a drive; those on its path with their back-off, and for all scenarios that keep them.
 
     Args:
-        tightening: how limits are satisfied.
+        tightening: treatment of the limits.
         limits: all of the problem.
-        drive: of the nominal system.
-        system: with what is uncertain of it.
+        drive: drive of the nominal system.
+        system: system with its uncertainty.
     """
     begin, _ = drive.ends_of(drive.states)
     scenarios, nominal = tightening.scenarios(system), drive

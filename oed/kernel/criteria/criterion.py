@@ -49,11 +49,11 @@ class Subject:
     """Subject of the matrices that a criterion judges.
 
     Attributes:
-        system: whose parameters are estimated.
+        system: system with the estimated parameters.
         parameters: names of each matrix's rows.
-        scales: their scales, SI, one array for each matrix.
+        scales: scales of the parameters, SI, one array for each matrix.
         start: state in which an experiment begins, (states,), SI; all 0 if None.
-        period: of the experiment's samples [s]: how far the system steps at once.
+        period: sample period of the experiment [s]: the longest step of the system.
     """
 
     system: System
@@ -81,7 +81,7 @@ class Criterion(Component, ABC):
     """A number for how informative a drive is; larger is better.
 
     Attributes:
-        scaling: of the parameters: "relative" to their nominal values, "none", or a size for each:
+        scaling: scaling of the parameters: "relative" to nominal values, "none", or a size for each:
             SI, "1 mm" or "2 %" of the nominal value.
         subset: the parameters of interest; the others are unknown all the same. All of them if None.
     """
@@ -144,7 +144,7 @@ class Criterion(Component, ABC):
         Args:
             matrix: F, (p, p).
             root: S, (p, p), with S S' = G its supergradient.
-            most: of tr(G F') over all F'.
+            most: upper bound on tr(G F') over all F'.
         """
         return float(self.value([matrix])) + most - float(np.trace(root.T @ matrix @ root))
 
@@ -154,7 +154,7 @@ class Criterion(Component, ABC):
 
         Args:
             multiplier: Z >= 0, (p, p).
-            most: of tr(Z F).
+            most: upper bound on tr(Z F).
         """
         return np.inf
 
@@ -163,7 +163,7 @@ class Criterion(Component, ABC):
 
         Args:
             multiplier: Z, positive definite, (p, p).
-            most: of tr(Z F), positive.
+            most: upper bound on tr(Z F), positive.
         """
         return None
 
@@ -202,7 +202,7 @@ class Criterion(Component, ABC):
 
         Args:
             value: the criterion of the information as it is.
-            share: by which it is larger.
+            share: share by which the information is larger.
             size: number of parameters judged.
         """
         return value + share * abs(value)
@@ -215,7 +215,7 @@ class Criterion(Component, ABC):
 
         Args:
             value: the criterion of a design.
-            best: that of the best.
+            best: the criterion of the best design.
             size: number of parameters judged.
         """
         return value / best if best > 0 else None
@@ -225,7 +225,7 @@ class Criterion(Component, ABC):
 
         Args:
             value: the criterion of a design.
-            best: that of another.
+            best: the criterion of another design.
             size: number of parameters judged.
         """
         share = self.efficiency(value, best, size)

@@ -33,8 +33,8 @@ class TaskDrive(Component):
     """A drive that the estimates are for: inputs held in equal periods, from a start state.
 
     Attributes:
-        inputs: of every period, (N, inputs), SI.
-        period: how long each is held [s].
+        inputs: inputs of every period, (N, inputs), SI.
+        period: time for which each is held [s].
         start: start state, (states,), SI; if None that of the experiments.
     """
 
@@ -47,7 +47,7 @@ def task_issues(subject: Subject, task: Sequence[str | TaskDrive]) -> Iterator[I
     """Drives of a task that are not read, or not of a system.
 
     Args:
-        subject: whose system predicts.
+        subject: subject with the system that predicts.
         task: drives, or names of files.
     """
     inputs, states = len(subject.system.exact.inputs), len(subject.system.exact.states)
@@ -67,7 +67,7 @@ def states_of(subject: Subject, quantity: str) -> list[int]:
     """Places of the states that are predicted together.
 
     Args:
-        subject: whose system predicts.
+        subject: subject with the system that predicts.
         quantity: one of its `predictions`.
     """
     system = subject.system.exact
@@ -85,10 +85,10 @@ def sensitivities(
     Each leg is stepped in equal parts of at most the experiment's period: as far as its system steps at once.
 
     Args:
-        subject: whose system is driven, at its nominal parameters.
+        subject: subject with the system, driven at its nominal parameters.
         inputs: held in every leg, (legs, inputs), SI.
-        durations: of the legs [s].
-        start: where the first begins, (states,), SI; where experiments begin by default.
+        durations: durations of the legs [s].
+        start: start state of the first leg, (states,), SI; by default that of the experiments.
     """
     system = subject.system.exact
     times = np.array(durations, dtype=float)

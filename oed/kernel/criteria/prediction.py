@@ -52,7 +52,7 @@ class Prediction(RootCriterion):
     Attributes:
         test_drive: legs driven one after the other from the state in which the experiments begin, which is
             known; predictions are judged at the end of each.
-        quantity: what is predicted, of what the system offers: its `predictions`, all their states together.
+        quantity: name of the predicted quantity, one of the system's `predictions`, all its states together.
     """
 
     of: ClassVar[str]
@@ -79,7 +79,7 @@ class Prediction(RootCriterion):
         """The criterion with such derivatives.
 
         Args:
-            rows: of every block, [block][leg][coordinate][parameter].
+            rows: derivatives of every block, [block][leg][coordinate][parameter].
         """
         criterion = self.model_copy()
         criterion._rows = _nested(rows)
@@ -305,7 +305,7 @@ class I(Prediction):  # noqa: E742
     drives of the user's own.
 
     Attributes:
-        task: what the robot is to drive, instead of a test drive: predicted from a known start, the variance
+        task: drives to predict, instead of a test drive: predicted from a known start, the variance
             is the mean over all drives and the ends of all their periods. In a study each is the name of a
             trajectory CSV, from the study's folder.
     """

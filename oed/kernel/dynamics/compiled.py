@@ -55,8 +55,8 @@ def compiled(function: ca.Function, *, anew: bool = True, patience: float = PATI
     """A function in machine code; itself where it cannot be compiled.
 
     Args:
-        function: to be compiled.
-        anew: whether to compile what was not compiled before; else it stays itself, too.
+        function: function to compile.
+        anew: compile what was not compiled before; else it stays itself, too.
         patience: time [s] after which the compiler is given up.
     """
     making = Making([function], anew=anew)
@@ -74,16 +74,16 @@ class Making:
     """Machine code of functions, which a compiler is at work on in a process of its own.
 
     Attributes:
-        binary: where it will be; None where there is no compiler, or no room for the source.
-        anew: whether what was not compiled before is compiled.
+        binary: path of the library; None where there is no compiler, or no room for the source.
+        anew: functions that were not compiled before are compiled.
     """
 
     def __init__(self, functions: Sequence[ca.Function], *, anew: bool = True) -> None:
         """Begin, unless it is there from before.
 
         Args:
-            functions: of different names.
-            anew: whether to compile what was not compiled before.
+            functions: functions of different names.
+            anew: compile what was not compiled before.
         """
         self.anew = anew
         self.binary: Path | None = None
@@ -210,7 +210,7 @@ def taken(binary: Path, names: Sequence[str]) -> list[ca.Function] | None:
 
     Args:
         binary: a file.
-        names: of the functions.
+        names: names of the functions.
     """
     try:
         content = binary.read_bytes()

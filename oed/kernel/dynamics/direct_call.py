@@ -96,8 +96,8 @@ def mapped(function: ca.Function, count: int, *common: int) -> DirectCall:
     """A function of many arguments side by side, but for those at the places `common`, which all share.
 
     Args:
-        function: whose results are dense.
-        count: how many.
+        function: function with dense results.
+        count: number of arguments side by side.
         common: places of arguments.
     """
     return DirectCall(function.map("mapped", "serial", count, list(common), []))
@@ -118,9 +118,9 @@ class Outputs:
         """Make it.
 
         Args:
-            name: of the function.
-            arguments: its symbols.
-            groups: of expressions.
+            name: name of the function.
+            arguments: symbols of the arguments.
+            groups: groups of output expressions.
         """
         self._edges = np.cumsum([0, *map(len, groups)])
         outputs = [ca.densify(output) for group in groups for output in group]

@@ -43,7 +43,7 @@ class Embedding(ABC):
 
     Attributes:
         space: all drives.
-        inputs: how many inputs the system has.
+        inputs: number of inputs of the system.
     """
 
     space: Space
@@ -81,7 +81,7 @@ class Embedding(ABC):
         """The unknowns (size,) of coefficients (n, inputs).
 
         Raises:
-            ValueError: of no drive of the space.
+            ValueError: the coefficients belong to no drive of the space.
         """
 
     @abstractmethod
@@ -125,8 +125,8 @@ class Embedding(ABC):
         """Products of each input's matrix (rows, n) with its unknowns, (rows of all runs, inputs).
 
         Args:
-            matrices: of each input.
-            unknowns: of all inputs, (size,).
+            matrices: matrix of each input.
+            unknowns: unknowns of all inputs, (size,).
         """
         runs, columns = self.space.runs, []
         for matrix, places, count, shared in zip(
@@ -293,7 +293,7 @@ def embedding_of(space: Space, inputs: int) -> Embedding:
 
     Args:
         space: all drives.
-        inputs: how many inputs the system has.
+        inputs: number of inputs of the system.
     """
     return HeldSignals(space, inputs) if space.own_signals else OneSpline(space, inputs)
 

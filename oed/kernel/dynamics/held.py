@@ -36,8 +36,8 @@ class HeldSpace(Space):
 
         Args:
             held: inputs in each period.
-            start: of every run.
-            duration: of one run [s].
+            start: start state of every run.
+            duration: duration of one run [s].
         """
         runs = len(start)
         samples = len(held) // runs

@@ -24,10 +24,10 @@ def runge_kutta(
     näherungsweisen Integration totaler Differentialgleichungen, 1901].
 
     Args:
-        derivative: of a state by time, inputs held.
-        state: at the period's begin.
-        period: its duration [s].
-        steps: of equal length.
+        derivative: time derivative of a state, inputs held.
+        state: state at the period's begin.
+        period: duration of the period [s].
+        steps: number of steps of equal length.
     """
     length = period / steps
     for _ in range(steps):
@@ -53,11 +53,11 @@ def rodas3(
     derivative at its begin.
 
     Args:
-        derivative: of a state by time, inputs held, (states,).
-        jacobian: of that by the state, (states, states).
-        state: at the period's begin, (states,).
-        period: its duration [s].
-        steps: of equal length.
+        derivative: time derivative of a state, inputs held, (states,).
+        jacobian: Jacobian of the derivative by the state, (states, states).
+        state: state at the period's begin, (states,).
+        period: duration of the period [s].
+        steps: number of steps of equal length.
     """
     length, mean = period / steps, 0 * state
     for _ in range(steps):

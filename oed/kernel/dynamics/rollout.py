@@ -54,12 +54,12 @@ class Drive(Brief, Named):
     """One drive of a system as CasADi expressions; rows are times, those of several runs one after the other.
 
     Attributes:
-        system: that is driven.
-        parameters: its parameters' values, (p,).
+        system: system that is driven.
+        parameters: values of the system's parameters, (p,).
         period: sample period T [s].
         inputs: held in each period, (N, inputs).
         signals: the system's, in each period, (N, ...) each; attributes of the drive by their names.
-        states: at the samples, (N + runs, states): each run has a state more than periods.
+        states: states at the samples, (N + runs, states): each run has a state more than periods.
         path: states where limits on them apply, (G, states).
         motion: values of the system's signal of motion where limits on it apply, (K, m): those that the
             inputs ask for; of a system that follows them with a lag those that it has where each period
@@ -67,7 +67,7 @@ class Drive(Brief, Named):
         input_values: values that bound the inputs at all times checked, (K, inputs).
         input_rates: values that bound their derivatives, (K', inputs).
         input_jerks: values that bound their second derivatives, (K'', inputs).
-        runs: how many runs of equal length the N periods are shared out to.
+        runs: number of runs of equal length among which the N periods are divided.
         refine: points of `path` per sample.
         first_run: place of the first of these runs, where the drive is a part of one of several.
         repetitions: number of times that each period is carried out, (N,); None for once.
@@ -141,8 +141,8 @@ class Drive(Brief, Named):
         (runs, states), or the same seen through others.
 
         Args:
-            parameters: of the other system, (p,).
-            start: its start states, (runs, states).
+            parameters: parameters of the other system, (p,).
+            start: start states of the other system, (runs, states).
             system: the other system; the same by default.
         """
         return roll_out(
@@ -190,9 +190,9 @@ def drive_shape(system: System, *, samples: int, runs: int, period: float) -> Dr
     """The shape of a system's drives of so many samples in each run, at its nominal parameters.
 
     Args:
-        system: that is driven.
-        samples: of each run.
-        runs: how many.
+        system: system that is driven.
+        samples: number of samples of each run.
+        runs: number of runs.
         period: sample period T [s].
     """
     drive = roll_out(
@@ -224,20 +224,20 @@ def roll_out(
     """The drive that holds `inputs` (N, inputs) from `start` (runs, states), or through known `states`.
 
     Args:
-        system: that is driven.
+        system: system that is driven.
         inputs: one row per period, of all runs.
         parameters: (p,).
         period: sample period T [s].
-        start: of every run; of a single one also (states,).
+        start: start state of every run; of a single one also (states,).
         states: instead, those at the samples, of every run (states, N / runs + 1); that the inputs lead from
             one to the next is the caller's affair.
-        input_values: what bounds the inputs at all times checked; the inputs themselves by default.
-        input_rates: what bounds their derivatives.
-        input_jerks: what bounds their second derivatives.
+        input_values: bounds of the inputs at all times checked; the inputs themselves by default.
+        input_rates: bounds of the inputs' derivatives.
+        input_jerks: bounds of the inputs' second derivatives.
         motion_inputs: inputs whose motion limits apply to; by default those held. A system that follows them
             with a lag moves by those held, whatever is asked for between.
         refine: path points per sample.
-        runs: how many runs of equal length the periods are shared out to.
+        runs: number of runs of equal length among which the periods are divided.
     """
     count, held = inputs.shape[0], inputs.T
     if states is None:
@@ -277,10 +277,10 @@ def any_drive(
     system, and the drive of these.
 
     Args:
-        system: that is driven.
+        system: system that is driven.
         samples: N, of all runs.
-        runs: how many.
-        further: what else `roll_out` takes.
+        runs: number of runs.
+        further: further arguments of `roll_out`.
     """
     symbols = (
         ca.MX.sym("inputs", samples, len(system.inputs)),
@@ -323,7 +323,7 @@ class Instant(Drive):
     """One instant of a drive, some way through a period: `path` and `motion` are a single row.
 
     Attributes:
-        begin_sensitivities: those of the state at the period's begin, (states, p + states); None where
+        begin_sensitivities: sensitivities of the state at the period's begin, (states, p + states); None if
             nobody asks for them.
     """
 
@@ -352,15 +352,15 @@ def instant_of(
     """The instant at a fraction of a period.
 
     Args:
-        system: that is driven.
-        state: at the period's begin, (states,).
+        system: system that is driven.
+        state: state at the period's begin, (states,).
         held: inputs in it, (inputs,).
-        parameters: of the system, (p,).
+        parameters: parameters of the system, (p,).
         period: sample period T [s].
-        asked: what the inputs' splines ask for at the instant, (inputs,).
-        fraction: of the period that has passed.
-        sensitivities: of the state at its begin, (states, p + states), where anybody asks for them.
-        run: in which this is.
+        asked: values of the inputs' splines at the instant, (inputs,).
+        fraction: fraction of the period that has passed.
+        sensitivities: sensitivities of the state at its begin, (states, p + states), if they are needed.
+        run: place of the instant's run.
     """
     drive = roll_out(
         system,

@@ -21,8 +21,8 @@ class Signal(Component, ABC):
     """Course of one input in a run: the values held in its N periods, linear in n unknowns.
 
     Attributes:
-        kind: its name.
-        shared: whether all runs have the same; else each has unknowns of its own.
+        kind: name of the signal.
+        shared: all runs have the same; else each has unknowns of its own.
     """
 
     kind: str
@@ -38,7 +38,7 @@ class Signal(Component, ABC):
         """(N, n): takes the unknowns to the values held, those in the middles of the periods.
 
         Args:
-            duration: of a run [s].
+            duration: duration of a run [s].
             samples: N.
         """
 
@@ -52,7 +52,7 @@ class Signal(Component, ABC):
         Args:
             unknowns: within their bounds, (..., n).
             low: least value of the input.
-            high: its largest.
+            high: largest value of the input.
         """
         return unknowns
 
@@ -124,9 +124,9 @@ class SplineSignal(Signal):
     """A clamped uniform B-spline, as held in the middles of the periods.
 
     Attributes:
-        degree: of the spline.
-        coefficients: those that rest fixes included.
-        rest_to_rest: whether the first and the last coefficient are 0.
+        degree: degree of the spline.
+        coefficients: number of coefficients, including those that rest fixes.
+        rest_to_rest: the first and the last coefficient are 0.
     """
 
     kind: Literal["spline"] = "spline"
@@ -178,8 +178,8 @@ class Fourier(Signal):
     The unknowns are the mean, the amplitudes of the cosines, then those of the sines.
 
     Attributes:
-        harmonics: how many of each.
-        period: of the first [s]; a run's duration if None.
+        harmonics: number of sines and of cosines.
+        period: period of the first harmonic [s]; a run's duration if None.
     """
 
     kind: Literal["fourier"] = "fourier"

@@ -18,7 +18,7 @@ class Simulation:
 
     Attributes:
         states: states at the begin of the first period and the end of every period, (N + 1, states), SI.
-        sensitivities: their derivatives by the parameters, (N + 1, states, p), SI.
+        sensitivities: derivatives of the states by the parameters, (N + 1, states, p), SI.
     """
 
     states: Array

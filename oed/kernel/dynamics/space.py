@@ -26,7 +26,7 @@ class Spline(Component):
     """The inputs' splines.
 
     Attributes:
-        degree: of all pieces.
+        degree: degree of all pieces.
         coefficients: per input, those that rest fixes included; or "auto": 16, and a search then goes on from
             its design with twice as many pieces, and again, for as long as that gains something.
     """
@@ -224,10 +224,10 @@ class SignalSpace(Space):
     Of a start with fewer values than the system has states, the other states begin at 0.
 
     Attributes:
-        start: where all runs, or each, begin, SI; "free" where the design chooses it.
+        start: start state of all runs, or of each, SI; "free" where the design chooses it.
         start_bounds: instead, between which values (low, high) each state begins, SI: each run chooses its
             own; fixed where both are equal.
-        signals: what each input may do in a run, in the system's order; () for one spline of all inputs.
+        signals: signal of each input in a run, in the system's order; () for one spline of all inputs.
             Drives are then known by the values held in their periods.
         shortest: least duration of a run [s], where the design chooses it, up to `duration`; runs have it in
             common, and all that happens in them is shorter alike.

@@ -19,11 +19,11 @@ class ChosenStarts:
     """Start states x = middle + reach * z of z, of each run its own.
 
     Attributes:
-        middle: of all states, (states,); the value of those that are fixed.
-        reach: of those that are free, (free,).
-        places: which these are, (free,).
-        bounded: whether z is to stay within [-1, 1].
-        runs: how many runs.
+        middle: middle of the range of all states, (states,); the value of those that are fixed.
+        reach: half the range of the states that are free, (free,).
+        places: places of the free states, (free,).
+        bounded: z has to stay within [-1, 1].
+        runs: number of runs.
     """
 
     middle: Array
@@ -37,9 +37,9 @@ class ChosenStarts:
         """The first `chosen` states are free, the others begin at 0; z is in SI units.
 
         Args:
-            states: of the system.
-            chosen: that are free.
-            runs: how many.
+            states: number of states of the system.
+            chosen: number of states that are free.
+            runs: number of runs.
         """
         return cls(np.zeros(states), np.ones(chosen), np.arange(chosen), bounded=False, runs=runs)
 
@@ -49,8 +49,8 @@ class ChosenStarts:
 
         Args:
             ranges: least and largest values, (k, 2).
-            states: of the system.
-            runs: how many.
+            states: number of states of the system.
+            runs: number of runs.
         """
         low, high = np.pad(ranges, ((0, states - len(ranges)), (0, 0))).T
         places = np.flatnonzero(high > low)

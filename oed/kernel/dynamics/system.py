@@ -29,8 +29,8 @@ class Input:
     """One input of a system.
 
     Attributes:
-        name: in files.
-        quantity: what it is ("voltage", ...); limits apply by quantity.
+        name: name in files.
+        quantity: physical quantity ("voltage", ...); limits apply by quantity.
         unit: SI unit.
         below: magnitude that the system's equations need it to stay below.
     """
@@ -60,10 +60,10 @@ class Parameter:
     """One constant of a system.
 
     Attributes:
-        name: in files.
+        name: name in files.
         nominal: value in SI.
         unit: SI unit ("" for a ratio).
-        size: what a relative precision refers to where the nominal value is 0, SI; 0 for nothing.
+        size: reference of a relative precision where the nominal value is 0, SI; 0 for none.
     """
 
     name: str
@@ -85,13 +85,13 @@ class System(ABC):
     Attributes:
         inputs: held over each period.
         states: names; () of a system whose signals follow from its inputs at once.
-        state_units: their SI units.
-        noun: what it is, in messages.
-        start_name: what its start states are called, as nuisances.
+        state_units: SI units of the states.
+        noun: noun for the system in messages.
+        start_name: name of the start states as nuisances.
         motion_signal: name of the signal that limits on the motion look at; "" for none.
         velocity_signal: name of the signal that begins with how fast it moves through the plane, two entries
             [m/s]; "" of one that does not move through space.
-        renamed: what a domain calls parts of a drive or a moment, by which they can be asked for too: names
+        renamed: a domain's own names for parts of a drive or a moment, which can be used too: names
             of their attributes by these.
     """
 
@@ -116,10 +116,10 @@ class System(ABC):
         """The state (states,) after a period of `period` [s]; a period of no time changes nothing.
 
         Args:
-            state: at its begin, (states,), SI.
+            state: state at the period's begin, (states,), SI.
             inputs: held in it, (inputs,), SI.
             parameters: values, (p,), SI.
-            period: its duration [s].
+            period: duration of the period [s].
         """
 
     def signals(
@@ -130,10 +130,10 @@ class System(ABC):
 
 
         Args:
-            state: at the begin, (states,), SI.
+            state: state at the period's begin, (states,), SI.
             inputs: held, (inputs,), SI.
             parameters: values, (p,), SI.
-            period: its duration [s]; 0 for the instant.
+            period: duration of the period [s]; 0 for the instant.
         """
         return {}
 

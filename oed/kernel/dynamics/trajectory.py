@@ -34,8 +34,8 @@ def held_rates(knots: Array, degree: int, coefficients: Array, samples: int) -> 
     middles has as slopes.
 
     Args:
-        knots: of one run [s].
-        degree: of its splines.
+        knots: knots of one run [s].
+        degree: degree of the run's splines.
         coefficients: (n, inputs).
         samples: N.
     """
@@ -52,8 +52,8 @@ def held_jerks(knots: Array, degree: int, coefficients: Array, samples: int) -> 
     identity, the matrix of it.
 
     Args:
-        knots: of one run [s].
-        degree: of its splines.
+        knots: knots of one run [s].
+        degree: degree of the run's splines.
         coefficients: (n, inputs).
         samples: N.
     """
@@ -70,12 +70,12 @@ class Trajectory(ByValue, Presented):
 
     Attributes:
         knots: (n + degree + 1,) [s], clamped, from 0 to the duration; the same in every run.
-        degree: of the splines.
+        degree: degree of the splines.
         coefficients: (n, inputs), in the inputs' SI units.
         start: start state (states,), SI; of several runs (runs, states).
         samples: N; the system holds each input at its spline's value in the middle of each period.
-        runs: how many runs of equal length the N samples are shared out to.
-        weights: how much every reading counts, in the order of `parts_of`, (n,); None where all of them are
+        runs: number of runs of equal length among which the N samples are divided.
+        weights: weight of every reading, in the order of `parts_of`, (n,); None where all of them are
             taken once.
     """
 
@@ -135,10 +135,10 @@ class Trajectory(ByValue, Presented):
 
         Args:
             inputs: one row per period.
-            duration: of the whole drive [s], or text with a unit.
+            duration: duration of the whole drive [s], or text with a unit.
             start: start state, (runs, states) of several runs.
-            rest_to_rest: whether the polygon begins and ends at 0 (else at the first and last value).
-            runs: how many runs of equal length the periods are shared out to.
+            rest_to_rest: the polygon begins and ends at 0 (else at the first and last value).
+            runs: number of runs of equal length among which the periods are divided.
 
         Raises:
             ValueError: a duration that is not positive and finite, or no table of finite inputs.
@@ -160,17 +160,17 @@ class Trajectory(ByValue, Presented):
         knots = spline.repeated_knots(edges, 1, runs)
         return cls(knots, 1, np.vstack(parts), real_array("start", start), len(rows), runs)
 
-    def on_knots(self, own: Array) -> Trajectory:
+    def on_knots(self, finer: Array) -> Trajectory:
         """The drive by splines of more knots: what it does is what it did.
 
         Args:
-            own: of one run, on its own clock [s]: all that the splines have, and others inside.
+            finer: knots of one run, on its own clock [s]: all that the splines have, and others inside.
 
         Raises:
             ValueError: knots that leave out some of the splines'.
         """
-        tables = [spline.refined(run.knots, self.degree, run.coefficients, own) for run in self.each]
-        knots = spline.repeated_knots(own, self.degree, self.runs)
+        tables = [spline.refined(run.knots, self.degree, run.coefficients, finer) for run in self.each]
+        knots = spline.repeated_knots(finer, self.degree, self.runs)
         return replace(self, knots=knots, coefficients=np.vstack(tables))
 
     @property
@@ -267,7 +267,7 @@ class Trajectory(ByValue, Presented):
         """A pandas DataFrame with a row per period: its begin `t` [s] and the inputs held in it, SI.
 
         Args:
-            names: of the inputs, e.g. `problem.model.input_names`; "input_1", ... by default.
+            names: names of the inputs, e.g. `problem.model.input_names`; "input_1", ... by default.
 
         Raises:
             ValueError: another number of names.

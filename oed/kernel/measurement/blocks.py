@@ -40,8 +40,8 @@ class Block(Brief):
     Attributes:
         name: "position", "joint", ...
         parameters: the parameters' names.
-        nominal: their nominal values, (p,), SI.
-        units: their SI units ("" for a ratio).
+        nominal: nominal values of the parameters, (p,), SI.
+        units: SI units of the parameters ("" for a ratio).
         response: noise-free readings y (rows,).
         design_matrix: W = dy/dp (rows, p); every row in units of its own noise where `noise` is 1.
         jacobian: derivatives by parameters and then nuisances, (rows, p + nuisances), in units of the noise
@@ -140,15 +140,15 @@ def regression(
     Rows are independent and the information is W'W, unless there is another `jacobian` for it, or `shared`.
 
     Args:
-        name: of the block.
+        name: name of the block.
         design_matrix: W, (rows, p).
         parameters: names, p of them.
-        nominal: their values, (p,), SI.
-        units: their SI units.
+        nominal: nominal values of the parameters, (p,), SI.
+        units: SI units of the parameters.
         noise: standard deviation of a row; None where it is not known.
         jacobian: rows whose square is the information, if that is not W.
         summed: sums of magnitudes of W's columns, (1, p).
-        sizes: what relative precisions refer to, (p,), SI; the nominal values' magnitudes by default.
+        sizes: reference sizes of relative precisions, (p,), SI; the nominal values' magnitudes by default.
         shared: B where the noise is B'e, e white.
     """
     whitened = design_matrix if jacobian is None else jacobian

@@ -21,8 +21,8 @@ class Placed:
     """Slopes of readings of unit noise.
 
     Attributes:
-        direct: by all unknowns directly, (q, n).
-        through: by the state and the errors, (q, states + m).
+        direct: direct slopes by all unknowns, (q, n).
+        through: slopes by the state and the errors, (q, states + m).
     """
 
     direct: Expression
@@ -46,12 +46,12 @@ class Row:
     """Readings of a period, and in units of their noise their slopes.
 
     Attributes:
-        sensor: whose they are.
+        sensor: sensor that reads.
         reading: (q,), SI.
         whitening: (q, q).
-        slopes: by (parameters, the system's state, the sensor's own nuisances), (q, ...).
-        by_memory: by the state that readings across periods begin at, (q, states); None of others.
-        by_errors: by the period's errors, (q, m).
+        slopes: slopes by (parameters, the system's state, the sensor's own nuisances), (q, ...).
+        by_memory: slopes by the state that readings across periods begin at, (q, states); None of others.
+        by_errors: slopes by the period's errors, (q, m).
     """
 
     sensor: Sensor
@@ -72,7 +72,7 @@ class Row:
         """Return the row with columns for all unknowns, those of other sensors' nuisances 0.
 
         Args:
-            columns: how many there are of parameters, start states, nuisances before the own and behind them.
+            columns: numbers of parameters, start states, nuisances before the sensor's own and behind them.
             memories: after how many samples each state that is remembered is another.
         """
         size, states, before, rest = columns
@@ -97,8 +97,8 @@ def reads_of(sensors: Sequence[Sensor], samples: int) -> Array:
     """Return where sensors read in every period of a run and at its end, and where memories begin.
 
     Args:
-        sensors: that read.
-        samples: of the run.
+        sensors: sensors that read.
+        samples: number of samples of the run.
 
     Returns:
         1 or 0, (sensors + memories, samples + 1).
@@ -131,9 +131,9 @@ def row_of(
     """Return a sensor's row in a period; the later moment of a reading between samples is the period's end.
 
     Args:
-        sensor: that reads.
-        system: that is driven.
-        noise: of its process.
+        sensor: sensor that reads.
+        system: system that is driven.
+        noise: process noise of the system.
         moment: state at the period's begin, inputs, parameters and period.
         nuisances: the sensor's nuisances.
         memory: the state that a reading across several periods began at.

@@ -49,8 +49,8 @@ def information(
 
     Args:
         block: the readings.
-        scaling: of the parameters.
-        parameters: those of interest; all of the block's by default. Others are taken as known.
+        scaling: scaling of the parameters.
+        parameters: parameters of interest; all of the block's by default. Others are taken as known.
         unwanted: further parameters that are unknown but not of interest: eliminated as nuisances are.
         prior: information on (parameters, unwanted) had beforehand, SI.
     """
@@ -76,7 +76,7 @@ def square_root(
     Args:
         block: the readings.
         jacobian: the drive's values of `block.jacobian`.
-        parameters: those of interest.
+        parameters: parameters of interest.
         unwanted: further parameters that are unknown but not of interest.
         prior: information on (parameters, unwanted) had beforehand, SI.
         summed: the drive's values of `block.magnitudes`, (p,).
@@ -107,8 +107,8 @@ def weights_of(block: Block, scaling: Scaling, parameters: Sequence[str]) -> Arr
     """Return the factors (p,) that bring the parameters' columns of that square root to a scaling.
 
     Args:
-        block: whose parameters they are.
-        scaling: of the parameters.
+        block: block with the parameters.
+        scaling: scaling of the parameters.
         parameters: names, p of them.
     """
     return _precision(block, scaling) * scale_factors(block, scaling, parameters)
@@ -144,8 +144,8 @@ def scale_factors(block: Block, scaling: Scaling, parameters: Sequence[str] | No
     """Scale (p,) of each parameter of interest, SI.
 
     Args:
-        block: whose parameters they are.
-        scaling: of the parameters.
+        block: block with the parameters.
+        scaling: scaling of the parameters.
         parameters: names, p of them.
     """
     names = block.parameters if parameters is None else tuple(parameters)
@@ -167,8 +167,8 @@ def scaling_issues(
     """Return what keeps `scaling` from being applied to these blocks' parameters of interest; [] if nothing.
 
     Args:
-        blocks: of readings.
-        scaling: of the parameters.
+        blocks: blocks of readings.
+        scaling: scaling of the parameters.
         parameters: names of each block's parameters of interest.
     """
     if scaling == "none":

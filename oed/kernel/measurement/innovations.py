@@ -38,7 +38,7 @@ class Filter:
     Attributes:
         memories: after how many samples each state that is remembered is another.
         states: all states.
-        rows: how many numbers each sensor reads in a period.
+        rows: number of values that each sensor reads in a period.
         width: n.
         begin: D (states, n) and P (states, states) of a state that is known.
     """
@@ -173,8 +173,8 @@ class Filter:
         Args:
             belief: D (states, columns) and P.
             moment: states, inputs, parameters and period.
-            reads: which sensors read and memories begin.
-            columns: those unknowns' places.
+            reads: 1 for each sensor that reads and each memory that begins, else 0.
+            columns: places of those unknowns.
         """
         direct, through, _, _, errors = self._linear(*moment)
         heights = np.repeat(np.arange(len(self.rows)), self.rows).tolist()
@@ -191,7 +191,7 @@ class Filter:
         Args:
             belief: both after a period's readings, of state and errors.
             moment: states, inputs, parameters and period.
-            columns: of D, the unknowns' places.
+            columns: places of the unknowns in D.
         """
         _, _, step, effect, _ = self._linear(*moment)
         direct = ca.horzcat(step[:, : self.size], ca.SX(self.states, self.width - self.size))
@@ -208,7 +208,7 @@ class Filter:
 
         Args:
             states: (states, ...).
-            reads: which sensors read and memories begin.
+            reads: 1 for each sensor that reads and each memory that begins, else 0.
         """
         return self._turning(reads) @ states
 
@@ -332,9 +332,9 @@ def filter_of(sensors: tuple[Sensor, ...], system: System, noise: ProcessNoise) 
     """The filter, made once for all that ask for it.
 
     Args:
-        sensors: that read.
-        system: that is driven.
-        noise: of its process.
+        sensors: sensors that read.
+        system: system that is driven.
+        noise: process noise of the system.
     """
     return Filter(sensors, system, noise)
 
@@ -344,9 +344,9 @@ def innovations(sensors: Sequence[Sensor], drive: Drive, noise: ProcessNoise) ->
     states run by run, nuisances): rows as `joint_readings` has them.
 
     Args:
-        sensors: that read.
-        drive: what is driven.
-        noise: of its process.
+        sensors: sensors that read.
+        drive: drive of the system.
+        noise: process noise of the system.
     """
     used = filter_of(tuple(sensors), drive.system, noise)
     start, samples = slice(used.size, used.size + len(drive.system.states)), drive.samples

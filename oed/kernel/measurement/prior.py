@@ -19,7 +19,7 @@ class Prior(Component):
     """Knowledge from before, e.g. from an earlier drive; parameters it does not name are unknown.
 
     Attributes:
-        standard_deviations: by parameter, with its unit ("1 mm") or as a share of the nominal value ("2 %").
+        standard_deviations: sizes by parameter, with a unit ("1 mm") or a share of the nominal value ("2 %").
         parameters, covariance: or names, and their covariance matrix in SI units.
         logs: names of the logs that it was estimated from, by a fingerprint of their content: given again,
             they would count twice.
@@ -61,8 +61,8 @@ class Prior(Component):
 
         Args:
             known: names of parameters that are estimated.
-            nominal: their values, SI.
-            units: their SI units.
+            nominal: nominal values of the parameters, SI.
+            units: SI units of the parameters.
         """
         issues, by_deviations = [], bool(self.standard_deviations)
         for name in self.names:
@@ -83,9 +83,9 @@ class Prior(Component):
         """Information (p, p) on the parameters `names`, SI; zero for those it does not name.
 
         Args:
-            names: of parameters, p of them.
-            nominal: their values, (p,), SI.
-            units: their SI units.
+            names: names of p parameters.
+            nominal: nominal values of the parameters, (p,), SI.
+            units: SI units of the parameters.
         """
         matrix = np.zeros((len(names), len(names)))
         if self.standard_deviations:

@@ -118,7 +118,7 @@ def whole_whitening(sensor: Sensor, rows: int) -> Array | None:
     """Return `joint_whitening` of a run that gives so many numbers, (rows, rows); None without one.
 
     Raises:
-        UserMistake: it is for another number.
+        UserMistake: the deviation is for another number.
     """
     whitening = sensor.joint_whitening
     if whitening is not None and len(whitening) != rows:

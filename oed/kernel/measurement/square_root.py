@@ -42,7 +42,7 @@ def project_out(rows: Array, width: int, rounding: float) -> tuple[Array, float]
     Args:
         rows: the Jacobian.
         width: columns.
-        rounding: of unit columns of the Jacobian.
+        rounding: rounding of unit columns of the Jacobian.
     """
     wanted, nuisances = rows[:, :width], rows[:, width:]
     sizes = np.linalg.norm(nuisances, axis=0)
@@ -81,7 +81,7 @@ class SquareRoot:
         Args:
             rows: R.
             sizes: (p,) of the columns before any elimination; as they are by default.
-            rounding: of a unit column; by default that of R as a Jacobian.
+            rounding: rounding of a unit column; by default that of R as a Jacobian.
         """
         magnitudes = np.linalg.norm(rows, axis=0) if sizes is None else sizes
         filled = np.vstack([reduced(rows), np.zeros((rows.shape[1], rows.shape[1]))])

@@ -22,7 +22,7 @@ class Update:
     Attributes:
         after: the matrix of information, sensitivities and covariance, (n + states, n + states).
         changed: rows and columns of those entries of its upper half that readings change.
-        symbols: that may stand for these.
+        symbols: symbols that may stand for these.
     """
 
     def __init__(
