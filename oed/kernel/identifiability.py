@@ -131,10 +131,11 @@ def _null_combinations(estimation: Estimation, root: SquareRoot) -> list[Ambigui
     sizes = np.where(estimation.nominal != 0, np.abs(estimation.nominal), 1.0)
     rows = _reduced((root.hidden / sizes[:, None]).T)
     judged = np.isin(estimation.parameters, estimation.judged)
+    is_part = np.abs(rows) > NEGLIGIBLE * np.abs(rows).max(axis=1, keepdims=True, initial=0.0)
     # What only hides parameters that nobody asks for does no harm.
-    touched = [row for row in rows if np.abs(row[judged]).max() > NEGLIGIBLE * np.abs(row).max()]
-    touched.sort(key=lambda row: int(np.argmax(np.abs(row) > NEGLIGIBLE * np.abs(row).max())))
-    return [_ambiguity(estimation, row * sizes) for row in touched]
+    touched = [place for place, row in enumerate(is_part) if row[judged].any()]
+    touched.sort(key=lambda place: int(np.argmax(is_part[place])))
+    return [_ambiguity(estimation, np.where(is_part[place], rows[place], 0.0), sizes) for place in touched]
 
 
 def _reduced(rows: Array) -> Array:
@@ -150,18 +151,14 @@ def _reduced(rows: Array) -> Array:
     return rows
 
 
-def _ambiguity(estimation: Estimation, changes: Array) -> Ambiguity:
-    nominal = estimation.nominal
-    sizes = np.where(nominal != 0, np.abs(nominal), 1.0)
-    shares = changes / sizes
-    shares[np.abs(shares) < NEGLIGIBLE * np.abs(shares).max()] = 0.0
-    first = int(np.flatnonzero(shares)[0])
-    shares *= STEP / shares[first]
-    chosen = np.flatnonzero(shares)
+def _ambiguity(estimation: Estimation, row: Array, sizes: Array) -> Ambiguity:
+    chosen = np.flatnonzero(row)
+    shares = row * (STEP / row[chosen[0]])
+    names, nominal = estimation.parameters, estimation.nominal
     return Ambiguity(
-        changes={estimation.parameters[index]: float(shares[index] * sizes[index]) for index in chosen},
+        changes={names[index]: float(shares[index] * sizes[index]) for index in chosen},
         relative={
-            estimation.parameters[index]: float(shares[index] * np.sign(nominal[index]))
+            names[index]: float(shares[index] * np.sign(nominal[index]))
             for index in chosen
             if nominal[index] != 0
         },

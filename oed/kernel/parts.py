@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -100,7 +101,7 @@ class Parts(Brief):
             UserMistake: no divisor of how many readings these are.
         """
         groups = list[list[int]]()
-        for places in self._grouped(lambda reading: (reading.sensor, reading.run)):
+        for places in self.grouped(lambda reading: (reading.sensor, reading.run)).values():
             if len(places) % pieces:
                 name = self.readings[places[0]].sensor
                 text = f"pieces: expected a divisor of the {len(places)} readings of {name} in a trial"
@@ -110,14 +111,15 @@ class Parts(Brief):
 
     def by_run(self) -> Parts:
         """All readings of a run together, each run of size 1: how often is it to be repeated?"""
-        merged = self._merged(self._grouped(lambda reading: reading.run))
+        merged = self._merged([*self.grouped(lambda reading: reading.run).values()])
         return replace(merged, sizes=np.ones(len(merged.readings)))
 
-    def _grouped(self, key: Callable[[Reading], object]) -> list[list[int]]:
-        groups = dict[object, list[int]]()
+    def grouped(self, key: Callable[[Reading], Any]) -> dict[Any, list[int]]:
+        """Return the places of the readings by what `key` returns of them."""
+        groups = dict[Any, list[int]]()
         for place, reading in enumerate(self.readings):
             groups.setdefault(key(reading), []).append(place)
-        return list(groups.values())
+        return groups
 
     def _merged(self, groups: Sequence[Sequence[int]]) -> Parts:
         first = [self.readings[group[0]] for group in groups]
@@ -256,11 +258,8 @@ def budgets_of(parts: Parts, totals: float | Mapping[str, float], most: float = 
     Raises:
         UserMistake: a total that no such weights have, a sensor that reads nothing, or one without a total.
     """
-    groups = {"": list(range(len(parts.readings)))}
-    if isinstance(totals, Mapping):
-        groups = {}
-        for place, reading in enumerate(parts.readings):
-            groups.setdefault(reading.sensor, []).append(place)
+    by_sensor = isinstance(totals, Mapping)
+    groups = parts.grouped(lambda reading: reading.sensor if by_sensor else "")
     amounts = dict(totals) if isinstance(totals, Mapping) else {"": totals}
     if set(amounts) != set(groups):
         raise UserMistake(f"totals: expected one of each of {', '.join(groups)}, got {', '.join(amounts)}")

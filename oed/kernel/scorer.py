@@ -178,8 +178,8 @@ class _Scorer:
     @cached_property
     def _of_measuring(self) -> Outputs:
         groups = [
-            # Of sensors the jacobian's first columns: they are not asked for twice.
-            [part.block.design_matrix for part in self.estimations if part.block.raw],
+            # Those of sensors are the jacobian's first columns.
+            [part.block.design_matrix if part.block.raw else ca.DM(0, 0) for part in self.estimations],
             [part.block.response for part in self.estimations],
             [part.block.jacobian for part in self.estimations],
             [part.block.magnitudes for part in self.estimations],
@@ -219,13 +219,6 @@ class _Scorer:
         pairs = [part.square_roots(jacobian, sizes.ravel()) for part, jacobian, sizes in triples]
         judged, full = zip(*pairs, strict=True)
         return judged, full
-
-    def _designs(self, regressors: Sequence[Array], jacobians: Sequence[Array]) -> list[Array]:
-        remaining = iter(regressors)
-        return [
-            next(remaining) if part.block.raw else jacobian[:, : len(part.block.parameters)]
-            for part, jacobian in zip(self.estimations, jacobians, strict=True)
-        ]
 
     def _driven(self, drive: Trajectory, extremes: Sequence[Array]) -> tuple[list[Array], list[Array]]:
         # Its length, states at the samples, path and speeds; the limits' rows.
@@ -278,7 +271,10 @@ class _Scorer:
         driven, limits = self._driven(trajectory, extremes)
         regressors, responses, jacobians, summed = self.measured(trajectory)
         length, states, path, _ = driven
-        designs = self._designs(regressors, jacobians)
+        designs = [
+            regressor if part.block.raw else jacobian[:, : len(part.block.parameters)]
+            for part, regressor, jacobian in zip(self.estimations, regressors, jacobians, strict=True)
+        ]
         roots, full = self.square_roots(jacobians, summed)
         robots, criterion = self._robots(trajectory, roots), problem.objective
         # Of the paper's regressors W is what it is, of sensors what is left of it.

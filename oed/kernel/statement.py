@@ -81,14 +81,18 @@ class Estimation:
         return root.scaled(weights_of(block, self.scaling, judged)), full.scaled(1.0 / (block.noise or 1.0))
 
     @property
+    def _places(self) -> list[int]:
+        return [self.block.parameters.index(name) for name in self.parameters]
+
+    @property
     def nominal(self) -> Array:
         """Nominal values of the estimated parameters, SI."""
-        return np.array([self.block.nominal[self.block.parameters.index(name)] for name in self.parameters])
+        return self.block.nominal[self._places]
 
     @property
     def units(self) -> tuple[str, ...]:
         """SI units of the estimated parameters."""
-        return tuple(self.block.units[self.block.parameters.index(name)] for name in self.parameters)
+        return tuple(self.block.units[place] for place in self._places)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

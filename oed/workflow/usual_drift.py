@@ -34,7 +34,7 @@ def _with_usual_drift(problem: Problem) -> Problem | None:
         return None
     if process_noise_of(problem.measurement.joint_sensors) is not None:
         return None
-    if process_issues(measurement.joint_sensors, problem.system):
+    if any(process_issues(measurement.joint_sensors, problem.system)):
         return None
     return replace(problem, measurement=measurement)
 

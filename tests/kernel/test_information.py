@@ -44,7 +44,7 @@ def test_scaled_information(scaling, scales):
 def test_raw_information_needs_no_noise():
     block = make_block(noise=None)
     np.testing.assert_allclose(np.array(information(block, "none")), DESIGN.T @ DESIGN, rtol=1e-15)
-    assert scaling_issues((block,), "none") == []
+    assert list(scaling_issues((block,), "none")) == []
 
 
 def test_relative_scaling_gives_the_worst_relative_standard_deviation():
@@ -89,7 +89,7 @@ def test_a_nominal_zero_has_no_relative_precision():
     assert issue.key == ("criterion", "scaling")
     assert issue.message.startswith("c21 is nominally 0")
     assert "scaling: {c21: ..., c22: ...}, " in issue.message
-    assert scaling_issues((make_block(nominal=np.array([0.0, 0.1])),), {"c21": 1.0, "c22": 1.0}) == []
+    assert list(scaling_issues((make_block(nominal=np.array([0.0, 0.1])),), {"c21": 1.0, "c22": 1.0})) == []
 
 
 def test_unknown_and_missing_names_are_issues():

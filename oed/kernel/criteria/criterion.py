@@ -99,6 +99,9 @@ class Criterion(Component, ABC):
     proportional: ClassVar[bool] = False
     """True if k repetitions of a design give k times its value, and 0 stands for what is not identifiable."""
 
+    typical_error: ClassVar[str] = ""
+    """Standard error that is inversely proportional to the root of the efficiency, of several parameters."""
+
     kind: str
     scaling: Scaling = "relative"
     subset: tuple[str, ...] | None = None
@@ -191,7 +194,8 @@ class Criterion(Component, ABC):
         """Return, in words, the standard error that is inversely proportional to the root of the efficiency
         of a design that judges parameters of these names; "" where none is.
         """
-        return ""
+        single = f"the standard error of {names[0]}" if len(names) == 1 else ""
+        return (single or self.typical_error) if self.typical_error else ""
 
     def concede(self, value: float, share: float) -> float:
         """The value that remains when only `share` of `value` is asked for."""

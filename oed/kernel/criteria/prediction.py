@@ -284,20 +284,16 @@ class G(Prediction):
 
     def epigraph(self, matrices: Sequence[Expression]) -> Epigraph:
         """Maximise -v with every leg's variance + slack^2 = v."""
-        matrices = _raised(matrices)
-        factors = [Factor("L", matrix.shape[0]) for matrix in matrices]
+        legs = factored(_raised(matrices), lambda factors: ca.vertcat(*self.symbolic_variances(factors)))
         worst, slack = ca.SX.sym("v"), ca.SX.sym("slack", len(self.test_drive))
-        residuals = [factor.residuals(matrix) for factor, matrix in zip(factors, matrices, strict=True)]
-        levels = ca.vertcat(*self.symbolic_variances(factors)) + slack**2 - worst
 
         def initial(numeric: Sequence[Array]) -> Array:
-            entries = [factor.initial(matrix) for factor, matrix in zip(factors, numeric, strict=True)]
             variances = self.variances([SquareRoot.of_matrix(lifted(matrix)) for matrix in numeric])
             start = 1.1 * float(variances.max())
-            return np.concatenate([*entries, [start], np.sqrt(start - variances)])
+            return np.concatenate([legs.initial(numeric), [start], np.sqrt(start - variances)])
 
-        variables = ca.vertcat(*(factor.variables for factor in factors), worst, slack)
-        return Epigraph(-worst, variables, ca.vertcat(*residuals, levels), initial)
+        equalities = ca.vertcat(legs.equalities, legs.objective + slack**2 - worst)
+        return Epigraph(-worst, ca.vertcat(legs.variables, worst, slack), equalities, initial)
 
 
 class I(Prediction):  # noqa: E742

@@ -28,17 +28,13 @@ class E(RootCriterion):
     definition: ClassVar[str] = "the smallest eigenvalue of the information"
     share: ClassVar[str] = "λ_min/λ_min,best (the worst-determined combination of the parameters)"
     asks_about: ClassVar[str] = "the worst-determined combination of parameters"
+    typical_error: ClassVar[str] = "the standard error of the least certain combination of parameters"
     proportional: ClassVar[bool] = True
     kind: Literal["E"] = "E"
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
         """lambda_min, the smallest over the blocks; 0 where some combination is not identifiable."""
         return np.asarray(np.min([root.smallest for root in information], axis=0))
-
-    def standard_error(self, names: Sequence[str]) -> str:
-        """Return the standard error of the least certain combination; of one parameter its own."""
-        label = names[0] if len(names) == 1 else "the least certain combination of parameters"
-        return f"the standard error of {label}"
 
     def supergradient(self, matrix: Array, dual: Array | None = None) -> Array:
         """Z = v v' of the least certain combination v, or Z >= 0 of trace 1 from the multipliers of

@@ -23,6 +23,7 @@ class D(RootCriterion):
     definition: ClassVar[str] = "the logarithm of the information's determinant"
     share: ClassVar[str] = "(det F/det F_best)^(1/p), p = {size} (the volume of the confidence ellipsoid)"
     conceded: ClassVar[str] = "determinant"
+    typical_error: ClassVar[str] = "the average standard error over all combinations of parameters"
     kind: Literal["D"] = "D"
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
@@ -65,14 +66,6 @@ class D(RootCriterion):
         name = "geometric mean of those along the ellipsoid's axes"
         return _mean(self, name, math.exp(-value / 2 / size), size)
 
-    def standard_error(self, names: Sequence[str]) -> str:
-        """Return the geometric mean of the standard errors along the ellipsoid's axes; of one parameter its
-        own.
-        """
-        if len(names) == 1:
-            return f"the standard error of {names[0]}"
-        return "the average standard error over all combinations of parameters"
-
     def efficiency(self, value: float, best: float, size: int) -> float | None:
         """(det F / det F_best)^(1 / p)."""
         return math.exp((value - best) / size) if math.isfinite(best) else None
@@ -84,6 +77,7 @@ class A(RootCriterion):
     number: ClassVar[str] = "-tr F⁻¹"
     definition: ClassVar[str] = "minus the sum of the variances"
     share: ClassVar[str] = "tr F_best⁻¹/tr F⁻¹ (the mean variance of the parameters)"
+    typical_error: ClassVar[str] = "the parameters' average standard error"
     kind: Literal["A"] = "A"
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
@@ -120,14 +114,6 @@ class A(RootCriterion):
     def deviation(self, value: float, size: int) -> str:
         """The root mean square of the parameters'."""
         return _mean(self, "root mean square of those of the parameters", math.sqrt(-value / size), size)
-
-    def standard_error(self, names: Sequence[str]) -> str:
-        """The parameters', their root mean square; of one parameter its own."""
-        return (
-            f"the standard error of {names[0]}"
-            if len(names) == 1
-            else "the parameters' average standard error"
-        )
 
     def efficiency(self, value: float, best: float, size: int) -> float | None:
         """Ratio of the best design's summed variances to this one's."""

@@ -51,12 +51,12 @@ class HeldSpace(Space):
         )
 
     @property
-    def fixed_starts(self) -> Array | None:
-        """The given ones."""
+    def fixed_starts(self) -> Array:
+        """Start states of the runs, as they are given."""
         return np.array(self.start, dtype=float).reshape(len(self.start), -1)
 
     @property
     def only(self) -> Trajectory | None:
         """The experiment."""
         table = np.array(self.held, dtype=float).reshape(len(self.held), -1)
-        return self.trajectory(table, np.array(self.start, dtype=float).reshape(len(self.start), -1))
+        return self.trajectory(table, self.fixed_starts)

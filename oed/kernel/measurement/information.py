@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
 import casadi as ca
@@ -163,8 +163,8 @@ def _size(block: Block, scaling: Mapping[str, Size], name: str) -> float:
 
 def scaling_issues(
     blocks: Sequence[Block], scaling: Scaling, parameters: Sequence[Sequence[str]] | None = None
-) -> list[Issue]:
-    """Return what keeps `scaling` from being applied to these blocks' parameters of interest; [] if nothing.
+) -> Iterator[Issue]:
+    """Yield what keeps `scaling` from being applied to these blocks' parameters of interest.
 
     Args:
         blocks: blocks of readings.
@@ -172,40 +172,36 @@ def scaling_issues(
         parameters: names of each block's parameters of interest.
     """
     if scaling == "none":
-        return []
+        return
     chosen = [block.parameters for block in blocks] if parameters is None else parameters
-    issues = []
     for block, names in zip(blocks, chosen, strict=True):
         if block.noise is None:
             text = f"the {block.name} noise is needed to weight the information (or use scaling: none)"
-            issues.append(Issue(("measurement", "noise"), text))
-        if scaling == "relative":
-            zero = [name for name in names if block.scales[block.parameters.index(name)] == 0]
-            if zero:
-                sizes = ", ".join(f"{name}: ..." for name in names)
-                text = (
-                    f"{', '.join(zero)} is nominally 0 and has no relative precision; give the `criterion` "
-                    f"sizes, scaling: {{{sizes}}}, or scaling: none"
-                )
-                issues.append(Issue(("criterion", "scaling"), text))
+            yield Issue(("measurement", "noise"), text)
+        zero = [name for name in names if block.scales[block.parameters.index(name)] == 0]
+        if scaling == "relative" and zero:
+            sizes = ", ".join(f"{name}: ..." for name in names)
+            text = (
+                f"{', '.join(zero)} is nominally 0 and has no relative precision; give the `criterion` "
+                f"sizes, scaling: {{{sizes}}}, or scaling: none"
+            )
+            yield Issue(("criterion", "scaling"), text)
     if isinstance(scaling, Mapping):
-        issues += _scale_name_issues([name for names in chosen for name in names], scaling)
         owners = {name: block for block, names in zip(blocks, chosen, strict=True) for name in names}
-        for name in [name for name in scaling if name in owners]:
-            try:
-                _size(owners[name], scaling, name)
-            except ValueError as error:
-                issues.append(Issue(("criterion", "scaling", name), str(error)))
-    return issues
+        yield from _scale_issues(owners, scaling)
 
 
-def _scale_name_issues(names: list[str], scaling: Mapping[str, Size]) -> list[Issue]:
-    issues = []
-    for name in names:
+def _scale_issues(owners: Mapping[str, Block], scaling: Mapping[str, Size]) -> Iterator[Issue]:
+    # Of every parameter a scale, and no others; `owners` are the parameters' blocks.
+    for name in owners:
         if name not in scaling:
-            issues.append(Issue(("criterion", "scaling"), f"the scale of {name} is missing"))
+            yield Issue(("criterion", "scaling"), f"the scale of {name} is missing")
     for name in scaling:
-        if name not in names:
-            text = f"{name} is not judged here; the parameters are {', '.join(names)}"
-            issues.append(Issue(("criterion", "scaling", name), text))
-    return issues
+        if name not in owners:
+            text = f"{name} is not judged here; the parameters are {', '.join(owners)}"
+            yield Issue(("criterion", "scaling", name), text)
+            continue
+        try:
+            _size(owners[name], scaling, name)
+        except ValueError as error:
+            yield Issue(("criterion", "scaling", name), str(error))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import inf, isfinite, lcm
 
 import casadi as ca
@@ -107,27 +107,20 @@ def _deviation(deviations: Mapping[str, float], state: str, unit: str) -> float 
     return deviation if isfinite(deviation) else None
 
 
-def process_issues(sensors: Sequence[Sensor], system: System) -> list[Issue]:
-    """Return why no filter can take in the process noise that sensors state, by key; [] if one can."""
+def process_issues(sensors: Sequence[Sensor], system: System) -> Iterator[Issue]:
+    """Yield why no filter can take in the process noise that sensors state, by key."""
     noise = process_noise_of(sensors)
     if noise is None:
-        return []
-    issues = noise.issues(system)
+        return
+    yield from noise.issues(system)
     for place, sensor in enumerate(sensors):
         key: tuple[str | int, ...] = ("measurement",) if len(sensors) == 1 else ("measurement", place)
         if sensor.process_noise not in (None, noise):
-            issues.append(
-                Issue(
-                    (*key, noise.key), "differs from that of the sensors before; a system drifts in one way"
-                )
-            )
+            text = "differs from that of the sensors before; a system drifts in one way"
+            yield Issue((*key, noise.key), text)
         if sensor.when == "in periods" and not noise.signal:
-            text = (
-                f"readings of whole periods do not go with {noise.key}, which is left out within them: read "
-            )
-            issues.append(Issue((*key, "kind"), f"{text}at the samples, or leave out `{noise.key}`"))
+            text = f"readings of whole periods do not go with {noise.key}, which is left out within them"
+            yield Issue((*key, "kind"), f"{text}: read at the samples, or leave out `{noise.key}`")
         if sensor.joint_whitening is not None:
             text = "one covariance of all readings does not go with drift, whose filter takes in one by one: "
-            text += "give that of one reading"
-            issues.append(Issue((*key, "noise", "covariance"), text))
-    return issues
+            yield Issue((*key, "noise", "covariance"), f"{text}give that of one reading")
