@@ -29,7 +29,7 @@ PER_COEFFICIENT = 3
 WORTHWHILE = 0.6
 """Share of the search's samples up to which such a grid is worth building."""
 ROUND = 4
-"""Solves at a time."""
+"""Number of solves that are drawn together."""
 LEAST, SHARE = 850, 0.18
 """Ipopt's iterations, and the share of the budget, that are spent before the best, found again, ends it:
 after fewer chance decides which optimum that is. Where solves are cheap, more of them are made.
@@ -77,7 +77,7 @@ class Attempt:
     perturbed: bool = False
 
     def __call__(self, search: LocalSearch) -> LocalResult:
-        """Return the sketch."""
+        """Return the sketch that a local search makes."""
         return search.sketch(self.unknowns, self.barrier)
 
 
@@ -118,13 +118,18 @@ class Exploration:
         return max(samples, LEAST_SAMPLES) / UNIT * self.iterations
 
     @property
+    def percent(self) -> int:
+        """Share of the budget that is spent, in whole per cent."""
+        return int(min(100 * self.spent / self.budget, 100))
+
+    @property
     def solves_left(self) -> float:
         """Number of solves that the budget allows yet, at the iterations that solves have taken."""
         return self.solves * max(self.budget / self.spent - 1, 0.0) if self.spent else 1.0
 
     @property
     def done(self) -> bool:
-        """Whether the budget is spent, or the best was found often enough."""
+        """True when the budget is spent, or the best was found often enough."""
         lost = not self.elite and self.solves >= HOPELESS
         enough = self.iterations >= LEAST and self.spent >= SHARE * self.budget
         often = enough and self._again >= AGAIN and self.solves - self._risen >= self._risen / 2

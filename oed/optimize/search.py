@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import time
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import TypeAlias
+from typing import TypeVar
 
 import numpy as np
 
@@ -47,15 +47,13 @@ RESCORED = 5
 """Screened drives that are scored between their samples at most, the best first."""
 SPARED = 0.5
 """Share of a search's time that machine code spares it."""
-PERCENT = 100
-"""Steps of an exploration's progress."""
 POOL_SECONDS, READY_SECONDS = 8.0, 2.0
 """Work left below which worker processes, each building its own program, take longer: such as have to be
 started first, and such as wait.
 """
 
-Job: TypeAlias = Callable[[LocalSearch], LocalResult]
-"""A solve to make."""
+AnyJob = TypeVar("AnyJob", bound=Callable[[LocalSearch], LocalResult])
+"""Solve that a local search is to make."""
 
 
 class TimeUp(Exception):
@@ -158,7 +156,7 @@ class Search:
         # Many solves, on a coarse grid where that will do; the best are then solved on the search's own.
         explorer = explorer_of(self.shared)
         design, name = explorer.local.design, self.options.start_from
-        self.context.progress.begin("explore", PERCENT)
+        self.context.progress.begin("explore", 100)
         screened = self._screened(design, self.context.rng(0))
         fresh = varied_starts(design, screened, self.context.rng(3))
         exploration = Exploration(design, fresh, self.context.rng(1), self.options.budget)
@@ -183,19 +181,13 @@ class Search:
         self._note_stage("starts")
 
     def _sketch(self, explorer: SharedSearch, exploration: Exploration, attempts: Sequence[Attempt]) -> None:
-        def take(place: int, sketch: LocalResult) -> None:
-            before = exploration.spent
-            exploration.take(attempts[place], sketch)
-            self._solves_left = exploration.solves_left
-            steps = (
-                min(int(PERCENT * spent / exploration.budget), PERCENT)
-                for spent in (exploration.spent, before)
-            )
-            for _ in range(next(steps) - next(steps)):
-                self.context.progress.advance()
-
         self._solves_left = exploration.solves_left
-        self._do(explorer, attempts, take, sketching=True)
+        for attempt, sketch in self._results(explorer, attempts, sketching=True):
+            before = exploration.percent
+            exploration.take(attempt, sketch)
+            self._solves_left = exploration.solves_left
+            for _ in range(exploration.percent - before):
+                self.context.progress.advance()
 
     def _decide(self) -> None:
         stage, share, best = self.options.second_stage, self.options.second_stage_share, self.best
@@ -216,23 +208,20 @@ class Search:
         self, points: Sequence[Array], barrier: float | None = None, *, perturbed: bool = False
     ) -> None:
         # Local searches to the end; those from perturbed designs are not listed as starts.
-        def take(place: int, result: LocalResult) -> None:
+        jobs = [partial(LocalSearch.maximise, unknowns=point, barrier=barrier) for point in points]
+        for _, result in self._results(self.shared, jobs):
             if not perturbed:
                 self.starts.append(result.start)
-            self._keep(result)
+            if result.evaluation is None:
+                self._reason = self._reason or result.reason
+            elif self.best is None or is_better(result.objective, self.best.objective):
+                # Better than rounding alone could make it: else the first one stays, on every machine.
+                self.best = result
 
-        jobs = [partial(LocalSearch.maximise, unknowns=point, barrier=barrier) for point in points]
-        self._do(self.shared, jobs, take)
-
-    def _do(
-        self,
-        shared: SharedSearch,
-        jobs: Sequence[Job],
-        take: Callable[[int, LocalResult], None],
-        *,
-        sketching: bool = False,
-    ) -> None:
-        # The one loop over all solves; `take` hears of results in their order, whichever ends first.
+    def _results(
+        self, shared: SharedSearch, jobs: Sequence[AnyJob], *, sketching: bool = False
+    ) -> Iterator[tuple[AnyJob, LocalResult]]:
+        # The one loop over all solves: yields their results in their order, whichever ends first.
         begun = 0
         while begun < len(jobs):
             left = self._solves_left * float(np.mean(self._seconds)) if self._seconds else 0.0
@@ -249,13 +238,18 @@ class Search:
             else:
                 count = len(jobs)
             batch, ended = jobs[begun : begun + count], dict[int, tuple[LocalResult, float]]()
+            cut: BaseException | None = None
             try:
                 hear = partial(self._hear, ended, sketching)
                 run_tasks(replace(shared, binary=binary), batch, workers, hear)
-            finally:
-                for place, (result, seconds) in sorted(ended.items()):
-                    self._note(result, seconds)
-                    take(begun + place, result)
+            except (TimeUp, KeyboardInterrupt) as error:
+                # What has ended counts all the same.
+                cut = error
+            for place, (result, seconds) in sorted(ended.items()):
+                self._note(result, seconds)
+                yield batch[place], result
+            if cut is not None:
+                raise cut
             begun += len(batch)
 
     def _hear(
@@ -273,8 +267,8 @@ class Search:
             announce_drive(self.context.progress, self.problem, result.evaluation, seconds)
         if not sketching:
             self._standing = max(self._standing, result.objective)
-            kind, known = self.problem.criterion.kind, np.isfinite(self._standing)
-            self.context.progress.advance(f"best by {kind}: {self._standing:.4g}" if known else "")
+            text = f"best by {self.problem.criterion.kind}: {self._standing:.4g}"
+            self.context.progress.advance(text if np.isfinite(self._standing) else "")
         self._check_time()
 
     def _note(self, result: LocalResult, seconds: float) -> None:
@@ -284,13 +278,6 @@ class Search:
         if result.evaluation is not None and result.objective > before.objective:
             seconds = max(seconds, before.seconds)
             self.history.append(HistoryPoint(self.evaluations, seconds, result.objective))
-
-    def _keep(self, result: LocalResult) -> None:
-        # Better than rounding alone could make it: else the first one stays, on every machine.
-        if result.evaluation is None:
-            self._reason = self._reason or result.reason
-        elif self.best is None or is_better(result.objective, self.best.objective):
-            self.best = result
 
     def _keep_better(self, drives: Sequence[Array]) -> None:
         standing = -np.inf if self.best is None else self.best.objective
