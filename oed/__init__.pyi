@@ -69,12 +69,12 @@ from .kernel.parts import Cost as Cost
 from .kernel.parts import Parts as Parts
 from .kernel.parts import budgets_of as budgets_of
 from .kernel.problem import Problem as Problem
+from .kernel.reading_parts import parts_of as parts_of
 from .kernel.results import Evaluation as Evaluation
 from .kernel.results import Margin as Margin
 from .kernel.solution import Solution as Solution
 from .kernel.solution import Status as Status
 from .kernel.solution import Violation as Violation
-from .kernel.taken_apart import parts_of as parts_of
 from .logs import BagForm as BagForm
 from .logs import CsvForm as CsvForm
 from .logs import Log as Log

@@ -14,7 +14,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Issue, NotFinite
-from oed.kernel.between import GAP, Sight, most_exceeded
+from oed.kernel.between import GAP, ScoredDrive, most_exceeded
 from oed.kernel.dynamics.direct_call import Outputs
 from oed.kernel.dynamics.rollout import FINE, any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
@@ -255,9 +255,9 @@ class _Scorer:
         if drive is not trajectory:
             extremes, scored = _extremes_of(problem, drive), None
         (_, states, _, speeds), limits = scored or self._driven(drive, extremes)
-        sight = Sight.of(problem, drive, states, speeds.ravel())
+        scored_drive = ScoredDrive.of(problem, drive, states, speeds.ravel())
         margins = [
-            _margin(problem, limit, sight, rows, values.ravel(), share)
+            _margin(problem, limit, scored_drive, rows, values.ravel(), share)
             for limit, rows, values in zip(problem.limits, self.rows, limits, strict=True)
         ]
         margins += _conditions(problem, trajectory)
@@ -330,7 +330,7 @@ def _dense_inputs(trajectory: Trajectory) -> Array:
 
 
 def _margin(
-    problem: Problem, limit: Limit, sight: Sight, rows: Rows, values: Array, share: float | None
+    problem: Problem, limit: Limit, scored_drive: ScoredDrive, rows: Rows, values: Array, share: float | None
 ) -> Margin:
     # Where only a violation by more than a share of the limit's size counts, it is no closer than that.
     if np.isnan(values).any():
@@ -341,7 +341,7 @@ def _margin(
     # Nothing to satisfy, as with a limit of changes on a drive of one sample, is satisfied as at rest.
     excess = excess if excess.size else np.array([-rows.size])
     window = (-np.inf, np.inf) if share is None else (spare - GAP * rows.size, spare + share * rows.size)
-    most, certain = most_exceeded(problem, limit, sight, excess, window)
+    most, certain = most_exceeded(problem, limit, scored_drive, excess, window)
     return Margin(limit.name, spare - limit.amount(most), rows.size, rows.unit, certain)
 
 

@@ -31,14 +31,14 @@ class UncertainSystem:
     Those of which the same is said, in the same order, are equal: functions of them are kept.
 
     Attributes:
-        own: system with its own parameters.
+        model: system with its own parameters.
         estimated: system with the parameters to estimate, which may be others.
         runs: number of runs of a drive.
         uncertainty: distribution of the system's parameters, or None.
         prior: prior knowledge of the parameters to estimate, or None.
     """
 
-    own: System
+    model: System
     estimated: System
     runs: int
     uncertainty: Uncertain | None
@@ -54,7 +54,7 @@ class UncertainSystem:
 
     @cached_property
     def _identity(self) -> tuple[System, System, int, str, str]:
-        return self.own, self.estimated, self.runs, repr(self.uncertainty), repr(self.prior)
+        return self.model, self.estimated, self.runs, repr(self.uncertainty), repr(self.prior)
 
 
 @dataclass(frozen=True, eq=False)

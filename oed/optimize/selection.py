@@ -18,12 +18,12 @@ from oed.kernel.equivalence import weight_bound
 from oed.kernel.evaluation import evaluate, resolved
 from oed.kernel.parts import Budget, Cost, Parts
 from oed.kernel.problem import Problem
+from oed.kernel.reading_parts import parts_of
 from oed.kernel.repetitions import costs_of, periods_of, spent_at_most, with_candidates
 from oed.kernel.results import TOLERANCE
 from oed.kernel.scorer import limits_exceeded
 from oed.kernel.selection import Selection
 from oed.kernel.solution import Solution, scored
-from oed.kernel.taken_apart import parts_of
 from oed.optimize.exact import Exact, exact_weights
 from oed.optimize.weights import Weights, best_weights, whole_weights
 

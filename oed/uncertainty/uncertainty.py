@@ -286,7 +286,7 @@ def impossible(spread: Spread, system: UncertainSystem) -> str:
     """Which system within three standard deviations, or the ranges, cannot be; "" where all can, as those of
     any coefficients.
     """
-    if spread.system != system.own:
+    if spread.system != system.model:
         return ""
     names = spread.names[: spread.parameters]
     for row in np.vstack([spread.ends(LIKELY), spread.extremes(LIKELY), spread.moments()]):
@@ -314,10 +314,10 @@ def _of_prior(prior: Prior | None, base: System, besides: Sequence[str]) -> tupl
 
 def _base(names: Sequence[str], system: UncertainSystem) -> System:
     # The system's own parameters, unless only those to estimate have these names.
-    starts = set(_starts(system.own))
-    own = {parameter.name for parameter in system.own.parameters} | starts
+    starts = set(_starts(system.model))
+    own = {parameter.name for parameter in system.model.parameters} | starts
     estimated = {parameter.name for parameter in system.estimated.parameters} | starts
-    return system.estimated if not set(names) <= own and set(names) <= estimated else system.own
+    return system.estimated if not set(names) <= own and set(names) <= estimated else system.model
 
 
 def _starts(base: System) -> dict[str, str]:

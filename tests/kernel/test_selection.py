@@ -10,8 +10,8 @@ from places import PROBLEMS
 
 import oed
 from oed.foundation.errors import ProblemError
+from oed.kernel.reading_parts import parts_of
 from oed.kernel.selection import Selection
-from oed.kernel.taken_apart import parts_of
 from oed.optimize.selection import rated, select
 from oed.robots.limits import EndPosition
 from oed.workflow.readings import selection_of

@@ -47,10 +47,10 @@ class Fixed(Tightening):
         return self.sized(system, [1.0, LARGER])
 
     def sized(self, system: UncertainSystem, factors: list[float]) -> Scenarios:
-        parameters = np.outer(factors, system.own.nominal)
-        parameters[:, 2] = system.own.nominal[2]
-        shape = (len(factors), system.runs, len(system.own.states))
-        return Scenarios(system.own, parameters, np.zeros(shape))
+        parameters = np.outer(factors, system.model.nominal)
+        parameters[:, 2] = system.model.nominal[2]
+        shape = (len(factors), system.runs, len(system.model.states))
+        return Scenarios(system.model, parameters, np.zeros(shape))
 
 
 class Unknown(Uncertain):
@@ -59,7 +59,7 @@ class Unknown(Uncertain):
     constant: str
 
     def issues(self, system: UncertainSystem) -> list[Issue]:
-        known = [parameter.name for parameter in system.own.parameters]
+        known = [parameter.name for parameter in system.model.parameters]
         return [] if self.constant in known else [Issue(("uncertainty",), f"no {self.constant}")]
 
 
@@ -117,7 +117,7 @@ def test_systems_of_which_the_same_is_said_are_one():
     twice = oed.DesignSpace(duration=10, samples=40, runs=2)
     for other in ({"uncertainty": None}, {"prior": None}, {"design": twice}):
         assert problem_of(measurement=POSES, **{**said, **other}).uncertain_system != known
-    assert known != known.own
+    assert known != known.model
 
 
 def test_what_cannot_be_uncertain_so_is_said():

@@ -18,7 +18,7 @@ from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.criteria import A, Criterion, D, E, G, I, ModifiedE
 from oed.kernel.equivalence import directional_derivatives, weight_bound
 from oed.kernel.parts import Parts, budgets_of
-from oed.kernel.taken_apart import parts_of
+from oed.kernel.reading_parts import parts_of
 from oed.optimize.exact import exact_weights
 from oed.optimize.selection import select
 from oed.optimize.weights import Weights, best_weights, whole_weights

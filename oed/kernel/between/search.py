@@ -34,8 +34,8 @@ PATIENCE = 200_000
 
 
 @dataclass(frozen=True)
-class Sight:
-    """Views of a drive's points, as the scorer has computed them.
+class ScoredDrive:
+    """Drive as the scorer has simulated it.
 
     Attributes:
         periods: periods of the nominal system.
@@ -46,7 +46,7 @@ class Sight:
     speeds: Array
 
     @classmethod
-    def of(cls, problem: Problem, drive: Trajectory, states: Array, speeds: Array) -> Sight:
+    def of(cls, problem: Problem, drive: Trajectory, states: Array, speeds: Array) -> ScoredDrive:
         """Return the periods that begin at the states at the samples.
 
         Args:
@@ -63,22 +63,26 @@ class Sight:
 
 
 def most_exceeded(
-    problem: Problem, limit: Limit, sight: Sight, seen: Array, asked: tuple[float, float] = (-np.inf, np.inf)
+    problem: Problem,
+    limit: Limit,
+    scored_drive: ScoredDrive,
+    excesses: Array,
+    window: tuple[float, float] = (-np.inf, np.inf),
 ) -> tuple[float, bool]:
     """Return the largest excess of a problem's limit at any time of a drive, and if that is certain.
 
     Args:
         problem: problem whose limit it is.
         limit: one of the problem's limits.
-        sight: drive as the scorer sees it.
-        seen: excess of the limit's rows at the points that are scored, (rows,).
-        asked: least and most excess of interest: values beyond need not be accurate.
+        scored_drive: drive as the scorer has simulated it.
+        excesses: excess of the limit's rows at the points that are scored, (rows,).
+        window: least and most excess of interest: values beyond need not be accurate.
     """
-    excess, (least, enough) = float(seen.max()), asked
+    excess, (least, enough) = float(excesses.max()), window
     if limit.looks_at != "state":
         return excess, limit.looks_at is not None
     is_certain, largest_seen = True, max(excess, least)
-    for rows, periods, stretches in _checked(problem, limit, sight, seen, largest_seen):
+    for rows, periods, stretches in _checked(problem, limit, scored_drive, excesses, largest_seen):
         if not rows.is_bounded:
             return largest_seen, False
         if largest_seen > enough:
@@ -90,13 +94,13 @@ def most_exceeded(
 
 
 def _checked(
-    problem: Problem, limit: Limit, sight: Sight, margins: Array, before: float
+    problem: Problem, limit: Limit, scored_drive: ScoredDrive, excesses: Array, before: float
 ) -> Iterator[tuple[Excess, Periods, Stretches | None]]:
     # The nominal system, with its back-off, and the other systems that are to keep the limit.
-    tightening, drive = problem.robust, sight.periods.trajectory
+    tightening, drive = problem.robust, scored_drive.periods.trajectory
     if tightening is None or not isinstance(limit, PathLimit):
         excess = excess_of(limit, problem.system.refinement[0])
-        yield excess, sight.periods, _near(excess, sight, margins, before)
+        yield excess, scored_drive.periods, _near(excess, scored_drive, excesses, before)
         return
     scenarios = tightening.scenarios(problem.uncertain_system)
     system, parts = scenarios.system.refinement
@@ -113,15 +117,15 @@ def _checked(
         yield excess_of(limit, system), scenario_periods, None
 
 
-def _near(excess: Excess, sight: Sight, margins: Array, before: float) -> Stretches | None:
+def _near(excess: Excess, scored_drive: ScoredDrive, excesses: Array, before: float) -> Stretches | None:
     # Parts of a path between its points that may hold more than the excess before, as far as systems move
     # between points; None if the rows' change with that is not bounded.
     if not np.isfinite(excess.per_metre):
         return None
-    drive = sight.periods.trajectory
+    drive = scored_drive.periods.trajectory
     # The most exceeded row at each point of each run, (runs, points).
-    points = margins.reshape(-1, drive.runs, FINE * (drive.samples // drive.runs) + 1).max(axis=0)
-    reach = excess.per_metre * np.repeat(sight.speeds, FINE) * drive.period / (2 * FINE)
+    points = excesses.reshape(-1, drive.runs, FINE * (drive.samples // drive.runs) + 1).max(axis=0)
+    reach = excess.per_metre * np.repeat(scored_drive.speeds, FINE) * drive.period / (2 * FINE)
     bounds = np.maximum(points[:, :-1], points[:, 1:]).ravel() + reach
     places = np.flatnonzero(~(bounds <= _ceiling(excess, np.array([before]))))
     return Stretches(places // FINE, places % FINE / FINE, (places % FINE + 1) / FINE)

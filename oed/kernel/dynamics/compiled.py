@@ -51,16 +51,10 @@ def compiler() -> str | None:
     return shutil.which(os.environ.get("CC") or "cc") or shutil.which("gcc") or shutil.which("clang")
 
 
-def compiled(function: ca.Function, *, anew: bool = True, patience: float = PATIENCE) -> ca.Function:
-    """A function in machine code; itself where it cannot be compiled.
-
-    Args:
-        function: function to compile.
-        anew: compile what was not compiled before; else it stays itself, too.
-        patience: time [s] after which the compiler is given up.
-    """
-    making = Making([function], anew=anew)
-    making.wait(patience)
+def compiled(function: ca.Function) -> ca.Function:
+    """Return a function in machine code; the function itself where it cannot be compiled."""
+    making = Making([function])
+    making.wait()
     functions = making.functions()
     return functions[0] if functions else function
 
@@ -75,7 +69,7 @@ class Making:
 
     Attributes:
         binary: path of the library; None where there is no compiler, or no room for the source.
-        anew: functions that were not compiled before are compiled.
+        anew: True if functions that were not compiled before are compiled.
     """
 
     def __init__(self, functions: Sequence[ca.Function], *, anew: bool = True) -> None:

@@ -1,4 +1,4 @@
-"""A trajectory taken apart: what each of its readings says."""
+"""Information in each reading of a trajectory."""
 
 from __future__ import annotations
 
