@@ -17,7 +17,6 @@ from oed.foundation.errors import NotFinite
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.limit import PathLimit
-from oed.kernel.measurement.square_root import SQUARED
 from oed.kernel.problem import Problem
 from oed.kernel.results import TOLERANCE, Evaluation
 from oed.kernel.scorer import score
@@ -192,25 +191,12 @@ class LocalSearch:
 
     def improvement(self, unknowns: Array, standing: float) -> Evaluation | None:
         """Return the scores of a drive if it is feasible and better than `standing`, else None."""
-        if not self._may_be_better(unknowns, standing):
-            return None
         try:
             evaluation = score(self.problem, self.grid.trajectory(unknowns))
         except NotFinite:
             return None
         usable = evaluation.feasible and evaluation.identifiable
         return evaluation if usable and is_better(evaluation.objective, standing) else None
-
-    def _may_be_better(self, unknowns: Array, standing: float) -> bool:
-        # Without scoring it. On fewer samples than all nobody knows by how much their information differs.
-        if self.grid.coarse:
-            return True
-        # As much as it may be worth: of nearly singular matrices, rounding decides.
-        most = [
-            [matrix + np.diag(2 * SQUARED * np.diag(matrix)) for matrix in matrices]
-            for matrices in self.grid.matrices_of(unknowns, self.grid.no_correction)
-        ]
-        return is_better(float(self.design.objective(most)), standing)
 
     def _searched(
         self,
