@@ -17,9 +17,9 @@ ROUNDS = 12
 NARROWER = (
     "The limits are tightened for what is uncertain; a short drive that stays well inside would narrow it."
 )
-"""What to do where no back-off suffices."""
+"""Advice where no back-off suffices."""
 MORE_DRAWS = "More of them (`draws`) can verify more drives."
-"""What to do where draws are so few that another drive could not be shown to be safe by them."""
+"""Advice where draws are so few that another drive could not be shown to be safe by them."""
 FINAL = 0
 """Stream of the verification samples, which are reported: limits were not tightened by them.
 
@@ -57,8 +57,8 @@ class _Assurance:
             solution = self._searched(solver, tightened, context)
             if solution.trajectory is None:
                 return self._failed(solution, last)
-            seen = solution.violation
-            if solution.status is Status.INTERRUPTED or seen is None:
+            violation = solution.violation
+            if solution.status is Status.INTERRUPTED or violation is None:
                 return self._summed(solution)
             if self._enough(solution):
                 solution = self._verified(solution)
@@ -71,17 +71,17 @@ class _Assurance:
                 solution = replace(solution, detail=f"{solution.detail} {MORE_DRAWS}".strip())
                 break
             # The verification samples tell no more than that they are not satisfied: others say where.
-            tightened, solver = tightened.tighter(seen.worst), options.again()
+            tightened, solver = tightened.tighter(violation.worst), options.again()
             context = self.context.with_earlier(solution)
         return self._failed(replace(solution, status=Status.FAILED), last)
 
     def _improved(self, options: Solver, solution: Solution, tightened: Robust) -> Solution:
         # How tight limits have to be was found with quick searches: now a whole one, from the best of them,
         # where that is more than the last quick one was.
-        whole, refining = options.again(quick=False), self.context.refining_since is not None
-        if len(self.solutions) == 1 or refining or whole == options.again():
+        thorough, refining = options.again(quick=False), self.context.refining_since is not None
+        if len(self.solutions) == 1 or refining or thorough == options.again():
             return self._summed(solution)
-        further = self._searched(whole, tightened, self.context.with_earlier(solution))
+        further = self._searched(thorough, tightened, self.context.with_earlier(solution))
         better = self._enough(further) and _objective(further) > _objective(solution)
         if better and self.verified < self.drives:
             further = self._verified(further)

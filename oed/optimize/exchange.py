@@ -48,39 +48,39 @@ TIMES = 2000
 
 
 class Exchange:
-    """Which instants a search looks at, of one problem.
+    """Choice of the instants that a search of one problem looks at.
 
     Args:
-        problem: all of whose samples count.
-        terms: of the search, on all samples or on fewer.
+        problem: problem, all of whose samples count.
+        terms: terms of the search, on all samples or on fewer.
 
     Attributes:
         lower_level: where given drives exceed the limits.
     """
 
     def __init__(self, problem: Problem, terms: Terms) -> None:
-        """Take both."""
+        """Look at no drive yet."""
         self._problem, self._terms = problem, terms
-        self._rows, self._own = terms.instants, terms.problem
+        self._rows, self._searched = terms.instants, terms.problem
         self.lower_level = LowerLevel(problem, terms)
         self.needed = self._rows.count > 0
-        """Whether any limit is on instants."""
+        """True when any limit is on instants."""
         self.fine = max(FINE, -(-TIMES // problem.design.samples))
         """Times of a period at which limits are looked at."""
 
     def begun(self) -> Instants:
-        """Those to begin with, evenly spread over each run."""
-        each = self._rows.count * self._problem.design.runs
-        if not each:
+        """Return the instants to begin with, evenly spread over each run."""
+        rows = self._rows.count * self._problem.design.runs
+        if not rows:
             return self._spread(LEAST)
-        most = int(np.clip(TOGETHER // each, LEAST, MOST))
+        most = int(np.clip(TOGETHER // rows, LEAST, MOST))
         count = int(np.clip(PER_UNKNOWN * max(self._terms.embedding.counts, default=0), LEAST, most))
         # Slots that are there anyway need not be empty.
-        return self._spread(slots_for(count * each) // each)
+        return self._spread(slots_for(count * rows) // rows)
 
     def at_samples(self) -> Instants:
-        """Those at the ends of the samples."""
-        return self._spread(self._own.design.samples)
+        """Return the instants at the ends of the samples."""
+        return self._spread(self._searched.design.samples)
 
     def _spread(self, count: int) -> Instants:
         # So many in each run, evenly, of every row.
@@ -91,16 +91,16 @@ class Exchange:
         return Instants(row, run, np.tile(times, rows * space.runs))
 
     def chosen(self, instants: Instants, drive: Trajectory) -> Chosen:
-        """Instants as rows of the search's program, at a drive of the problem close to which it looks.
+        """Return instants as rows of the search's program, at a drive of the problem close to which it looks.
 
         On fewer samples than all a row has another value there; its bounds are moved by that.
 
         Args:
-            instants: of the problem's drives.
-            drive: of all samples.
+            instants: instants of the problem's drives.
+            drive: drive on all samples.
         """
         lower, upper = self._rows.lower[instants.row], self._rows.upper[instants.row]
-        space = self._own.design
+        space = self._searched.design
         if space.samples != self._problem.design.samples:
             coarse = replace(drive, samples=space.all_samples)
             shift = self.lower_level.at(coarse, instants) - self.lower_level.at(drive, instants)
@@ -111,7 +111,7 @@ class Exchange:
 
     def _basis(self, instants: Instants) -> tuple[Array, Places]:
         # Values of the basis functions that are not 0, and the first input's unknowns that they are of.
-        embedding, space = self._terms.embedding, self._own.design
+        embedding, space = self._terms.embedding, self._searched.design
         if not self._rows.asking:
             return np.zeros((0, len(instants))), np.zeros((0, len(instants)), dtype=int)
         assert isinstance(embedding, OneSpline)
@@ -122,8 +122,8 @@ class Exchange:
         # Of coefficients that rest fixes there is no unknown.
         place = np.full(space.all_coefficients, -1)
         place[embedding.free] = np.arange(len(embedding.free))
-        found = place[every]
-        return np.where(found < 0, 0.0, band.entries).T, np.maximum(found, 0).T
+        unknown = place[every]
+        return np.where(unknown < 0, 0.0, band.entries).T, np.maximum(unknown, 0).T
 
     def solved(
         self,
@@ -137,20 +137,20 @@ class Exchange:
         """Solve, and go on with more instants until none is exceeded.
 
         Args:
-            solve: from unknowns, after a solve, with rows of instants, loosely or to the end.
-            unknowns: to begin at.
-            after: the solve that it goes on from.
-            instants: to begin with.
-            trajectory: the drive of unknowns.
+            solve: solve from unknowns, after a solve, with rows of instants, loosely or to the end.
+            unknowns: unknowns to begin at.
+            after: solve that it goes on from.
+            instants: instants to begin with.
+            trajectory: function that returns the drive of unknowns.
             until: end by `time.time`; what is not done by then is as if Ipopt had run out of time.
         """
         if not self.needed:
             return solve(unknowns, after, None, False), instants
         # What comes before all instants that count are known need not be exact.
         iterations, evaluations, loosely = 0, 0, after is None
-        for left in reversed(range(EXCHANGES)):
+        for remaining in reversed(range(EXCHANGES)):
             # What is handed on in the end is solved to the end.
-            loosely = loosely and left > 0
+            loosely = loosely and remaining > 0
             chosen = self.chosen(instants, trajectory(unknowns))
             outcome = solve(unknowns, after, chosen, loosely)
             iterations, evaluations = iterations + outcome.iterations, evaluations + outcome.evaluations
@@ -167,12 +167,12 @@ class Exchange:
         return replace(outcome, iterations=iterations, evaluations=evaluations), instants
 
     def with_more(self, instants: Instants, more: Instants, drive: Trajectory) -> Instants:
-        """Instants and more of them, some of which take the places of those that a drive is farthest from.
+        """Return instants with further ones, which take the places of those that a drive is farthest from.
 
         Args:
-            instants: that are looked at.
-            more: to be added.
-            drive: of the problem.
+            instants: instants that are looked at.
+            more: instants to be added.
+            drive: drive of the problem.
         """
         missing = len(more) - (-len(instants) % SLOTS)
         if missing <= 0:
@@ -181,21 +181,22 @@ class Exchange:
         idle = np.argsort(excess, kind="stable")[:missing]
         idle = idle[excess[idle] < -IDLE]
         first = np.arange(len(more)) < len(idle)
-        found = instants.joined(instants.some(np.zeros(len(instants), dtype=bool)))
-        for own, new in ((found.row, more.row), (found.run, more.run), (found.time, more.time)):
-            own[idle] = new[first]
-        return found.joined(more.some(~first))
+        # Joining copies them.
+        merged = instants.joined(instants.some(np.zeros(len(instants), dtype=bool)))
+        for old, new in ((merged.row, more.row), (merged.run, more.run), (merged.time, more.time)):
+            old[idle] = new[first]
+        return merged.joined(more.some(~first))
 
     def more(self, instants: Instants, drive: Trajectory, finer: int = 1) -> Instants:
-        """The worst instants of a drive that are not among those, to half a step of the fine grid.
+        """Return the worst instants of a drive that are not among others, to half a step of the fine grid.
 
         Args:
-            instants: that are looked at.
-            drive: of the problem.
+            instants: instants that are looked at.
+            drive: drive of the problem.
             finer: factor on the times that are looked at.
         """
         if not np.isfinite(drive.coefficients).all():
             return instants.some(np.zeros(len(instants), dtype=bool))
         fine = finer * self.fine
-        found = self.lower_level.exceeded(drive, ENOUGH, fine)
-        return found.some(~found.near(instants, drive.period / (2 * fine)))
+        worst = self.lower_level.exceeded(drive, ENOUGH, fine)
+        return worst.some(~worst.near(instants, drive.period / (2 * fine)))

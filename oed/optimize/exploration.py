@@ -147,7 +147,7 @@ class Exploration:
         base = self.elite[0 if place < ROUND - 2 else int(self.rng.integers(len(self.elite)))]
         moved = varied_design(self.design, base.unknowns, self.rng)
         # A barrier that takes fewer iterations begins more of them.
-        weights = np.array([(made / taken) ** 3 for made, taken in self._tallies.values()])
+        weights = np.array([(solves / iterations) ** 3 for solves, iterations in self._tallies.values()])
         barrier = float(self.rng.choice(BARRIERS, p=weights / weights.sum()))
         return Attempt(moved, barrier, perturbed=True)
 
@@ -156,8 +156,8 @@ class Exploration:
         self.iterations += sketch.iterations
         self.solves += 1
         if attempt.perturbed:
-            made, taken = self._tallies[attempt.barrier]
-            self._tallies[attempt.barrier] = made + 1, taken + sketch.iterations
+            solves, iterations = self._tallies[attempt.barrier]
+            self._tallies[attempt.barrier] = solves + 1, iterations + sketch.iterations
         if np.isfinite(sketch.objective):
             self._join(sketch)
 
@@ -165,10 +165,10 @@ class Exploration:
         value, size = sketch.objective, DIFFERENT * abs(sketch.objective)
         best = self.elite[0].objective if self.elite else -np.inf
         self._again += abs(value - best) <= size
-        alike = [optimum for optimum in self.elite if abs(optimum.objective - value) <= size]
-        if any(optimum.objective >= value for optimum in alike):
+        similar = [optimum for optimum in self.elite if abs(optimum.objective - value) <= size]
+        if any(optimum.objective >= value for optimum in similar):
             return
-        different = [optimum for optimum in self.elite if optimum not in alike]
+        different = [optimum for optimum in self.elite if optimum not in similar]
         self.elite = sorted([*different, sketch], key=lambda optimum: -optimum.objective)[:ELITE]
         if value > best + size:
             self._risen, self._again = self.solves, 0

@@ -1,4 +1,4 @@
-"""The lower level of limits at all times: at which instants a drive exceeds them, and by how much.
+"""Lower level of limits at all times: the instants at which a drive exceeds them, and by how much.
 
 What a search over drives is to a semi-infinite program, this is to each of its limits: the search for the
 instant at which a given drive exceeds it most.
@@ -19,12 +19,12 @@ from oed.optimize.terms.base import Terms
 
 @dataclass(frozen=True)
 class Instants:
-    """Rows of instants.
+    """Instants of drives, with the row that is looked at there.
 
     Attributes:
-        row: which of an instant's rows, (K,).
-        run: of the drive, (K,).
-        time: on the run's clock [s], (K,).
+        row: place among an instant's rows, (K,).
+        run: run of the drive, (K,).
+        time: time on the run's clock [s], (K,).
     """
 
     row: Places
@@ -32,47 +32,47 @@ class Instants:
     time: Array
 
     def __len__(self) -> int:
-        """K."""
+        """Return the number K of instants."""
         return len(self.row)
 
-    def joined(self, other: Instants) -> Instants:
-        """These and others."""
+    def joined(self, further: Instants) -> Instants:
+        """Return these and further instants."""
         return Instants(
-            np.concatenate([self.row, other.row]),
-            np.concatenate([self.run, other.run]),
-            np.concatenate([self.time, other.time]),
+            np.concatenate([self.row, further.row]),
+            np.concatenate([self.run, further.run]),
+            np.concatenate([self.time, further.time]),
         )
 
-    def some(self, which: Bools) -> Instants:
-        """Some of them."""
-        return Instants(self.row[which], self.run[which], self.time[which])
+    def some(self, mask: Bools) -> Instants:
+        """Return those that a mask (K,) selects."""
+        return Instants(self.row[mask], self.run[mask], self.time[mask])
 
-    def near(self, other: Instants, apart: float) -> Bools:
-        """Which are of a row that the other ones have less than some time apart [s], (K,)."""
-        same = (self.row[:, None] == other.row) & (self.run[:, None] == other.run)
-        close = np.abs(self.time[:, None] - other.time) < apart
+    def near(self, instants: Instants, apart: float) -> Bools:
+        """Return the mask (K,) of those that have an instant of the same row less than a time [s] away."""
+        same = (self.row[:, None] == instants.row) & (self.run[:, None] == instants.run)
+        close = np.abs(self.time[:, None] - instants.time) < apart
         return np.asarray((same & close).any(axis=1))
 
 
 class LowerLevel:
-    """A problem's limits on instants, along given drives.
+    """A problem's limits on instants, along drives.
 
     Args:
-        problem: all of whose samples count.
-        terms: of the search, on all samples or on fewer.
+        problem: problem, all of whose samples count.
+        terms: terms of the search, on all samples or on fewer.
     """
 
     def __init__(self, problem: Problem, terms: Terms) -> None:
-        """Take both."""
+        """Take the rows of both."""
         self._problem, self._rows, self._scale = problem, terms.instants, terms.input_scale
 
     def exceeded(self, drive: Trajectory, share: float, fine: int) -> Instants:
-        """The worst instants of a drive: of every row the highest in each stretch where it is exceeded.
+        """Return the worst instants of a drive: of every row the peak of each stretch where it is exceeded.
 
         Args:
-            drive: of the problem.
-            share: of a limit's size by which it is exceeded at least.
-            fine: times of a period that are looked at.
+            drive: drive of the problem.
+            share: share of a limit's size by which it is exceeded at least.
+            fine: number of times in a period that are looked at.
         """
         table, times = self._table(drive, fine)
         excess = self._rows.excess(table)
@@ -83,25 +83,25 @@ class LowerLevel:
         before, after = wide[:, :, :-2], wide[:, :, 2:]
         peaks = (courses > share) & (courses >= before) & (courses > after)
         row, run, place = np.nonzero(peaks)
-        left, here, right = (one[peaks] for one in (before, courses, after))
+        low, high, next_low = (course[peaks] for course in (before, courses, after))
         # The vertex of the parabola through the highest point and its neighbours.
         with np.errstate(invalid="ignore", divide="ignore"):
-            shift = 0.5 * (left - right) / (left - 2 * here + right)
+            shift = 0.5 * (low - next_low) / (low - 2 * high + next_low)
         inside = (place > 0) & (place < times.shape[1] - 1) & (np.abs(shift) <= 0.5)
         step = drive.period / fine
         return Instants(row, run, times[run, place] + np.where(inside, shift, 0.0) * step)
 
     def violations(self, instants: Instants, drive: Trajectory) -> Array:
-        """By how much a drive exceeds the rows of instants, in shares of their limits' sizes, (K,).
+        """Return by how much a drive exceeds the rows of instants, in shares of their limits' sizes, (K,).
 
         Args:
-            instants: of the problem's drives.
-            drive: of all samples.
+            instants: instants of the problem's drives.
+            drive: drive on all samples.
         """
         return self._rows.excess(self.at(drive, instants), instants.row)
 
     def at(self, drive: Trajectory, instants: Instants) -> Array:
-        """Each instant's own row at a drive, (K,)."""
+        """Return the value of each instant's row along a drive, (K,)."""
         place, elapsed = within(instants, drive.samples // drive.runs, drive.period)
         table = self._rows_of(drive, place, elapsed, instants.run, instants.time)
         return table[np.arange(len(instants)), instants.row]
@@ -121,21 +121,21 @@ class LowerLevel:
         periods = periods_of(system, drive, np.array([system.nominal]), drive.starts[None])
         parts = [periods.states[place], drive.inputs[place] / scale]
         if self._rows.asking:
-            asked = np.empty_like(parts[1])
-            for number, one in enumerate(drive.each):
-                own = run == number
-                asked[own] = one.inputs_at(time[own]) / scale
-            parts.append(asked)
+            inputs = np.empty_like(parts[1])
+            for number, repetition in enumerate(drive.each):
+                in_run = run == number
+                inputs[in_run] = repetition.inputs_at(time[in_run]) / scale
+            parts.append(inputs)
         return self._rows.table(np.hstack(parts), elapsed)
 
 
 def within(instants: Instants, samples: int, period: float) -> tuple[Places, Array]:
-    """The sample that each instant is in, counted through all runs, and the time since that began [s].
+    """Return the sample that each instant is in, counted through all runs, and the time since that began [s].
 
     Args:
-        instants: of a drive.
-        samples: of a run.
-        period: of a sample [s].
+        instants: instants of a drive.
+        samples: number of samples of a run.
+        period: duration of a sample [s].
     """
-    own = np.clip(np.ceil(instants.time / period).astype(int) - 1, 0, samples - 1)
-    return instants.run * samples + own, instants.time - period * own
+    sample = np.clip(np.ceil(instants.time / period).astype(int) - 1, 0, samples - 1)
+    return instants.run * samples + sample, instants.time - period * sample

@@ -23,12 +23,12 @@ halve from one doubling to the next, as they mostly do, all further ones togethe
 again; a design of another kind that only a finer spline can drive may still be worth more.
 """
 ENDED = (Status.INTERRUPTED, Status.TIME_LIMIT)
-"""How a search ends that is not to go on."""
+"""Statuses of a search that is not to go on."""
 STAGE = "refined_spline"
-"""Name of the stage."""
+"""Name of the stage in solutions."""
 
 Search = Callable[[Solver, Problem, Context], Solution]
-"""What searches a problem whose spline is given."""
+"""Search of a problem whose spline is given."""
 
 
 def plan(problem: Problem, solvers: Sequence[Solver]) -> str:

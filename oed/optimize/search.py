@@ -224,11 +224,11 @@ class Search:
         # The one loop over all solves: yields their results in their order, whichever ends first.
         begun = 0
         while begun < len(jobs):
-            left = self._solves_left * float(np.mean(self._seconds)) if self._seconds else 0.0
-            binary = shared.local.compile(SPARED * left, sketching=sketching)
+            remaining = self._solves_left * float(np.mean(self._seconds)) if self._seconds else 0.0
+            binary = shared.local.compile(SPARED * remaining, sketching=sketching)
             # How many share the work decides only when a design is there, not which.
             least = POOL_SECONDS if waiting() == 1 else min(READY_SECONDS, POOL_SECONDS)
-            workers = self.context.workers if left > least else 1
+            workers = self.context.workers if remaining > least else 1
             if not self._seconds:
                 # The very first one alone: it shows how long the others will take.
                 count = 1

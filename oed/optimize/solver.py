@@ -100,13 +100,13 @@ class Solver(Component, ABC):
     without_drift: bool = False
 
     def own(self, problem: Problem) -> Problem:
-        """The problem as it is searched."""
-        seen = problem.steady if self.without_drift else problem
-        return seen if self.criterion is None else replace(seen, criterion=self.criterion)
+        """Return the problem as it is searched."""
+        searched = problem.steady if self.without_drift else problem
+        return searched if self.criterion is None else replace(searched, criterion=self.criterion)
 
     @property
     def label(self) -> str:
-        """The result's name."""
+        """Name of the solver's solution."""
         return self.name or self.kind
 
     def again(self, *, quick: bool = True) -> Solver:
