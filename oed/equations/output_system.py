@@ -14,7 +14,7 @@ from oed.equations.initial_values import InitialValue
 from oed.foundation.component import Component
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.integration import Radau, runge_kutta
-from oed.kernel.dynamics.roots import Solver
+from oed.kernel.dynamics.roots import RootSolver
 from oed.kernel.dynamics.system import System, step_symbols
 
 NEWTON_STEPS = 50
@@ -152,7 +152,7 @@ def _algebraic_solver(system: OutputSystem) -> ca.Function:
     )
     split = len(system.states)
     rows = equation_function(system, "constraints_at")(known[:split, :], unknowns, known[split:, :])
-    solver = Solver(ca.Function("constraints", [unknowns, known], [rows]), NEWTON_STEPS)
+    solver = RootSolver(ca.Function("constraints", [unknowns, known], [rows]), NEWTON_STEPS)
     root = solver.root(ca.SX(ca.DM(system.algebraic_guesses)), arguments)
     return ca.Function("algebraic", [state, inputs, parameters], [root])
 

@@ -23,7 +23,7 @@ from oed.foundation.views import makes
 from oed.kernel.dynamics.system import label_of
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.results import Evaluation, Margin, Steps
-from oed.kernel.solution import Solution
+from oed.kernel.solution import Explored, Solution
 from oed.kernel.statement import Statement
 
 
@@ -154,6 +154,13 @@ def steps_text(steps: Steps | None) -> str:
     if steps.settled:
         return f"{coarse}. All results are those of steps {steps.times} times finer."
     return f"{coarse}, and still change with steps {steps.times} times finer: take more samples."
+
+
+def explored_text(explored: Explored) -> str:
+    """Return solves, iterations and budget of a search in words."""
+    solves = f"{explored.solves} solves on {explored.samples} samples a run"
+    share = f"{explored.spent:.0f} of a budget of {explored.budget} on 200 samples"
+    return f"{solves} took {explored.iterations} of Ipopt's iterations ({share})."
 
 
 @makes("card", Solution)

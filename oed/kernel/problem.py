@@ -16,7 +16,7 @@ from oed.kernel.measurement.measurement import Measurement, Sensor
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.selection import Selection
 from oed.kernel.statement import Statement
-from oed.kernel.tightening import Tightening, Uncertain
+from oed.kernel.tightening import ParameterUncertainty, Tightening
 
 
 class Problem(Statement):
@@ -56,7 +56,7 @@ class Problem(Statement):
         name: str = "",
         estimate: str | Sequence[str] | None = None,
         prior: Prior | None = None,
-        uncertainty: Uncertain | None = None,
+        uncertainty: ParameterUncertainty | None = None,
         robust: Tightening | None = None,
         excess: float = 0.0,
         selection: Selection | None = None,

@@ -15,7 +15,7 @@ import numpy as np
 from oed.foundation.arrays import Array
 from oed.foundation.errors import Issue, NotFinite
 from oed.kernel.between import GAP, ScoredDrive, most_exceeded
-from oed.kernel.dynamics.direct_call import Outputs
+from oed.kernel.dynamics.direct_call import GroupedFunction
 from oed.kernel.dynamics.rollout import FINE, any_drive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.finiteness import require_driven, require_measured
@@ -167,16 +167,16 @@ class _Scorer:
         return self.problem.estimations(self._drive)
 
     @cached_property
-    def _of_driving(self) -> Outputs:
+    def _of_driving(self) -> GroupedFunction:
         drive = self._drive
         groups = [
             [drive.path_length(), drive.states, drive.path, drive.speeds],
             [rows.expression for rows in self.rows],
         ]
-        return Outputs("driven", [*self._symbols, *self._extremes, self._repetitions], groups)
+        return GroupedFunction("driven", [*self._symbols, *self._extremes, self._repetitions], groups)
 
     @cached_property
-    def _of_measuring(self) -> Outputs:
+    def _of_measuring(self) -> GroupedFunction:
         groups = [
             # Those of sensors are the jacobian's first columns.
             [part.block.design_matrix if part.block.raw else ca.DM(0, 0) for part in self.estimations],
@@ -185,7 +185,7 @@ class _Scorer:
             [part.block.magnitudes for part in self.estimations],
             [self._drive.states],
         ]
-        return Outputs("measured", self._symbols, groups)
+        return GroupedFunction("measured", self._symbols, groups)
 
     def _robots(self, trajectory: Trajectory, roots: Sequence[SquareRoot]) -> list[Sequence[SquareRoot]]:
         # What the criterion sees of every robot that is judged.

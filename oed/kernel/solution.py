@@ -122,13 +122,6 @@ class Explored:
     budget: int
     spent: float
 
-    @property
-    def sentence(self) -> str:
-        """Solves, iterations and budget in words."""
-        solves = f"{self.solves} solves on {self.samples} samples a run"
-        share = f"{self.spent:.0f} of a budget of {self.budget} on 200 samples"
-        return f"{solves} took {self.iterations} of Ipopt's iterations ({share})."
-
     def __add__(self, other: Explored) -> Explored:
         """Return the effort of two searches together."""
         return Explored(
@@ -141,7 +134,7 @@ class Explored:
 
 
 @dataclass(frozen=True)
-class Level:
+class RefinementLevel:
     """A spline of a search that refines it: its coefficients, the objective reached and Ipopt's iterations
     for that, and the design, which any finer one can begin with.
     """
@@ -236,7 +229,7 @@ class Solution(ByValue, Presented):
     problem: Problem | None = field(default=None, compare=False)
     gains: Mapping[str, float] = field(default_factory=dict)
     explored: Explored | None = None
-    levels: tuple[Level, ...] = ()
+    levels: tuple[RefinementLevel, ...] = ()
 
     @property
     def designs(self) -> tuple[Trajectory, ...]:

@@ -34,7 +34,7 @@ from oed.kernel.measurement.prior import Prior
 from oed.kernel.measurement.readings import constants_of
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.selection import Selection
-from oed.kernel.tightening import Tightening, Uncertain, UncertainSystem, tightened_rows
+from oed.kernel.tightening import ParameterUncertainty, Tightening, UncertainSystem, tightened_rows
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Statement(Presented):
     name: str
     estimate: tuple[str, ...] | None
     prior: Prior | None
-    uncertainty: Uncertain | None
+    uncertainty: ParameterUncertainty | None
     robust: Tightening | None
     excess: float
     selection: Selection | None

@@ -41,7 +41,7 @@ class UncertainSystem:
     model: System
     estimated: System
     runs: int
-    uncertainty: Uncertain | None
+    uncertainty: ParameterUncertainty | None
     prior: Prior | None
 
     def __eq__(self, other: object) -> bool:
@@ -86,7 +86,7 @@ class Scenarios:
         )
 
 
-class Uncertain(Component, ABC):
+class ParameterUncertainty(Component, ABC):
     """Uncertainty of a system about its nominal parameters: what a design has to survive."""
 
     @abstractmethod

@@ -14,7 +14,7 @@ from oed.foundation.text import listing, significant
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.problem import Problem
 from oed.kernel.scorer import score
-from oed.kernel.solution import Level, Solution, Status
+from oed.kernel.solution import RefinementLevel, Solution, Status
 from oed.optimize.solver import Context, Solver
 
 ENOUGH = 0.005
@@ -111,14 +111,14 @@ def _scored(problem: Problem, solution: Solution) -> Solution:
     return replace(solution, evaluation=score(problem, solution.trajectory))
 
 
-def _level(spline: Spline, solution: Solution) -> Level:
+def _level(spline: Spline, solution: Solution) -> RefinementLevel:
     assert solution.evaluation is not None
     assert solution.trajectory is not None
     iterations = sum(start.iterations for start in solution.starts)
-    return Level(spline.count, solution.evaluation.objective, iterations, solution.trajectory)
+    return RefinementLevel(spline.count, solution.evaluation.objective, iterations, solution.trajectory)
 
 
-def _gain(problem: Problem, level: Level, before: Level) -> float:
+def _gain(problem: Problem, level: RefinementLevel, before: RefinementLevel) -> float:
     size = sum(len(estimation.judged) for estimation in problem.any_estimations)
     return problem.objective.change(level.objective, before.objective, size)
 
@@ -142,7 +142,7 @@ def _joined(before: Solution, solution: Solution) -> Solution:
     )
 
 
-def _summary(problem: Problem, levels: Sequence[Level], reason: str) -> str:
+def _summary(problem: Problem, levels: Sequence[RefinementLevel], reason: str) -> str:
     counts = listing([str(level.coefficients) for level in levels])
     text = f"Splines of {counts} coefficients were searched"
     if len(levels) > 1:

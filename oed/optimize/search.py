@@ -17,6 +17,7 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.foundation.work.parallel import at_once, run_tasks, waiting
+from oed.kernel.cards import explored_text
 from oed.kernel.criteria import D
 from oed.kernel.problem import Problem
 from oed.kernel.results import TOLERANCE
@@ -332,7 +333,7 @@ class Search:
             return Status.SINGULAR, ""
         if self.stopped is not None:
             return self.stopped, BEST_YET
-        return self.best.status, "" if self.explored is None else self.explored.sentence
+        return self.best.status, "" if self.explored is None else explored_text(self.explored)
 
     @cached_property
     def _conflict(self) -> str:

@@ -17,7 +17,7 @@ from oed.foundation.quantities import Size, parse_quantity, parse_size
 from oed.foundation.text import did_you_mean
 from oed.kernel.dynamics.system import System
 from oed.kernel.measurement.prior import Prior
-from oed.kernel.tightening import Scenarios, Uncertain, UncertainSystem
+from oed.kernel.tightening import ParameterUncertainty, Scenarios, UncertainSystem
 
 STREAM = 11
 """Of simulated robots: their draws are independent of all others of a seed."""
@@ -27,7 +27,7 @@ CORNERS = 4
 """Uncertain quantities up to which all corners of their ranges are driven; beyond, their ends one by one."""
 
 
-class Uncertainty(Uncertain):
+class Uncertainty(ParameterUncertainty):
     """How far a system may be from its nominal parameters, and from its start.
 
     It says what a drive has to survive; unlike a prior it adds no information.

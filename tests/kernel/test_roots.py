@@ -6,11 +6,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from oed.kernel.dynamics.roots import Solver
+from oed.kernel.dynamics.roots import RootSolver
 
 
-def solver(residual: ca.SX, unknowns: ca.SX, arguments: ca.SX, iterations: int = 30) -> Solver:
-    return Solver(ca.Function("residual", [unknowns, arguments], [residual]), iterations)
+def solver(residual: ca.SX, unknowns: ca.SX, arguments: ca.SX, iterations: int = 30) -> RootSolver:
+    return RootSolver(ca.Function("residual", [unknowns, arguments], [residual]), iterations)
 
 
 @pytest.mark.parametrize("scales", [(1.0, 1.0), (1e-9, 1e9)])

@@ -17,7 +17,7 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.limit import PathLimit, Rows
 from oed.kernel.problem import Problem
-from oed.kernel.tightening import Scenarios, Tightening, Uncertain, UncertainSystem
+from oed.kernel.tightening import ParameterUncertainty, Scenarios, Tightening, UncertainSystem
 from oed.robots.limits import Rectangle
 
 POSES = oed.Poses(noise={"position": 0.01, "heading": 0.01})
@@ -53,8 +53,8 @@ class Fixed(Tightening):
         return Scenarios(system.model, parameters, np.zeros(shape))
 
 
-class Unknown(Uncertain):
-    """Uncertain of a constant that no robot has."""
+class Unknown(ParameterUncertainty):
+    """ParameterUncertainty of a constant that no robot has."""
 
     constant: str
 

@@ -109,7 +109,7 @@ def direct_call(function: ca.Function, *arguments: Array) -> list[Array]:
     return DirectCall(function, lasting=False)(*arguments)
 
 
-class Outputs:
+class GroupedFunction:
     """A function whose outputs come in groups."""
 
     def __init__(

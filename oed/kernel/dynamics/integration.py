@@ -7,7 +7,7 @@ from collections.abc import Callable
 import casadi as ca
 
 from oed.kernel.dynamics.expression import Expression
-from oed.kernel.dynamics.roots import Solver
+from oed.kernel.dynamics.roots import RootSolver
 
 POINTS = ca.collocation_points(3, "radau")
 """Points of a step, as shares of its length, at which the equations hold."""
@@ -88,7 +88,7 @@ class Radau:
             constraints: function of the same arguments -> g (m,).
         """
         self._states, self._stages = rates.size1_in(0), len(POINTS)
-        self._solver = Solver(_collocation_equations(rates, constraints), NEWTON_STEPS)
+        self._solver = RootSolver(_collocation_equations(rates, constraints), NEWTON_STEPS)
 
     def step(
         self, state: Expression, algebraic: Expression, held: Expression, length: Expression

@@ -14,7 +14,7 @@ from oed.kernel.dynamics.intervals import (
     BELOW,
     CHOICE,
     OPERATIONS,
-    Operation,
+    ElementaryOperation,
 )
 
 
@@ -28,7 +28,7 @@ class Step(NamedTuple):
     """
 
     code: int
-    operation: Operation
+    operation: ElementaryOperation
     operands: Sequence[int]
 
 
@@ -100,7 +100,7 @@ class IntervalFunction:
         self._values.append(constant)
         return len(self._values) - 1
 
-    def _add(self, operation: Operation, operands: Sequence[int], code: int = -1) -> int:
+    def _add(self, operation: ElementaryOperation, operands: Sequence[int], code: int = -1) -> int:
         place = self._append(None)
         self._steps[place] = Step(code, operation, operands)
         return place
@@ -153,14 +153,14 @@ def _unknown(*operands: Any) -> Any:
     return np.full_like(enclosure, np.nan)
 
 
-NO_STEP = Step(-1, Operation(_unknown, _unknown), ())
+NO_STEP = Step(-1, ElementaryOperation(_unknown, _unknown), ())
 
 
-def _without_rule(code: int) -> Operation:
+def _without_rule(code: int) -> ElementaryOperation:
     def exact(*operands: Any) -> Any:
         elementary = ca.DM.unary if len(operands) == 1 else ca.DM.binary
         columns = np.broadcast_arrays(*operands)
         numbers = elementary(code, *(ca.DM(column.ravel()) for column in columns))
         return np.array(numbers).reshape(columns[0].shape)
 
-    return Operation(exact, _unknown)
+    return ElementaryOperation(exact, _unknown)

@@ -27,7 +27,7 @@ Function = Callable[..., Any]
 EVERYTHING = np.array([[-np.inf], [np.inf]])
 
 
-class Operation(NamedTuple):
+class ElementaryOperation(NamedTuple):
     """An elementary operation.
 
     Attributes:
@@ -160,12 +160,16 @@ def _square(inner: Any) -> Any:
     return np.square(inner) if is_exact(inner) else _chain(even(np.square, inner[0]), 2 * inner[0], inner)
 
 
-def _rising(function: Function, derivative: Callable[[Array], Array]) -> Operation:
-    return Operation(function, lambda inner: _chain(function(inner[0]), derivative(inner[0]), inner))
+def _rising(function: Function, derivative: Callable[[Array], Array]) -> ElementaryOperation:
+    return ElementaryOperation(
+        function, lambda inner: _chain(function(inner[0]), derivative(inner[0]), inner)
+    )
 
 
-def _even(function: Function, derivative: Function) -> Operation:
-    return Operation(function, lambda inner: _chain(even(function, inner[0]), derivative(inner[0]), inner))
+def _even(function: Function, derivative: Function) -> ElementaryOperation:
+    return ElementaryOperation(
+        function, lambda inner: _chain(even(function, inner[0]), derivative(inner[0]), inner)
+    )
 
 
 def _sine(shift: float) -> Function:
@@ -213,11 +217,11 @@ def _jumping(value: Array, shape: tuple[int, ...]) -> Any:
     return steps
 
 
-def _steps(function: Function) -> Operation:
-    return Operation(function, lambda inner: _jumping(function(inner[0]), inner.shape))
+def _steps(function: Function) -> ElementaryOperation:
+    return ElementaryOperation(function, lambda inner: _jumping(function(inner[0]), inner.shape))
 
 
-def _condition(function: Function, bounds: Callable[..., Iterable[Bools]]) -> Operation:
+def _condition(function: Function, bounds: Callable[..., Iterable[Bools]]) -> ElementaryOperation:
     # 1 where a condition certainly holds, between 0 and 1 where it possibly does.
     def rule(*operands: Any) -> Any:
         (shape, *_) = (operand.shape for operand in operands if not is_exact(operand))
@@ -226,7 +230,7 @@ def _condition(function: Function, bounds: Callable[..., Iterable[Bools]]) -> Op
         value[:, reduce(np.logical_or, (np.isnan(low) | np.isnan(high) for low, high in ends))] = np.nan
         return _jumping(value, shape)
 
-    return Operation(lambda *operands: function(*operands) * 1.0, rule)
+    return ElementaryOperation(lambda *operands: function(*operands) * 1.0, rule)
 
 
 def _truth(ends: tuple[Any, Any]) -> tuple[Bools, Bools]:
@@ -237,7 +241,7 @@ def _truth(ends: tuple[Any, Any]) -> tuple[Bools, Bools]:
     return np.asarray(is_certain), np.asarray((low != 0) | (high != 0))
 
 
-def _logical(function: Function) -> Operation:
+def _logical(function: Function) -> ElementaryOperation:
     return _condition(
         function, lambda *both: (function(*flags) for flags in zip(*map(_truth, both), strict=True))
     )
@@ -281,40 +285,45 @@ EXPONENTIAL, LOGARITHM = _rising(np.exp, np.exp), _rising(np.log, inverse)
 ROOT = _rising(np.sqrt, lambda value: inverse(2 * np.sqrt(value)))
 ARC_TANGENT = _rising(np.arctan, lambda value: inverse(1 + power(value, 2)))
 ARC_SINE = _rising(np.arcsin, lambda value: inverse(np.sqrt(1 - power(value, 2)[::-1])))
-CHOICE = Operation(np.where, _choice)
-BELOW, ABOVE = Operation(lambda inner, _: inner, _below), Operation(lambda inner, _: inner, _above)
-AT_LEAST_ONE = Operation(lambda inner: inner, lambda inner: _above(inner, 1.0))
-OPERATIONS: dict[int, Operation] = {
-    ca.OP_ASSIGN: Operation(lambda inner: inner, lambda inner: inner),
-    ca.OP_ADD: Operation(np.add, _sum),
-    ca.OP_SUB: Operation(np.subtract, lambda first, second: _sum(first, _negative(second))),
-    ca.OP_MUL: Operation(np.multiply, _product),
-    ca.OP_DIV: Operation(np.divide, _quotient),
-    ca.OP_NEG: Operation(np.negative, _negative),
-    ca.OP_INV: Operation(lambda inner: np.divide(1.0, inner), _inverse),
-    ca.OP_TWICE: Operation(lambda inner: 2 * inner, lambda inner: 2 * inner),
-    ca.OP_SQ: Operation(np.square, _square),
+CHOICE = ElementaryOperation(np.where, _choice)
+BELOW, ABOVE = (
+    ElementaryOperation(lambda inner, _: inner, _below),
+    ElementaryOperation(lambda inner, _: inner, _above),
+)
+AT_LEAST_ONE = ElementaryOperation(lambda inner: inner, lambda inner: _above(inner, 1.0))
+OPERATIONS: dict[int, ElementaryOperation] = {
+    ca.OP_ASSIGN: ElementaryOperation(lambda inner: inner, lambda inner: inner),
+    ca.OP_ADD: ElementaryOperation(np.add, _sum),
+    ca.OP_SUB: ElementaryOperation(np.subtract, lambda first, second: _sum(first, _negative(second))),
+    ca.OP_MUL: ElementaryOperation(np.multiply, _product),
+    ca.OP_DIV: ElementaryOperation(np.divide, _quotient),
+    ca.OP_NEG: ElementaryOperation(np.negative, _negative),
+    ca.OP_INV: ElementaryOperation(lambda inner: np.divide(1.0, inner), _inverse),
+    ca.OP_TWICE: ElementaryOperation(lambda inner: 2 * inner, lambda inner: 2 * inner),
+    ca.OP_SQ: ElementaryOperation(np.square, _square),
     ca.OP_SQRT: ROOT,
-    ca.OP_HYPOT: Operation(np.hypot, lambda first, second: ROOT.rule(_sum(_square(first), _square(second)))),
-    ca.OP_POW: Operation(np.power, _power),
-    ca.OP_CONSTPOW: Operation(np.power, _power),
+    ca.OP_HYPOT: ElementaryOperation(
+        np.hypot, lambda first, second: ROOT.rule(_sum(_square(first), _square(second)))
+    ),
+    ca.OP_POW: ElementaryOperation(np.power, _power),
+    ca.OP_CONSTPOW: ElementaryOperation(np.power, _power),
     ca.OP_EXP: EXPONENTIAL,
     ca.OP_EXPM1: _rising(np.expm1, np.exp),
     ca.OP_LOG: LOGARITHM,
     ca.OP_LOG1P: _rising(np.log1p, lambda value: inverse(1 + value)),
-    ca.OP_SIN: Operation(np.sin, _sine(0.0)),
-    ca.OP_COS: Operation(np.cos, _sine(pi / 2)),
-    ca.OP_TAN: Operation(np.tan, lambda inner: _quotient(_sine(0.0)(inner), _sine(pi / 2)(inner))),
+    ca.OP_SIN: ElementaryOperation(np.sin, _sine(0.0)),
+    ca.OP_COS: ElementaryOperation(np.cos, _sine(pi / 2)),
+    ca.OP_TAN: ElementaryOperation(np.tan, lambda inner: _quotient(_sine(0.0)(inner), _sine(pi / 2)(inner))),
     ca.OP_ASIN: ARC_SINE,
-    ca.OP_ACOS: Operation(np.arccos, lambda inner: _sum(_negative(ARC_SINE.rule(inner)), pi / 2)),
+    ca.OP_ACOS: ElementaryOperation(np.arccos, lambda inner: _sum(_negative(ARC_SINE.rule(inner)), pi / 2)),
     ca.OP_ATAN: ARC_TANGENT,
-    ca.OP_ATAN2: Operation(np.arctan2, _angle),
+    ca.OP_ATAN2: ElementaryOperation(np.arctan2, _angle),
     ca.OP_SINH: _rising(np.sinh, lambda value: even(np.cosh, value)),
     ca.OP_COSH: _even(np.cosh, np.sinh),
     ca.OP_TANH: _rising(np.tanh, lambda value: 1 - power(np.tanh(value), 2)[::-1]),
     ca.OP_FABS: _even(np.abs, np.sign),
-    ca.OP_FMIN: Operation(np.fmin, _smaller),
-    ca.OP_FMAX: Operation(np.fmax, _larger),
+    ca.OP_FMIN: ElementaryOperation(np.fmin, _smaller),
+    ca.OP_FMAX: ElementaryOperation(np.fmax, _larger),
     ca.OP_FLOOR: _steps(np.floor),
     ca.OP_CEIL: _steps(np.ceil),
     ca.OP_SIGN: _steps(np.sign),
@@ -325,7 +334,7 @@ OPERATIONS: dict[int, Operation] = {
     ca.OP_NOT: _condition(np.logical_not, lambda inner: _opposite(_truth(inner))),
     ca.OP_AND: _logical(np.logical_and),
     ca.OP_OR: _logical(np.logical_or),
-    ca.OP_IF_ELSE_ZERO: Operation(
+    ca.OP_IF_ELSE_ZERO: ElementaryOperation(
         lambda condition, chosen: np.where(condition, chosen, 0.0),
         lambda condition, chosen: _choice(condition, chosen, 0.0),
     ),

@@ -10,7 +10,7 @@ SOLVED = 1e-10
 """Largest residual of a solved equation, as a share of the terms of its linearisation."""
 
 
-class Solver:
+class RootSolver:
     """Newton's method for equations r(x, p) = 0, by CasADi's root finder.
 
     The units of equations and unknowns make no difference. Derivatives follow from the implicit function

@@ -22,7 +22,7 @@ ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Band:
+class BandMatrix:
     """A matrix of a few neighbouring entries in every row.
 
     Attributes:
@@ -88,7 +88,7 @@ def repeated_knots(knots: Array, degree: int, times: int) -> Array:
     return np.concatenate([knots[: degree + 1], *shifted])
 
 
-def basis(knots: Array, degree: int, times: Array) -> Band:
+def basis(knots: Array, degree: int, times: Array) -> BandMatrix:
     """Return the matrix (len(times), n) of the basis functions' values at `times` [s], at knots the limits
     from the right [de Boor, ch. X, eq. 4].
 
@@ -113,7 +113,7 @@ def basis(knots: Array, degree: int, times: Array) -> Band:
             share = np.divide(lower[index - 1], span, out=np.zeros_like(span), where=span > 0)
             values[index - 1] += share * (after - inside)
             values[index] = share * (inside - before)
-    return Band(count, place - degree, values.T)
+    return BandMatrix(count, place - degree, values.T)
 
 
 def values(knots: Array, degree: int, coefficients: Array, times: Array) -> Array:
@@ -128,7 +128,7 @@ def values(knots: Array, degree: int, coefficients: Array, times: Array) -> Arra
     return basis(knots, degree, times) @ coefficients
 
 
-def derivative(knots: Array, degree: int) -> tuple[Band, Array]:
+def derivative(knots: Array, degree: int) -> tuple[BandMatrix, Array]:
     """Return the derivative as a spline of one degree less: its coefficients' matrix (n - 1, n), its knots.
 
     The matrix takes the curve's coefficients to those of its derivative [de Boor, ch. X, eq. 15]. Where two
@@ -142,7 +142,7 @@ def derivative(knots: Array, degree: int) -> tuple[Band, Array]:
     count = len(knots) - degree - 1
     span = knots[degree + 1 : count + degree] - knots[1:count]
     scale = np.where(span > 0, degree / np.where(span > 0, span, 1.0), 0.0)
-    return Band(count, np.arange(count - 1), np.column_stack([-scale, scale])), knots[1:-1]
+    return BandMatrix(count, np.arange(count - 1), np.column_stack([-scale, scale])), knots[1:-1]
 
 
 def refined(knots: Array, degree: int, coefficients: Array, finer: Array) -> Array:
