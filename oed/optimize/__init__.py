@@ -40,7 +40,7 @@ def solve(
     progress: Progress | None = None,
     earlier: Mapping[str, Solution] | None = None,
 ) -> Solution:
-    """The best drive that `solver` (by default `Ipopt()`) finds for `problem`.
+    """Return the best drive that `solver` (by default `Ipopt()`) finds for `problem`.
 
     Args:
         problem: what to design for.
@@ -56,30 +56,33 @@ def solve(
     """
     require_count("seed", seed)
     options = _solver(solver)
-    chosen = seed if options.seed is None else options.seed
-    context = Context(chosen, workers or default_workers(), progress or Silent(), earlier or {})
-    own = options.own(problem)
-    own.require_designed()
-    require_identifiable(own)
-    if own.system.integrates:
-        solution = by_enough_steps(_searched, options, own, context)
+    stream = seed if options.seed is None else options.seed
+    context = Context(stream, workers or default_workers(), progress or Silent(), earlier or {})
+    searched = options.own(problem)
+    searched.require_designed()
+    require_identifiable(searched)
+    integrates = searched.system.integrates
+    if integrates:
+        solution = by_enough_steps(_searched, options, searched, context)
     else:
-        solution = _searched(options, own, context)
-        if own is problem:
-            return replace(solution, problem=problem)
-    # Found by another measure of quality, or by other steps, but scored by the problem's.
+        solution = _searched(options, searched, context)
+    same = searched is problem
+    if same and not integrates:
+        return replace(solution, problem=problem)
+    # The search had another measure of quality, or other steps; the score is the problem's.
     evaluation = None
     if solution.trajectory is not None and solution.status is not Status.UNSCORED:
         evaluation = evaluate(problem, solution.trajectory)
-        if own.system.integrates and solution.status not in ENDED and not evaluation.feasible:
+        if integrates and solution.status not in ENDED and not evaluation.feasible:
             # By its own steps the search had satisfied the limits.
             exceeded = f"With fine integration steps, limits are not satisfied: {limits_text(evaluation)}."
             detail = f"{solution.detail} {exceeded}".strip()
             solution = replace(solution, status=Status.INFEASIBLE, detail=detail)
-    if own is problem:
-        return replace(solution, evaluation=evaluation, problem=problem)
-    other = None if options.criterion is None else options.criterion.kind
-    return replace(solution, evaluation=evaluation, criterion=other, gains={}, problem=problem)
+    solution = replace(solution, evaluation=evaluation, problem=problem)
+    if same:
+        return solution
+    kind = None if options.criterion is None else options.criterion.kind
+    return replace(solution, criterion=kind, gains={})
 
 
 def _searched(options: Solver, problem: Problem, context: Context) -> Solution:
@@ -87,8 +90,8 @@ def _searched(options: Solver, problem: Problem, context: Context) -> Solution:
     # Another problem would be checked, and its expressions written, once more.
     bare = problem if problem.selection is None else replace(problem, selection=None)
     if problem.design.only is not None:
-        alone = scored(bare, problem.design.only, options.label)
-        solution = replace(alone, kind=options.kind, seed=context.seed, status=Status.CONVERGED)
+        only = scored(bare, problem.design.only, options.label)
+        solution = replace(only, kind=options.kind, seed=context.seed, status=Status.CONVERGED)
     elif (together := lifted(problem)) is not None:
         _require_no_start(options)
         solution = lowered(bare, assured(options, together, context))
@@ -108,13 +111,13 @@ def _require_no_start(options: Solver) -> None:
         raise ProblemError.about(("solvers", "start_from"), f"{text}: leave it out")
 
 
-def _solver(given: Solver | str | None) -> Solver:
-    if isinstance(given, str):
-        kinds = {one.model_fields["kind"].default: one for one in SOLVERS}
-        if given not in kinds:
-            raise WrongKind(f"solver: expected one of {', '.join(kinds)}, got {written(given)}")
-        return kinds[given](kind=given)
-    return given or Ipopt()
+def _solver(solver: Solver | str | None) -> Solver:
+    if isinstance(solver, str):
+        kinds = {kind.model_fields["kind"].default: kind for kind in SOLVERS}
+        if solver not in kinds:
+            raise WrongKind(f"solver: expected one of {', '.join(kinds)}, got {written(solver)}")
+        return kinds[solver](kind=solver)
+    return solver or Ipopt()
 
 
 __all__ = [

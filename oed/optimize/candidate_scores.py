@@ -99,9 +99,9 @@ class CandidateScorer:
         parts = np.array_split(candidates, at_once(self._workers))
         problem, refine = self._design.problem, self._refine
         tasks = [_Part(problem, refine, part, self._binary) for part in parts if len(part)]
-        found: dict[int, Scores] = {}
-        run_tasks(_scored, tasks, self._workers, found.__setitem__)
-        values, excess = zip(*(found[index] for index in range(len(tasks))), strict=True)
+        scores: dict[int, Scores] = {}
+        run_tasks(_scored, tasks, self._workers, scores.__setitem__)
+        values, excess = zip(*(scores[index] for index in range(len(tasks))), strict=True)
         return np.concatenate(values), np.concatenate(excess)
 
 
