@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from oed import E, Ipopt, UserMistake
-from oed.foundation import views
 from oed.foundation.presenting import UNIDENTIFIED, Card, Presented, brief, dataframe, parameter_rows
 
 CARD = Card(
@@ -82,8 +81,3 @@ def test_an_object_too_broken_to_describe_itself_is_named_all_the_same():
     assert repr(Broken()) == "<Broken>"
     with pytest.raises(ValueError, match="broken"):
         Broken().summary()
-
-
-def test_what_nobody_draws_is_refused():
-    with pytest.raises(TypeError, match="no figure of a int"):
-        views.make("figure", 3)
