@@ -79,22 +79,14 @@ def reading_courses(problem: Problem, trajectory: Trajectory, finer: int = 1) ->
         finer: places of every period of a system with states.
     """
     system = problem.system
-    courses = list[list[Course]]()
+    courses = []
     finer = finer if system.states else 1
-    for run, (states, slopes) in enumerate(_simulated(system, trajectory, finer)):
-        drive = trajectory.each[run]
-        begun = len(states) - 1 if not system.states else len(states)
-        held = np.vstack([np.repeat(drive.inputs, finer, axis=0), drive.inputs[-1:]])[:begun]
-        times = np.linspace(0.0, drive.duration, len(states))[:begun]
-        courses.append(
-            [
-                course
-                for sensor, label in _at_moments(problem)
-                for course in _courses(
-                    problem, sensor, label, (states[:begun], slopes[:begun], held), times, finer
-                )
-            ]
-        )
+    for drive, (states, slopes) in zip(trajectory.each, _simulated(system, trajectory, finer), strict=True):
+        count = len(states) if system.states else len(states) - 1
+        held = np.vstack([np.repeat(drive.inputs, finer, axis=0), drive.inputs[-1:]])
+        times = np.linspace(0.0, drive.duration, len(states))
+        moments = states[:count], slopes[:count], held[:count]
+        courses.append(list(_courses(problem, moments, times[:count], finer)))
     return courses
 
 
@@ -109,11 +101,7 @@ def response_courses(problem: Problem, place: int, values: Array) -> list[Course
     states, slopes = np.zeros((len(values), 0)), np.zeros((len(values), 0, len(problem.system.parameters)))
     held = np.zeros((len(values), len(problem.system.inputs)))
     held[:, place] = values
-    return [
-        course
-        for sensor, label in _at_moments(problem)
-        for course in _courses(problem, sensor, label, (states, slopes, held), values)
-    ]
+    return list(_courses(problem, (states, slopes, held), values))
 
 
 def _estimated(problem: Problem) -> list[int]:
@@ -121,13 +109,6 @@ def _estimated(problem: Problem) -> list[int]:
     names = [parameter.name for parameter in problem.system.parameters]
     (estimation,) = problem.any_estimations
     return [names.index(name) for name in estimation.parameters if name in names]
-
-
-def _at_moments(problem: Problem) -> Iterator[tuple[Sensor, str]]:
-    sensors = problem.measurement.joint_sensors
-    for sensor, label in zip(sensors, sensor_labels(sensors), strict=True):
-        if sensor.when != "between samples":
-            yield sensor, label
 
 
 def _simulated(system: System, trajectory: Trajectory, finer: int) -> Iterator[tuple[Array, Array]]:
@@ -140,8 +121,15 @@ def _simulated(system: System, trajectory: Trajectory, finer: int) -> Iterator[t
         yield simulation.states, simulation.sensitivities
 
 
-def _courses(
-    problem: Problem, sensor: Sensor, label: str, moments: Sequence[Array], places: Array, finer: int = 1
+def _courses(problem: Problem, moments: Sequence[Array], places: Array, finer: int = 1) -> Iterator[Course]:
+    sensors = problem.measurement.joint_sensors
+    for sensor, label in zip(sensors, sensor_labels(sensors), strict=True):
+        if sensor.when != "between samples":
+            yield from _courses_of(problem, sensor, label, moments, places, finer)
+
+
+def _courses_of(
+    problem: Problem, sensor: Sensor, label: str, moments: Sequence[Array], places: Array, finer: int
 ) -> Iterator[Course]:
     system, parameters = problem.system, _estimated(problem)
     function, count = moment_reading(sensor, system), len(places)

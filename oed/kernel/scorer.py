@@ -357,17 +357,18 @@ def _conditions(problem: Problem, trajectory: Trajectory) -> list[Margin]:
     shortest = space.runs * (space.shortest_duration or 0.0)
     if shortest:
         margins.append(Margin("shortest_duration", trajectory.duration - shortest, shortest, "s"))
+    chosen = problem.chosen_starts
     if problem.fixed_starts is not None:
         apart = np.abs(trajectory.starts - problem.fixed_starts)
         if not model.velocity_signal:
             # States of any size; those of robots are metres and radians.
-            sizes = np.where(problem.fixed_starts != 0, np.abs(problem.fixed_starts), 1.0)
-            apart = apart / sizes
-        offset = apart.max(initial=0.0)
-        units = dict.fromkeys(model.state_units[: model.chosen_states])
-        margins.append(Margin("start", problem.start_spare - float(offset), 1.0, " or ".join(units)))
-    elif problem.chosen_starts is not None and problem.chosen_starts.bounded:
-        outside = problem.chosen_starts.excess(trajectory.starts)
+            sizes = np.abs(problem.fixed_starts)
+            apart = apart / np.where(sizes > 0, sizes, 1.0)
+        offset = float(apart.max(initial=0.0))
+        unit = " or ".join(dict.fromkeys(model.state_units[: model.chosen_states]))
+        margins.append(Margin("start", problem.start_spare - offset, 1.0, unit))
+    elif chosen is not None and chosen.bounded:
+        outside = chosen.excess(trajectory.starts)
         margins.append(Margin("start", problem.start_spare - outside, 1.0, ""))
     if space.rest_to_rest and model.inputs:
         size = float(np.abs(problem.input_bounds).max())
