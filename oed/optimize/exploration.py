@@ -146,9 +146,9 @@ class Exploration:
         # Two of three from the best, the others from any of the elite.
         base = self.elite[0 if place < ROUND - 2 else int(self.rng.integers(len(self.elite)))]
         moved = varied_design(self.design, base.unknowns, self.rng)
-        # A barrier that takes fewer iterations begins more of them. No fixed share serves every problem: with
-        # a quarter from the larger one a race car's A ends at 8.4 instead of 6.8, with a half obstacle courses
-        # and skid steering lose 1.5 %.
+        # A barrier that takes fewer iterations begins more of them. No fixed share serves all problems:
+        # with a quarter from the larger one a race car's A ends at 8.4 instead of 6.8, with a half obstacle
+        # courses and skid steering lose 1.5 %.
         weights = np.array([(solves / iterations) ** 3 for solves, iterations in self._tallies.values()])
         barrier = float(self.rng.choice(BARRIERS, p=weights / weights.sum()))
         return Attempt(moved, barrier, perturbed=True)
