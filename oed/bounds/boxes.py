@@ -21,29 +21,29 @@ from oed.kernel.dynamics.intervals import EVERYTHING, full
 TIGHT = 1e-10
 """Share by which the bound may exceed the largest value found."""
 MOST_BOXES = 8_000
-"""Boxes that are looked at, at most."""
+"""Largest number of boxes that are bounded."""
 NARROW = 1e-12
-"""Share of the whole box that is not split any more."""
+"""Share of the root box's width below which a box is not split."""
 CHUNK = 2000
-"""Boxes that are looked at together."""
+"""Number of boxes that are bounded in one call."""
 NEWTON = 6
 """Newton steps towards the largest value of a box on which the function is concave."""
 STEPS = 60
-"""Steps towards local maxima, at most."""
+"""Largest number of steps towards local maxima."""
 SHORTEST = 1e-6
-"""Share of Newton's step that is not worth trying."""
+"""Share of Newton's step below which the line search ends."""
 FLAT = 1e-10
-"""Share of the largest curvature that stands for curvatures that are smaller."""
+"""Share of the largest curvature that replaces smaller curvatures."""
 
 
 @dataclass(frozen=True)
 class Largest:
-    """What is known of a function's largest value over a box.
+    """Enclosure of a function's largest value over a box.
 
     Attributes:
-        upper: no value is larger.
-        value: the largest found.
-        point: where that is, (n,).
+        upper: proved upper bound on the largest value.
+        value: largest value found.
+        point: point with that value, (n,).
     """
 
     upper: float
@@ -57,7 +57,7 @@ class Landscape:
     Attributes:
         rows: CasADi function x -> J.
         count: number of inputs.
-        is_bounded: every operation of f has bounds.
+        is_bounded: True if every operation of f has interval bounds.
     """
 
     def __init__(self, inputs: Expression, rows: Expression) -> None:
@@ -131,15 +131,14 @@ class Landscape:
 
 
 def peaks(landscape: Landscape, factor: Array, low: Array, high: Array, starts: Array) -> Array:
-    """Local maxima over a box that are near points, by Newton's method with shorter steps where these are too
-    long, (k, n).
+    """Return local maxima (k, n) over a box, by Newton's method with step control from given starts.
 
     Args:
-        landscape: of the function.
+        landscape: the function.
         factor: U, (q, q).
         low: smallest inputs, (n,).
         high: largest inputs, (n,).
-        starts: the points, (k, n).
+        starts: points from which the steps begin, (k, n).
     """
     point, lengths = starts, np.ones(len(starts))
     value, slope, second = landscape.at(point, factor)
@@ -147,26 +146,26 @@ def peaks(landscape: Landscape, factor: Array, low: Array, high: Array, starts: 
         outwards = ((point <= low) & (slope < 0)) | ((point >= high) & (slope > 0))
         step = _ascent(slope, second, np.asarray(np.logical_and(~outwards, high > low)))
         trial = np.clip(point + lengths[:, None] * step, low, high)
-        found = landscape.at(trial, factor)
-        higher = found[0] > value
+        at_trial = landscape.at(trial, factor)
+        higher = at_trial[0] > value
         if not higher.any() and (lengths < SHORTEST).all():
             break
         lengths = np.where(higher, np.minimum(2 * lengths, 1.0), lengths / 4)
         point = np.where(higher[:, None], trial, point)
-        value, slope = np.where(higher, found[0], value), np.where(higher[:, None], found[1], slope)
-        second = np.where(higher[:, None, None], found[2], second)
+        value, slope = np.where(higher, at_trial[0], value), np.where(higher[:, None], at_trial[1], slope)
+        second = np.where(higher[:, None, None], at_trial[2], second)
     return point
 
 
 def largest(landscape: Landscape, factor: Array, low: Array, high: Array, peaks: Array) -> Largest:
-    """The largest value over a box.
+    """Enclose the largest value over a box.
 
     Args:
-        landscape: of the function.
+        landscape: the function.
         factor: U, (q, q).
         low: smallest inputs, (n,).
         high: largest inputs, (n,).
-        peaks: points (k, n) at which it may be large, at least one.
+        peaks: points (k, n) at which the function may be large, at least one.
     """
     return _Search(landscape, factor, low, high, peaks).run()
 
@@ -180,15 +179,15 @@ class _Search:
         self._note(peaks)
 
     def run(self) -> Largest:
-        closed, seen, uppers = -np.inf, 0, np.full(1, np.inf)
-        while len(self.low) and seen < MOST_BOXES:
-            seen += len(self.low)
+        closed, examined, uppers = -np.inf, 0, np.full(1, np.inf)
+        while len(self.low) and examined < MOST_BOXES:
+            examined += len(self.low)
             uppers, gradients = self._bounds()
             wide = ((self.high - self.low) > NARROW * self.width).any(axis=1)
-            kept = wide & (uppers > self.value + TIGHT * abs(self.value))
-            closed = max(closed, float(uppers[~kept].max(initial=-np.inf)))
-            self.low, self.high, uppers = self.low[kept], self.high[kept], uppers[kept]
-            uppers = self._split(gradients[kept], uppers)
+            is_open = wide & (uppers > self.value + TIGHT * abs(self.value))
+            closed = max(closed, float(uppers[~is_open].max(initial=-np.inf)))
+            self.low, self.high, uppers = self.low[is_open], self.high[is_open], uppers[is_open]
+            uppers = self._split(gradients[is_open], uppers)
         upper = max(closed, self.value, float(uppers.max(initial=-np.inf)))
         return Largest(upper, self.value, self.point)
 
@@ -200,7 +199,7 @@ class _Search:
             self.value, self.point = float(values[best]), points[best]
 
     def _bounds(self) -> tuple[Array, Array]:
-        # Of every box, and its gradients.
+        # Upper bounds on the values over the open boxes, (k,), and bounds on the gradients, (k, n, 2).
         low, high, radius = self.low, self.high, (self.high - self.low) / 2
         middle = (low + high) / 2
         natural, gradients, second = self.landscape.over(low, high, self.factor)
@@ -211,20 +210,20 @@ class _Search:
         second = np.where(both[..., None], second, 0.0)
         steepest = np.where(moving, np.abs(gradients).max(axis=-1), 0.0)
         mean_value = value + (steepest * radius).sum(axis=1)
-        own = np.abs(second).max(axis=-1)
+        curvature = np.abs(second).max(axis=-1)
         diagonal = np.arange(low.shape[1])
-        own[:, diagonal, diagonal] = np.maximum(second[:, diagonal, diagonal, 1], 0.0)
+        curvature[:, diagonal, diagonal] = np.maximum(second[:, diagonal, diagonal, 1], 0.0)
         taylor = value + (np.abs(slope) * radius).sum(axis=1)
-        taylor = taylor + np.einsum("kab,ka,kb->k", own, radius, radius) / 2
-        found = np.stack([natural[:, 1], mean_value, taylor])
-        uppers = np.where(np.isnan(found), np.inf, found).min(axis=0)
+        taylor = taylor + np.einsum("kab,ka,kb->k", curvature, radius, radius) / 2
+        estimates = np.stack([natural[:, 1], mean_value, taylor])
+        uppers = np.where(np.isnan(estimates), np.inf, estimates).min(axis=0)
         chosen = np.flatnonzero(_concave(second) & (uppers > self.value + TIGHT * abs(self.value)))
         if len(chosen):
             uppers[chosen] = np.minimum(uppers[chosen], self._tangent(chosen))
         return uppers, gradients
 
     def _tangent(self, chosen: Places) -> Array:
-        # The function is below each of its tangent planes: that at about its largest value is the lowest.
+        # A concave function is below each of its tangent planes; the plane near its maximum is the lowest.
         low, high = self.low[chosen], self.high[chosen]
         point, lowest = (low + high) / 2, np.full(len(chosen), np.inf)
         for place in self.peaks:
@@ -239,16 +238,16 @@ class _Search:
         return lowest
 
     def _split(self, gradients: Array, uppers: Array) -> Array:
-        # A box where the function only rises or only falls along an input has its largest value at that end.
+        # Where the function is monotonic along an input, its largest value over the box is at that end.
         moving = self.high > self.low
-        # Also where it does not move along one.
+        # A zero gradient counts as rising.
         rising = moving & (gradients[..., 0] >= 0)
         falling = moving & ~rising & (gradients[..., 1] <= 0)
         low, high = np.where(rising, self.high, self.low), np.where(falling, self.low, self.high)
         flat = (rising | falling).any(axis=1)
         steepest = np.abs(gradients).max(axis=-1)
-        known = np.isfinite(steepest).all(axis=1, keepdims=True)
-        width = (high - low) * np.where(known, steepest, 1 / self.width)
+        is_finite = np.isfinite(steepest).all(axis=1, keepdims=True)
+        width = (high - low) * np.where(is_finite, steepest, 1 / self.width)
         width = np.where(width.max(axis=1, keepdims=True) > 0, width, high - low)
         along, rows = np.argmax(width, axis=1), np.flatnonzero(~flat)
         middle = (low[rows, along[rows]] + high[rows, along[rows]]) / 2
@@ -261,7 +260,8 @@ class _Search:
 
 
 def _concave(second: Array) -> Bools:
-    # Whether no matrix between the ends has a positive eigenvalue: by that of their middle.
+    # True if no matrix between the ends has a positive eigenvalue: the middle's largest eigenvalue plus the
+    # Frobenius norm of the radius bounds them all.
     finite: Bools = np.asarray(np.isfinite(second).all(axis=(1, 2, 3)))
     ends = np.where(finite[:, None, None, None], second, 0.0)
     ends = (ends + ends.transpose(0, 2, 1, 3)) / 2
@@ -271,12 +271,12 @@ def _concave(second: Array) -> Bools:
 
 
 def _pairs(moving: Bools) -> Bools:
-    # Which second derivatives count, (k, n, n).
+    # True for second derivatives by two inputs that both vary in the box, (k, n, n).
     return np.asarray(np.einsum("ka,kb->kab", moving, moving))
 
 
 def _ascent(slope: Array, second: Array, moving: Bools) -> Array:
-    # Newton's step upwards along the inputs that move, as if the function were concave there.
+    # Newton's ascent step along the moving inputs, with all curvatures taken as negative.
     both = _pairs(moving)
     finite: Bools = np.asarray(np.isfinite(second).all(axis=(1, 2)) & np.isfinite(slope).all(axis=1))
     curved = np.where(both & finite[:, None, None], second, 0.0)

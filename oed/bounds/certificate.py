@@ -1,4 +1,4 @@
-"""What is proved about the best design: an upper bound on the objective, and under which assumptions."""
+"""Certificates: proved upper bounds on the objective, with their assumptions."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.results import Evaluation
 
 INFLATION = 1e-9
-"""Share of the information by which every bound is raised, far above what rounding can have taken from it."""
+"""Share of the information by which every bound is raised, far above the rounding errors."""
 OF_ALL = (
     "the study's model at its nominal parameter values, with its duration, samples and held inputs",
     "information is linearised about these values",
     f"computed in floating point, raised by {significant(1)(INFLATION)} of the information against rounding",
 )
-"""What every bound is about, whatever else it assumes."""
+"""Assumptions common to all bounds."""
 LOOSE = 0.05
-"""Gap above which a bound is called loose."""
+"""Gap above which a bound counts as loose."""
 LATTICE = "lattice"
-"""Name and kind of the drive that the lattice's search comes upon."""
+"""Name and kind of the best drive of the lattice search."""
 EXACT = 1e-9
-"""Share of a limit's size by which a drive that satisfies it exactly may exceed it, for rounding."""
+"""Violation, as a share of a limit's size, that counts as rounding."""
 SMALLEST = E()
-"""The smallest eigenvalue."""
+"""Default criterion: the smallest eigenvalue."""
 
 
 @dataclass(frozen=True)
 class Bound:
-    """One proved upper bound on the objective.
+    """Proved upper bound on the objective.
 
     Attributes:
-        value: no feasible design scores more.
-        method: how it was found.
-        assumptions: what it rests on, one sentence each.
-        multiplier: the Z >= 0 of which tr(Z F) is bounded, where it is one of these: with trace 1 for
-            lambda_min(F) <= tr(Z F); of other criteria see `Criterion.trace_bound`.
-        block: of the readings that F is of; "" of all.
+        value: upper bound on the objective of every feasible design.
+        method: derivation of the bound, in words.
+        assumptions: assumptions of the bound, one sentence each.
+        multiplier: matrix Z >= 0 with trace 1 if the bound is one on tr(Z F), as in lambda_min(F) <= tr(Z F);
+            other criteria use `Criterion.trace_bound`. None for other bounds.
+        block: block of readings with the information F; "" for all readings.
     """
 
     value: float
@@ -55,21 +55,21 @@ class Bound:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Certificate(ByValue, Presented):
-    """The smallest of the bounds found, and what drives were found with it.
+    """Smallest of the bounds that hold for a problem, with the best drive of the search.
 
     Attributes:
-        upper_bound: no design that satisfies the limits exactly has a larger objective; infinite if nothing
-            is proved.
-        method, multiplier: of that bound.
-        assumptions: of every bound, then those of that one.
-        bounds: every bound found, the smallest first.
-        drive: a drive that the search for the bound came upon, where it did.
-        complete: whether the search for it ended by itself, not by the most nodes allowed.
-        nodes: of that search, 0 without one.
-        widened: the same of limits widened by what scoring tolerates: no feasible design exceeds it.
-        criterion: that is bounded.
-        judged: number of parameters that it judges.
-        wall_seconds: of the computation.
+        upper_bound: upper bound on the objective of designs that satisfy the limits exactly; infinite if
+            nothing is proved.
+        method, multiplier: method and multiplier of the smallest bound.
+        assumptions: assumptions common to all bounds, then those of the smallest one.
+        bounds: all bounds, the smallest first.
+        drive: best drive of the lattice search; None without one.
+        complete: True if the search reached its gap before its limits on nodes and time.
+        nodes: number of nodes of the search, 0 without one.
+        widened: certificate for limits widened by the scoring tolerance: it holds for every feasible design.
+        criterion: criterion that is bounded.
+        judged: number of parameters that the criterion judges.
+        wall_seconds: computing time [s].
     """
 
     upper_bound: float
@@ -86,28 +86,30 @@ class Certificate(ByValue, Presented):
     wall_seconds: float = field(default=0.0, compare=False)
 
     def __post_init__(self) -> None:
-        """Say what every bound is about, where something is proved."""
+        """Add the common assumptions to a finite bound."""
         if np.isfinite(self.upper_bound):
             object.__setattr__(self, "assumptions", with_common(self.assumptions))
 
     def bound_on(self, evaluation: Evaluation) -> float:
-        """The bound that a drive is to be held against; see `bound_on`."""
+        """Return the bound that applies to a drive; see `bound_on`."""
         widened = None if self.widened is None else self.widened.upper_bound
         return bound_on(evaluation, self.upper_bound, widened)
 
     def gap(self, objective: float, bound: float | None = None) -> float:
-        """By what share a bound, by default the exact one, exceeds an objective, in efficiency: for E
-        bound / objective - 1, for D exp((bound - objective) / p) - 1, for A objective / bound - 1.
+        """Return the share by which a bound exceeds an objective, in efficiency.
+
+        That is bound / objective - 1 for E, exp((bound - objective) / p) - 1 for D, and
+        objective / bound - 1 for A.
 
         Args:
-            objective: of a design.
-            bound: of designs like that one, see `bound_on`.
+            objective: objective of a design.
+            bound: bound that applies to the design, see `bound_on`; by default the one for exact limits.
         """
         most = self.upper_bound if bound is None else bound
         return gap(most, objective, self.criterion, self.judged)
 
     def loose(self, objective: float) -> bool:
-        """Whether the bound says little about a design of that objective."""
+        """Return True if the gap of a design with this objective is above `LOOSE`."""
         return self.gap(objective) > LOOSE
 
     def _card(self) -> Card:
@@ -117,51 +119,49 @@ class Certificate(ByValue, Presented):
             ("assumes", "; ".join(self.assumptions)),
             ("search", "" if self.complete else "not complete: more nodes may lower the bound"),
         )
-        rows = tuple((number(one.value), one.method) for one in self.bounds)
+        rows = tuple((number(bound.value), bound.method) for bound in self.bounds)
         return Card("Certificate: no design has a larger objective", facts, ("bound", "method"), rows)
 
 
 def with_common(assumptions: Iterable[str]) -> tuple[str, ...]:
-    """Assumptions of a bound after those of every bound, which earlier versions did not say."""
-    return (*OF_ALL, *(one for one in assumptions if one not in OF_ALL))
+    """Return the common assumptions, followed by further ones."""
+    return (*OF_ALL, *(assumption for assumption in assumptions if assumption not in OF_ALL))
 
 
 def gap(bound: float, objective: float, criterion: Criterion = SMALLEST, judged: int = 1) -> float:
-    """By what share a bound exceeds an objective, in efficiency; infinite for what is not identifiable.
+    """Return the share by which a bound exceeds an objective; infinite for an unidentifiable design.
 
     Args:
-        bound: on the objective.
-        objective: of a design.
-        criterion: whose values both are.
-        judged: number of parameters that it judges.
+        bound: bound on the objective.
+        objective: objective of a design.
+        criterion: criterion of both values.
+        judged: number of parameters that the criterion judges.
     """
     useless = not np.isfinite(objective) or (criterion.proportional and objective <= 0)
     return np.inf if useless or bound == np.inf else criterion.change(bound, objective, judged)
 
 
 def raised(bound: float, criterion: Criterion, judged: int) -> float:
-    """Return a bound for a little more information than rounding can have taken from it.
+    """Return a bound raised by more than the rounding errors of the information.
 
     Args:
-        bound: on the objective, of any sign.
-        criterion: whose value it is.
-        judged: number of parameters that it judges.
+        bound: bound on the objective, of any sign.
+        criterion: criterion of the bound.
+        judged: number of parameters that the criterion judges.
     """
     return criterion.scaled(bound, INFLATION, judged) if np.isfinite(bound) else bound
 
 
 def bound_on(evaluation: Evaluation, exact: float, widened: float | None) -> float:
-    """The bound that a drive is to be held against, of two for exact and for widened limits.
-
-    The widened one for a drive that satisfies the limits within the tolerance only.
+    """Return the bound that applies to a drive: the widened one if it uses the tolerance of the limits.
 
     Args:
-        evaluation: of the drive.
-        exact: the bound for limits satisfied exactly.
-        widened: the bound for limits within the tolerance; None without one.
+        evaluation: evaluation of the drive.
+        exact: bound for limits satisfied exactly.
+        widened: bound for limits satisfied within the tolerance; None without one.
     """
     if widened is None or not evaluation.feasible:
         return exact
     satisfied = all(margin.violation <= EXACT * margin.size for margin in evaluation.margins)
-    # What is satisfied to rounding may exceed by rounding.
+    # A drive that satisfies the limits but for rounding may exceed the exact bound by rounding.
     return exact if satisfied and evaluation.objective <= exact else widened

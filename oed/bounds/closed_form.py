@@ -1,4 +1,4 @@
-"""Closed-form upper bounds on the smallest eigenvalue, each with what it rests on.
+"""Closed-form upper bounds on the smallest eigenvalue, with their assumptions.
 
 All come from lambda_min(F) <= v'F v for one direction v of unit length, or <= tr F / p: the information on a
 single combination of parameters that the room, the limits or geometry keep small.
@@ -33,111 +33,117 @@ SPEEDS = "wheel speeds and accelerations within their limits"
 NO_ROOM = "the room is left out"
 """An assumption, in words."""
 TURNED = "largest angles of both inputs in every segment, of which one has to turn round"
-"""How a bound on what headings say is found."""
+"""Method of the bound on the information of headings."""
 
 
 def regression_bounds(problem: Problem) -> Iterator[Bound]:
-    """Bounds on E for the paper's regressions with independent increments."""
+    """Yield bounds on E for the paper's regressions with independent increments."""
     measurement = problem.measurement
     if type(problem.criterion) is not E or not isinstance(measurement, Displacements):
         return
     if measurement.noise_model != "increments":
         return
-    for one in problem.any_estimations:
-        yield from _trace_bounds(problem, measurement, one)
-        yield from _turned_round(problem, measurement, one)
+    for estimation in problem.any_estimations:
+        yield from _trace_bounds(problem, measurement, estimation)
+        yield from _turned_round(problem, measurement, estimation)
         rows = coefficient_rows(problem)
-        if one.block.name == "position" and rows is not None and len(one.judged) == len(rows[0]):
-            # In the order in which the parameters are estimated.
-            order = _columns(one)
-            yield from _direction_bounds(problem, measurement, one, (rows[0][order], rows[1][order]))
+        if (
+            estimation.block.name == "position"
+            and rows is not None
+            and len(estimation.judged) == len(rows[0])
+        ):
+            # Columns in the order of the estimated parameters.
+            order = _columns(estimation)
+            yield from _direction_bounds(problem, measurement, estimation, (rows[0][order], rows[1][order]))
 
 
-def noise_of(problem: Problem, one: Estimation) -> float:
-    """What the objective divides W by: the noise, or 1 where it takes that as it is."""
-    raw = one.block.raw and problem.criterion.scaling == "none"
-    return 1.0 if raw or one.block.noise is None else one.block.noise
+def noise_of(problem: Problem, estimation: Estimation) -> float:
+    """Return the divisor of W in the objective: the noise, or 1 if the objective uses W as it is."""
+    raw = estimation.block.raw and problem.criterion.scaling == "none"
+    return 1.0 if raw or estimation.block.noise is None else estimation.block.noise
 
 
-def _columns(one: Estimation) -> list[int]:
-    return [one.block.parameters.index(name) for name in one.judged]
+def _columns(estimation: Estimation) -> list[int]:
+    return [estimation.block.parameters.index(name) for name in estimation.judged]
 
 
-def prior_matrix(problem: Problem, one: Estimation) -> Array:
-    """The prior information on the judged parameters, scaled, were the others known: (p, p)."""
-    size = len(one.judged)
-    known = None if problem.prior is None else prior_of(problem.prior, one.block, one.parameters)
-    if known is None:
+def prior_matrix(problem: Problem, estimation: Estimation) -> Array:
+    """Return the scaled prior information on the judged parameters, (p, p), with all others as known."""
+    size = len(estimation.judged)
+    information = (
+        None if problem.prior is None else prior_of(problem.prior, estimation.block, estimation.parameters)
+    )
+    if information is None:
         return np.zeros((size, size))
-    return np.asarray(known[:size, :size] * np.outer(one.scales, one.scales))
+    return np.asarray(information[:size, :size] * np.outer(estimation.scales, estimation.scales))
 
 
-def _trace_bounds(problem: Problem, measurement: Displacements, one: Estimation) -> Iterator[Bound]:
-    # Each segment's rows are sums of T w: no longer than the sum of the lengths.
+def _trace_bounds(problem: Problem, measurement: Displacements, estimation: Estimation) -> Iterator[Bound]:
+    # The rows of a segment are sums of T w, so their norm is at most the sum of the norms.
     factor = grip(problem)
     if factor is None:
         return
-    columns, weights = _columns(one), one.scales / noise_of(problem, one)
+    columns, weights = _columns(estimation), estimation.scales / noise_of(problem, estimation)
     # A robot that also moves sideways has every input in two columns of W.
     inputs = [column % len(problem.model.inputs) for column in columns]
     reach = factor * problem.design.period * input_reach(problem)[:, inputs] * weights
     lengths = np.linalg.norm(reach, axis=1)
     edges = measurement.segment_edges(problem.design.samples)
     sums = np.add.reduceat(lengths, edges[:-1])
-    value = (float((sums**2).sum()) + float(np.trace(prior_matrix(problem, one)))) / len(columns)
+    value = (float((sums**2).sum()) + float(np.trace(prior_matrix(problem, estimation)))) / len(columns)
     yield Bound(
         value,
         "largest wheel speeds in every period, the same information in all directions",
         (SPEEDS, NO_ROOM),
         np.eye(len(columns)) / len(columns),
-        one.block.name,
+        estimation.block.name,
     )
 
 
-def _turned_round(problem: Problem, measurement: Displacements, one: Estimation) -> Iterator[Bound]:
+def _turned_round(problem: Problem, measurement: Displacements, estimation: Estimation) -> Iterator[Bound]:
     # The heading turns by c11 and c12 times the angles a of two inputs, and the smallest eigenvalue is at
-    # most half the trace less |F12|: segments in which the product of both angles has one sign, and those in
-    # which it has the other, have to be about as many. So an input turns round between two of them.
-    columns, known = _columns(one), prior_matrix(problem, one)
-    if one.block.name != "heading" or len(columns) != 2 or not unslipped(problem):
+    # most half the trace less |F12|. So segments with a positive and with a negative product of both angles
+    # have to be about equally many, and an input changes its sign between two of them.
+    columns, prior = _columns(estimation), prior_matrix(problem, estimation)
+    if estimation.block.name != "heading" or len(columns) != 2 or not unslipped(problem):
         return
     if len(problem.model.inputs) != 2:
         return
     period, edges = problem.design.period, measurement.segment_edges(problem.design.samples)
-    weights = one.scales / noise_of(problem, one)
+    weights = estimation.scales / noise_of(problem, estimation)
     reach = period * input_reach(problem)[:, columns] * weights
     steps = period**2 * largest_rates(problem)[columns] * weights
-    value = most_turning(reach, steps, edges) + float(np.trace(known)) / 2 + abs(float(known[0, 1]))
-    yield Bound(value, TURNED, (SPEEDS, NO_ROOM), None, one.block.name)
+    value = most_turning(reach, steps, edges) + float(np.trace(prior)) / 2 + abs(float(prior[0, 1]))
+    yield Bound(value, TURNED, (SPEEDS, NO_ROOM), None, estimation.block.name)
 
 
 def most_turning(reach: Array, steps: Array, edges: Places) -> float:
-    """At least the smallest eigenvalue of sum a a' of the angles a (2,) of both inputs, segment by segment.
+    """Return an upper bound on the smallest eigenvalue of sum a a' for the angles a (2,) of all segments.
 
     Args:
         reach: largest angle of each input in every period, (N, 2).
-        steps: largest change of each from a period to the next, (2,).
+        steps: largest change of each angle from a period to the next, (2,).
         edges: periods at which segments begin, and N, (P + 1,).
     """
     angles = np.add.reduceat(reach, edges[:-1])
-    one_sign, other = angles.max(axis=1) ** 2 / 2, angles.sum(axis=1) ** 2 / 2
-    # What one segment more of the sign that fewer have is worth.
-    gains = np.cumsum(np.sort(other - one_sign)[::-1])
-    squares, found = (angles**2).sum(axis=0), []
+    one_sign, both_signs = angles.max(axis=1) ** 2 / 2, angles.sum(axis=1) ** 2 / 2
+    # Gain of another segment with the rarer sign.
+    gains = np.cumsum(np.sort(both_signs - one_sign)[::-1])
+    squares, largest = (angles**2).sum(axis=0), []
     for aside in range((len(angles) - 1) // 2):
-        # With more segments of either sign than those at both ends, one of the others is where it changes.
+        # With more segments of either sign than those at both ends, the sign changes between the ends.
         few = float(one_sign.sum() + (gains[2 * aside - 1] if aside else 0.0))
         first, last = int(edges[aside]), int(edges[-1 - aside])
         passing = [
             _passing_zero(reach[:, place], float(steps[place]), edges, first, last) for place in (0, 1)
         ]
-        found.append(max(few, float(np.max(squares.sum() - squares + passing)) / 2))
-    return min([float(squares.sum()) / 2, *found])
+        largest.append(max(few, float(np.max(squares.sum() - squares + passing)) / 2))
+    return min([float(squares.sum()) / 2, *largest])
 
 
 def _passing_zero(reach: Array, step: float, edges: Places, first: int, last: int) -> float:
-    # The largest sum of squared angles per segment of an input that changes its sign from one period to the
-    # next, or is 0 there, of those from `first` until `last`.
+    # The largest sum of squared angles per segment of an input that changes its sign, or is 0, between two
+    # successive periods from `first` until `last`.
     periods, best = np.arange(len(reach)), 0.0
     for before in range(first, last - 1):
         away = np.where(periods <= before, before - periods + 1, periods - before)
@@ -147,38 +153,40 @@ def _passing_zero(reach: Array, step: float, edges: Places, first: int, last: in
 
 
 def _direction_bounds(
-    problem: Problem, measurement: Displacements, one: Estimation, rows: tuple[Array, Array]
+    problem: Problem, measurement: Displacements, estimation: Estimation, rows: tuple[Array, Array]
 ) -> Iterator[Bound]:
     edges = measurement.segment_edges(problem.design.samples)
     count, arcs = len(edges) - 1, robot_of(problem.system).integration == "arc"
     speeds, bounds = top_speeds(problem), room(problem)
     lengths = None if speeds is None else np.add.reduceat(problem.design.period * speeds, edges[:-1])
-    variance = noise_of(problem, one) ** 2
+    variance = noise_of(problem, estimation) ** 2
     if arcs:
         method = "a segment's turn is a chord of the unit circle, no longer than its diameter"
         assumptions: tuple[str, ...] = ("exact arcs", "neither speeds nor the room matter")
-        yield along(problem, one, rows[0], 4.0 * count / variance, method, assumptions)
+        yield along(problem, estimation, rows[0], 4.0 * count / variance, method, assumptions)
     if lengths is not None:
         method, assumptions = "a segment is no longer than the top speed allows", (SPEEDS, NO_ROOM)
-        yield along(problem, one, rows[1], float((lengths**2).sum()) / variance, method, assumptions)
+        yield along(problem, estimation, rows[1], float((lengths**2).sum()) / variance, method, assumptions)
     budget = path_budget(problem)
     if lengths is not None and budget is not None:
         method = "no more path than allowed, in segments as long as the top speed allows"
         assumptions = ("path length within its limit", SPEEDS, NO_ROOM)
-        yield along(problem, one, rows[1], largest_squares(lengths, budget) / variance, method, assumptions)
+        yield along(
+            problem, estimation, rows[1], largest_squares(lengths, budget) / variance, method, assumptions
+        )
     if arcs and bounds is not None:
         x_min, x_max, y_min, y_max = bounds
         diagonal = (x_max - x_min) ** 2 + (y_max - y_min) ** 2
         squares = np.full(count, diagonal) if lengths is None else np.minimum(lengths**2, diagonal)
         method = "a segment's displacement is no longer than the room's diagonal"
         assumptions = ("exact arcs", "every position within the room", SPEEDS)
-        yield along(problem, one, rows[1], float(squares.sum()) / variance, method, assumptions)
+        yield along(problem, estimation, rows[1], float(squares.sum()) / variance, method, assumptions)
 
 
 def largest_squares(lengths: Array, budget: float) -> float:
-    """The largest sum of squares of numbers up to `lengths` that add up to at most `budget`.
+    """Return the largest sum of squares of numbers up to `lengths` that add up to at most `budget`.
 
-    The longest first: no other numbers have larger sums of their largest ones, nor of their squares.
+    The budget is spent on the longest first: these numbers majorise all others.
     """
     longest = np.sort(lengths)[::-1]
     before = np.concatenate([[0.0], np.cumsum(longest)[:-1]])
@@ -187,21 +195,26 @@ def largest_squares(lengths: Array, budget: float) -> float:
 
 
 def along(
-    problem: Problem, one: Estimation, change: Array, value: float, method: str, assumptions: tuple[str, ...]
+    problem: Problem,
+    estimation: Estimation,
+    change: Array,
+    value: float,
+    method: str,
+    assumptions: tuple[str, ...],
 ) -> Bound:
-    """The bound from one direction: `change` of the judged parameters, SI, has at most information `value`.
+    """Return the bound from an upper bound `value` on the information about one direction `change`.
 
-    In scaled parameters it is v times its length, so v'F v is at most value over that length squared.
+    In scaled parameters the change is v times its length, so v'F v is at most value over that length squared.
 
     Args:
-        problem: to be bounded.
-        one: the estimation.
-        change: of the judged parameters, SI, (p,).
-        value: information on that change at most.
-        method: how the bound was found, in words.
-        assumptions: what it rests on, in words.
+        problem: problem to be bounded.
+        estimation: estimation of its parameters.
+        change: change of the judged parameters, SI, (p,).
+        value: upper bound on the information about the change.
+        method: derivation of the bound, in words.
+        assumptions: assumptions of the bound, in words.
     """
-    scaled = change / one.scales
+    scaled = change / estimation.scales
     unit = scaled / np.linalg.norm(scaled)
-    bound = value / float(scaled @ scaled) + float(unit @ prior_matrix(problem, one) @ unit)
-    return Bound(bound, method, assumptions, np.outer(unit, unit), one.block.name)
+    bound = value / float(scaled @ scaled) + float(unit @ prior_matrix(problem, estimation) @ unit)
+    return Bound(bound, method, assumptions, np.outer(unit, unit), estimation.block.name)

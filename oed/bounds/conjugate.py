@@ -1,7 +1,7 @@
-"""Bounds on D and A from what limits the information on some combinations of parameters.
+"""Bounds on D and A from bounds on the information about combinations of parameters.
 
-Every bound on E is one of some tr(Z F), Z of trace 1. Of a sum of such Z that is positive definite, the
-concave conjugate of a criterion bounds that criterion.
+Every bound on E is one on tr(Z F) for some Z of trace 1. For a positive definite sum of such Z, the concave
+conjugate of a criterion bounds that criterion.
 """
 
 from __future__ import annotations
@@ -18,16 +18,17 @@ from oed.kernel.criteria import A, Criterion, D, E
 from oed.kernel.problem import Problem
 
 SLIGHT = 1e-6
-"""Share of the information below which a combination is left out."""
+"""Share of a matrix in the sum below which it is left out."""
 OUTSIDE = 1e9
-"""Of sums that bound nothing, to rounding."""
+"""Excess for singular sums of Z, which give no bound."""
 OPTIONS = {"gtol": 1e-12}
-"""Of the minimiser: slopes that it takes for none, near those of rounding."""
+"""Options of the minimiser: it ends at slopes near rounding."""
 
 
 def traced(problem: Problem) -> Problem | None:
-    """A problem with criterion E in the place of its own, D or A, which the bounds on E say something about;
-    None of others.
+    """Return the problem with criterion E instead of D or A; None for other criteria.
+
+    Bounds on E are bounds on tr(Z F), which combine to bounds on D and A.
     """
     if type(problem.criterion) not in (D, A):
         return None
@@ -36,44 +37,49 @@ def traced(problem: Problem) -> Problem | None:
 
 
 def combined_bounds(problem: Problem, bounds: Sequence[Bound]) -> Iterator[Bound]:
-    """The lowest bound that bounds of some tr(Z F) give together; none where they leave a combination free.
+    """Yield the lowest bound on D or A that bounds on tr(Z F) give together.
+
+    There is none if the bounds leave some combination of parameters free.
 
     Args:
-        problem: with criterion D or A.
-        bounds: on E, each with its Z.
+        problem: problem with criterion D or A.
+        bounds: bounds on E with their Z.
     """
-    names = [one.block.name for one in problem.any_estimations]
-    each = [
+    names = [estimation.block.name for estimation in problem.any_estimations]
+    by_block = [
         _combined(
-            problem.criterion, [one for one in bounds if one.block == name and one.multiplier is not None]
+            problem.criterion,
+            [bound for bound in bounds if bound.block == name and bound.multiplier is not None],
         )
         for name in names
     ]
-    found = [one for one in each if one is not None]
-    if len(found) == len(names):
+    combined = [bound for bound in by_block if bound is not None]
+    if len(combined) == len(names):
         # Both criteria add up over the blocks.
         yield Bound(
-            sum(one.value for one in found),
-            _joined(one.method for one in found),
-            tuple(dict.fromkeys(text for one in found for text in one.assumptions)),
-            found[0].multiplier if len(found) == 1 else None,
+            sum(bound.value for bound in combined),
+            _joined(bound.method for bound in combined),
+            tuple(dict.fromkeys(text for bound in combined for text in bound.assumptions)),
+            combined[0].multiplier if len(combined) == 1 else None,
         )
 
 
-def _combined(criterion: Criterion, known: Sequence[Bound]) -> Bound | None:
-    if not known:
+def _combined(criterion: Criterion, bounds: Sequence[Bound]) -> Bound | None:
+    if not bounds:
         return None
-    matrices = np.stack([one.multiplier for one in known if one.multiplier is not None])
-    # Every combination has so much of the information.
-    matrices = matrices / np.maximum([one.value for one in known], np.finfo(float).tiny)[:, None, None]
+    matrices = np.stack([bound.multiplier for bound in bounds if bound.multiplier is not None])
+    # Scaled so that tr(Z F) <= 1.
+    matrices = matrices / np.maximum([bound.value for bound in bounds], np.finfo(float).tiny)[:, None, None]
     shares = _lowest(criterion, matrices)
     multiplier = np.tensordot(shares, matrices, axes=1)
     value = criterion.trace_bound(multiplier, 1.0)
     if not np.isfinite(value):
         return None
-    used = [one for one, share in zip(known, shares, strict=True) if share]
-    assumptions = tuple(dict.fromkeys(text for one in used for text in one.assumptions))
-    return Bound(value, _joined(one.method for one in used), assumptions, multiplier / np.trace(multiplier))
+    used = [bound for bound, share in zip(bounds, shares, strict=True) if share]
+    assumptions = tuple(dict.fromkeys(text for bound in used for text in bound.assumptions))
+    return Bound(
+        value, _joined(bound.method for bound in used), assumptions, multiplier / np.trace(multiplier)
+    )
 
 
 def _joined(methods: Iterable[str]) -> str:
@@ -81,15 +87,15 @@ def _joined(methods: Iterable[str]) -> str:
 
 
 def _lowest(criterion: Criterion, matrices: Array) -> Array:
-    # Shares (n,) of the sum of Z (n, p, p), each with tr(Z F) at most 1. The bound is quasiconvex in them, so
-    # a descent from equal shares ends at the lowest; along their logarithms they stay positive.
+    # Shares (n,) in the sum of Z (n, p, p) with tr(Z F) <= 1. The bound is quasiconvex in the shares, so a
+    # descent from equal shares ends at the lowest bound; logarithms keep the shares positive.
     equal = np.full(len(matrices), 1 / len(matrices))
     total = np.tensordot(equal, matrices, axes=1)
     first = criterion.trace_bound(total, 1.0)
     slope = criterion.trace_slope(total, 1.0) if np.isfinite(first) else None
     if slope is None or len(equal) == 1:
         return equal
-    # What the bound changes by when the information grows by a share of itself.
+    # Change of the bound per relative change of the information.
     scale = -float(np.sum(slope * total))
 
     def excess(logs: Array) -> tuple[float, Array]:
@@ -99,11 +105,11 @@ def _lowest(criterion: Criterion, matrices: Array) -> Array:
         slope = criterion.trace_slope(total, 1.0) if np.isfinite(value) else None
         if slope is None:
             return OUTSIDE, np.zeros(len(shares))
-        each = np.tensordot(matrices, slope, axes=2)
-        return (value - first) / scale, shares * (each - shares @ each) / scale
+        derivatives = np.tensordot(matrices, slope, axes=2)
+        return (value - first) / scale, shares * (derivatives - shares @ derivatives) / scale
 
-    found = scipy.optimize.minimize(excess, np.zeros(len(equal)), jac=True, method="BFGS", options=OPTIONS)
-    trial = _shares(found.x)
+    solution = scipy.optimize.minimize(excess, np.zeros(len(equal)), jac=True, method="BFGS", options=OPTIONS)
+    trial = _shares(solution.x)
     trial = np.where(trial > SLIGHT, trial, 0.0)
     best = min(
         equal,
@@ -114,5 +120,5 @@ def _lowest(criterion: Criterion, matrices: Array) -> Array:
 
 
 def _shares(logs: Array) -> Array:
-    found = np.exp(logs - logs.max())
-    return np.asarray(found / found.sum())
+    exponentials = np.exp(logs - logs.max())
+    return np.asarray(exponentials / exponentials.sum())

@@ -1,8 +1,8 @@
-"""Upper bounds for sensors that are estimated from together, from two directions nobody can do much about.
+"""Upper bounds for sensors that are fused in one estimation, from two poorly identifiable directions.
 
-Growing all lengths of the robot alike moves every position away from the start in proportion: that is as
-informative as the positions lie apart. Changing the forward speed in proportion to the yaw rate moves every
-position along a circle of the track's size.
+Growing all lengths of the robot by one factor moves every position away from the start in proportion, so the
+information grows with the spread of the positions. Changing the forward speed in proportion to the yaw rate
+moves every position along a circle of the track's size.
 """
 
 from __future__ import annotations
@@ -27,43 +27,47 @@ from oed.robots.sensors.poses import Poses
 
 
 def joint_bounds(problem: Problem) -> Iterator[Bound]:
-    """Bounds on E for sensors that are estimated from together; none where the noise of one is not known."""
+    """Yield bounds on E for fused sensors whose noise is known."""
     sensors = problem.measurement.joint_sensors if type(problem.criterion) is E else ()
     weights = _position_precisions(sensors)
     if weights is None:
         return
-    # Of all readings together, per squared displacement.
+    # Information of all readings per squared displacement.
     readings = [len(sensor.columns(problem.design.samples)) for sensor in sensors]
     total = sum(weight * count for weight, count in zip(weights, readings, strict=True))
-    (one,) = problem.any_estimations
+    (estimation,) = problem.any_estimations
     if robot_of(problem.system).physical is not problem.system:
-        yield from _circle_bound(problem, one, sensors, total)
+        yield from _circle_bound(problem, estimation, sensors, total)
     else:
-        yield from _size_bounds(problem, one, sensors, weights, total)
+        yield from _size_bounds(problem, estimation, sensors, weights, total)
 
 
 def _position_precisions(sensors: Sequence[Sensor]) -> list[float] | None:
-    # Information per reading and squared displacement of each sensor [1/m^2], at most; None if unknown.
-    found = [precision(sensor) for sensor in sensors]
-    known = [one.position for one in found if one is not None]
-    return known if found and len(known) == len(found) else None
+    # Upper bounds on the sensors' information per reading and squared displacement [1/m^2]; None if unknown.
+    precisions = [precision(sensor) for sensor in sensors]
+    positions = [entry.position for entry in precisions if entry is not None]
+    return positions if precisions and len(positions) == len(precisions) else None
 
 
 def _circle_bound(
-    problem: Problem, one: Estimation, sensors: Sequence[Sensor], total: float
+    problem: Problem, estimation: Estimation, sensors: Sequence[Sensor], total: float
 ) -> Iterator[Bound]:
     rows = coefficient_rows(problem)
     names = robot_of(problem.model).coefficient_names[1]
-    if rows is None or robot_of(problem.system).integration != "arc" or not set(names) <= set(one.judged):
+    if (
+        rows is None
+        or robot_of(problem.system).integration != "arc"
+        or not set(names) <= set(estimation.judged)
+    ):
         return
-    # One parameter change along c21, c22 like the yaw rate's row: displacement on a unit circle.
-    change = np.zeros(len(one.judged))
-    change[[one.judged.index(name) for name in names]] = rows[0]
+    # A change of c21, c22 along the yaw rate's row displaces positions on a unit circle.
+    change = np.zeros(len(estimation.judged))
+    change[[estimation.judged.index(name) for name in names]] = rows[0]
     centred = unknown_start(sensors) and all(isinstance(sensor, Poses | YawRate) for sensor in sensors)
     value = total if centred else 4.0 * total
     yield along(
         problem,
-        one,
+        estimation,
         change,
         value,
         "forward speed wrong in proportion to the yaw rate: a circle of the track's size",
@@ -72,16 +76,16 @@ def _circle_bound(
 
 
 def _size_bounds(
-    problem: Problem, one: Estimation, sensors: Sequence[Sensor], weights: list[float], total: float
+    problem: Problem, estimation: Estimation, sensors: Sequence[Sensor], weights: list[float], total: float
 ) -> Iterator[Bound]:
-    bounds, change = room(problem), _growth(problem, one)
+    bounds, change = room(problem), _growth(problem, estimation)
     if bounds is None or change is None or not unknown_start(sensors):
         return
     x_min, x_max, y_min, y_max = bounds
     half_squares = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) / 4
     yield along(
         problem,
-        one,
+        estimation,
         change,
         total * half_squares,
         "all lengths wrong alike: every position in a corner of the room",
@@ -96,7 +100,7 @@ def _size_bounds(
     weight, sensor = reading
     yield along(
         problem,
-        one,
+        estimation,
         change,
         weight * _spread(problem, sensor, bounds, step),
         "all lengths wrong alike: dynamic programming over positions within top speed, axis by axis",
@@ -104,19 +108,19 @@ def _size_bounds(
     )
 
 
-def _growth(problem: Problem, one: Estimation) -> Array | None:
-    # The change of all lengths alike: in m, or in m per something else; None where that is not judged.
+def _growth(problem: Problem, estimation: Estimation) -> Array | None:
+    # Growth of all lengths, in m or m per another unit, by one factor; None if some are not judged.
     lengths = [entry.name for entry in problem.system.parameters if entry.unit.startswith("m")]
-    if not set(lengths) <= set(one.judged) or not scales_lengths(problem, tuple(lengths)):
+    if not set(lengths) <= set(estimation.judged) or not scales_lengths(problem, tuple(lengths)):
         return None
-    values = dict(zip(one.parameters, one.nominal, strict=True))
-    return np.array([values[name] if name in lengths else 0.0 for name in one.judged])
+    values = dict(zip(estimation.parameters, estimation.nominal, strict=True))
+    return np.array([values[name] if name in lengths else 0.0 for name in estimation.judged])
 
 
 def _only_reading(sensors: Sequence[Sensor], weights: Sequence[float]) -> tuple[float, Sensor] | None:
-    # Sensors share one shift of the path, so their spreads are one where one sensor alone reads positions.
-    found = [(weight, sensor) for weight, sensor in zip(weights, sensors, strict=True) if weight]
-    return found[0] if len(found) == 1 else None
+    # Sensors share the shift of the path, so spreads separate only if a single sensor reads positions.
+    readings = [(weight, sensor) for weight, sensor in zip(weights, sensors, strict=True) if weight]
+    return readings[0] if len(readings) == 1 else None
 
 
 def _read(problem: Problem, sensor: Sensor) -> Bools:
@@ -131,9 +135,9 @@ def _spread(
     read = _read(problem, sensor)
     starts = problem.fixed_starts
     first = (None, None) if starts is None else (float(starts[0, 0]), float(starts[0, 1]))
-    # Moved to where it should begin, a path that does not begin there needs so much more room.
-    more = problem.start_spare
-    x_min, x_max, y_min, y_max = (one + sign * more for one, sign in zip(bounds, (-1, 1, -1, 1), strict=True))
+    # A path moved to its nominal start may leave the workspace by the tolerance of the start.
+    spare = problem.start_spare
+    x_min, x_max, y_min, y_max = np.array(bounds) + spare * np.array([-1, 1, -1, 1])
     return largest_spread(x_min, x_max, first[0], steps, read) + largest_spread(
         y_min, y_max, first[1], steps, read
     )

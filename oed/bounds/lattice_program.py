@@ -16,10 +16,10 @@ class SpeedLimits:
     """Limits of two inputs held in N periods.
 
     Attributes:
-        samples: N.
-        bounds: (2, 2): smallest and largest value of each input.
-        step: largest change from a period to the next; infinite for none.
-        ends: largest magnitude in the first and the last period; infinite for none.
+        samples: number of periods N.
+        bounds: smallest and largest value of each input, (2, 2).
+        step: largest change from a period to the next; infinite without one.
+        ends: largest magnitude in the first and the last period; infinite without one.
     """
 
     samples: int
@@ -29,24 +29,24 @@ class SpeedLimits:
 
     @property
     def symmetric(self) -> bool:
-        """Whether driving everything the other way round is allowed as well."""
+        """True if the reversed speeds satisfy the same limits."""
         return bool(np.allclose(self.bounds.sum(axis=1), 0.0))
 
     @property
     def both_ways(self) -> SpeedLimits:
-        """Limits that also allow everything the other way round."""
+        """Limits that allow the reversed speeds as well."""
         largest = np.abs(self.bounds).max(axis=1)
         return replace(self, bounds=np.stack([-largest, largest], axis=1))
 
 
 def lattice(low: float, high: float, step: float, ends: float) -> Array:
-    """Values that optimal speeds take, ascending: every bound, plus or minus multiples of the step.
+    """Return the values of optimal speeds, ascending: every bound plus or minus multiples of the step.
 
     Args:
-        low: bound of the speed.
-        high: bound of the speed.
+        low: lower bound of the speed.
+        high: upper bound of the speed.
         step: largest change in one period.
-        ends: largest magnitude at begin and end; infinite where that is free.
+        ends: largest magnitude in the first and the last period; infinite without one.
     """
     seeds = [low, high, (low + high) / 2] + ([-ends, ends] if np.isfinite(ends) else [])
     seeds = [seed for seed in seeds if low <= seed <= high]
@@ -55,15 +55,15 @@ def lattice(low: float, high: float, step: float, ends: float) -> Array:
     count = int(np.ceil((high - low) / step)) + 1
     values = np.concatenate([seed + step * np.arange(-count, count + 1) for seed in seeds])
     inside = np.sort(values[(values >= low) & (values <= high)])
-    # Values that rounding alone keeps apart are one.
+    # Values that differ by rounding are merged.
     return np.asarray(inside[np.concatenate([[True], np.diff(inside) > 1e-9 * max(1.0, high - low)])])
 
 
 class LatticeProgram:
-    """Dynamic programming over both inputs: the speeds of largest tr(Z F) under sign conditions."""
+    """Dynamic programme over both inputs: the speeds of largest tr(Z F) under sign conditions."""
 
     def __init__(self, limits: SpeedLimits, weights: Array) -> None:
-        """Lay out the lattice within limits of the speeds, for weights S (2,) of F = S (sum w w') S."""
+        """Build the lattice within limits of the speeds, for weights S (2,) of F = S (sum w w') S."""
         self.limits, self.weights = limits, weights
         self.grids = [lattice(low, high, limits.step, limits.ends) for low, high in limits.bounds]
         first, second = np.meshgrid(*self.grids, indexing="ij")
@@ -72,31 +72,32 @@ class LatticeProgram:
         self.ends = np.maximum(np.abs(first), np.abs(second)) <= limits.ends * (1 + 1e-12)
         middle = limits.bounds.mean(axis=1)
         self.signs = {
-            (one, other): (one * (first - middle[0]) >= -1e-9) & (other * (second - middle[1]) >= -1e-9)
-            for one, other in itertools.product((1, -1), repeat=2)
+            (first_sign, second_sign): (first_sign * (first - middle[0]) >= -1e-9)
+            & (second_sign * (second - middle[1]) >= -1e-9)
+            for first_sign, second_sign in itertools.product((1, -1), repeat=2)
         }
 
     @property
     def steps(self) -> int:
-        """Comparisons of one pass, a measure of its time."""
+        """Number of comparisons of one pass, a measure of its time."""
         first, second = self.neighbours
         return int(self.limits.samples * len(first) * len(second) * (first.shape[1] + second.shape[1]))
 
     def maximise(self, matrix: Array, conditions: Mapping[int, tuple[int, int]]) -> tuple[float, Array]:
-        """The largest tr(Z F), and the speeds (N, 2) that reach it (scaled by S); -inf if there are none."""
+        """Return the largest tr(Z F), -inf without feasible speeds, and its speeds (N, 2), scaled by S."""
         cost = np.einsum("aij,ab,bij->ij", self.scaled, matrix, self.scaled)
         count = self.limits.samples
-        values = self._kept(cost, count - 1, conditions)
+        values = self._restricted(cost, count - 1, conditions)
         table = [values]
         for index in range(count - 2, -1, -1):
-            values = self._kept(self._best_next(values) + cost, index, conditions)
+            values = self._restricted(self._best_next(values) + cost, index, conditions)
             table.append(values)
         table.reverse()
         best = float(values.max())
         return best, self._trace(table) if np.isfinite(best) else np.zeros((count, 2))
 
-    def _kept(self, values: Array, index: int, conditions: Mapping[int, tuple[int, int]]) -> Array:
-        # Values of the speeds that are allowed in a period; -inf for the others.
+    def _restricted(self, values: Array, index: int, conditions: Mapping[int, tuple[int, int]]) -> Array:
+        # Values of the speeds that are allowed in a period, -inf for all others.
         if index in (0, self.limits.samples - 1):
             values = np.where(self.ends, values, -np.inf)
         if index in conditions:
@@ -122,7 +123,7 @@ class LatticeProgram:
 
 
 def _neighbours(grid: Array, step: float) -> Places:
-    # (n, m): which values may follow each, the last one repeated where there are fewer.
+    # Indices of the values that may follow each value, (n, m), the last one repeated as padding.
     reach = step * (1 + 1e-9)
     low = np.searchsorted(grid, grid - reach, side="left")
     high = np.searchsorted(grid, grid + reach, side="right")

@@ -1,7 +1,7 @@
-"""The best mixture of experiments, and the supergradient that bounds all others.
+"""Best mixture of experiments, and the supergradient that bounds all mixtures.
 
-What experiments say adds up, so mixtures of them are weights with given sums: a concave criterion of them has
-one maximum.
+The information of experiments adds up, so a mixture is a set of weights with given sums, and a concave
+criterion of the weights has one maximum.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from oed.optimize.weights import best_weights
 
 @dataclass(frozen=True)
 class Mixture:
-    """Weights of experiments, and the plane that bounds all others.
+    """Optimal weights of experiments, and the supergradient that bounds all weights.
 
     Attributes:
         weights: weight of each experiment, (n,).
-        value: the criterion: no mixture of these experiments is much better.
-        multiplier: Z >= 0 of what is judged and of what is eliminated, (q, q): trace_bound of its judged part
-            and the largest tr(Z M) bounds the criterion.
+        value: criterion of the mixture, maximal to the solver's tolerance.
+        multiplier: matrix Z >= 0 of all parameters, judged and eliminated, (q, q): `trace_bound` of its
+            judged part and the largest tr(Z M) bounds the criterion.
     """
 
     weights: Array
@@ -34,32 +34,32 @@ class Mixture:
 
 
 def mixes(criterion: Criterion) -> bool:
-    """Return whether the best mixture bounds a criterion."""
+    """Return True if the best mixture bounds a criterion."""
     return type(criterion) in (D, A, E)
 
 
 def best_mixture(
-    criterion: Criterion, matrices: Array, known: Array, judged: int, groups: Places, totals: Array
+    criterion: Criterion, matrices: Array, prior: Array, judged: int, groups: Places, totals: Array
 ) -> Mixture | None:
-    """Return the weights that maximise E, D or A; None where no mixture identifies everything.
+    """Return the weights that maximise E, D or A; None if no mixture identifies all parameters.
 
     Args:
-        criterion: the criterion of what is left on the first `judged` parameters, the others eliminated.
+        criterion: criterion of the information about the first `judged` parameters, the others eliminated.
         matrices: information of each experiment, (n, q, q).
-        known: information that is there anyway, (q, q).
-        judged: number of parameters.
-        groups: number of each experiment's group, from 0, (n,).
-        totals: sum of the weights of each group.
+        prior: information without any experiment, (q, q).
+        judged: number of judged parameters.
+        groups: index of each experiment's group, (n,).
+        totals: sum of the weights of each group, (groups,).
     """
     shares = totals[groups] / np.bincount(groups)[groups]
-    if not SquareRoot.of_matrix(known + np.tensordot(shares, matrices, axes=1)).complete:
+    if not SquareRoot.of_matrix(prior + np.tensordot(shares, matrices, axes=1)).complete:
         return None
     count, size, _ = matrices.shape
     parts = Parts(
         (Reading("", 0, 0.0),) * count,
         SquareRoot.of_matrix(matrices).rows.reshape(-1, size),
         np.repeat(np.arange(count), size),
-        SquareRoot.of_matrix(known).rows,
+        SquareRoot.of_matrix(prior).rows,
         judged,
         np.ones(count),
         tuple((place,) for place in range(count)),

@@ -1,4 +1,4 @@
-"""How fast a robot can be under a problem's limits: what every bound starts from."""
+"""Reach of a robot under a problem's limits: its speeds, rates, workspace and path length."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from oed.robots.models.skid_steer import SkidSteer
 
 
 def input_reach(problem: Problem) -> Array:
-    """Largest magnitude of each input in each period, (N, inputs): its bound, and what the largest rate
-    allows from rest to rest.
+    """Return the largest magnitude of each input in each period, (N, inputs).
+
+    It is the input's bound, and from rest to rest what the largest rate allows.
     """
     space = problem.design
     largest = np.abs(problem.input_bounds).max(axis=1)
@@ -30,20 +31,21 @@ def input_reach(problem: Problem) -> Array:
 
 
 def largest_rates(problem: Problem) -> Array:
-    """Largest magnitude of each input's rate, (inputs,); infinite where nothing limits it."""
+    """Return the largest magnitude of each input's rate, (inputs,); infinite without a limit."""
     return np.asarray(np.abs(problem.rate_bounds).max(axis=1))
 
 
 def grip(problem: Problem) -> float | None:
-    """A factor that no effective input exceeds its input by; None where the robot gives none, and where its
-    motion does not follow from its inputs alone.
+    """Return an upper bound on the ratio of effective inputs to inputs.
+
+    It is None if the robot states none, or if its motion does not follow from its inputs alone.
     """
     model = robot_of(problem.model)
     if follows_state(model):
         return None
     if isinstance(model, SkidSteer):
         return max(abs(1 - model.slip_outer), abs(1 - model.slip_inner))
-    # Robots that do not redefine them act with their inputs themselves.
+    # Without a redefinition the effective inputs are the inputs themselves.
     rng = np.random.default_rng(0)
     inputs = ca.DM(rng.standard_normal(len(model.inputs)))
     effective = model.effective_inputs(inputs, ca.DM(model.nominal))
@@ -51,7 +53,7 @@ def grip(problem: Problem) -> float | None:
 
 
 def unslipped(problem: Problem) -> bool:
-    """Whether the inputs act on the ground exactly as they are."""
+    """Return True if the effective inputs equal the inputs."""
     model = robot_of(problem.model)
     if isinstance(model, SkidSteer):
         return model.slip_outer == model.slip_inner == 0
@@ -59,8 +61,10 @@ def unslipped(problem: Problem) -> bool:
 
 
 def coefficient_rows(problem: Problem) -> tuple[Array, Array] | None:
-    """Rows of c for yaw rate and forward speed at the nominal values; None for a robot without c, for one
-    that also moves sideways, and for one whose motion does not follow from its inputs alone.
+    """Return the rows of c for yaw rate and forward speed at the nominal values.
+
+    They are None for a robot without c, one that also moves sideways, and one whose motion does not
+    follow from its inputs alone.
     """
     model = robot_of(problem.model)
     if len(model.coefficient_names) != 2 or follows_state(model):
@@ -70,7 +74,7 @@ def coefficient_rows(problem: Problem) -> tuple[Array, Array] | None:
 
 
 def top_speeds(problem: Problem) -> Array | None:
-    """Largest speed of the robot's origin in each period, (N,) [m/s]; None where it is not known."""
+    """Return the largest speed of the robot's origin in each period, (N,) [m/s]; None if unknown."""
     rows, factor = coefficient_rows(problem), grip(problem)
     if rows is None or factor is None:
         return None
@@ -78,28 +82,28 @@ def top_speeds(problem: Problem) -> Array | None:
 
 
 def room(problem: Problem) -> tuple[float, float, float, float] | None:
-    """A rectangle x_min, x_max, y_min, y_max that the robot's origin keeps to; None without a workspace."""
-    found = workspace_of(problem.limits)
-    if found is None:
+    """Return the rectangle x_min, x_max, y_min, y_max of the robot's origin; None without a workspace."""
+    workspace = workspace_of(problem.limits)
+    if workspace is None:
         return None
-    x_min, x_max, y_min, y_max = found.widened_extent(problem.excess)
+    x_min, x_max, y_min, y_max = workspace.widened_extent(problem.excess)
     if not np.isfinite(x_min):
         return None
-    own = robot_of(problem.model).body_radius
-    return x_min + own, x_max - own, y_min + own, y_max - own
+    radius = robot_of(problem.model).body_radius
+    return x_min + radius, x_max - radius, y_min + radius, y_max - radius
 
 
 def path_budget(problem: Problem) -> float | None:
-    """How far the robot's origin may go [m]; None where nothing limits it."""
-    found = [limit for limit in problem.limits if isinstance(limit, PathLength)]
-    return (1 + problem.excess) * found[0].bounds if found else None
+    """Return the largest path length of the robot's origin [m]; None without a limit."""
+    path_limits = [limit for limit in problem.limits if isinstance(limit, PathLength)]
+    return (1 + problem.excess) * path_limits[0].bounds if path_limits else None
 
 
 def scales_lengths(problem: Problem, names: tuple[str, ...]) -> bool:
-    """Whether growing the parameters `names` by one factor makes the same path larger by that factor.
+    """Return True if growing the parameters `names` by one factor scales the path by that factor.
 
-    Then a step from a place farther out by the factor ends farther out by it, and nothing else changes:
-    neither the heading nor any further state.
+    Then a step from a scaled position ends at a scaled position, and neither the heading nor any further
+    state changes.
     """
     robot = robot_of(problem.system)
     if robot.physical is not robot:
@@ -116,7 +120,7 @@ def scales_lengths(problem: Problem, names: tuple[str, ...]) -> bool:
     low, high = problem.input_bounds.T
     for _ in range(20):
         drawn = rng.uniform(-1, 1, states), rng.uniform(low, high), nominal, rng.uniform(0.5, 2)
-        now, changed = (np.array(one).ravel() for one in function(*drawn))
+        now, changed = (np.array(result).ravel() for result in function(*drawn))
         expected = np.concatenate([now[:2], np.zeros(states - 2)])
         if not np.allclose(changed, expected, rtol=1e-9, atol=1e-12 + 1e-9 * np.abs(now).max()):
             return False

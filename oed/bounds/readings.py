@@ -1,4 +1,4 @@
-"""Certificates of chosen readings: of one trajectory's, no weights within the budgets are better."""
+"""Certificates of selected readings: upper bounds on all weights within the budgets."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from oed.kernel.problem import Problem
 from oed.optimize.selection import Selected, select
 
 UNDETERMINED = "all readings together leave parameters undetermined: no choice of them is bounded"
-"""Where nothing is proved."""
+"""Method of certificates without a bound."""
 METHOD = "directional derivatives at the best weights [Kiefer and Wolfowitz, 1960], {count} weights"
 
 
 @dataclass(frozen=True, repr=False)
 class Certified(Brief):
-    """Readings chosen for a trajectory, with what proves how good they are.
+    """Readings selected for a trajectory, with an upper bound on all selections.
 
     Attributes:
-        selected: the readings.
-        bound: no weights within the budgets have more.
-        derivatives: of the criterion, linearised at the relaxed weights, by every weight, (n,).
+        selected: selected readings.
+        bound: upper bound on the criterion over all weights within the budgets.
+        derivatives: derivatives of the criterion by the weights, at the relaxed weights, (n,).
     """
 
     selected: Selected
@@ -37,35 +37,38 @@ class Certified(Brief):
 
 @typed
 def certified_selection(problem: Problem, trajectory: Trajectory) -> Certified | None:
-    """The best readings of a trajectory within the problem's selection, and what no others exceed; None where
-    all of them together leave undetermined what the criterion asks for.
+    """Select the best readings of a trajectory, and bound the criterion over all selections.
 
     Args:
-        problem: with a selection.
-        trajectory: whose readings they are.
+        problem: problem with a selection.
+        trajectory: trajectory with the readings.
+
+    Returns:
+        The readings with their bound; None if all readings together leave parameters undetermined that the
+        criterion judges.
 
     Raises:
-        UserMistake: a criterion that is not concave, or a problem without a selection.
-        ProblemError: readings that do not add up.
+        UserMistake: the criterion is not concave, or the problem has no selection.
+        ProblemError: the information of the readings does not add up.
     """
-    found = select(problem, trajectory)
-    if found is None:
+    selected = select(problem, trajectory)
+    if selected is None:
         return None
-    slopes = directional_derivatives(found.parts, found.relaxed.values, found.relaxed.gradient)
-    return Certified(found, found.bound, slopes)
+    slopes = directional_derivatives(selected.parts, selected.relaxed.values, selected.relaxed.gradient)
+    return Certified(selected, selected.bound, slopes)
 
 
 def selection_certificate(problem: Problem, trajectory: Trajectory) -> Certificate:
-    """What no choice of the readings of a trajectory exceeds."""
-    found = certified_selection(problem, trajectory)
-    if found is None:
+    """Return the certificate of all selections of readings of a trajectory."""
+    certified = certified_selection(problem, trajectory)
+    if certified is None:
         return Certificate(np.inf, UNDETERMINED, (), criterion=problem.criterion)
-    count, judged = len(found.derivatives), found.selected.parts.judged
+    count, judged = len(certified.derivatives), certified.selected.parts.judged
     return Certificate(
-        raised(found.bound, problem.criterion, judged),
+        raised(certified.bound, problem.criterion, judged),
         METHOD.format(count=count),
         ("readings of this experiment within the budget of weights",),
-        found.selected.relaxed.gradient,
+        certified.selected.relaxed.gradient,
         criterion=problem.criterion,
         judged=judged,
     )

@@ -1,11 +1,11 @@
-"""How much the pose can depend on parameters: bounds on tr(Z F) of sensors that are estimated from together.
+"""Bounds on tr(Z F) of fused sensors from the largest sensitivity of the pose to the parameters.
 
 Relative to the pose at one moment, a change of parameters changes the heading by the integral of the change
-of the yaw rate, and the position by the integral of the change of the speed and of that of the yaw rate times
-an arm: how far the position now is from that when the robot turned. Arms are no longer than the room is
-across, and than the path in between. All of it is largest at corners of what the inputs may be, period by
-period. What is left of F when the start pose is eliminated is at most what there is relative to the pose at
-any moment, and to a start that is known.
+of the yaw rate. It changes the position by the integral of the change of the speed, and of the change of the
+yaw rate times an arm: the distance between the positions now and at the turn. An arm is at most the
+workspace's diagonal, and the path in between. All of it is convex in the inputs, so it is largest at corners
+of their bounds, period by period. F after elimination of the start pose is at most F relative to the pose at
+any moment, and relative to a known start.
 """
 
 from __future__ import annotations
@@ -32,24 +32,24 @@ from oed.robots.sensors.mapped import Ranges
 from oed.robots.sensors.poses import Poses
 
 METHOD = "how far parameters can move the pose within the room and the speeds"
-"""How these bounds are found."""
+"""Method of these bounds, in words."""
 CHUNK = 256
-"""Samples whose arms are looked at together."""
+"""Number of samples whose arms are computed together."""
 DRAWS = 8
-"""Random points at which what a robot does is compared."""
+"""Number of random points at which motions are compared."""
 MOST_INPUTS = 4
-"""Inputs whose corners are few enough."""
+"""Largest number of inputs whose corners are enumerated."""
 
 
 @dataclass(frozen=True)
 class Precision:
-    """Information of one reading, at most.
+    """Upper bounds on the information of one reading.
 
     Attributes:
-        sensor: that reads.
-        position: per squared displacement of the sensor [1/m^2].
-        heading: per squared turn [1/rad^2].
-        rate: per squared change of the yaw rate [s^2/rad^2].
+        sensor: sensor of the reading.
+        position: information per squared displacement of the sensor [1/m^2].
+        heading: information per squared turn [1/rad^2].
+        rate: information per squared change of the yaw rate [s^2/rad^2].
         arm: distance of the sensor from the robot's origin [m].
     """
 
@@ -61,7 +61,7 @@ class Precision:
 
 
 def precision(sensor: Sensor) -> Precision | None:
-    """What a reading says at most; None where that is not known."""
+    """Return upper bounds on the information of a reading; None if unknown."""
     if isinstance(sensor, YawRate):
         return Precision(sensor, 0.0, 0.0, sensor.noise**-2)
     if not isinstance(sensor, Poses | Ranges) or sensor.joint_whitening is not None:
@@ -72,28 +72,28 @@ def precision(sensor: Sensor) -> Precision | None:
     if sensor.noise.covariance is not None:
         most = float(1 / np.linalg.eigvalsh(np.array(sensor.noise.covariance))[0])
         return Precision(sensor, most, most, arm=arm)
-    own = {name: float(sensor.noise.deviation(name) or np.inf) ** -2 for name in sensor.quantities}
-    places = [value for name, value in own.items() if name != "heading"]
-    return Precision(sensor, max(places, default=0.0), own.get("heading", 0.0), arm=arm)
+    precisions = {name: float(sensor.noise.deviation(name) or np.inf) ** -2 for name in sensor.quantities}
+    places = [value for name, value in precisions.items() if name != "heading"]
+    return Precision(sensor, max(places, default=0.0), precisions.get("heading", 0.0), arm=arm)
 
 
 def unknown_start(sensors: Sequence[Sensor]) -> bool:
-    """Whether shifting and turning the whole path costs nothing: no sensor knows where the drive began."""
-    known = [sensor.start_known for sensor in sensors if sensor.start_known is not None]
-    return bool(known) and all(entry == "unknown" for entry in known)
+    """Return True if no sensor knows the start pose, so that readings determine paths up to rigid motions."""
+    start_knowledge = [sensor.start_known for sensor in sensors if sensor.start_known is not None]
+    return bool(start_knowledge) and all(entry == "unknown" for entry in start_knowledge)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """How the motion can depend on parameters.
+    """Largest sensitivity of the motion to the parameters.
 
     Attributes:
-        turned: change of the turn in a period per scaled parameter, where inputs are at corners of what they
-            may be, (N, corners, p).
-        moved: the same of the length.
-        lengths: of the longest path at every sample, (N + 1,).
-        across: the longest arm.
-        period: [s].
+        turned: derivatives of the turn in a period by the scaled parameters, at corners of the inputs'
+            bounds, (N, corners, p).
+        moved: derivatives of the length of a period's path, (N, corners, p).
+        lengths: length of the longest path up to every sample, (N + 1,).
+        across: longest arm.
+        period: sample period [s].
     """
 
     turned: Array
@@ -103,11 +103,11 @@ class Motion:
     period: float
 
     def largest(self, factor: Array, precisions: Sequence[Precision], reference: int) -> float:
-        """At least tr(Z F) for Z = U'U.
+        """Return an upper bound on tr(Z F) for Z = U'U.
 
         Args:
-            factor: U, (r, p).
-            precisions: of the sensors.
+            factor: root U, (r, p).
+            precisions: precisions of the sensors.
             reference: sample whose pose counts as known.
         """
         samples = len(self.turned)
@@ -118,17 +118,17 @@ class Motion:
         chunks: list[Places] = np.array_split(every, samples // CHUNK + 1)
         place = np.concatenate([self._displaced(turned, moved, chunk, reference) for chunk in chunks])
         total = 0.0
-        for one in precisions:
-            read = one.sensor.columns(samples)
-            if one.rate:
-                total += one.rate * float(((turns[read] / self.period) ** 2).sum())
+        for precision in precisions:
+            read = precision.sensor.columns(samples)
+            if precision.rate:
+                total += precision.rate * float(((turns[read] / self.period) ** 2).sum())
             else:
-                total += one.position * float(((place + one.arm * heading)[read] ** 2).sum())
-                total += one.heading * float((heading[read] ** 2).sum())
+                total += precision.position * float(((place + precision.arm * heading)[read] ** 2).sum())
+                total += precision.heading * float((heading[read] ** 2).sum())
         return total
 
     def _displaced(self, turned: Array, moved: Array, samples: Places, reference: int) -> Array:
-        # How far the positions at some samples can be displaced at most.
+        # Upper bounds on the displacements of the positions at some samples.
         periods = np.arange(len(turned))
         later = samples[:, None] > reference
         ends = np.where(later, self.lengths[:-1], self.lengths[1:])
@@ -148,36 +148,37 @@ class Motion:
 
 
 def sensitivity_bounds(problem: Problem) -> Iterator[Bound]:
-    """Bounds on tr(Z F) for every parameter alone, all together, and all but the size of the robot."""
+    """Yield bounds on tr(Z F) for every parameter, all together, and all but the size of the robot."""
     sensors = problem.measurement.joint_sensors if type(problem.criterion) is E else ()
-    found = [precision(sensor) for sensor in sensors]
-    precisions = [one for one in found if one is not None]
-    if not precisions or len(precisions) < len(found) or len(problem.any_estimations) > 1:
+    precisions = [entry for entry in map(precision, sensors) if entry is not None]
+    if not precisions or len(precisions) < len(sensors) or len(problem.any_estimations) > 1:
         return
-    (one,) = problem.any_estimations
-    # Constants of sensors change readings without moving the pose, which nothing here bounds.
-    if not set(one.judged) <= {parameter.name for parameter in problem.system.parameters}:
+    (estimation,) = problem.any_estimations
+    # Constants of sensors change readings without moving the pose, so no bound here covers them.
+    if not set(estimation.judged) <= {parameter.name for parameter in problem.system.parameters}:
         return
-    motion = _motion(problem, one)
+    motion = _motion(problem, estimation)
     if motion is None or any(_reads_parameters(problem, sensor) for sensor in sensors):
         return
     reference = problem.design.samples // 2 if unknown_start(sensors) else 0
-    known, count = prior_matrix(problem, one), len(one.judged)
+    prior, count = prior_matrix(problem, estimation), len(estimation.judged)
 
     def bound(factor: Array) -> Bound:
         multiplier = factor.T @ factor
-        value = motion.largest(factor, precisions, reference) + float(np.sum(multiplier * known))
+        value = motion.largest(factor, precisions, reference) + float(np.sum(multiplier * prior))
         size = float(np.trace(multiplier))
-        return Bound(value / size, METHOD, (SPEEDS, *_room(motion)), multiplier / size, one.block.name)
+        return Bound(value / size, METHOD, (SPEEDS, *_room(motion)), multiplier / size, estimation.block.name)
 
-    each = [bound(row[None]) for row in np.eye(count)]
-    yield from each
-    sizes = np.array([single.value for single in each])
+    separate = [bound(row[None]) for row in np.eye(count)]
+    yield from separate
+    sizes = np.array([single.value for single in separate])
     if count < 2 or not (sizes > 0).all():
         return
     balanced = np.diag(sizes**-0.5)
     yield bound(balanced)
-    grown = balanced @ (np.array([_nominal(one, name) for name in one.judged]) / one.scales)
+    grown = balanced @ (
+        np.array([_nominal(estimation, name) for name in estimation.judged]) / estimation.scales
+    )
     yield bound((np.eye(count) - np.outer(grown, grown) / float(grown @ grown)) @ balanced)
 
 
@@ -185,30 +186,30 @@ def _room(motion: Motion) -> tuple[str, ...]:
     return ("every position within the room",) if np.isfinite(motion.across) else ()
 
 
-def _nominal(one: Estimation, name: str) -> float:
-    return float(dict(zip(one.parameters, one.nominal, strict=True))[name])
+def _nominal(estimation: Estimation, name: str) -> float:
+    return float(dict(zip(estimation.parameters, estimation.nominal, strict=True))[name])
 
 
-def _motion(problem: Problem, one: Estimation) -> Motion | None:
-    slopes, factor, speeds = _slopes(problem, one), grip(problem), top_speeds(problem)
+def _motion(problem: Problem, estimation: Estimation) -> Motion | None:
+    slopes, factor, speeds = _slopes(problem, estimation), grip(problem), top_speeds(problem)
     if slopes is None or factor is None or speeds is None:
         return None
     period, reach = problem.design.period, factor * input_reach(problem)
-    # The other way round is as far.
+    # Corners with all signs reversed have the same sensitivity.
     signs = np.array([(1.0, *rest) for rest in product((1.0, -1.0), repeat=reach.shape[1] - 1)])
     corners = period * reach[:, None, :] * signs
     lengths = np.concatenate([[0.0], np.cumsum(period * speeds)])
     bounds = room(problem)
     across = np.inf
     if bounds is not None:
-        # Between samples an arc may bulge out of the room.
+        # Between samples an arc may bulge out of the workspace.
         across = float(np.hypot(bounds[1] - bounds[0], bounds[3] - bounds[2]) + period * speeds.max())
     return Motion(corners @ slopes[0], corners @ slopes[1], lengths, across, period)
 
 
-def _slopes(problem: Problem, one: Estimation) -> tuple[Array, Array] | None:
+def _slopes(problem: Problem, estimation: Estimation) -> tuple[Array, Array] | None:
     # Derivatives of yaw rate and forward speed by effective inputs and scaled parameters, (inputs, p) each;
-    # None where these are not all that the parameters do.
+    # None if the parameters act on the motion in another way as well.
     robot = robot_of(problem.system)
     if len(robot.coefficient_names) != 2 or len(robot.inputs) > MOST_INPUTS:
         return None
@@ -223,18 +224,18 @@ def _slopes(problem: Problem, one: Estimation) -> tuple[Array, Array] | None:
     rng, nominal = np.random.default_rng(0), np.array(robot.nominal)
     low, high = problem.input_bounds.T
     for _ in range(DRAWS):
-        given = rng.uniform(low, high), nominal * rng.uniform(0.9, 1.1, len(nominal))
-        off, slip, *_ = (np.array(part) for part in function(*given))
+        point = rng.uniform(low, high), nominal * rng.uniform(0.9, 1.1, len(nominal))
+        off, slip, *_ = (np.array(part) for part in function(*point))
         if np.abs(off).max() > 1e-9 * np.abs(high).max() or slip.any():
             return None
     turn, forward = (np.array(part) for part in function(high, nominal)[2:])
     names = [entry.name for entry in robot.parameters]
-    columns = [names.index(name) for name in one.judged]
-    return turn[:, columns] * one.scales, forward[:, columns] * one.scales
+    columns = [names.index(name) for name in estimation.judged]
+    return turn[:, columns] * estimation.scales, forward[:, columns] * estimation.scales
 
 
 def _reads_parameters(problem: Problem, sensor: Sensor) -> bool:
-    # Whether what is read of a pose depends on parameters, with the pose itself as it is.
+    # True if the reading of a fixed pose depends on parameters.
     if isinstance(sensor, YawRate):
         return False
     system = robot_of(problem.system)

@@ -1,4 +1,4 @@
-"""The smallest of the bounds that hold for a problem. A new bound is a function in `BOUNDS`."""
+"""Smallest of the bounds that hold for a problem. A new bound is a function in `BOUNDS`."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from oed.robots.sensors.displacements import Displacements
 from oed.robots.space import DesignSpace
 
 BOUNDS: tuple[Callable[[Problem], Iterator[Bound]], ...] = (regression_bounds, joint_bounds)
-"""Each yields the upper bounds that it knows on the objective of one run; of other problems nothing."""
+"""Generators of upper bounds on the objective of one run; they yield nothing for unknown problems."""
 COMBINED: tuple[Callable[[Problem], Iterator[Bound]], ...] = (sensitivity_bounds,)
-"""The same of bounds that only say something together: of problems with criterion D or A in place of E."""
-WHOLE: tuple[Callable[[Problem], Iterator[Bound]], ...] = (point_bounds,)
-"""Each yields the upper bounds that it knows on the objective of all runs together."""
+"""Generators of bounds on E that combine to bounds on D and A."""
+JOINT_RUNS: tuple[Callable[[Problem], Iterator[Bound]], ...] = (point_bounds,)
+"""Generators of upper bounds on the objective of all runs together."""
 GAP = 2e-4
-"""Gap between the bound and its own best speeds at which that search ends."""
+"""Gap between the lattice's bound and its best speeds at which the search ends."""
 EXACTLY = (
     f"limits satisfied exactly, without the {100 * TOLERANCE:g} % that scoring tolerates",
     "as many samples as the study's",
@@ -48,23 +48,22 @@ TOLERATED = (
 )
 """Assumptions of bounds on drives within what scoring tolerates."""
 MOST_STEPS = 5e8
-"""Comparisons of one pass of the dynamic programming above which a lattice is too fine for it."""
+"""Largest number of comparisons in one pass of the dynamic programme."""
 NOTHING = "no bound is known for this robot, criterion and measurement"
-"""Where nothing is proved."""
+"""Method of certificates without a bound."""
 UNKNOWN = "no bound is known for this system, criterion and measurement"
-"""The same of what is no robot."""
+"""Method of certificates without a bound, for systems that are no robots."""
 ROOMLESS = "no bound is known without a room: give limits.workspace"
 OF_E = "no bound is known for this criterion; for criterion E there is one"
 HALL = 1e4
-"""Half a side of a room [m] that is large enough for any drive."""
+"""Half a side of a workspace [m] that is large enough for any drive."""
 
 MEAN = "no bound is known for the mean over {}s"
-"""Where the objective is a mean, which the nominal robot's bound does not hold for."""
-
-
+"""Method of certificates without a bound, for objectives that are means over robots."""
 EVERY = "every reading taken"
+"""Assumption of bounds for problems that select some readings."""
 STEADY = "drift left out: it can only take information away"
-"""Assumption of bounds where only some of them are."""
+"""Assumption of bounds for problems with process noise."""
 REPEATED = "no bound is known for designs whose readings may be repeated"
 
 
@@ -76,29 +75,31 @@ def bound(
     time_limit: float | None = None,
     gap: float = GAP,
 ) -> Certificate:
-    """The smallest upper bound on a problem's objective that is proved here, with its assumptions; beside it
-    the same for limits widened by what scoring tolerates.
+    """Return the smallest proved upper bound on a problem's objective, with its assumptions.
+
+    The certificate holds a second one, for limits widened by the scoring tolerance.
 
     Args:
-        problem: with criterion E, D or A.
-        nodes: of the search by branch and bound at most; by default as many as take some seconds.
-        time_limit: of this search [s]; none by default, for where it stops depends on the machine.
-        gap: at which this search ends.
+        problem: problem with criterion E, D or A.
+        nodes: largest number of branch-and-bound nodes; by default as many as take some seconds.
+        time_limit: time limit of the search [s]; none by default, so that results are the same on all
+            machines.
+        gap: gap at which the search ends.
 
     Raises:
-        ProblemError: a problem without a drive to be designed.
-        WrongKind: no problem.
+        ProblemError: the problem has no drive to be designed.
+        WrongKind: the argument is no problem.
     """
     began = time.perf_counter()
     problem.require_designed()
-    found = _at_once(problem) or _searched(problem, nodes, time_limit, gap)
-    return replace(found, wall_seconds=time.perf_counter() - began)
+    certificate = _at_once(problem) or _searched(problem, nodes, time_limit, gap)
+    return replace(certificate, wall_seconds=time.perf_counter() - began)
 
 
 def _at_once(problem: Problem) -> Certificate | None:
-    # What is known without a search over designs; None where it takes one.
+    # The certificate of problems that need no search over designs; None for all others.
     if problem.robust is not None and problem.robust.objective == "mean":
-        # A bound is of the nominal robot, which limits the worst of several, but not their mean.
+        # The nominal robot's bound holds for the worst of several robots, but not for their mean.
         return Certificate(np.inf, MEAN.format(problem.model.noun), ())
     if problem.selection is None:
         return None
@@ -108,25 +109,25 @@ def _at_once(problem: Problem) -> Certificate | None:
 
 
 def _searched(problem: Problem, nodes: int | None, time_limit: float | None, gap: float) -> Certificate:
-    # The covariance of readings under process noise is at least that without, F so at most that without.
-    given, problem = problem, problem.steady
+    # Process noise only adds to the covariance of readings, so F is at most that without process noise.
+    original, problem = problem, problem.steady
     looser = problem.widened(TOLERANCE)
     bounds, widened = _bounds_of_runs(problem), _bounds_of_runs(looser)
-    found = _lattice(problem, nodes, time_limit, gap)
-    if found is not None:
-        bounds.append(_lattice_bound(problem, found.upper, found))
+    lattice = _lattice(problem, nodes, time_limit, gap)
+    if lattice is not None:
+        bounds.append(_lattice_bound(problem, lattice.upper, lattice))
         if _program(looser) is not None:
-            widened.append(_lattice_bound(looser, found.of_others(*_speeds(looser)), found))
-    # Rounding may make a bound under wider limits the lower one, which holds under these limits too.
+            widened.append(_lattice_bound(looser, lattice.of_others(*_speeds(looser)), lattice))
+    # A bound under wider limits holds under these limits too, and may be lower by rounding.
     lowest = min((bound.value for bound in bounds), default=-np.inf)
     bounds += [bound for bound in widened if bound.value < lowest]
-    # Some of the readings say no more than all of them.
+    # Some of the readings have no more information than all of them.
     every = () if problem.selection is None else (EVERY,)
-    every = every if given is problem else (*every, STEADY)
+    every = every if original is problem else (*every, STEADY)
     return replace(
-        _smallest(problem, bounds, (*every, *EXACTLY), found, NOTHING if bounds else _lacking(problem)),
-        drive=None if found is None else _lattice_drive(problem, found),
-        widened=_smallest(problem, widened, (*every, *TOLERATED), found),
+        _smallest(problem, bounds, (*every, *EXACTLY), lattice, NOTHING if bounds else _lacking(problem)),
+        drive=None if lattice is None else _lattice_drive(problem, lattice),
+        widened=_smallest(problem, widened, (*every, *TOLERATED), lattice),
     )
 
 
@@ -134,16 +135,20 @@ def _smallest(
     problem: Problem,
     bounds: Sequence[Bound],
     assumptions: tuple[str, ...],
-    found: LatticeBound | None,
+    lattice: LatticeBound | None,
     nothing: str = NOTHING,
 ) -> Certificate:
     criterion = problem.criterion
     judged = sum(len(estimation.judged) for estimation in problem.any_estimations)
     inflated = [
-        replace(one, value=raised(one.value, criterion, judged), assumptions=(*one.assumptions, *assumptions))
-        for one in bounds
+        replace(
+            bound,
+            value=raised(bound.value, criterion, judged),
+            assumptions=(*bound.assumptions, *assumptions),
+        )
+        for bound in bounds
     ]
-    inflated.sort(key=lambda one: one.value)
+    inflated.sort(key=lambda bound: bound.value)
     best = inflated[0] if inflated else Bound(np.inf, nothing, ())
     return Certificate(
         best.value,
@@ -151,15 +156,15 @@ def _smallest(
         best.assumptions,
         best.multiplier,
         tuple(inflated),
-        complete=found is None or found.complete,
-        nodes=0 if found is None else found.nodes,
+        complete=lattice is None or lattice.complete,
+        nodes=0 if lattice is None else lattice.nodes,
         criterion=criterion,
         judged=judged,
     )
 
 
 def _lacking(problem: Problem) -> str:
-    # Why nothing is proved: what there would be a bound with.
+    # The reason why nothing is proved: the change to the problem that would give a bound.
     if not isinstance(problem.model, Model):
         return UNKNOWN
     hall = Rectangle(x=(-HALL, HALL), y=(-HALL, HALL))
@@ -174,12 +179,12 @@ def _lacking(problem: Problem) -> str:
 
 
 def _bounds_of_runs(problem: Problem, *, together: bool = False) -> list[Bound]:
-    # Each bound is of one direction or of the trace, so what runs add to it adds up: lambda_min of a sum is
-    # at most the sum of the bounds.
+    # Each bound is on the information about one direction or on the trace, so contributions of runs add up:
+    # lambda_min of a sum is at most the sum of the bounds.
     space, same = problem.design, traced(problem)
-    whole = [one for bounds in WHOLE for one in bounds(problem)]
-    if whole:
-        return whole
+    joint = [bound for bounds in JOINT_RUNS for bound in bounds(problem)]
+    if joint:
+        return joint
     combined = [] if same is None else list(combined_bounds(problem, _bounds_of_runs(same, together=True)))
     if space.runs == 1:
         return [*combined, *_bounds(problem, together)]
@@ -191,20 +196,20 @@ def _bounds_of_runs(problem: Problem, *, together: bool = False) -> list[Bound]:
         for start in starts
     ]
     unequal = len(set(starts)) > 1
-    # What is no bound of one tr(Z F) does not add up.
-    found = [
-        [one for one in _bounds(single, together) if one.multiplier is not None]
+    # Bounds without a Z do not add up.
+    by_run = [
+        [bound for bound in _bounds(single, together) if bound.multiplier is not None]
         for single in (singles if unequal else singles[:1])
     ]
     return [
         Bound(
-            sum(one.value for one in each) * (1 if unequal else space.runs),
-            each[0].method,
-            (*each[0].assumptions, "every run for itself"),
-            each[0].multiplier,
-            each[0].block,
+            sum(bound.value for bound in matching) * (1 if unequal else space.runs),
+            matching[0].method,
+            (*matching[0].assumptions, "every run for itself"),
+            matching[0].multiplier,
+            matching[0].block,
         )
-        for each in zip(*found, strict=True)
+        for matching in zip(*by_run, strict=True)
     ]
 
 
@@ -224,7 +229,7 @@ def _lattice(
 
 
 def _program(problem: Problem) -> LatticeProgram | None:
-    # None where a lattice proves nothing, or is so fine that not even one Z could be tried.
+    # None if a lattice proves nothing, or is too fine for a single pass.
     if not _sampled(problem):
         return None
     limits, weights, _ = _speeds(problem)
@@ -233,7 +238,7 @@ def _program(problem: Problem) -> LatticeProgram | None:
 
 
 def _sampled(problem: Problem) -> bool:
-    # Where every sample is measured for itself, and the inputs act on the ground as they are.
+    # True if every sample is a measurement of its own, and the inputs act on the ground without slip.
     measurement = problem.measurement
     if (
         type(problem.criterion) not in (E, D, A)
@@ -246,43 +251,53 @@ def _sampled(problem: Problem) -> bool:
         or not unslipped(problem)
     ):
         return False
-    one = problem.any_estimations[-1]
+    estimation = problem.any_estimations[-1]
     if type(problem.criterion) is not E and len(problem.any_estimations) > 1:
         return False
-    # The lattice's inputs are in the order of W's columns.
-    return one.judged == one.block.parameters
+    # The lattice orders its inputs as the columns of W.
+    return estimation.judged == estimation.block.parameters
 
 
 def _speeds(problem: Problem) -> tuple[SpeedLimits, Array, Array]:
-    # Limits of the speeds, weights, and the prior.
-    space, one = problem.design, problem.any_estimations[-1]
+    # Limits of the speeds, weights, and prior information.
+    space, estimation = problem.design, problem.any_estimations[-1]
     rate = float(largest_rates(problem).max())
     ends = problem.rest_spare + space.period / 2 * rate if space.rest_to_rest else np.inf
     limits = SpeedLimits(space.samples, problem.input_bounds, space.period * rate, ends)
-    return limits, space.period * one.scales / noise_of(problem, one), prior_matrix(problem, one)
+    return (
+        limits,
+        space.period * estimation.scales / noise_of(problem, estimation),
+        prior_matrix(problem, estimation),
+    )
 
 
-def _lattice_bound(problem: Problem, value: float, found: LatticeBound) -> Bound:
-    method = f"dynamic programming over wheel speeds on a lattice, branch and bound with {found.nodes} nodes"
+def _lattice_bound(problem: Problem, value: float, lattice: LatticeBound) -> Bound:
+    method = (
+        f"dynamic programming over wheel speeds on a lattice, branch and bound with {lattice.nodes} nodes"
+    )
     assumptions = [SPEEDS, NO_ROOM]
     if robot_of(problem.system).integration == "arc":
         assumptions.append("arcs are at most as informative as chords of full length")
-    # Branching proves it by several Z, each of a part of all speeds.
-    multiplier = found.parts[0].multiplier if len(found.parts) == 1 else None
+    # Branching proves a bound by several Z, one for each part of the speeds.
+    multiplier = lattice.parts[0].multiplier if len(lattice.parts) == 1 else None
     return Bound(value, method, tuple(assumptions), multiplier)
 
 
-def _lattice_drive(problem: Problem, found: LatticeBound) -> Trajectory | None:
-    # The best speeds found, or the same the other way round: whichever keeps best to the room.
+def _lattice_drive(problem: Problem, lattice: LatticeBound) -> Trajectory | None:
+    # The best speeds, as they are or reversed: the variant with the smallest violations of the limits.
     space = problem.design
     start = problem.start_states(np.zeros((1, 0))) if problem.fixed_starts is None else problem.fixed_starts
-    speeds = found.speeds
+    speeds = lattice.speeds
     candidates = [speeds, -speeds, speeds[::-1], -speeds[::-1]]
     low, high = problem.input_bounds.T
-    candidates = [one for one in candidates if np.all(one >= low - 1e-9) and np.all(one <= high + 1e-9)]
+    candidates = [
+        candidate
+        for candidate in candidates
+        if np.all(candidate >= low - 1e-9) and np.all(candidate <= high + 1e-9)
+    ]
     drives = [
-        Trajectory.from_samples(one, space.duration, start, rest_to_rest=space.rest_to_rest)
-        for one in candidates
+        Trajectory.from_samples(candidate, space.duration, start, rest_to_rest=space.rest_to_rest)
+        for candidate in candidates
     ]
     if not drives:
         return None

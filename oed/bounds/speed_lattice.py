@@ -1,10 +1,10 @@
-"""The best wheel speeds when every sample is a measurement of its own: a bound by dynamic programming.
+"""Bound by dynamic programming on wheel speeds where every sample is a measurement of its own.
 
-Then F = S (sum w w') S whatever the headings. For any Z >= 0 a concave criterion is bounded by the largest
-tr(Z F), as the smallest eigenvalue is for tr Z = 1: a convex function of the speeds. Limits on speeds and on
-their differences are totally unimodular, so its maximum is at speeds that lie on a lattice: a bound plus or
-minus multiples of the largest step. Dynamic programming on that lattice is exact. Cutting planes find the
-best Z; branching on the signs of the speeds at some times closes what gap is left.
+Then F = S (sum w w') S does not depend on headings. For any Z >= 0 the largest tr(Z F) bounds a concave
+criterion, as it bounds the smallest eigenvalue for tr Z = 1. It is a convex function of the speeds. The
+limits on speeds and their differences are totally unimodular, so its maximum is at speeds on a lattice: a
+bound plus or minus multiples of the largest step. Dynamic programming on that lattice is exact. Cutting
+planes find the best Z; branching on the signs of the speeds in some periods closes the remaining gap.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from oed.foundation.arrays import Array
 from oed.kernel.criteria import Criterion, E
 
 CUTS = 30
-"""Cutting planes for one node at most."""
+"""Largest number of cutting planes of one node."""
 WORK = 3e9
-"""Comparisons that a search may take by default: some 5 s."""
+"""Default number of comparisons of a search: some 5 s."""
 PER_PERIOD, PER_PLANE = 4e4, 1.5e6
-"""What a period of one pass, and finding the next Z, cost besides, in comparisons' time."""
+"""Overhead of a period of one pass, and of finding the next Z, in comparisons."""
 SMALLEST = E()
-"""The smallest eigenvalue."""
+"""Default criterion: the smallest eigenvalue."""
 
 
 @dataclass(order=True)
@@ -47,11 +47,11 @@ class _Node:
 
 @dataclass(frozen=True)
 class Part:
-    """A part of all speeds, and the Z (2, 2) that bounds it; the parts of a search hold all of them.
+    """Subset of the speeds, and the Z that bounds it; the subsets of a search cover all speeds.
 
     Attributes:
-        conditions: signs of both speeds by period, about the middle of their bounds.
-        multiplier: Z.
+        conditions: signs of both speeds, relative to the middle of their bounds, by period.
+        multiplier: multiplier Z, (2, 2).
     """
 
     conditions: Mapping[int, tuple[int, int]]
@@ -60,18 +60,18 @@ class Part:
 
 @dataclass(frozen=True)
 class LatticeBound:
-    """What the search found.
+    """Result of the search for a bound on a lattice.
 
     Attributes:
-        upper: no speeds within the limits have a larger value of the criterion.
-        root: the bound before any branching.
-        lower: the criterion of the best speeds found.
-        speeds: those, (N, 2).
-        nodes: branchings' nodes.
-        complete: whether the gap asked for was reached, rather than the most nodes or the time limit.
-        parts: into which the branchings took all speeds apart.
-        limits: those of the speeds.
-        target: what is bounded.
+        upper: upper bound on the criterion over all speeds within the limits.
+        root: bound before any branching.
+        lower: criterion of the best speeds found.
+        speeds: best speeds found, (N, 2).
+        nodes: number of nodes.
+        complete: True if the search reached its gap before its limits on nodes and time.
+        parts: subsets of the speeds that remain after branching; they cover all speeds.
+        limits: limits of the speeds.
+        target: criterion that is bounded.
     """
 
     upper: float
@@ -85,16 +85,17 @@ class LatticeBound:
     target: Target
 
     def of_others(self, limits: SpeedLimits, weights: Array, constant: Array) -> float:
-        """A bound of slightly other limits and weights, by the same parts: any Z is valid for those too.
+        """Return a bound for slightly different limits and weights by the same parts: any Z is valid for
+        them.
 
         Args:
-            limits: of the speeds.
-            weights: of the rows.
-            constant: that is added.
+            limits: limits of the speeds.
+            weights: weights S of the rows, (2,).
+            constant: matrix that is added to F, (2, 2).
         """
-        # Parts that left out what is the same the other way round need limits of which that is true.
-        own = limits.both_ways if self.limits.symmetric else limits
-        program, target = LatticeProgram(own, weights), self.target.beside(constant)
+        # Parts without the mirrored speeds are valid for symmetric limits only.
+        covering = limits.both_ways if self.limits.symmetric else limits
+        program, target = LatticeProgram(covering, weights), self.target.with_constant(constant)
         return max(
             target.bound(part.multiplier, program.maximise(part.multiplier, part.conditions)[0])
             for part in self.parts
@@ -114,14 +115,14 @@ def lattice_bound(
     """Bound a criterion of S (sum w w') S + constant over all speeds within `limits`.
 
     Args:
-        limits: of the speeds.
-        weights: S (2,).
-        constant: (2, 2), e.g. a prior's information.
-        gap: share of the best speeds found by which the bound may exceed it.
-        nodes: after which the bound so far is taken; by default after so many cutting planes, `usual_planes`,
-            as take some seconds.
-        time_limit: the same by the clock [s]; what is found then depends on the machine.
-        criterion: E, D or A; the smallest eigenvalue by default.
+        limits: limits of the speeds.
+        weights: weights S of the rows, (2,).
+        constant: matrix that is added to F, (2, 2), e.g. prior information.
+        gap: gap between the bound and the best speeds at which the search ends.
+        nodes: largest number of nodes; by default the search ends after `usual_planes` cutting planes, some
+            seconds.
+        time_limit: time limit of the search [s]; its result then depends on the machine.
+        criterion: criterion E, D or A; the smallest eigenvalue by default.
     """
     program = LatticeProgram(limits, weights)
     planes = usual_planes(program) if nodes is None else CUTS * nodes
@@ -131,7 +132,7 @@ def lattice_bound(
 
 
 def usual_planes(program: LatticeProgram) -> int:
-    """Cutting planes that take about as long for every lattice: a matter of the study, not of the machine."""
+    """Return a number of cutting planes that takes about as long for every lattice, on any machine alike."""
     return max(1, round(WORK / (program.steps + PER_PERIOD * program.limits.samples + PER_PLANE)))
 
 
@@ -165,8 +166,8 @@ class _Search:
                 child = self._node(conditions, node.multiplier, node.bound)
                 if child is not None:
                     heapq.heappush(queue, child)
-        left = [*self.closed, *queue]
-        upper = max([self.lower, *(node.bound for node in left)])
+        remaining = [*self.closed, *queue]
+        upper = max([self.lower, *(node.bound for node in remaining)])
         return LatticeBound(
             upper=upper,
             root=root.bound,
@@ -174,7 +175,7 @@ class _Search:
             speeds=self.best / self.program.weights,
             nodes=self.nodes,
             complete=self._reached(upper),
-            parts=(*(Part(node.conditions, node.multiplier) for node in left), *self.empty),
+            parts=(*(Part(node.conditions, node.multiplier) for node in remaining), *self.empty),
             limits=self.program.limits,
             target=self.target,
         )
@@ -187,7 +188,7 @@ class _Search:
         return self.planes <= 0 or time.perf_counter() > self.deadline
 
     def _node(self, conditions: dict[int, tuple[int, int]], multiplier: Array, above: float) -> _Node | None:
-        # Cutting planes: every Z tried gives a valid bound, and a plane that the next Z takes into account.
+        # Cutting planes: every Z gives a valid bound, and a plane that constrains the next Z.
         matrices: list[Array] = []
         paths: list[Array] = []
         bound, chosen = above, multiplier
@@ -218,7 +219,7 @@ class _Search:
             self.lower, self.best = value, path
 
     def _note_joined(self, paths: list[Array], shares: Array) -> None:
-        # The drives mixed in the bound: one until some time, another from then on, where they can be joined.
+        # Joins of the drives in the bound's mixture: one up to some period, another from then on.
         used = [paths[index] for index in np.argsort(-shares)[:2]]
         for first, second in itertools.permutations(used, 2):
             jumps = np.abs(first[:-1] - second[1:]) / np.abs(self.program.weights)
@@ -226,28 +227,28 @@ class _Search:
             if not len(times):
                 continue
             done = np.cumsum(np.einsum("ka,kb->kab", first, first), axis=0)[times - 1]
-            left = np.cumsum(np.einsum("ka,kb->kab", second, second)[::-1], axis=0)[::-1][times]
-            values = self.target.values(done + left + self.target.constant)
+            rest = np.cumsum(np.einsum("ka,kb->kab", second, second)[::-1], axis=0)[::-1][times]
+            values = self.target.values(done + rest + self.target.constant)
             best = int(np.argmax(values))
             if values[best] > self.lower:
                 path = np.concatenate([first[: times[best]], second[times[best] :]])
                 self.lower, self.best = float(values[best]), path
 
     def _children(self, node: _Node) -> list[dict[int, tuple[int, int]]]:
-        # Where the drives that are mixed in the bound disagree most about going straight or turning.
+        # Branches in the period in which the drives of the mixture disagree most about straight or turn.
         used = [(share, path) for share, path in zip(node.shares, node.paths, strict=False) if share > 1e-9]
         middle = self.program.limits.bounds.mean(axis=1) * self.program.weights
         products = np.array([np.sign((path - middle).prod(axis=1)) for _, path in used])
         shares = np.array([share for share, _ in used])
         mean = shares @ products / shares.sum()
         spread = shares @ (products - mean) ** 2
-        known = np.array([-1, *node.conditions, len(spread)])
-        away = np.abs(np.arange(len(spread))[:, None] - known).min(axis=1)
-        # In the middle between times already decided, if there they disagree at all.
+        decided = np.array([-1, *node.conditions, len(spread)])
+        away = np.abs(np.arange(len(spread))[:, None] - decided).min(axis=1)
+        # Periods far from decided ones are preferred.
         moment = int(np.argmax(away * (0.1 + spread)))
         if away[moment] == 0:
             return []
         symmetric = not node.conditions and self.program.limits.symmetric
-        # Driving everything the other way round is as good: at first, one sign is enough.
+        # Reversed speeds have the same value, so the root needs one sign only.
         pairs = [(1, 1), (1, -1)] + ([] if symmetric else [(-1, 1), (-1, -1)])
         return [{**node.conditions, moment: pair} for pair in pairs]

@@ -1,8 +1,8 @@
-"""How far apart the poses of one drive can lie: a bound by dynamic programming along each axis.
+"""Upper bound on the spread of the positions of a drive, by dynamic programming along each axis.
 
-The sum of squared distances from their mean is a convex function of the positions, so over all positions
-that keep to the room and to the top speed it is largest where every position is a bound, or the start, plus
-or minus a multiple of the largest step. The state is the position and the sum of the readings so far.
+The sum of squared distances from their mean is a convex function of the positions. Over all positions within
+the workspace and the top speed it is therefore largest where every position is a bound, or the start, plus or
+minus a multiple of the largest step. The state is the position and the sum of the readings so far.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ import numpy as np
 from oed.foundation.arrays import Array, Bools
 
 SUM_STEPS = 4000
-"""Steps into which the range of the readings' sum is divided; the rounding is taken off the bound's side."""
+"""Number of steps in the range of the readings' sum; the bound allows for their rounding."""
 
 
 MOST_WORK = 1.5e10
-"""Steps of the dynamic programming that are worth their time."""
+"""Largest number of operations of the dynamic programme."""
 
 
 def too_fine(low: float, high: float, steps: Array) -> bool:
-    """Whether the positions' lattice is so fine that the dynamic programming takes too long.
+    """Return True if the positions' lattice is too fine for the dynamic programme.
 
     Args:
-        low: smallest x.
-        high: largest x.
+        low: smallest position.
+        high: largest position.
         steps: largest change in each period, (N,).
     """
     positions = 3 * (high - low) / float(np.max(steps))
@@ -32,14 +32,14 @@ def too_fine(low: float, high: float, steps: Array) -> bool:
 
 
 def largest_spread(low: float, high: float, start: float | None, steps: Array, read: Bools) -> float:
-    """At least the largest sum of (x_k - mean)^2 over the samples read.
+    """Return an upper bound on the sum of (x_k - mean)^2 over the samples that are read.
 
     Args:
-        low: smallest x.
-        high: largest x.
-        start: x at the first sample, None where it is free.
+        low: smallest position.
+        high: largest position.
+        start: position at the first sample, None if free.
         steps: largest change in each period, (N,).
-        read: which of the N + 1 samples are read.
+        read: True for samples that are read, (N + 1,).
     """
     step = float(np.max(steps))
     middle = (low + high) / 2
@@ -53,7 +53,7 @@ def largest_spread(low: float, high: float, start: float | None, steps: Array, r
     readings = int(read.sum())
     grain = 2 * half * readings / SUM_STEPS
     shifts = np.rint(values / grain).astype(int)
-    # By the sum of the readings so far, from the smallest that there can be to the largest.
+    # Best value by position and by the sum of the readings so far.
     table = np.full((len(values), 1), -np.inf)
     first = (
         np.ones(len(values), dtype=bool) if start is None else np.isclose(values, start - middle, atol=1e-9)
