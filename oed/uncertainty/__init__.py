@@ -1,4 +1,4 @@
-"""What is not known of a system: distributions, back-off, violation probability."""
+"""Uncertainty of a system: distributions, back-off, violation probability."""
 
 import lazy_loader
 

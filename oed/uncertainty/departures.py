@@ -1,4 +1,4 @@
-"""How likely a robot with uncertain parameters is to violate limits on a drive: many robots, simulated."""
+"""Probability that a robot with uncertain parameters violates limits on a drive, by simulation."""
 
 from __future__ import annotations
 
@@ -23,29 +23,30 @@ from oed.kernel.solution import TAIL, Violation
 from oed.uncertainty.uncertainty import Spread, given_spread
 
 BATCH = 500
-"""Robots simulated in one call."""
+"""Number of robots simulated in one call."""
 WORST = 4
-"""Robots whose violations are largest, kept."""
+"""Number of robots with the largest violations that a result holds."""
 DECIDED = 0.999
-"""Share of the tolerance that nobody needs to know the excess below of."""
+"""Share of the tolerance below which the exact excess does not matter."""
 DRAWS = 1000
-"""Robots simulated on every designed drive."""
+"""Number of robots simulated on every designed drive."""
 MOSTLY = 95.0
-"""Percentile of the distances of robots outside that is reported."""
+"""Reported percentile of the distances of robots outside."""
 
 
 @dataclass(frozen=True)
 class Departures:
-    """Robots that leave the workspace or hit an obstacle on a drive, by more than scoring tolerates.
+    """Robots that leave the workspace or hit an obstacle on a drive by more than the scoring tolerance.
 
     Attributes:
-        share: of the robots drawn.
-        interval: of the probability, 95 %, exact [Clopper and Pearson, 1934].
-        distance: 95th percentile, among the robots that do, of how far they get outside or inside an obstacle
-            at the samples [m]; 0 where no robot does, infinite where a path is not a number.
-        limits: names of the limits that were looked at.
-        draws, seed: of the simulation.
-        spread: quantities and ranges that robots are drawn from.
+        share: share of the simulated robots.
+        interval: exact 95 % interval of the probability [Clopper and Pearson, 1934].
+        distance: 95th percentile, among these robots, of the distance outside the workspace or inside an
+            obstacle at the samples [m]; 0 without such robots, infinite if a path has NaN.
+        limits: names of the limits.
+        draws: number of simulated robots.
+        seed: seed of the draws.
+        spread: uncertain quantities and their ranges.
     """
 
     share: float
@@ -59,15 +60,15 @@ class Departures:
 
 @dataclass(frozen=True)
 class _Robots:
-    """Robots with parameters (K, p) on one drive, from starts (K, runs, states)."""
+    """Robots with parameters (K, p) on a drive, from starts (K, runs, states)."""
 
     trajectory: Trajectory
     parameters: Array
     starts: Array
 
-    def chosen(self, which: Any) -> _Robots:
-        """Some of them."""
-        return _Robots(self.trajectory, self.parameters[which], self.starts[which])
+    def chosen(self, index: Any) -> _Robots:
+        """Return the robots at an index."""
+        return _Robots(self.trajectory, self.parameters[index], self.starts[index])
 
 
 @typed
@@ -83,15 +84,15 @@ def violation_probability(
     """Simulate robots drawn from a problem's uncertainty on one drive.
 
     Args:
-        problem: with an uncertainty, or a prior.
-        trajectory: the drive, as commanded: all robots get the same inputs.
-        draws: robots.
-        seed: of the draws.
-        stream: of draws that are independent of those of other streams of the same seed.
-        drives: of which one is chosen by what these draws say: the interval is for all of them together.
+        problem: problem with an uncertainty or a prior.
+        trajectory: commanded drive: all robots get the same inputs.
+        draws: number of robots.
+        seed: seed of the draws.
+        stream: stream of the draws; streams of a seed are independent.
+        drives: number of drives among which the draws select: the interval holds for all of them together.
 
     Raises:
-        ValueError: the problem says nothing of what is uncertain.
+        ValueError: the problem has neither an uncertainty nor a prior.
     """
     limits = path_limits(problem)
     values = given_spread(problem.uncertain_system).draws(draws, seed, stream)
@@ -118,19 +119,20 @@ def violation_probability(
 def departures(
     problem: Problem, trajectory: Trajectory, *, draws: int = DRAWS, seed: int = 0
 ) -> Departures | None:
-    """Simulate robots drawn from a problem's uncertainty on a drive: how many leave where they may be.
+    """Simulate robots drawn from a problem's uncertainty on a drive, and count those that leave its
+    workspace.
 
     Args:
-        problem: with an uncertainty, or a prior.
-        trajectory: the drive, as commanded: all robots get the same inputs.
-        draws: robots.
-        seed: of the draws.
+        problem: problem with an uncertainty or a prior.
+        trajectory: commanded drive: all robots get the same inputs.
+        draws: number of robots.
+        seed: seed of the draws.
 
     Returns:
-        Robots that leave; None where the problem has no limit on positions.
+        Robots that leave; None if the problem has no limit on positions.
 
     Raises:
-        ValueError: the problem says nothing of what is uncertain.
+        ValueError: the problem has neither an uncertainty nor a prior.
     """
     limits = position_limits(problem)
     if not limits:
@@ -139,7 +141,7 @@ def departures(
     excess, _ = _excess(problem, limits, trajectory, spread.draws(draws, seed))
     leaves = (excess > TOLERANCE).any(axis=1)
     distances = (excess * _sizes(problem, limits)).max(axis=1)[leaves]
-    # Between neighbours nothing is interpolated: infinite distances have no mean.
+    # Interpolation between neighbours would fail for infinite distances.
     distance = float(np.percentile(distances, MOSTLY, method="higher")) if len(distances) else 0.0
     return Departures(
         share=float(leaves.mean()),
@@ -155,13 +157,13 @@ def departures(
 def violated(
     problem: Problem, trajectory: Trajectory, values: Array, limits: Sequence[PathLimit] | None = None
 ) -> Bools:
-    """Tell of robots of uncertain quantities `values` (K, q) which violate any limit, (K,).
+    """Return True for robots that violate any limit, (K,).
 
     Args:
-        problem: with path limits.
-        trajectory: the drive, as commanded.
-        values: of the uncertain quantities, (K, q).
-        limits: that are looked at; all path limits by default.
+        problem: problem with path limits.
+        trajectory: commanded drive.
+        values: values of the uncertain quantities, (K, q).
+        limits: limits to be checked; all path limits by default.
     """
     chosen = path_limits(problem) if limits is None else list(limits)
     if not chosen:
@@ -171,12 +173,12 @@ def violated(
 
 
 def paths(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
-    """Poses at the samples (K, N + runs, states) of robots with uncertain quantities `values` (K, q).
+    """Return the poses of robots at the samples, (K, N + runs, states).
 
     Args:
-        problem: whose robots drive.
-        trajectory: the drive, as commanded.
-        values: of the uncertain quantities, (K, q).
+        problem: problem of the robots.
+        trajectory: commanded drive.
+        values: values of the uncertain quantities, (K, q).
     """
     spread = given_spread(problem.uncertain_system)
     function = _poses(problem, trajectory.samples, trajectory.runs)
@@ -190,7 +192,7 @@ def paths(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
 
 
 def path_limits(problem: Problem) -> list[PathLimit]:
-    """The limits that a robot with other parameters may violate."""
+    """Return the limits on the path, which robots with different parameters may violate."""
     return [limit for limit in problem.limits if isinstance(limit, PathLimit)]
 
 
@@ -209,9 +211,9 @@ def _sizes(problem: Problem, limits: Sequence[PathLimit]) -> Array:
 def _excess(
     problem: Problem, limits: Sequence[PathLimit], trajectory: Trajectory, values: Array
 ) -> tuple[Array, Bools]:
-    # By how much each draw exceeds each limit, as a share of its size, (K, limits), and of which limits that
-    # is sure. Between the samples only where it decides: of draws that come close to a limit at the samples,
-    # and of the worst ones.
+    # Excess of each draw over each limit, as a share of the limit's size, (K, limits), and True for limits
+    # with a proved excess. Between the samples it is computed only where it decides: for draws that come
+    # close to a limit at the samples, and for the worst draws.
     spread = given_spread(problem.uncertain_system)
     robots = _Robots(trajectory, spread.parameter_values(values), trajectory.starts + spread.shifts(values))
     excess, further = _at_points(problem, tuple(limits), robots)
@@ -221,41 +223,43 @@ def _excess(
     for place, limit in enumerate(limits):
         wanted = np.union1d(np.flatnonzero(undecided[:, place]), worst)
         for some in np.array_split(wanted, -(-len(wanted) // BATCH)):
-            own, found = robots.chosen(some), excess[some, place]
-            excess[some, place], sure = _between(problem, limit, own, found, np.isin(some, worst))
+            selected, at_samples = robots.chosen(some), excess[some, place]
+            excess[some, place], sure = _between(problem, limit, selected, at_samples, np.isin(some, worst))
             certain[place] &= sure
     return excess, certain
 
 
 def _between(
-    problem: Problem, limit: PathLimit, robots: _Robots, found: Array, exactly: Bools
+    problem: Problem, limit: PathLimit, robots: _Robots, at_samples: Array, exactly: Bools
 ) -> tuple[Array, bool]:
-    # The same of some draws at all times, of most only whether they exceed the limit; and whether it is sure.
+    # Excess of some draws over a limit at all times, (K,), exact for the chosen ones, for others only
+    # compared with the tolerance; and True if it is proved.
     system, parts = given_spread(problem.uncertain_system).system.refinement
     excess = excess_of(limit, system) if limit.looks_at == "state" else None
     if excess is None or not excess.is_bounded:
         closer, _ = _at_points(problem, (limit,), robots, FINE)
         return closer[:, 0], limit.looks_at is not None and limit.looks_at != "state"
     periods = periods_of(system, robots.trajectory, robots.parameters, robots.starts, parts=parts)
-    floor = np.where(exactly, found, np.maximum(found, DECIDED * TOLERANCE)) * excess.size
+    floor = np.where(exactly, at_samples, np.maximum(at_samples, DECIDED * TOLERANCE)) * excess.size
     enough = np.where(exactly, np.inf, TOLERANCE * excess.size)
     most, sure = largest(excess, periods, floor, enough=enough)
-    return np.where(most > floor, most / excess.size, found), bool(sure.all())
+    return np.where(most > floor, most / excess.size, at_samples), bool(sure.all())
 
 
 def _at_points(
     problem: Problem, limits: tuple[PathLimit, ...], robots: _Robots, refine: int = 1
 ) -> tuple[Array, Array]:
-    # Each draw's excess of each limit at so many points per sample, and what it may be between, (K, limits).
+    # Excess of each draw over each limit at `refine` points per sample, and its upper bound in between,
+    # (K, limits) each.
     trajectory = robots.trajectory
     function = _exceeded(problem, limits, trajectory.samples, trajectory.runs, refine)
-    found = []
+    batches = []
     for first in range(0, len(robots.parameters), BATCH):
-        own = robots.chosen(slice(first, first + BATCH))
-        begun, period = own.starts.transpose(0, 2, 1), np.array(trajectory.period)
-        (each,) = mapped(function, len(begun), 0, 3)(trajectory.inputs.T, begun, own.parameters, period)
-        found.append(each.reshape(len(begun), -1))
-    simulated = np.concatenate(found)
+        batch = robots.chosen(slice(first, first + BATCH))
+        begun, period = batch.starts.transpose(0, 2, 1), np.array(trajectory.period)
+        (excess,) = mapped(function, len(begun), 0, 3)(trajectory.inputs.T, begun, batch.parameters, period)
+        batches.append(excess.reshape(len(begun), -1))
+    simulated = np.concatenate(batches)
     return simulated[:, 0::2].copy(), simulated[:, 1::2]
 
 
@@ -263,7 +267,7 @@ def _at_points(
 def _exceeded(
     problem: Problem, limits: tuple[PathLimit, ...], samples: int, runs: int, refine: int
 ) -> ca.Function:
-    # Of every limit the excess at the points, and what it may be between: half a step further on.
+    # Excess over every limit at the points, and its upper bound in between: half a step further on.
     system = given_spread(problem.uncertain_system).system
     symbols, drive = any_drive(system, samples, runs, refine=refine)
     step = ca.mmax(drive.speeds) * drive.period / refine
@@ -278,7 +282,7 @@ def _exceeded(
 
 
 def _greatest(values: ca.MX, path: ca.MX) -> ca.MX:
-    # Of all values. `mmax` ignores what is no number: one anywhere satisfies no limit.
+    # Largest of all values, infinite with NaN among them, which `mmax` ignores.
     numbers = ca.logic_and(ca.mmin(values <= np.inf), ca.mmin(ca.fabs(path) < np.inf))
     return ca.if_else(numbers, ca.mmax(values), np.inf)
 
@@ -290,15 +294,16 @@ def _poses(problem: Problem, samples: int, runs: int) -> ca.Function:
 
 
 def interval_of(count: int, draws: int, drives: int = 1) -> tuple[float, float]:
-    """Interval of a probability [Clopper and Pearson, 1934], 95 % for all of several drives together
-    [Bonferroni].
+    """Return the 95 % interval of a probability [Clopper and Pearson, 1934].
+
+    For several drives it holds for all of them together [Bonferroni].
 
     Args:
-        count: how often it happened.
-        draws: of how many.
-        drives: of which one is chosen by what is found here.
+        count: number of events.
+        draws: number of trials.
+        drives: number of drives among which the trials select.
     """
-    # Loaded by those who ask; `scipy.stats` takes seconds to load.
+    # Imported here to keep other imports fast; `scipy.stats` would take seconds.
     from scipy.special import betaincinv
 
     tail = TAIL / drives

@@ -1,7 +1,7 @@
-"""Drives that keep to the room whatever the robot turns out to be: limits on the path, tightened.
+"""Robust drives: limits on the path with a back-off for uncertain parameters.
 
-The nominal optimum rides its limits; a robot with other parameters violates them. Each limit on the path is
-tightened by how far its distance moves with the parameters, through the sensitivities of the path.
+The nominal optimum touches its limits, so a robot with different parameters violates them. Each limit on the
+path is tightened by the change of its distance with the parameters, from the sensitivities of the path.
 """
 
 from __future__ import annotations
@@ -24,34 +24,34 @@ from oed.kernel.tightening import Scenarios, Tightening, UncertainSystem
 from oed.uncertainty.uncertainty import Spread, given_spread, impossible, spread_of
 
 TIGHTER = 1.15
-"""Factor on the back-off where draws have shown too many violations."""
+"""Factor on the back-off after draws with too many violations."""
 ADDED = 2
-"""Worst draws added at a time."""
+"""Number of worst draws added at a time."""
 NOTHING_UNCERTAIN = (
     "needs to know what is uncertain: add `uncertainty: {track: 5 %}`, or a prior of its parameters"
 )
-"""Why a study that says nothing of what is uncertain cannot be robust."""
+"""Message for robust studies without an uncertainty or a prior."""
 OTHER_PARAMETERS = "the criterion of other robots is of their own parameters: omit `estimate`, or be nominal"
-"""Why the objective cannot be of other robots."""
+"""Message for objectives over robots whose parameters are not those to estimate."""
 
 
 class Robust(Tightening):
-    """How a drive is kept within its limits for all robots that may be.
+    """Treatment of the limits that keeps a drive feasible for uncertain robots.
 
     Attributes:
         kind: "chance": a back-off of `beta` standard deviations of every limit's distance. "scenarios": no
-            back-off, but the limits satisfied by robots at the corners of the ranges too: for ranges so wide
-            that first order means nothing.
+            back-off; instead robots at the corners of the ranges satisfy the limits too, for ranges too wide
+            for a linearisation.
         confidence: least probability of satisfying all limits for the whole drive, by simulation.
-        objective: what the design maximises: the criterion of the "nominal" robot, its "mean" over robots
+        objective: objective of the design: the criterion of the "nominal" robot, its "mean" over robots
             of the uncertainty's covariance, or that of the "worst" of the nominal robot and those at
             either end of one of the ranges.
-        draws: robots simulated to find that probability.
+        draws: number of robots simulated to verify that probability.
         beta: back-off in standard deviations; from the confidence if None. Raised until draws satisfy
             the limits.
-        added_scenarios: values of the uncertain quantities, SI, with which the limits are to be satisfied as
-            well; of scenarios the worst draws are added. In files `kept`.
-        compare: whether to search without all this too, to say what it costs.
+        added_scenarios: further values of the uncertain quantities, SI, that have to satisfy the limits;
+            with kind "scenarios" the worst draws are added. Named `kept` in files.
+        compare: True to search without robustness as well, for comparison.
     """
 
     model_config = ConfigDict(populate_by_name=True)
@@ -76,40 +76,42 @@ class Robust(Tightening):
         return self
 
     def verifications(self, most: int) -> int:
-        """On how many drives draws can be tried, and one of them be shown to satisfy the limits.
+        """Return the number of drives that draws can test with a simultaneous confidence interval.
 
         Args:
-            most: that are asked for.
+            most: requested number of drives.
         """
-        # As often as the interval of no violation at all still lies below what is allowed.
+        # The interval of zero violations has to lie below the allowed probability.
         room = log(TAIL) - self.draws * log(self.confidence)
         return most if room >= log(most) else max(1, int(exp(room)))
 
     @property
     def reach(self) -> float:
-        """The back-off in standard deviations; by default that of one normal distance, two-sided."""
+        """Back-off in standard deviations; by default the two-sided normal quantile of the confidence."""
         if self.beta is not None:
             return self.beta
-        # Loaded by those who ask.
+        # Imported here to keep other imports fast.
         import scipy
 
         return float(scipy.special.ndtri((1 + self.confidence) / 2))
 
     @property
     def backs_off(self) -> bool:
-        """Whether limits have a back-off; else other robots satisfy them."""
+        """True if limits have a back-off; False if scenarios satisfy them instead."""
         return self.kind != "scenarios"
 
     def tighter(self, worst: Array) -> Robust:
-        """Limits tightened further, after draws of which `worst` (K, q) violated them most."""
+        """Return a tighter treatment, after draws whose largest violations were at values `worst` (K, q)."""
         if self.kind == "chance":
             return self.model_copy(update={"beta": TIGHTER * self.reach})
         added = tuple(tuple(float(value) for value in values) for values in worst[:ADDED])
         return self.model_copy(update={"added_scenarios": (*self.added_scenarios, *added)})
 
     def issues(self, system: UncertainSystem) -> list[Issue]:
-        """Nothing uncertain, robots that cannot be, an objective of parameters that are not estimated, values
-        of other quantities.
+        """Return the contradictions to a system.
+
+        They are: no uncertainty, impossible robots, an objective over parameters that are not estimated, and
+        values of the wrong number of quantities.
         """
         spread = spread_of(system)
         if spread is None:
@@ -124,12 +126,12 @@ class Robust(Tightening):
         return []
 
     def backed_off(self, limit: PathLimit, drive: Drive, system: UncertainSystem) -> Rows:
-        """A limit on the path with its back-off, on a drive of the spread's robot."""
+        """Return the rows of a limit on the path with its back-off, on a drive of the spread's robot."""
         rows = limit.rows(drive)
         return rows.backed_off(_back_off(limit, drive, given_spread(system), self, rows.size))
 
     def scenarios(self, system: UncertainSystem) -> Scenarios:
-        """Robots at the corners of the ranges, and those added."""
+        """Return the scenarios at the corners of the ranges, and the added ones."""
         spread = given_spread(system)
         added = np.reshape(np.array(self.added_scenarios, dtype=float), (-1, len(spread.names)))
         return spread.scenarios(
@@ -137,7 +139,7 @@ class Robust(Tightening):
         )
 
     def judged(self, system: UncertainSystem) -> Scenarios:
-        """Robots whose criterion is averaged, or the worst of which counts."""
+        """Return the scenarios whose mean or worst criterion is the objective."""
         spread = given_spread(system)
         return spread.scenarios(
             spread.moments()
@@ -147,7 +149,7 @@ class Robust(Tightening):
 
 
 def _back_off(limit: PathLimit, drive: Drive, spread: Spread, robust: Robust, size: float) -> Expression:
-    # One amount for every row of the limit, in their order.
+    # Back-off of every row of the limit.
     points = drive.path.shape[0] // drive.runs
     width = len(spread.system.parameters) + len(spread.system.states)
     parts = []
@@ -160,7 +162,7 @@ def _back_off(limit: PathLimit, drive: Drive, spread: Spread, robust: Robust, si
 
 
 def _moved(limit: PathLimit, spread: Spread, robust: Robust, size: float, run: int) -> ca.Function:
-    # How far the rows of one point move with the robot, given the point and its sensitivities.
+    # Back-off of the rows at a point as a function of the point and its sensitivities.
     system = spread.system
     states, parameters = len(system.states), len(system.parameters)
     point, slopes = ca.SX.sym("point", states), ca.SX.sym("S", states, parameters + states)
@@ -170,7 +172,7 @@ def _moved(limit: PathLimit, spread: Spread, robust: Robust, size: float, run: i
     distances = limit.rows_at(point.T, system).expression
     moves = ca.jacobian(distances, point) @ by_quantity
     deviations = robust.reach * (moves @ ca.DM(np.linalg.cholesky(spread.covariance)))
-    # Rounded at 0, for optimisers, where nothing moves yet.
+    # Rounded at 0 for a finite slope at the start, where nothing depends on the parameters yet.
     soft = ROUNDED * size
     amount = ca.sqrt(ca.sum2(deviations**2) + soft**2) - soft
     return ca.Function("moved", [point, slopes], [ca.densify(amount)])

@@ -1,4 +1,4 @@
-"""What is not known of a system before the drive: parameters and starts, within which ranges."""
+"""Uncertainty of a system's parameters and starts: distributions and their ranges."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from oed.kernel.measurement.prior import Prior
 from oed.kernel.tightening import ParameterUncertainty, Scenarios, UncertainSystem
 
 STREAM = 11
-"""Of simulated robots: their draws are independent of all others of a seed."""
+"""Random stream of simulated robots, independent of all streams with different numbers."""
 LIKELY = 3.0
-"""Standard deviations within which every system has to be possible."""
+"""Number of standard deviations within which every system has to be possible."""
 CORNERS = 4
-"""Uncertain quantities up to which all corners of their ranges are driven; beyond, their ends one by one."""
+"""Largest number of quantities whose corners are enumerated; beyond it, only the ends of each range are."""
 
 
 class Uncertainty(ParameterUncertainty):
-    """How far a system may be from its nominal parameters, and from its start.
+    """Distribution of a system's parameters and start about their nominal values.
 
-    It says what a drive has to survive; unlike a prior it adds no information.
+    A drive has to be feasible for it; unlike a prior it adds no information.
 
     Attributes:
-        within: by parameter (or state of the start): half-widths ("5 %" of the nominal value,
-            "1 cm") or ranges [low, high]. In YAML these stand alone: `uncertainty: {track: 5 %}`.
+        within: half-widths ("5 %" of the nominal value, "1 cm") or ranges [low, high] by parameter or state
+            of the start. YAML omits this key: `uncertainty: {track: 5 %}`.
         distribution: "uniform" over the range, or "normal" with these as standard deviations.
     """
 
@@ -46,86 +46,85 @@ class Uncertainty(ParameterUncertainty):
     def _bare_amounts(cls, value: Any) -> Any:
         if not isinstance(value, dict) or "within" in value:
             return value
-        own = {key: amount for key, amount in value.items() if key != "distribution"}
-        return {"within": own, **{key: value[key] for key in ("distribution",) if key in value}}
+        amounts = {key: amount for key, amount in value.items() if key != "distribution"}
+        return {"within": amounts, **{key: value[key] for key in ("distribution",) if key in value}}
 
     def issues(self, system: UncertainSystem) -> list[Issue]:
-        """Names that the system does not have; amounts that are no ranges around the nominal value, or of
-        systems that cannot be.
-        """
+        """Return the unknown names, the invalid ranges, and the impossible systems."""
         issues = self._own_issues(_base(tuple(self.within), system))
         spread = None if issues else spread_of(system)
         text = "" if spread is None else impossible(spread, system)
         return [*issues, Issue(("uncertainty",), text)] if text else issues
 
     def _own_issues(self, base: System) -> list[Issue]:
-        known = _known(base)
+        quantities = _quantities(base)
         issues = []
-        for given in self.within:
-            key = ("uncertainty", given)
-            names = base.long_names(given)
-            if names[0] not in known:
+        for key in self.within:
+            path = ("uncertainty", key)
+            names = base.long_names(key)
+            if names[0] not in quantities:
                 last = f"of the start the last {len(_starts(base))}"
-                text = (
-                    f"expected one of {', '.join(known)} ({last}), got {given!r}{did_you_mean(given, known)}"
-                )
-                issues.append(Issue(key, text))
+                expected = f"expected one of {', '.join(quantities)} ({last})"
+                text = f"{expected}, got {key!r}{did_you_mean(key, quantities)}"
+                issues.append(Issue(path, text))
                 continue
             if len(names) > 1 and set(names) & set(self.within):
-                issues.append(Issue(key, f"says twice what is uncertain of {' and '.join(names)}"))
+                issues.append(Issue(path, f"says twice what is uncertain of {' and '.join(names)}"))
                 continue
             try:
                 for name in names:
-                    self._range(given, *known[name])
+                    self._range(key, *quantities[name])
             except ValueError as error:
-                issues.append(Issue(key, str(error)))
+                issues.append(Issue(path, str(error)))
         return issues
 
     def ranges(self, base: System) -> dict[str, tuple[float, float]]:
-        """Low and high end of every quantity's range, SI; of a normal one a standard deviation away."""
-        known = _known(base)
+        """Return the ends of every quantity's range, SI; a standard deviation away for normal quantities."""
+        quantities = _quantities(base)
         return {
-            name: self._range(given, *known[name]) for given in self.within for name in base.long_names(given)
+            name: self._range(key, *quantities[name]) for key in self.within for name in base.long_names(key)
         }
 
     def without(self, names: Iterable[str], model: System) -> Uncertainty | None:
-        """What it says of other parameters than these; None where that is nothing."""
-        known = set(names)
+        """Return the uncertainty of all parameters but these; None if nothing remains."""
+        excluded = set(names)
         within = {
-            name: self.within[given]
-            for given in self.within
-            for name in model.long_names(given)
-            if name not in known
+            name: self.within[key]
+            for key in self.within
+            for name in model.long_names(key)
+            if name not in excluded
         }
         return self.model_copy(update={"within": within}) if within else None
 
     def _range(self, key: str, nominal: float, unit: str) -> tuple[float, float]:
-        given = self.within[key]
-        if isinstance(given, tuple):
+        amount = self.within[key]
+        if isinstance(amount, tuple):
             if self.distribution == "normal":
-                raise ValueError(f"expected a standard deviation, got the range {list(given)}")
-            low, high = (parse_quantity(end, unit) for end in given)
+                raise ValueError(f"expected a standard deviation, got the range {list(amount)}")
+            low, high = (parse_quantity(end, unit) for end in amount)
             if not low <= nominal <= high or low == high:
-                raise ValueError(f"expected a range around the nominal {nominal:g} {unit}, got {list(given)}")
+                raise ValueError(
+                    f"expected a range around the nominal {nominal:g} {unit}, got {list(amount)}"
+                )
             return low, high
-        size = parse_size(given, nominal, unit)
+        size = parse_size(amount, nominal, unit)
         return nominal - size, nominal + size
 
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """Uncertain quantities as numbers: parameters first, then every run's start; all SI.
+    """Uncertain quantities as numbers, SI: parameters first, then every run's start.
 
     Attributes:
-        names: of the q quantities.
-        units: theirs.
-        nominal: (q,).
-        low, high: ends of their ranges, (q,); of normal ones a standard deviation away.
+        names: names of the q quantities.
+        units: units of the quantities.
+        nominal: nominal values, (q,).
+        low, high: ends of the ranges, (q,); a standard deviation away for normal quantities.
         covariance: second moments about the nominal values, (q, q).
-        uniform: whether each lies within its range for certain, (q,).
-        system: that has the uncertain parameters.
-        runs: of a drive.
-        parameters: how many of the quantities are parameters.
+        uniform: True for quantities that are uniform over their range, (q,).
+        system: system with the uncertain parameters.
+        runs: number of runs of a drive.
+        parameters: number of quantities that are parameters.
     """
 
     names: tuple[str, ...]
@@ -140,12 +139,12 @@ class Spread:
     parameters: int
 
     def draws(self, count: int, seed: int, stream: int = 0) -> Array:
-        """Random values (count, q); the first of more, and independent of those of another stream.
+        """Return random values (count, q); a larger count only appends rows.
 
         Args:
-            count: how many.
-            seed: of the draws.
-            stream: independent of other streams of the seed.
+            count: number of draws.
+            seed: seed of the draws.
+            stream: stream of the draws; streams of a seed are independent.
         """
         flat, bell = (np.random.default_rng([seed, STREAM, stream, kind]) for kind in (0, 1))
         values = flat.uniform(self.low, self.high, (count, len(self.names)))
@@ -155,7 +154,7 @@ class Spread:
         return np.asarray(values)
 
     def extremes(self, reach: float) -> Array:
-        """The corners of the ranges (of many quantities their ends one by one), (K, q).
+        """Return the corners of the ranges, or for more than `CORNERS` quantities their `ends`, (K, q).
 
         Normal quantities are taken `reach` standard deviations away, by the covariance's square root.
         """
@@ -165,7 +164,7 @@ class Spread:
         return self._along(np.array(list(product((-1.0, 1.0), repeat=size))), reach)
 
     def ends(self, reach: float) -> Array:
-        """Each quantity at either end of its range with the others nominal, (2 q, q)."""
+        """Return each quantity at either end of its range with all others nominal, (2 q, q)."""
         return self._along(_both_ways(len(self.names)), reach)
 
     def _along(self, signs: Array, reach: float) -> Array:
@@ -174,7 +173,7 @@ class Spread:
         return np.asarray(np.where(self.uniform, uniform, normal))
 
     def moments(self) -> Array:
-        """Equally likely values (2 q, q) with the quantities' nominal mean and covariance.
+        """Return equally likely values (2 q, q) with the quantities' nominal mean and covariance.
 
         [Julier and Uhlmann, Unscented filtering and nonlinear estimation, 2004]
         """
@@ -182,18 +181,18 @@ class Spread:
         return np.asarray(self.nominal + np.sqrt(size) * _both_ways(size) @ _axes(self.covariance).T)
 
     def parameter_values(self, values: Array) -> Array:
-        """Parameters of the system (K, p) for values (K, q)."""
-        known = [parameter.name for parameter in self.system.parameters]
+        """Return the system's parameters (K, p) for values (K, q)."""
+        names = [parameter.name for parameter in self.system.parameters]
         table = np.tile(np.array(self.system.nominal), (len(values), 1))
-        table[:, [known.index(name) for name in self.names[: self.parameters]]] = values[:, : self.parameters]
+        table[:, [names.index(name) for name in self.names[: self.parameters]]] = values[:, : self.parameters]
         return table
 
     def scenarios(self, values: Array) -> Scenarios:
-        """The system with values (K, q)."""
+        """Return the scenarios of values (K, q)."""
         return Scenarios(self.system, self.parameter_values(values), self.shifts(values))
 
     def shifts(self, values: Array) -> Array:
-        """What start states are off by (K, runs, states) for values (K, q)."""
+        """Return the shifts of the start states, (K, runs, states), for values (K, q)."""
         states = len(self.system.states)
         offsets = (values - self.nominal)[:, self.parameters :]
         table = np.zeros((len(values), self.runs, states))
@@ -209,15 +208,15 @@ class Spread:
 
     @property
     def parameter_slopes(self) -> Array:
-        """Derivatives (p, q) of the system's parameters by the quantities."""
-        known = [parameter.name for parameter in self.system.parameters]
-        chosen = np.zeros((len(known), len(self.names)))
+        """Derivatives of the system's parameters by the quantities, (p, q)."""
+        names = [parameter.name for parameter in self.system.parameters]
+        chosen = np.zeros((len(names), len(self.names)))
         for column, name in enumerate(self.names[: self.parameters]):
-            chosen[known.index(name), column] = 1.0
+            chosen[names.index(name), column] = 1.0
         return chosen
 
     def start_slopes(self, run: int) -> Array:
-        """Derivatives (states, q) of a run's start state by the quantities."""
+        """Return the derivatives (states, q) of a run's start state by the quantities."""
         slopes = np.zeros((len(self.system.states), len(self.names)))
         columns = self._start_columns
         for place, state in enumerate(columns):
@@ -227,25 +226,22 @@ class Spread:
 
 @lru_cache(maxsize=32)
 def spread_of(system: UncertainSystem) -> Spread | None:
-    """The quantities that an uncertainty names, and those that only a prior says something about.
-
-    None where nothing is said of it.
-    """
-    said, prior, runs = system.uncertainty, system.prior, system.runs
-    uncertainty = said if isinstance(said, Uncertainty) else None
-    given = tuple(uncertainty.within) if uncertainty is not None else ()
-    base = _base((*given, *(prior.names if prior is not None else ())), system)
-    quantities = _known(base)
+    """Return the quantities of an uncertainty, and those of a prior alone; None without any."""
+    statement, prior, runs = system.uncertainty, system.prior, system.runs
+    uncertainty = statement if isinstance(statement, Uncertainty) else None
+    within = tuple(uncertainty.within) if uncertainty is not None else ()
+    base = _base((*within, *(prior.names if prior is not None else ())), system)
+    quantities = _quantities(base)
     ranges = uncertainty.ranges(base) if uncertainty is not None else {}
     named = tuple(ranges)
     low, high = ({name: ends[side] for name, ends in ranges.items()} for side in (0, 1))
-    known, covariance = _of_prior(prior, base, named)
-    for name, square in zip(known, np.diag(covariance), strict=True):
+    prior_names, covariance = _of_prior(prior, base, named)
+    for name, square in zip(prior_names, np.diag(covariance), strict=True):
         middle, _ = quantities[name]
         low[name], high[name] = middle - square**0.5, middle + square**0.5
-    own = [parameter.name for parameter in base.parameters if parameter.name in low]
+    parameter_names = [parameter.name for parameter in base.parameters if parameter.name in low]
     begun = [name for name in _starts(base) if name in low]
-    every = [*own, *begun * runs]
+    every = [*parameter_names, *begun * runs]
     if not every:
         return None
     ends = np.array([[low[name], high[name]] for name in every])
@@ -254,10 +250,10 @@ def spread_of(system: UncertainSystem) -> Spread | None:
     uniform = np.array([flat and name in named for name in every])
     square = np.ptp(ends, axis=1) ** 2 / 12 + (ends.mean(axis=1) - nominal) ** 2
     moments = np.diag(np.where(uniform, square, (ends[:, 1] - nominal) ** 2))
-    places = [every.index(name) for name in known]
+    places = [every.index(name) for name in prior_names]
     moments[np.ix_(places, places)] = covariance
     return Spread(
-        names=(*own, *(_start_name(name, run) for run in range(runs) for name in begun)),
+        names=(*parameter_names, *(_start_name(name, run) for run in range(runs) for name in begun)),
         units=units,
         nominal=np.array(nominal),
         low=ends[:, 0],
@@ -266,15 +262,15 @@ def spread_of(system: UncertainSystem) -> Spread | None:
         uniform=uniform,
         system=base,
         runs=runs,
-        parameters=len(own),
+        parameters=len(parameter_names),
     )
 
 
 def given_spread(system: UncertainSystem) -> Spread:
-    """The quantities of which something is said.
+    """Return the uncertain quantities.
 
     Raises:
-        ValueError: nothing is said of any.
+        ValueError: the problem has neither an uncertainty nor a prior.
     """
     spread = spread_of(system)
     if spread is None:
@@ -283,8 +279,9 @@ def given_spread(system: UncertainSystem) -> Spread:
 
 
 def impossible(spread: Spread, system: UncertainSystem) -> str:
-    """Which system within three standard deviations, or the ranges, cannot be; "" where all can, as those of
-    any coefficients.
+    """Return a message about an impossible system within the ranges or three standard deviations.
+
+    It is "" if all systems are possible, as with coefficients, which may have any values.
     """
     if spread.system != system.model:
         return ""
@@ -302,32 +299,32 @@ def _start_name(name: str, run: int) -> str:
 
 
 def _of_prior(prior: Prior | None, base: System, besides: Sequence[str]) -> tuple[list[str], Array]:
-    # Names and covariance of what a prior says of the base's other parameters.
+    # Names and covariance of the base's parameters that have a prior only.
     names = [parameter.name for parameter in base.parameters if prior and parameter.name in prior.names]
     if prior is None or not names:
         return [], np.zeros((0, 0))
-    values, units = zip(*(_known(base)[name] for name in names), strict=True)
-    whole = np.linalg.inv(prior.precision(names, np.array(values), units))
-    kept = [index for index, name in enumerate(names) if name not in besides]
-    return [names[index] for index in kept], np.asarray(whole[np.ix_(kept, kept)])
+    values, units = zip(*(_quantities(base)[name] for name in names), strict=True)
+    covariance = np.linalg.inv(prior.precision(names, np.array(values), units))
+    indices = [index for index, name in enumerate(names) if name not in besides]
+    return [names[index] for index in indices], np.asarray(covariance[np.ix_(indices, indices)])
 
 
 def _base(names: Sequence[str], system: UncertainSystem) -> System:
-    # The system's own parameters, unless only those to estimate have these names.
+    # The system with its own parameters, unless the names exist among those to estimate only.
     starts = set(_starts(system.model))
-    own = {parameter.name for parameter in system.model.parameters} | starts
+    own_names = {parameter.name for parameter in system.model.parameters} | starts
     estimated = {parameter.name for parameter in system.estimated.parameters} | starts
-    return system.estimated if not set(names) <= own and set(names) <= estimated else system.model
+    return system.estimated if not set(names) <= own_names and set(names) <= estimated else system.model
 
 
 def _starts(base: System) -> dict[str, str]:
-    # Where it begins: units of the states that a start chooses, uncertain as well where they are named.
+    # Units of the states that a start chooses; they are uncertain only if named.
     return dict(zip(base.states[: base.chosen_states], base.state_units, strict=False))
 
 
-def _known(base: System) -> dict[str, tuple[float, str]]:
-    # Nominal values and units of what may be uncertain.
-    parameters = {one.name: (one.nominal, one.unit) for one in base.parameters}
+def _quantities(base: System) -> dict[str, tuple[float, str]]:
+    # Nominal values and units of all quantities that can be uncertain.
+    parameters = {parameter.name: (parameter.nominal, parameter.unit) for parameter in base.parameters}
     return parameters | {state: (0.0, unit) for state, unit in _starts(base).items()}
 
 
@@ -336,7 +333,7 @@ def _both_ways(size: int) -> Array:
 
 
 def _axes(covariance: Array) -> Array:
-    # Its symmetric square root, columns: what is independent stays so. Scaled, so that units do not matter.
+    # Symmetric square root, whose columns keep independent quantities apart; scaled for invariance to units.
     sizes = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))
     root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
