@@ -72,14 +72,12 @@ class CandidateScorer:
         self._expected -= len(candidates)
         if self._workers != 1 and self._worth_sharing(len(candidates)):
             return self._shared(candidates)
-        # Writing the drive out, on the first call, is not to be taken for scoring.
-        self._design.terms.scores_written_out  # noqa: B018
         began = time.perf_counter()
         threads = min(self._workers, THREADS) if isinstance(self._workers, int) else 1
         scores = self._design.measure_many(candidates, threads)
         self._seconds = (time.perf_counter() - began) / len(candidates)
         if not self._compiled and self._left >= COMPILED:
-            self._binary = self._design.compile_scores(SPARED * self._left)
+            self._binary = self._design.terms.compile_scores(SPARED * self._left)
             self._compiled = True
             # To be found out again.
             self._seconds = 0.0
@@ -117,5 +115,5 @@ def _scored(part: _Part) -> Scores:
     # The terms are written once in each process; what was compiled is taken from where it is.
     design = DesignExpressions(part.problem, part.refine)
     if part.binary is not None:
-        design.take_scores(part.binary)
+        design.terms.take_scores(part.binary)
     return design.measure_many(part.candidates)

@@ -18,8 +18,7 @@ from oed.kernel.measurement.innovations import filter_of
 from oed.kernel.problem import Problem
 from oed.kernel.scorer import precision_over_time
 from oed.optimize import Ipopt, solve
-from oed.optimize.terms.layout import PieceLayout, divisible
-from oed.optimize.terms.pieces import Pieces
+from oed.optimize.condensed.terms import Condensed
 from oed.optimize.terms.unrolled import Unrolled
 from oed.robots.sensors import Drift, Poses, RelativePoses, YawRate
 from oed.robots.sensors.mounting import LeverArm, Mounting
@@ -290,19 +289,18 @@ def test_filters_are_kept():
     ],
     ids=["known start, lever arm, gyroscope", "relative poses", "across samples", "many"],
 )
-def test_pieces_are_what_the_whole_drive_is_written_out(sensors, size: int):
-    # One piece between others; of three parameters one is not asked for.
+def test_condensed_drives_are_what_they_are_written_out(sensors, size: int):
+    # Of three parameters one is not asked for.
     parts = {"samples": 3 * size, "period": 0.3, "coefficients": 6, "estimate": SOME}
     problem = problem_of(measurement=sensors, criterion=E(), **parts)
-    assert divisible(problem) is not None
-    pieces, whole = Pieces(problem, PieceLayout(problem.design, size, 2)), Unrolled(problem)
+    condensed, whole = Condensed(problem), Unrolled(problem)
     rng = np.random.default_rng(0)
-    at, weights = rng.uniform(-0.6, 0.6, pieces.size), rng.normal(size=pieces.entry_count)
+    at, weights = rng.uniform(-0.6, 0.6, whole.size), rng.normal(size=whole.entry_count)
     none = np.zeros(len(np.array(whole.values(at)[1])))
     for found, expected in (
-        (pieces.values(at)[0], whole.values(at)[0]),
-        (pieces.jacobian(at)[0], whole.jacobian(at)[0]),
-        (pieces.hessian(at, weights, none), whole.hessian(at, weights, none)),
+        (condensed.values(at)[0], whole.values(at)[0]),
+        (condensed.jacobian(at)[0], whole.jacobian(at)[0]),
+        (condensed.hessian(at, weights, none), whole.hessian(at, weights, none)),
     ):
         table = np.array(expected)
         np.testing.assert_allclose(np.array(found), table, rtol=0, atol=1e-12 * np.abs(table).max())

@@ -18,9 +18,9 @@ import oed
 from oed.foundation.errors import ProblemError, UserMistake
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import InputLimit, PathLimit, Rows
+from oed.optimize.condensed.terms import Condensed
 from oed.optimize.exchange import ENOUGH
 from oed.optimize.terms import terms_of
-from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
 from tests.oracle import central_difference
 
@@ -281,16 +281,16 @@ class Heat(oed.Limit):
 @pytest.mark.slow
 @pytest.mark.parametrize("whole", [False, True])
 @pytest.mark.parametrize("when", ["at samples", "in periods"])
-def test_it_is_put_together_from_pieces(when: str, whole: bool, monkeypatch: pytest.MonkeyPatch):
+def test_it_is_condensed(when: str, whole: bool, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(Force, "when", when)
     limits = (Voltage(bounds=(0.0, 1.0)), Heat(whole=whole))
     problem = lag_problem(model=Product(), measurement=Force(), limits=limits, design=space(runs=2))
-    pieces, written_out = terms_of(problem), Unrolled(problem)
-    assert isinstance(pieces, Pieces)
+    condensed, written_out = terms_of(problem), Unrolled(problem)
+    assert isinstance(condensed, Condensed)
     rng, size = np.random.default_rng(0), sum(len(one.lower) for one in written_out.rows)
     z, weights = rng.uniform(0, 1, written_out.size), [rng.normal(size=3), rng.normal(size=size)]
     for name, given in (("values", [z]), ("jacobian", [z]), ("hessian", [z, *weights])):
-        found, expected = (getattr(one, name).call(given) for one in (pieces, written_out))
+        found, expected = (getattr(one, name).call(given) for one in (condensed, written_out))
         for own, other in zip(found, expected, strict=True):
             np.testing.assert_allclose(np.array(own), np.array(other), rtol=1e-9, atol=1e-9)
 

@@ -16,8 +16,6 @@ from oed.kernel.dynamics.space import Spline
 from oed.kernel.problem import Problem
 from oed.optimize.ipopt import Ipopt
 from oed.optimize.local import LocalSearch
-from oed.optimize.terms.layout import divisible
-from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
 from oed.optimize.transcription.program import slots_for
 from oed.robots.sensors import Displacements
@@ -89,10 +87,11 @@ def test_a_cache_that_cannot_be_written_is_done_without(monkeypatch: pytest.Monk
 
 
 def problem() -> Problem:
+    """One whose drives are written out: its segments are not of equal length."""
     return problem_of(
-        samples=4,
+        samples=12,
         spline=Spline(degree=1, coefficients=4),
-        measurement=Displacements(segments=2),
+        measurement=Displacements(segments=5),
         limits=(SPEED, BOX),
     )
 
@@ -131,7 +130,7 @@ def test_a_search_ends_where_it_does_without(shared: Path, monkeypatch: pytest.M
             terms.compiled()
             assert binary is not None
             assert terms.functions(slots).values.is_a("External")
-            other = Pieces(search.problem, divisible(search.problem))
+            other = Unrolled(search.problem)
             other.take(slots, binary)
             assert other.functions(slots).hessian.is_a("External")
         else:
@@ -160,7 +159,7 @@ def test_long_lists_are_compiled_as_they_stand(cache: Path):
 def test_what_takes_longer_than_it_spares_is_not_compiled(
     cache: Path, shared: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    terms = Pieces(problem(), divisible(problem()))
+    terms = Unrolled(problem())
     slots = slots_for(len(LocalSearch(problem(), SETTINGS).first_instants()))
     assert terms.compile(slots, spared=0.1) is None
     assert terms.compile(slots, spared=1.5) is not None
@@ -178,7 +177,7 @@ def test_what_is_long_is_not_even_written_down(monkeypatch: pytest.MonkeyPatch):
     def never(*_: object, **__: object) -> None:
         raise AssertionError("looked for")
 
-    monkeypatch.setattr("oed.optimize.terms.base.Making", never)
+    monkeypatch.setattr("oed.optimize.terms.generated.Making", never)
     terms = Unrolled(problem())
-    monkeypatch.setattr("oed.optimize.terms.base.LARGEST", terms.written - 1)
+    monkeypatch.setattr("oed.optimize.terms.generated.LARGEST", terms.written - 1)
     assert terms.compile(SLOTS) is None

@@ -123,7 +123,7 @@ def test_many_candidates_score_as_each_does(overrides):
     candidates = np.array([random_unknowns(design, seed) for seed in range(5)])
     values, excess = design.measure_many(candidates)
     for candidate, value, beyond in zip(candidates, values, excess, strict=True):
-        _, single = design.terms.scores(candidate)
+        _, single = design.terms.scored(candidate[None])
         expected = design.problem.criterion.value(design.matrices_of(candidate)[0])
         assert value == pytest.approx(float(expected), rel=1e-12)
         np.testing.assert_allclose(beyond, np.array(single).ravel(), rtol=1e-12)

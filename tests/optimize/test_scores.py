@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,17 +13,18 @@ import pytest
 from builders import ACCELERATION, BOX, SPEED, problem_of
 
 import oed
-import oed.optimize.terms.pieces
 from oed.foundation.arrays import Array
-from oed.kernel.dynamics.compiled import compiled, compiler
+from oed.kernel.dynamics.compiled import compiler
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.problem import Problem
+from oed.optimize import terms as kept_terms
+from oed.optimize.condensed.terms import Condensed
 from oed.optimize.terms import terms_of
-from oed.optimize.terms.base import COMPILING, Terms
-from oed.optimize.terms.pieces import Pieces
+from oed.optimize.terms.base import Terms
+from oed.optimize.terms.generated import COMPILING, LOOKING
 from oed.optimize.terms.row_bounds import RowBounds, excess
 from oed.optimize.terms.unrolled import Unrolled
-from oed.optimize.transcription.design import LOOKING, DesignExpressions
+from oed.optimize.transcription.design import DesignExpressions
 from oed.robots.limits import (
     BodySpeed,
     CommandedSpeed,
@@ -100,12 +102,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def candidates(terms: Terms) -> Array:
     # Many: what rounds otherwise shows in one number of some thousand.
     rng = np.random.default_rng(4)
-    return rng.uniform(-1, 1, (terms.size, 1000)) * rng.uniform(0.1, 1.5, 1000)
-
-
-def scored(function: ca.Function, terms: Terms) -> list[Array]:
-    drives = candidates(terms)
-    return [np.array(one) for one in function.map(drives.shape[1])(drives)]
+    return rng.uniform(-1, 1, (1000, terms.size)) * rng.uniform(0.1, 1.5, (1000, 1))
 
 
 @lru_cache
@@ -114,95 +111,86 @@ def built(name: str) -> Terms:
 
 
 @lru_cache
-def written_out(name: str) -> list[Array]:
-    return scored(built(name).scores_written_out, built(name))
+def scored(name: str) -> tuple[Array, Array]:
+    terms = built(name)
+    assert isinstance(terms, Unrolled if "robust" in PROBLEMS[name] else Condensed)
+    return terms.scored(candidates(terms))
 
 
-def assert_same_bits(found: list[Array], expected: list[Array]) -> None:
+def assert_same_bits(found: Sequence[Array], expected: Sequence[Array]) -> None:
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.slow
 @each
-def test_written_out_they_are_the_same_bits(name: str):
+def test_neither_company_nor_threads_change_a_bit(name: str):
     terms = built(name)
-    assert isinstance(terms, Unrolled if "robust" in PROBLEMS[name] else Pieces)
-    assert_same_bits(written_out(name), scored(terms.scores, terms))
-
-
-@pytest.mark.slow
-def test_simplified_they_would_not_be():
-    # What the test before looks at is looked at closely enough.
-    terms = built("limits")
-    found, expected = (scored(one, terms)[0] for one in (terms.scores.expand(), terms.scores))
-    assert (found != expected).any()
-    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+    drives = candidates(terms)
+    assert_same_bits(terms.scored(drives, threads=2), scored(name))
+    for place in range(0, 1000, 77):
+        alone = terms.scored(drives[place : place + 1])
+        assert_same_bits(alone, [part[place : place + 1] for part in scored(name)])
 
 
 @needs_compiler
 @pytest.mark.slow
 @each
-def test_so_they_are_in_generated_c(name: str, cache: Path):
-    terms = built(name)
-    function = compiled(terms.scores)
-    assert len(list(cache.iterdir())) == 1
-    assert_same_bits(scored(function, terms), written_out(name))
+def test_nor_does_generated_c(name: str, cache: Path, monkeypatch: pytest.MonkeyPatch):
+    terms = terms_of(problem_of(**PROBLEMS[name], name=name), refine=2)
+    drives = candidates(terms)
+    if isinstance(terms, Unrolled):
+        terms.compile_scores()
+    else:
+        monkeypatch.setattr("oed.kernel.dynamics.direct_call.PAYS", 0.0)
+        while not list(cache.glob("*.so")):
+            terms.scored(drives)
+    assert list(cache.glob("*.so"))
+    assert_same_bits(terms.scored(drives), scored(name))
 
 
 @each
 @pytest.mark.slow
 def test_limits_are_exceeded_as_by_their_rows(name: str):
     terms, whole = built(name), Unrolled(problem_of(**PROBLEMS[name]), 2)
-    entries, excess = written_out(name)
+    entries, excess = scored(name)
     function = ca.Function(
         "rows", [whole.unknowns], [whole.entries, *(one.expression for one in whole.limits)]
     )
-    values, *limits = scored(function, terms)
+    drives = candidates(terms).T
+    values, *limits = (np.array(part).T for part in function.map(drives.shape[1]).call([drives]))
     np.testing.assert_allclose(entries, values, rtol=1e-9, atol=1e-9 * np.abs(entries).max())
-    for rows, own, found in zip(whole.limits, limits, excess, strict=True):
-        beyond = np.maximum(own - rows.upper[:, None], rows.lower[:, None] - own)
-        expected = beyond.max(axis=0) / rows.size
-        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
-    assert (excess > 0).any(axis=1).all()
+    for rows, own, found in zip(whole.limits, limits, excess.T, strict=True):
+        beyond = np.maximum(own - rows.upper, rows.lower - own)
+        np.testing.assert_allclose(found, beyond.max(axis=1) / rows.size, rtol=1e-9, atol=1e-9)
+    assert (excess > 0).any(axis=0).all()
     assert (excess < 0).any()
-
-
-def test_long_drives_are_not_written_out(monkeypatch: pytest.MonkeyPatch):
-    problem = problem_of(**SPACE, measurement=POSES, limits=(SPEED,))
-    terms = terms_of(problem, refine=2)
-    assert isinstance(terms, Pieces)
-    monkeypatch.setattr(oed.optimize.terms.pieces, "LONG", terms.operations - 1)
-    assert terms.scores_written_out is terms.scores
-
-
-def test_simplification_is_left_as_it_was():
-    before = ca.GlobalOptions.getSimplificationOnTheFly()
-    terms_of(problem_of(**SPACE, limits=(SPEED, BOX)), refine=2).scores_written_out  # noqa: B018
-    assert ca.GlobalOptions.getSimplificationOnTheFly() == before
 
 
 @needs_compiler
 @pytest.mark.slow
 def test_compiled_anew_only_where_that_spares_time(cache: Path):
     def design() -> DesignExpressions:
+        # Written out, for its segments are not of equal length.
+        kept_terms._KEPT.clear()
         return DesignExpressions(problem, 2)
 
     def libraries() -> int:
         return len(list(cache.iterdir())) if cache.exists() else 0
 
-    problem: Problem = problem_of(**SPACE, limits=(SPEED, BOX))
-    drives = candidates(design().terms).T
+    problem: Problem = problem_of(**SPACE, measurement=Displacements(segments=3), limits=(SPEED, BOX))
+    drives = candidates(design().terms)
     plain = design().score_many(drives)
     # Per operation: less than finding out takes, enough to compile, and enough to find that.
     for spared, count in ((0.5 * LOOKING, 0), (30 * COMPILING, 1), (1.5 * LOOKING, 1)):
         own = design()
-        assert (own.compile_scores(spared * own.terms.written) is None) == (count == 0)
+        assert isinstance(own.terms, Unrolled)
+        assert (own.terms.compile_scores(spared * own.terms.written) is None) == (count == 0)
         assert libraries() == count
-        assert_same_bits(list(own.score_many(drives)), list(plain))
-        assert own._scores.is_a("External") == bool(count)
+        assert_same_bits(own.score_many(drives), plain)
+        assert own.terms._scores.is_a("External") == bool(count)
     unknown = design()
-    assert unknown.compile_scores(0.5 * LOOKING * unknown.terms.written) is None
+    assert unknown.terms.compile_scores(0.5 * LOOKING * unknown.terms.written) is None
 
 
 @pytest.mark.parametrize(

@@ -27,8 +27,7 @@ from oed.kernel.dynamics.signals import (
 )
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.scorer import score
-from oed.optimize.terms.layout import divisible
-from oed.optimize.terms.pieces import Pieces
+from oed.optimize.condensed.terms import Condensed
 from oed.optimize.terms.unrolled import Unrolled
 from oed.optimize.transcription.chain import Frame
 from oed.optimize.transcription.coarse import FineGrid, Grid
@@ -62,13 +61,7 @@ def problem_of(signals: tuple[Signal, ...] = STEPS, samples: int = 24, **parts: 
     )
 
 
-def in_pieces(problem: oed.Problem) -> Pieces:
-    layout = divisible(problem)
-    assert layout is not None
-    return Pieces(problem, layout)
-
-
-def weights_of(terms: Pieces) -> tuple[np.ndarray, np.ndarray]:
+def weights_of(terms: Condensed) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(2)
     return rng.normal(size=terms.entry_count), rng.normal(size=sum(len(one.lower) for one in terms.rows))
 
@@ -78,27 +71,27 @@ def dense(matrix: ca.DM) -> np.ndarray:
 
 
 def same_as_whole(problem: oed.Problem, linear: list[bool]) -> None:
-    """Terms from pieces are those of the drive written out; which limits are linear in the unknowns."""
-    pieces, whole = in_pieces(problem), Unrolled(problem)
-    assert pieces.linear == whole.linear == linear
-    for one, other in zip(pieces.rows, whole.rows, strict=True):
+    """Condensed terms are those of the drive written out; which limits are linear in the unknowns."""
+    condensed, whole = Condensed(problem), Unrolled(problem)
+    assert condensed.linear == whole.linear == linear
+    for one, other in zip(condensed.rows, whole.rows, strict=True):
         np.testing.assert_array_equal(one.lower, other.lower)
         np.testing.assert_array_equal(one.upper, other.upper)
-    z = np.random.default_rng(1).uniform(0.1, 1.0, pieces.size)
+    z = np.random.default_rng(1).uniform(0.1, 1.0, whole.size)
     for name in ("values", "jacobian"):
-        for one, other in zip(getattr(pieces, name)(z), getattr(whole, name)(z), strict=True):
+        for one, other in zip(getattr(condensed, name)(z), getattr(whole, name)(z), strict=True):
             np.testing.assert_allclose(dense(one), dense(other), rtol=1e-9, atol=1e-11)
-    found, expected = (one.hessian(z, *weights_of(pieces)) for one in (pieces, whole))
+    found, expected = (one.hessian(z, *weights_of(condensed)) for one in (condensed, whole))
     np.testing.assert_allclose(dense(found), dense(expected), rtol=1e-8, atol=1e-10)
 
 
 @pytest.mark.parametrize("start", ["chosen", "fixed"])
 @pytest.mark.slow
-def test_pieces_of_runs_that_share_every_input_are_the_whole_drive(start: str):
+def test_condensed_runs_that_share_every_input_are_the_whole_drive(start: str):
     shared = (PiecewiseLinear(pieces=3, shared=True), *2 * (Constant(shared=True),))
     bounds = ((0.2, 1.0 if start == "chosen" else 0.2), (0.1, 0.1))
     problem = problem_of(shared, samples=8, start_bounds=bounds)
-    terms = in_pieces(problem)
+    terms = Condensed(problem)
     # Three inputs of 4, 1 and 1 unknowns, and of both runs the one state that is chosen.
     assert terms.size == (8 if start == "chosen" else 6)
     same_as_whole(problem, [True] * 3)
@@ -107,7 +100,7 @@ def test_pieces_of_runs_that_share_every_input_are_the_whole_drive(start: str):
 @pytest.mark.parametrize("signals", MIXED, ids=["steps", "smooth"])
 class TestTermsOfSignals:
     @pytest.mark.slow
-    def test_pieces_are_the_whole_drive(self, signals: tuple[Signal, ...]):
+    def test_condensed_it_is_the_whole_drive(self, signals: tuple[Signal, ...]):
         # Those of known starts are compared with further limits, below.
         problem = problem_of(signals, samples=6)
         unknown = oed.Outputs(noise={"a": 0.1, "b": 0.1}, every=2, start="unknown")
@@ -116,7 +109,7 @@ class TestTermsOfSignals:
 
     @pytest.mark.slow
     def test_derivatives_are_those_of_differences(self, signals: tuple[Signal, ...]):
-        terms = in_pieces(problem_of(signals))
+        terms = Condensed(problem_of(signals))
         z = np.random.default_rng(1).uniform(0.1, 1.0, terms.size)
         entries, rows = weights_of(terms)
 
@@ -162,7 +155,7 @@ class TestTermsOfSignals:
 
 @pytest.mark.slow
 def test_rows_that_repeat_are_bounds_of_one_unknown():
-    terms = in_pieces(problem_of())
+    terms = Condensed(problem_of())
     # Of two runs: five values each, a constant each, and what a wave is at 24 times.
     assert [len(one.lower) for one in terms.rows] == [10, 2, 48]
     rows, unknowns, _, _ = terms.bounded_unknowns
@@ -255,7 +248,7 @@ FURTHER = (Slew(), Jolt(), Together(), Total())
 class TestFurtherLimits:
     @pytest.mark.parametrize("signals", MIXED, ids=["steps", "smooth"])
     @pytest.mark.slow
-    def test_pieces_are_the_whole_drive(self, signals: tuple[Signal, ...]):
+    def test_condensed_it_is_the_whole_drive(self, signals: tuple[Signal, ...]):
         problem = problem_of(signals, samples=6)
         problem = replace(problem, limits=(*problem.limits, *FURTHER))
         same_as_whole(problem, [*[True] * 6, False])
@@ -264,7 +257,7 @@ class TestFurtherLimits:
         problem = replace(problem_of(), limits=(*problem_of().limits, *FURTHER))
         rows = {
             limit.name: len(one.lower)
-            for limit, one in zip(problem.limits, in_pieces(problem).rows, strict=True)
+            for limit, one in zip(problem.limits, Condensed(problem).rows, strict=True)
         }
         # Between five pieces of two runs there are four steps each; of each the jerk rises and falls.
         assert (rows["slew"], rows["jolt"], rows["together"]) == (8, 16, 10)
@@ -336,15 +329,15 @@ def fishing(samples: int, pieces: int, **system: Any) -> oed.Problem:
 
 @pytest.mark.slow
 def test_steps_are_as_cheap_as_a_spline_of_degree_0():
-    """The same drives by both descriptions: the same unknowns, pieces, operations and numbers."""
+    """The same drives by both descriptions: the same unknowns, operations and numbers."""
     problem = fishing(samples=30, pieces=6, substeps=1)
     spline = oed.Spline(degree=0, coefficients=6)
     usual = oed.SignalSpace(duration=12, samples=30, start=(0.5, 0.7), spline=spline, rest_to_rest=False)
-    signals, splines = in_pieces(problem), in_pieces(replace(problem, design=usual))
+    signals, splines = Condensed(problem), Condensed(replace(problem, design=usual))
+    assert signals.written == splines.written
     z = np.random.default_rng(0).uniform(0, 1, 6)
     for name in ("values", "jacobian", "hessian"):
         found, expected = getattr(signals, name), getattr(splines, name)
-        assert found.n_instructions() == expected.n_instructions()
         given = [z, *weights_of(signals)] if name == "hessian" else [z]
         assert [one.shape for one in found.call(given)] == [one.shape for one in expected.call(given)]
         for one, other in zip(found.call(given), expected.call(given), strict=True):

@@ -100,7 +100,8 @@ def mapped(function: ca.Function, count: int, *common: int) -> DirectCall:
         count: number of arguments side by side.
         common: places of arguments.
     """
-    return DirectCall(function.map("mapped", "serial", count, list(common), []))
+    # A map of one function that is zero everywhere is not dense.
+    return DirectCall(function if count == 1 else function.map("mapped", "serial", count, list(common), []))
 
 
 def direct_call(function: ca.Function, *arguments: Array) -> list[Array]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import inf, isfinite, lcm
+from math import inf, isfinite
 
 import casadi as ca
 import numpy as np
@@ -74,7 +74,7 @@ def joint_cuts(sensors: Sequence[Sensor]) -> Cuts | None:
         return None
     if process_noise_of(sensors) is None and memories_of(sensors):
         return None
-    return Cuts(multiple=lcm(*(sensor.every for sensor in sensors)))
+    return Cuts()
 
 
 def start_nuisances(sensors: Sequence[Sensor], system: System, runs: int = 1) -> tuple[Nuisance, ...]:

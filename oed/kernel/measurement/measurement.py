@@ -41,12 +41,10 @@ class Cuts:
     """Rule for cutting drives of a measurement into pieces whose information, or whose rows, add up.
 
     Attributes:
-        multiple: number of which every piece has a multiple of samples.
         segment: samples of every segment of a regression, whose rows add up over the pieces of a segment.
         regression: measurement of a single segment; None where readings are estimated from together.
     """
 
-    multiple: int = 1
     segment: int = 1
     regression: Measurement | None = None
 

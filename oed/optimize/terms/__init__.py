@@ -1,11 +1,9 @@
 """Terms: a drive's information and limit rows as functions of the unknowns, with their derivatives.
 
-`base` says what they are. `unrolled` writes the whole drive out; `pieces` puts it together: a `cell` is one
-sample, a `kernel` the samples of a piece (`layout` cuts them), a `link` what a piece hands on (by the chain
-rule of `carry`), `condensing` goes from pieces to the drive, `totals` from there to the matrices; `plan` has
-them all, and `passes` is one evaluation, forwards and back. `needs` finds what each limit looks at:
-`fixed_rows` are those of splines and, by `whole_rows`, of whole runs; `instants` has those of one instant, of
-which `slots` takes as many as are chosen, around what has `begun` where their samples begin.
+`base` says what they are. `unrolled` writes the whole drive out; `condensed`, beside this folder, puts it
+together from a `cell` for one sample, which hands on what `carry` says. `needs` finds what each limit looks
+at: `fixed_rows` are those of splines and, by `whole_rows`, of whole runs; `instants` has those of one
+instant, of which `slots` takes as many as are chosen, around what has `begun` where their samples begin.
 """
 
 from __future__ import annotations
@@ -13,9 +11,8 @@ from __future__ import annotations
 from typing import Any
 
 from oed.kernel.problem import Problem
+from oed.optimize.condensed.terms import Condensed, condensable
 from oed.optimize.terms.base import Terms
-from oed.optimize.terms.layout import divisible
-from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
 
 _KEPT: list[tuple[tuple[Any, ...], Terms]] = []
@@ -25,8 +22,8 @@ _MOST = 2
 
 
 def terms_of(problem: Problem, refine: int = 1) -> Terms:
-    """The terms of a problem, written once in a process for all criteria of the same matrices: from pieces
-    where its drives can be cut into them, else unrolled.
+    """The terms of a problem, written once in a process for all criteria of the same matrices: condensed
+    where its samples add up, else unrolled.
 
     Args:
         problem: whose terms they are.
@@ -49,8 +46,7 @@ def terms_of(problem: Problem, refine: int = 1) -> Terms:
     for key, terms in _KEPT:
         if key == same:
             return terms
-    layout = divisible(problem)
-    terms = Unrolled(problem, refine) if layout is None else Pieces(problem, layout, refine)
+    terms = Condensed(problem, refine) if condensable(problem) else Unrolled(problem, refine)
     _KEPT.insert(0, (same, terms))
     del _KEPT[_MOST:]
     return terms

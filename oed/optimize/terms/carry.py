@@ -41,7 +41,6 @@ class Carry:
         states: int,
         parameters: int,
         nuisances: int,
-        started: bool,
         drifting: bool = False,
         remembered: int = 0,
         step: Step | None = None,
@@ -54,7 +53,6 @@ class Carry:
             states: of the robot.
             parameters: how many are estimated; 0 for regressions, which carry no sensitivities.
             nuisances: the sensors' own.
-            started: whether the runs' starts are estimated as well.
             drifting: whether there is process noise.
             remembered: states besides, that a filter remembers: S and P have rows for these, and S has their
                 values in a column of its own behind the others.
@@ -63,7 +61,7 @@ class Carry:
         self._gathered, self._states, self._drifting = gathered, states, drifting
         self._parameters, self._nuisances = parameters, nuisances
         more = nuisances if drifting else 0
-        columns = parameters + (states if started else 0) + more if parameters else 0
+        columns = parameters + states + more if parameters else 0
         begin = ca.horzcat(ca.DM(states, parameters), ca.DM.eye(states))[:, : max(columns - more, 0)]
         begin = ca.horzcat(begin, ca.DM(states, more)) if parameters else begin
         rows, values = states + remembered, 1 if remembered else 0
@@ -92,15 +90,6 @@ class Carry:
             whole[self.moving] = carried
         return whole
 
-    def lasting(self, carried: Expression) -> Expression:
-        """All that the next part is handed of S and P: nothing that is remembered."""
-        whole, (rows, columns) = self.whole(carried), self._shape
-        if (rows, columns) == (self._states, self._columns):
-            return whole
-        table, spread = self._parts(whole)
-        own = slice(0, self._states)
-        return ca.vertcat(ca.vec(table[own, : self._columns]), upper_half(spread[own, own]))
-
     @property
     def belief(self) -> tuple[Expression, Expression]:
         """S and P of the symbols."""
@@ -120,10 +109,18 @@ class Carry:
         handed = self._handed(table, spread)[self.moving] if self.moving else ca.SX(0, 1)
         return handed, ca.densify(upper_half(ca.densify(added)))
 
-    def turned(self, information: Expression, whole: Expression) -> Expression:
-        """Entries of information on (parameters, start, nuisances), written by the whole run's start."""
-        table, spread = self._parts(whole)
-        return upper_half(ca.densify(self._turned(information, table, spread)[0]))
+    def at_end(self, information: Expression, carried: Expression) -> Expression:
+        """Entries of information on (parameters, a run's last state, nuisances), written by the run's start.
+
+        Args:
+            information: a matrix.
+            carried: the entries of S and P that change, there; what a filter remembers no longer matters.
+        """
+        table, spread = self._parts(self.whole(carried))
+        own = slice(0, self._states)
+        left = spread[own, own] if self._drifting else spread
+        turned, *_ = self._turned(information, table[own, : self._columns], left)
+        return upper_half(ca.densify(turned))
 
     def _parts(self, whole: Expression) -> tuple[Expression, Expression]:
         # S and P.

@@ -14,14 +14,14 @@ import numpy as np
 
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
-from oed.kernel.measurement.filter_rows import memories_of
+from oed.kernel.measurement.filter_rows import memories_of, reads_of
 from oed.kernel.measurement.innovations import Filter, filter_of
 from oed.kernel.measurement.joint import cuts_of as measurement_cuts
 from oed.kernel.measurement.measurement import Cuts, process_noise_of
 from oed.kernel.measurement.readings import joint_readings
 from oed.kernel.measurement.update import Update
 from oed.kernel.problem import Problem
-from oed.optimize.terms.blocks import Packed, pull
+from oed.optimize.terms.blocks import Packed
 from oed.optimize.terms.carry import Carry
 from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.matrices import upper_half
@@ -82,14 +82,9 @@ class Cell:
         return self._parts[1]
 
     @cached_property
-    def step(self) -> ca.Function:
-        """(state, inputs) -> next state."""
-        return ca.Function("step", [self._state, self._inputs], [self._parts[0][: self.states]])
-
-    @cached_property
     def values(self) -> ca.Function:
         """(x, inputs, which sensors read) -> x at the end, what is gathered."""
-        return ca.Function("cell", self._arguments, self._parts)
+        return ca.Function("cell", self._arguments, [ca.densify(part) for part in self._parts])
 
     def scored(self, instants: InstantRows, times: Sequence[float]) -> ca.Function:
         """(x, inputs, which sensors read) -> x at the end, what is gathered, the most by which limits on
@@ -104,7 +99,8 @@ class Cell:
         table = ca.horzcat(*found)
         own = [np.flatnonzero(instants.owner == place).tolist() for place in instants.limits]
         each = [ca.mmax(table[rows, :]) for rows in own]
-        return ca.Function("cell", self._arguments, ca.cse([*self._parts, ca.vertcat(ca.SX(0, 1), *each)]))
+        results = [*self._parts, ca.vertcat(ca.SX(0, 1), *each)]
+        return ca.Function("cell", self._arguments, ca.cse([ca.densify(part) for part in results]))
 
     @cached_property
     def _slopes(self) -> list[Expression]:
@@ -138,11 +134,6 @@ class Cell:
     def bent_jacobian(self) -> ca.Function:
         """(x, inputs, which sensors read) -> entries of `bent_slopes`."""
         return ca.Function("bent_slopes", self._arguments, [one.entries for one in self.bent_slopes])
-
-    @cached_property
-    def pull(self) -> ca.Function:
-        """(entries of the slopes of what is gathered, weights of that) -> weights of x."""
-        return pull(self.slopes[1], self.width)
 
     @cached_property
     def _bending(self) -> tuple[list[Expression], Expression]:
@@ -240,7 +231,7 @@ def carry_of(problem: Problem, gathered: Expression | None = None, **options: An
     Args:
         problem: whose drives.
         gathered: by the part, where it says how.
-        options: `started`, `remembered` and `step` of `Carry`.
+        options: `remembered` and `step` of `Carry`.
     """
     sensors = problem.measurement.joint_sensors
     return Carry(
@@ -249,7 +240,7 @@ def carry_of(problem: Problem, gathered: Expression | None = None, **options: An
         parameters=len(estimated(problem)) if sensors else 0,
         nuisances=sum(len(sensor.nuisances) for sensor in sensors),
         drifting=process_noise_of(sensors) is not None,
-        **{"started": True, **options},
+        **options,
     )
 
 
@@ -268,7 +259,7 @@ def read_end(problem: Problem, held: Expression, state: Expression) -> Expressio
         state: at that instant, (states,).
     """
     sensors = problem.measurement.joint_sensors
-    reads = [1.0 if sensor.when == "at samples" else 0.0 for sensor in sensors]
+    reads: list[float] = reads_of(sensors, problem.design.samples)[: len(sensors), -1].tolist()
     if process_noise_of(sensors) is not None:
         drive = small_drive(problem, held.T, state)
         used = _filtering(problem)
@@ -282,7 +273,7 @@ def read_end(problem: Problem, held: Expression, state: Expression) -> Expressio
 
 
 def cuts_of(problem: Problem) -> Cuts:
-    """How drives of a problem are cut into pieces, of one whose drives can be."""
+    """How the information of a problem's drives adds up, of one where it does."""
     cuts = measurement_cuts(problem.measurement, problem.design.samples)
     assert cuts is not None
     return cuts

@@ -1,22 +1,18 @@
-"""The rows that a program in pieces always has: of limits on splines, linear in z, and on whole runs."""
+"""The rows that a program always has: of limits on splines, linear in z, and on whole runs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.kernel.dynamics.embedding import without_zeros
-from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
 from oed.optimize.terms.base import Terms
-from oed.optimize.terms.begun import Weighted
 from oed.optimize.terms.needs import Needs
-from oed.optimize.terms.passes import Sweep
 from oed.optimize.terms.row_bounds import RowBounds, said_once
-from oed.optimize.terms.whole_rows import WholeRows, WholeSweep
+from oed.optimize.terms.whole_rows import WholeRows
 
 
 class FixedRows:
@@ -69,34 +65,3 @@ class FixedRows:
             kept &= said_once(slope, constant, rows)
         bounds = RowBounds(rows.lower[kept], rows.upper[kept], rows.size, rows.unit)
         return slope[kept], constant[kept], bounds
-
-
-class FixedSweep:
-    """Those rows at the z of a sweep as expressions (MX)."""
-
-    def __init__(self, sweep: Sweep, rows: FixedRows) -> None:
-        """Take both."""
-        self._sweep, self._rows = sweep, rows
-        self._whole = None if rows.whole is None else WholeSweep(sweep, rows.whole)
-
-    @property
-    def rows(self) -> Expression:
-        """All of them."""
-        linear = without_zeros(self._rows.slope) @ self._sweep.z + ca.DM(self._rows.constant)
-        return ca.vertcat(linear, *([] if self._whole is None else [self._whole.rows]))[self._rows.order]
-
-    @property
-    def row_slopes(self) -> Expression:
-        """Derivatives of the rows by z, sparse."""
-        linear = ca.MX(without_zeros(self._rows.slope))
-        whole = [] if self._whole is None else [self._whole.row_slopes]
-        return ca.vertcat(linear, *whole)[self._rows.order, :]
-
-    def curvature(self, weights: Expression) -> tuple[Expression, Sequence[Weighted]]:
-        """Second derivatives by z of the weighted sum, but for those of states at samples' begins, and what
-        these weigh.
-        """
-        if self._whole is None:
-            return 0, ()
-        own = weights[np.argsort(self._rows.order).tolist()][len(self._rows.constant) :]
-        return self._whole.curvature(own)

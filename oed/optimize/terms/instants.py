@@ -18,6 +18,7 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import instant_of
 from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
+from oed.optimize.condensed.differentiated import Differentiated
 from oed.optimize.terms.row_bounds import RowBounds
 
 LINEAR_WEIGHT = 20.0
@@ -146,6 +147,12 @@ class InstantRows:
         `bent_asked`, by both.
         """
         return ca.Function("instant_curvature", [*self._arguments, self._factor], self._curvature)
+
+    @cached_property
+    def chosen(self) -> Differentiated:
+        """Chosen rows, of the unknowns and of (time since the period's begin [s], how much of each row)."""
+        constants = ca.vertcat(self._elapsed, self._chosen)
+        return Differentiated(self._unknowns, self._row, constants)
 
     @cached_property
     def all_rows(self) -> ca.Function:

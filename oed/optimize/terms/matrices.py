@@ -1,9 +1,8 @@
-"""Matrices by the entries on and above their diagonals, and smooth expressions with their derivatives."""
+"""Matrices by the entries on and above their diagonals."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -11,36 +10,6 @@ import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
-
-
-class Smooth:
-    """An expression (k,) of symbols (n,), and its derivatives, as functions (SX).
-
-    Attributes:
-        size: k.
-    """
-
-    def __init__(self, symbols: Expression, expression: Expression) -> None:
-        """Take both; functions are made when first used."""
-        self._symbols, self._expression, self.size = symbols, expression, int(expression.shape[0])
-
-    @cached_property
-    def values(self) -> ca.Function:
-        """Symbols -> expression."""
-        return ca.Function("values", [self._symbols], [self._expression])
-
-    @cached_property
-    def slope(self) -> ca.Function:
-        """Symbols -> its derivatives (k, n), dense."""
-        slope = ca.jacobian(self._expression, self._symbols)
-        return ca.Function("slope", [self._symbols], [ca.densify(slope)])
-
-    @cached_property
-    def curvature(self) -> ca.Function:
-        """(symbols, weights (k,)) -> first, dense, and second derivatives of the weighted sum."""
-        weights = ca.SX.sym("weights", self.size)
-        curvature, slope = ca.hessian(ca.dot(weights, self._expression), self._symbols)
-        return ca.Function("curvature", [self._symbols, weights], [ca.densify(slope), curvature])
 
 
 def upper_half(matrix: Expression) -> Expression:

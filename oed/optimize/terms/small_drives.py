@@ -1,4 +1,4 @@
-"""Drives of a few samples, in which pieces of longer ones are written."""
+"""Drives of a few samples, in which longer ones are written."""
 
 from __future__ import annotations
 

@@ -17,8 +17,8 @@ from oed.foundation.arrays import Bools
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.limit import Rows
 from oed.kernel.problem import Problem
-from oed.optimize.terms.base import Swept, Terms
 from oed.optimize.terms.begun import Begun, Weighted, first_entries, gathered, scattered
+from oed.optimize.terms.generated import Swept, WrittenTerms
 from oed.optimize.terms.instants import InstantRows
 from oed.optimize.terms.matrices import upper_half
 from oed.optimize.terms.needs import by_instants
@@ -30,7 +30,7 @@ again but not gigabytes: a million take 100 MB.
 """
 
 
-class Unrolled(Terms):
+class Unrolled(WrittenTerms):
     """Information and limit rows of the drive written out, positions at `refine` points per sample.
 
     Attributes:

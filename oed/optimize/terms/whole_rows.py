@@ -20,8 +20,6 @@ from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import roll_out
 from oed.kernel.dynamics.system import stepper
 from oed.optimize.terms.base import Terms
-from oed.optimize.terms.begun import Weighted
-from oed.optimize.terms.passes import BegunInPieces, Sweep
 from oed.optimize.terms.row_bounds import RowBounds
 from oed.optimize.terms.small_drives import splines_of
 
@@ -97,23 +95,6 @@ class Formulas:
         """Given -> rows."""
         return ca.Function("whole", [self.given], [self.stacked])
 
-    def slopes(self, given: Expression, slopes: Expression) -> Expression:
-        """Derivatives (rows, size) of the rows by z, of what they need and the derivatives of that."""
-        found, size = [ca.MX(0, slopes.shape[1])], slopes.shape[1]
-        # Limit by limit: a slope that is infinite in one is not to spread to the others.
-        for rows in (ca.densify(one.expression) for one in self.rows):
-            count = rows.shape[0]
-            if count >= size:
-                direction = ca.SX.sym("direction", len(self.needed))
-                slope = ca.densify(ca.jtimes(rows, self.given, direction))
-                along = ca.Function("whole_along", [self.given, direction], [slope])
-                found.append(along.map("along", "serial", size, [0], [])(given, ca.densify(slopes)))
-            elif count:
-                back = ca.Function("whole_gradient", *self._gradient(rows))
-                each = back.map("back", "serial", count, [0], [])(given, ca.DM.eye(count))
-                found.append(each.T @ slopes)
-        return ca.vertcat(*found)
-
     def _gradient(self, rows: Expression) -> tuple[list[Expression], list[Expression]]:
         # (given, weights of the rows) -> weights of what is given.
         weights = ca.SX.sym("weights", rows.shape[0])
@@ -179,92 +160,3 @@ class WholeRows:
             RowBounds(rows.lower[own], rows.upper[own], rows.size, rows.unit)
             for rows, own in zip(formulas.rows, np.split(kept, edges), strict=True)
         ]
-
-
-class WholeSweep:
-    """Those rows at the z of a sweep through the pieces, which knows the states."""
-
-    def __init__(self, sweep: Sweep, whole: WholeRows) -> None:
-        """Take both."""
-        self._sweep, self._whole, self._formulas = sweep, whole, whole.formulas
-
-    @cached_property
-    def _begun(self) -> BegunInPieces | None:
-        samples = self._formulas.samples
-        return self._sweep.begun(ca.DM(samples.astype(float)).T) if len(samples) else None
-
-    @property
-    def _others(self) -> list[int]:
-        # Of what is needed, places in (inputs held, z).
-        return [one - self._formulas.states for one in self._formulas.needed if one >= self._formulas.states]
-
-    @cached_property
-    def _given(self) -> Expression:
-        # What the formulas need.
-        others = picked(self._formulas.affine @ self._sweep.z, self._others)
-        if self._begun is None:
-            return others
-        state, place = self._formulas.of_states
-        count = self._begun.states.shape[0]
-        return ca.vertcat(ca.vec(self._begun.states)[(place * count + state).tolist()], others)
-
-    @cached_property
-    def _given_slopes(self) -> Expression:
-        # Its derivatives by z; those of inputs are sparse.
-        others = ca.MX(picked(self._formulas.affine, self._others))
-        if self._begun is None:
-            return others
-        state, place = self._formulas.of_states
-        each = self._begun.states.shape[0] + self._begun.held.shape[0]
-        return ca.vertcat(self._begun.slopes[:, (place * each + state).tolist()].T, others)
-
-    @property
-    def rows(self) -> Expression:
-        """The limits' rows."""
-        return picked(self._formulas.values(self._given), self._whole.kept)
-
-    @property
-    def row_slopes(self) -> Expression:
-        """Derivatives of the rows by z, sparse."""
-        found = self._formulas.slopes(self._given, self._given_slopes)
-        return picked(ca.project(found, self._whole.pattern), self._whole.kept)
-
-    def curvature(self, weights: Expression) -> tuple[Expression, list[Weighted]]:
-        """Second derivatives by z of the weighted sum, but for those of states; what these weigh."""
-        # Rows that no unknown moves have weights as well.
-        weights = _spread(weights, self._whole.kept, self._whole.pattern.size1())
-        around = self._given_slopes.T @ self._bent(weights)
-        if self._begun is None:
-            return around, []
-        state, place = self._formulas.of_states
-        gradient = picked(self._formulas.gradient(self._given, weights), range(len(state)))
-        count = self._begun.states.shape[0]
-        own = _spread(gradient, (place * count + state).tolist(), self._begun.states.numel())
-        return around, [Weighted(self._begun, ca.reshape(own, *self._begun.states.shape))]
-
-    def _bent(self, weights: Expression) -> Expression:
-        # How the gradient of the rows' weighted sum by what is given moves with z.
-        formulas, across = self._formulas, self._given_slopes
-        inner, size = formulas.inner, across.shape[1]
-        if not inner.nnz():
-            return ca.MX(*across.shape)
-        # Colours are as many as a row has entries, at least, and take long to find where these are many.
-        fewer = np.bincount(inner.row()).max() < size and formulas.colours.size2() < size
-        directions = ca.MX(ca.DM(formulas.colours, 1.0)) if fewer else across
-        bent = formulas.bent.map("bent", "serial", directions.shape[1], [0, 1], [])
-        found = bent(self._given, weights, ca.densify(directions))
-        if not fewer:
-            return found
-        colours = formulas.colours
-        colour = np.empty(inner.size2(), dtype=np.int64)
-        colour[colours.row()] = colours.get_col()
-        rows, columns = map(np.array, inner.get_triplet())
-        entries = ca.vec(ca.densify(found))[(rows + inner.size1() * colour[columns]).tolist()]
-        return ca.sparsity_cast(entries, inner) @ across
-
-
-def _spread(entries: Expression, places: Sequence[int], count: int) -> Expression:
-    # A column of so many entries, those at other places 0.
-    place = np.full(count, len(places))
-    place[list(places)] = np.arange(len(places))
-    return picked(ca.densify(ca.vertcat(entries, ca.MX(1, 1))), place.tolist())

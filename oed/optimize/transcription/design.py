@@ -5,32 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 
 from oed.foundation.arrays import Array
 from oed.kernel.criteria.criterion import lifted
-from oed.kernel.dynamics.compiled import Making, taken
-from oed.kernel.dynamics.direct_call import direct_call
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.problem import Problem
 from oed.optimize.terms import terms_of
-from oed.optimize.terms.base import COMPILING, Terms
+from oed.optimize.terms.base import Terms
 from oed.optimize.terms.matrices import stacks, symmetric_all
 from oed.optimize.terms.unrolled import OtherRobots, Unrolled
 
 UNSOUND = 1e3
 """Share of its size by which a drive that is not finite exceeds every limit."""
-
-LOOKING = 1e-4
-"""Time [s] per operation written out; only a search that may spare more looks for code compiled earlier.
-
-Such code is known by its source, and to write that takes a tenth of this time.
-"""
 
 
 class DesignExpressions:
@@ -149,49 +140,15 @@ class DesignExpressions:
         matrices, excess = self._judged(candidates, threads)
         return self.objective(matrices), excess
 
-    @cached_property
-    def _scores(self) -> ca.Function:
-        return self.terms.scores_written_out
-
-    def compile_scores(self, spared: float = np.inf) -> Path | None:
-        """Let generated C score candidates, where there is a compiler; the numbers stay the same.
-
-        Returns the library; None where there is none.
-
-        Args:
-            spared: time [s] that compiled code would spare. Where the compiler takes longer, it is given up,
-                or not begun; code compiled earlier is taken if finding it takes little of that time.
-        """
-        anew = spared >= COMPILING * self.terms.written
-        if not anew and spared < LOOKING * self.terms.written:
-            return None
-        making = Making([self.terms.scores], anew=anew)
-        making.wait(spared)
-        if making.binary is None or not self.take_scores(making.binary):
-            return None
-        return making.binary
-
-    def take_scores(self, binary: Path) -> bool:
-        """Let compiled code score candidates; False where the file is missing.
-
-        Args:
-            binary: a file.
-        """
-        functions = taken(binary, [self.terms.scores.name()])
-        if functions is not None:
-            (self._scores,) = functions
-        return functions is not None
-
     def _judged(self, candidates: Array, threads: int = 1) -> tuple[list[list[Array]], Array]:
         # For every robot its matrices (K, p, p); by how much limits are exceeded, in shares of their size.
         count = len(candidates)
-        several = ("thread", min(threads, count)) if min(threads, count) > 1 else ()
-        nominal, excess = direct_call(self._scores.map(count, *several), candidates)
-        found = [stacks(nominal.reshape(count, -1).T, self.sizes)] * len(self.robots)
+        nominal, excess = self.terms.scored(candidates, threads)
+        found = [stacks(nominal.T, self.sizes)] * len(self.robots)
         for place, parameters, shift in self.others:
             other = self.other_robots.values.map("robots", "serial", count, [1, 2], [])
             found[place] = stacks(np.array(other(candidates.T, parameters, shift)), self.sizes)
-        return _finite(found, excess.reshape(count, -1))
+        return _finite(found, excess)
 
 
 def _finite(robots: list[list[Array]], excess: Array) -> tuple[list[list[Array]], Array]:

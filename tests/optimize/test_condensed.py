@@ -1,10 +1,8 @@
-"""Terms from pieces, against the drive written out as a whole."""
+"""Condensed drives, against drives written out as a whole."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
-from math import lcm
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -19,10 +17,9 @@ from oed.kernel.dynamics.space import Spline
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.prior import Prior
 from oed.kernel.problem import Problem
+from oed.optimize.condensed.terms import Condensed, condensable
 from oed.optimize.terms import terms_of
-from oed.optimize.terms.layout import PieceLayout, divisible
 from oed.optimize.terms.needs import by_instants, needs_of
-from oed.optimize.terms.pieces import Pieces
 from oed.optimize.terms.unrolled import Unrolled
 from oed.optimize.terms.whole_rows import Formulas
 from oed.robots.limits import (
@@ -259,6 +256,8 @@ PROBLEMS: dict[str, dict[str, Any]] = {
         "design": space(runs=2, start=(StartPose(), StartPose(x=0.2, heading=1.0))),
     },
     "relative poses": {"measurement": RelativePoses(noise={**NOISE, "position_per_speed": 0.05})},
+    "prime samples": {"measurement": POSES, "design": space(samples=53)},
+    "readings at odd times": {"measurement": Poses(noise=NOISE, every=5)},
     "lever arm": {"measurement": Poses(noise=NOISE, lever_arm=LeverArm(x=0.05, known=False, deviation=0.01))},
     "two sensors": {
         "measurement": Several(
@@ -291,15 +290,6 @@ PROBLEMS: dict[str, dict[str, Any]] = {
 small_problem = partial(problem_of, **SPACE)
 
 
-def short(problem: Problem) -> PieceLayout:
-    """The layout of the shortest pieces, so that there are several."""
-    layout = divisible(problem)
-    assert layout is not None
-    every = lcm(*(sensor.every for sensor in problem.measurement.joint_sensors))
-    fitting = [n for n in range(2, layout.samples + 1) if layout.samples % n == 0 and n % every == 0]
-    return replace(layout, samples=fitting[0])
-
-
 def assert_close(found: Any, expected: Any, weight: float = 1e-9) -> None:
     """Equal to nine digits of the largest entry."""
     found, expected = np.array(found), np.array(expected)
@@ -314,16 +304,16 @@ def assert_close(found: Any, expected: Any, weight: float = 1e-9) -> None:
         for name in PROBLEMS
     ],
 )
-def test_pieces_say_what_the_whole_drive_says(overrides: dict[str, Any]):
+def test_they_say_what_the_whole_drive_says(overrides: dict[str, Any]):
     problem = small_problem(**overrides)
-    agree(problem, Pieces(problem, short(problem)), Unrolled(problem))
+    agree(problem, Condensed(problem), Unrolled(problem))
 
 
 @pytest.mark.slow
 def test_a_slope_that_is_not_finite_spoils_no_other_limit():
     problem = small_problem(limits=(Step(), SPEED, Mean()), design=space(rest_to_rest=False))
-    pieces, whole = Pieces(problem, short(problem)), Unrolled(problem)
-    found, expected = (np.array(ca.densify(one.jacobian(np.zeros(one.size))[1])) for one in (pieces, whole))
+    both = Condensed(problem), Unrolled(problem)
+    found, expected = (np.array(ca.densify(terms.jacobian(np.zeros(terms.size))[1])) for terms in both)
     spoilt = np.isnan(expected).any(axis=1)
     assert 0 < spoilt.sum() < len(spoilt)
     np.testing.assert_array_equal(np.isnan(found).any(axis=1), spoilt)
@@ -335,30 +325,31 @@ def test_second_derivatives_with_more_entries_in_a_row_than_unknowns_are_not_col
 ):
     # It would take as long as the number of samples, cubed.
     monkeypatch.setattr(Formulas, "colours", property(lambda _: pytest.fail("coloured")))
-    problem = small_problem(limits=(Effort(), SPEED))
-    Pieces(problem, short(problem)).functions()
+    condensed = Condensed(small_problem(limits=(Effort(), SPEED)))
+    rows = sum(len(one.lower) for one in condensed.rows)
+    condensed.hessian(np.zeros(condensed.size), np.ones(condensed.entry_count), np.ones(rows))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("limits", [EVERYTHING, (*OWN, Unsaid())])
-def test_so_do_pieces_limited_between_the_samples(limits: tuple[Limit, ...]):
+def test_so_do_drives_limited_between_the_samples(limits: tuple[Limit, ...]):
     problem = small_problem(limits=limits, design=FREE_RUNS)
-    agree(problem, Pieces(problem, short(problem), 3), Unrolled(problem, 3))
+    agree(problem, Condensed(problem, 3), Unrolled(problem, 3))
 
 
-def agree(problem: Problem, pieces: Pieces, whole: Unrolled) -> None:
+def agree(problem: Problem, condensed: Condensed, whole: Unrolled) -> None:
     rng = np.random.default_rng(0)
-    assert (pieces.size, pieces.sizes) == (whole.size, whole.sizes)
-    assert pieces.linear == whole.linear
-    for found, expected in zip(pieces.rows, whole.rows, strict=True):
+    assert (condensed.size, condensed.sizes) == (whole.size, whole.sizes)
+    assert condensed.linear == whole.linear
+    for found, expected in zip(condensed.rows, whole.rows, strict=True):
         np.testing.assert_array_equal(found.lower, expected.lower)
         np.testing.assert_array_equal(found.upper, expected.upper)
         assert (found.size, found.unit) == (expected.size, expected.unit)
     z = rng.uniform(-0.8, 0.8, whole.size)
-    for found, expected in zip(pieces.scores(z), whole.scores(z), strict=True):
+    for found, expected in zip(condensed.scored(z[None]), whole.scored(z[None]), strict=True):
         assert_close(found, expected)
-    numbers = numbers_of(pieces, rng)
-    own, others = pieces.functions(SLOTS), whole.functions(SLOTS)
+    numbers = numbers_of(condensed, rng)
+    own, others = condensed.functions(SLOTS), whole.functions(SLOTS)
     for found, expected in zip(own.values(z, numbers), others.values(z, numbers), strict=True):
         assert_close(found, expected)
     for found, expected in zip(own.jacobian(z, numbers), others.jacobian(z, numbers), strict=True):
@@ -393,13 +384,13 @@ def test_second_derivatives_by_directions_are_those_of_all_at_once(monkeypatch: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [Pieces, Unrolled])
+@pytest.mark.parametrize("kind", [Condensed, Unrolled])
 @pytest.mark.parametrize(
     ("limits", "crossing"), [((Lagging(),), True), ((BodySpeed(bounds=0.4), BOX), False)]
 )
 def test_rows_of_instants_bend_as_their_slopes_change(kind: type, limits: tuple[Limit, ...], crossing: bool):
     problem = small_problem(limits=(SPEED, *limits), design=space(runs=2))
-    terms = kind(problem, *([short(problem)] if kind is Pieces else []))
+    terms = kind(problem)
     assert terms.instants.crossing == crossing
     rng = np.random.default_rng(2)
     z, numbers = rng.uniform(-0.8, 0.8, terms.size), numbers_of(terms, rng)
@@ -442,28 +433,25 @@ def test_a_lag_has_two_motions_in_a_sample():
 
 
 @pytest.mark.parametrize("limit", [EndPosition(at="start"), PathLength(bounds=3), Unsaid(), Bend()])
-def test_a_limit_on_whole_runs_leaves_the_rest_to_pieces(limit: Limit):
-    assert isinstance(terms_of(small_problem(limits=(SPEED, BOX, limit))), Pieces)
+def test_a_limit_on_whole_runs_leaves_the_rest_condensed(limit: Limit):
+    assert condensable(small_problem(limits=(SPEED, BOX, limit)))
 
 
 @pytest.mark.slow
 def test_scores_and_bounded_unknowns_agree():
     problem = small_problem(limits=(*EVERYTHING, *WHOLE_RUNS[::2]))
-    pieces, whole = terms_of(problem), Unrolled(problem)
-    assert isinstance(pieces, Pieces)
-    z = np.random.default_rng(1).uniform(-3, 3, (whole.size, 5))
-    for found, expected in zip(pieces.scores.map(5)(z), whole.scores.map(5)(z), strict=True):
+    condensed, whole = Condensed(problem), Unrolled(problem)
+    z = np.random.default_rng(1).uniform(-3, 3, (5, whole.size))
+    for found, expected in zip(condensed.scored(z), whole.scored(z), strict=True):
         assert_close(found, expected)
-    for found, expected in zip(pieces.bounded_unknowns, whole.bounded_unknowns, strict=True):
+    for found, expected in zip(condensed.bounded_unknowns, whole.bounded_unknowns, strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
 WHOLE: dict[str, dict[str, Any]] = {
     "unequal segments": {"measurement": Displacements(segments=5)},
-    "prime samples": {"measurement": POSES, "design": space(samples=53)},
     "shared noise": {"measurement": Displacements(segments=4, noise_model="absolute")},
     "readings across samples": {"measurement": RelativePoses(noise=NOISE, every=2)},
-    "readings at odd times": {"measurement": Poses(noise=NOISE, every=5)},
     "robust": {
         "criterion": E(scaling="relative"),
         "measurement": POSES,
@@ -476,7 +464,7 @@ WHOLE: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("overrides", WHOLE.values(), ids=WHOLE.keys())
 def test_other_drives_are_written_out(overrides: dict[str, Any]):
     problem = small_problem(**overrides)
-    assert divisible(problem) is None
+    assert not condensable(problem)
     assert isinstance(terms_of(problem), Unrolled)
 
 
@@ -499,8 +487,8 @@ def test_building_does_not_grow_with_the_samples(measurement, more):
         limits = (SPEED, ACCELERATION, BOX, *more)
         problem = small_problem(measurement=measurement, samples=samples, limits=limits)
         terms = terms_of(problem)
-        assert isinstance(terms, Pieces)
-        counts.append(terms.hessian.n_nodes())
+        assert isinstance(terms, Condensed)
+        counts.append(terms.written)
     assert counts[1] <= counts[0] + 20
     assert (len(terms.rows[2].lower), terms.instants.count) == (0, 2 if not more else terms.instants.count)
 
@@ -513,9 +501,9 @@ def test_wheels_that_cannot_reach_full_speed_are_scaled_alike():
 
 
 @pytest.mark.slow
-def test_input_limits_alone_leave_no_rows_to_the_pieces():
+def test_input_limits_alone_leave_no_rows_of_instants():
     problem = small_problem(limits=input_limits, measurement=POSES)
-    pieces, whole = terms_of(problem), Unrolled(problem)
+    condensed, whole = terms_of(problem), Unrolled(problem)
     z, rows = np.full(whole.size, 0.3), sum(len(one.lower) for one in whole.rows)
-    assert_close(pieces.jacobian(z)[1], whole.jacobian(z)[1])
-    assert_close(pieces.hessian(z, 1, np.ones(rows)), whole.hessian(z, 1, np.ones(rows)))
+    assert_close(condensed.jacobian(z)[1], whole.jacobian(z)[1])
+    assert_close(condensed.hessian(z, 1, np.ones(rows)), whole.hessian(z, 1, np.ones(rows)))

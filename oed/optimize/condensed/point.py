@@ -1,0 +1,308 @@
+"""One evaluation of a drive's information and limits, with first and second derivatives, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from oed.foundation.arrays import Array, Places
+from oed.kernel.dynamics.direct_call import mapped
+from oed.optimize.condensed.differentiated import Differentiated
+from oed.optimize.condensed.information import Information
+from oed.optimize.condensed.runs import Rolled, Runs
+from oed.optimize.condensed.whole import WholeRuns
+from oed.optimize.terms.instants import InstantRows
+from oed.optimize.terms.run_unknowns import RunUnknowns
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts that an evaluation goes through.
+
+    Attributes:
+        runs: cells of all samples.
+        unknowns: places of every run's unknowns in z.
+        drive: (z) -> start states, inputs held, linear rows, what else limits on whole runs need.
+        start_slopes: derivatives of the start states by z, (R, states, size).
+        information: what samples add up to.
+        ending: what is read at a run's end, of (x, inputs held until then); None of regressions.
+        whole: limits on whole runs; None if there are none.
+        instants: rows of an instant.
+    """
+
+    runs: Runs
+    unknowns: RunUnknowns
+    drive: ca.Function
+    start_slopes: Array
+    information: Information
+    ending: Differentiated | None
+    whole: WholeRuns | None
+    instants: InstantRows
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.unknowns.size
+
+    @cached_property
+    def run_start_slopes(self) -> Array:
+        """Derivatives of the start states by each run's unknowns, (R, states, w)."""
+        return np.take_along_axis(self.start_slopes, self.unknowns.places[:, None, :], axis=2)
+
+    def drives(self, candidates: Array) -> Drives:
+        """Return the drives of unknowns (K, size)."""
+        # By a function of one drive, whose digits do not depend on how many there are.
+        count, runs = len(candidates), self.runs
+        starts, held, linear, others = mapped(self.drive, count)(candidates)
+        return Drives(
+            starts.reshape(count, runs.count, runs.cell.states),
+            held.reshape(count, runs.count, *runs.held_slopes.shape[:2]),
+            linear.reshape(count, self.drive.size1_out(2)),
+            others.reshape(count, self.drive.size1_out(3)),
+        )
+
+
+@dataclass(frozen=True)
+class Drives:
+    """What is linear in the unknowns of K drives.
+
+    Attributes:
+        starts: states, (K, R, states).
+        held: inputs, in units of their scale, (K, R, N, inputs).
+        linear: rows of limits, (K, rows).
+        others: what limits on whole runs need besides states, (K, n).
+    """
+
+    starts: Array
+    held: Array
+    linear: Array
+    others: Array
+
+
+@dataclass(frozen=True)
+class ChosenRows:
+    """Rows of instants at which a program looks, one a slot.
+
+    Attributes:
+        run: of each slot, (K,).
+        sample: in the run, (K,).
+        constants: time since the sample's begin [s] and how much of each row, (K, 1 + rows).
+        asked: derivatives of the inputs that splines ask for by z, (K, inputs, size); none asked for: 0.
+    """
+
+    run: Places
+    sample: Places
+    constants: Array
+    asked: Array
+
+
+class Point:
+    """Information and limits at unknowns z; what is asked for again is computed once.
+
+    Attributes:
+        z: the unknowns, (size,).
+    """
+
+    def __init__(self, parts: Parts, z: Array) -> None:
+        """Take the parts and z."""
+        self._parts, self.z = parts, z
+        self._near: tuple[ChosenRows, Array] | None = None
+        self._near_slopes: tuple[ChosenRows, Array] | None = None
+
+    @cached_property
+    def drive(self) -> Drives:
+        """What is linear in z."""
+        return self._parts.drives(self.z[None])
+
+    @cached_property
+    def _rolled(self) -> Rolled:
+        return self._parts.runs.rolled(self.drive.starts[0], self.drive.held[0])
+
+    @cached_property
+    def _sloped(self) -> Rolled:
+        self._rolled.differentiate(self._parts.run_start_slopes)
+        return self._rolled
+
+    @cached_property
+    def _end(self) -> Array:
+        # x at the runs' ends and the inputs held until then.
+        return np.hstack([self._rolled.ends, self._rolled.held[:, -1]])
+
+    @cached_property
+    def _groups(self) -> Array:
+        ending = self._parts.ending
+        ends = None if ending is None else ending.values(self._end)[None]
+        return np.asarray(self._parts.information.grouped(self._rolled.added[None], ends)[0])
+
+    @cached_property
+    def _sums(self) -> Array:
+        return np.asarray(self._parts.information.sums(self._groups[None])[0])
+
+    @cached_property
+    def entries(self) -> Array:
+        """The matrices' entries, (e,)."""
+        return np.asarray(self._parts.information.entries(self._sums[None])[0])
+
+    @cached_property
+    def _end_slopes(self) -> Array:
+        # Of x at the runs' ends and the inputs held until then, (R, width + inputs, w).
+        rolled = self._sloped
+        held = self._parts.runs.held_slopes[-1]
+        last = np.broadcast_to(held, (len(rolled.ends), *held.shape))
+        return np.concatenate([rolled.end_slopes, last], axis=1)
+
+    @cached_property
+    def _group_slopes(self) -> Array:
+        found = self._sloped.added_slopes(self._parts.information.groups)
+        if self._parts.ending is not None:
+            found[:, 0] += np.matmul(self._parts.ending.slopes(self._end), self._end_slopes)
+        return found
+
+    @cached_property
+    def _sum_slopes(self) -> Array:
+        parts = self._parts
+        return parts.information.sum_slopes(
+            self._groups, self._group_slopes, parts.unknowns.places, parts.size
+        )
+
+    @cached_property
+    def entry_slopes(self) -> Array:
+        """Derivatives of the entries by z, (e, size)."""
+        return self._parts.information.entry_slopes(self._sums) @ self._sum_slopes
+
+    @cached_property
+    def _whole_given(self) -> Array:
+        whole = self._parts.whole
+        assert whole is not None
+        samples, states = whole.states
+        run, sample = np.divmod(samples, self._parts.runs.samples)
+        own = self._rolled.points[run, sample, states]
+        return np.asarray(whole.given(own[None], self.drive.others)[0])
+
+    @cached_property
+    def _whole_slopes(self) -> Array:
+        whole, parts = self._parts.whole, self._parts
+        assert whole is not None
+        samples, states = whole.states
+        run, sample = np.divmod(samples, parts.runs.samples)
+        found = np.zeros((len(states), parts.size))
+        if len(states):
+            rows = self._sloped.slopes[run, sample, states]
+            found[np.arange(len(states))[:, None], parts.unknowns.places[run]] = rows
+        return whole.given_slopes(found)
+
+    @property
+    def whole_rows(self) -> Array:
+        """Rows of limits on whole runs."""
+        assert self._parts.whole is not None
+        return np.asarray(self._parts.whole.values(self._whole_given[None])[0])
+
+    @property
+    def whole_row_slopes(self) -> Array:
+        """Derivatives of the rows of limits on whole runs by z, (rows, size)."""
+        assert self._parts.whole is not None
+        return self._parts.whole.slopes(self._whole_given, self._whole_slopes)
+
+    def instants(self, chosen: ChosenRows) -> Array:
+        """Return the chosen rows of instants, (K,)."""
+        return self._parts.instants.chosen.values(self._around(chosen), chosen.constants)[:, 0]
+
+    def _around(self, chosen: ChosenRows) -> Array:
+        # What rows of instants are functions of, (K, variables).
+        if self._near is None or self._near[0] is not chosen:
+            self._near = chosen, self._around_anew(chosen)
+        return self._near[1]
+
+    def _around_anew(self, chosen: ChosenRows) -> Array:
+        rolled, states = self._rolled, self._parts.runs.cell.states
+        columns = [
+            rolled.points[chosen.run, chosen.sample, :states],
+            rolled.held[chosen.run, chosen.sample],
+        ]
+        if self._parts.instants.asking:
+            columns.append(chosen.asked @ self.z)
+        return np.hstack(columns)
+
+    def _around_slopes(self, chosen: ChosenRows) -> Array:
+        # Derivatives of that by z, (K, variables, size).
+        if self._near_slopes is None or self._near_slopes[0] is not chosen:
+            self._near_slopes = chosen, self._around_slopes_anew(chosen)
+        return self._near_slopes[1]
+
+    def _around_slopes_anew(self, chosen: ChosenRows) -> Array:
+        parts, slopes = self._parts, self._sloped.slopes
+        states, width = parts.runs.cell.states, parts.runs.cell.width
+        places = np.r_[0:states, width : slopes.shape[2]]
+        own = slopes[chosen.run[:, None], chosen.sample[:, None], places]
+        found = np.zeros((len(chosen.run), parts.instants.size, parts.size))
+        rows = np.arange(len(chosen.run))[:, None, None], np.arange(len(places))[None, :, None]
+        found[(*rows, parts.unknowns.places[chosen.run][:, None, :])] = own
+        if parts.instants.asking:
+            found[:, len(places) :] = chosen.asked
+        return found
+
+    def instant_slopes(self, chosen: ChosenRows) -> Array:
+        """Return derivatives of the chosen rows by z, (K, size)."""
+        steep = self._parts.instants.chosen.slopes(self._around(chosen), chosen.constants)
+        return np.asarray(np.matmul(steep, self._around_slopes(chosen))[:, 0])
+
+    def curvature(self, entries: Array, whole: Array, instants: Array, chosen: ChosenRows | None) -> Array:
+        """Return second derivatives (size, size) by z of a weighted sum.
+
+        Args:
+            entries: weights of the matrices' entries, (e,).
+            whole: weights of the rows of limits on whole runs.
+            instants: weights of the chosen rows, (K,).
+            chosen: these rows, if there are any.
+        """
+        parts, rolled = self._parts, self._sloped
+        information = parts.information
+        weights, bent = information.weighted(self._sums, entries)
+        total = np.zeros((parts.size, parts.size))
+        if bent is not None:
+            total += self._sum_slopes.T @ bent @ self._sum_slopes
+        groups, square = information.group_weights(self._groups, weights)
+        by_runs = np.zeros((parts.runs.count, parts.unknowns.per_run, parts.unknowns.per_run))
+        if square is not None:
+            slopes = self._group_slopes
+            by_runs += np.matmul(slopes.transpose(0, 1, 3, 2), np.matmul(square, slopes)).sum(axis=1)
+        ends = np.zeros_like(rolled.ends)
+        if parts.ending is not None:
+            own = np.broadcast_to(groups[:, 0], (len(ends), groups.shape[2]))
+            ends = np.matmul(own[:, None], parts.ending.slopes(self._end))[:, 0, : ends.shape[1]]
+            inner = parts.ending.curvature(self._end, np.ascontiguousarray(own))
+            slopes = self._end_slopes
+            by_runs += np.matmul(slopes.transpose(0, 2, 1), np.matmul(inner, slopes))
+        points = np.zeros_like(rolled.points)
+        if parts.whole is not None:
+            given, slopes = self._whole_given, self._whole_slopes
+            total += parts.whole.curvature(given, slopes, whole)
+            samples, states = parts.whole.states
+            run, sample = np.divmod(samples, parts.runs.samples)
+            np.add.at(points, (run, sample, states), parts.whole.weights(given, whole))
+        if chosen is not None:
+            total += self._of_instants(chosen, instants, points)
+        each = parts.runs.samples // information.groups
+        added = np.repeat(groups, each, axis=1)
+        by_runs += rolled.curvature(ends, np.ascontiguousarray(added), points)
+        for places, own in zip(parts.unknowns.places, by_runs, strict=True):
+            total[np.ix_(places, places)] += own
+        return total
+
+    def _of_instants(self, chosen: ChosenRows, weights: Array, points: Array) -> Array:
+        # Second derivatives around the samples' begins; what the rows weigh of the states is added to
+        # `points`.
+        rows, around = self._parts.instants.chosen, self._around(chosen)
+        steep = rows.slopes(around, chosen.constants)[:, 0]
+        states = self._parts.runs.cell.states
+        places = chosen.run[:, None], chosen.sample[:, None], np.arange(states)
+        np.add.at(points, places, weights[:, None] * steep[:, :states])
+        if rows.is_linear:
+            return np.zeros((self._parts.size, self._parts.size))
+        inner = rows.curvature(around, weights[:, None], chosen.constants)
+        slopes = self._around_slopes(chosen)
+        size = slopes.shape[2]
+        return np.asarray(slopes.reshape(-1, size).T @ np.matmul(inner, slopes).reshape(-1, size))

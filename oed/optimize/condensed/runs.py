@@ -1,0 +1,227 @@
+"""Runs of one-sample cells: rolled out, differentiated forwards, weighed backwards [Bock and Plitt, "A
+multiple shooting algorithm for direct solution of optimal control problems", IFAC 1984].
+
+A run is moved by its own unknowns alone, so its derivatives are by these few. Arrays begin with (runs,
+samples); x is a cell's state: the robot's, its sensitivities and, under drift, a filter's covariance.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from oed.foundation.arrays import Array, Bools
+from oed.kernel.dynamics.direct_call import DirectCall, mapped
+from oed.optimize.condensed.differentiated import matrices_of
+from oed.optimize.terms.cell import Cell
+
+
+class Runs:
+    """All samples of all runs, each a cell.
+
+    Attributes:
+        cell: one sample.
+        count: runs, R.
+        samples: of a run, N.
+        held_slopes: derivatives of the inputs held by a run's unknowns, (N, inputs, w).
+    """
+
+    def __init__(self, cell: Cell, count: int, reads: Array, held_slopes: Array) -> None:
+        """Take the parts.
+
+        Args:
+            cell: one sample.
+            count: number of runs.
+            reads: which sensors read in each sample, (sensors, N).
+            held_slopes: derivatives of the inputs held by a run's unknowns, (N, inputs, w).
+        """
+        self.cell, self.count, self.held_slopes = cell, count, held_slopes
+        self.samples = len(held_slopes)
+        self._reads = np.ascontiguousarray(reads.T)
+        self._rolls: dict[tuple[int, int], DirectCall] = {}
+
+    def reads(self, runs: int) -> Array:
+        """Return which sensors read in each sample of so many runs, one row a sample."""
+        return np.tile(self._reads, (runs, 1))
+
+    def begins(self, starts: Array) -> Array:
+        """Return what the first cells begin with, (runs, width), where the robots start at (runs, states)."""
+        carried = np.array(self.cell.carry.begin, dtype=float).ravel()
+        return np.hstack([starts, np.tile(carried, (len(starts), 1))])
+
+    def rolled(self, starts: Array, held: Array) -> Rolled:
+        """Return the runs from start states (R, states) with inputs (R, N, inputs) held."""
+        return Rolled(self, starts, held)
+
+    def roll(self, starts: Array, held: Array) -> tuple[Array, Array]:
+        """Return what every cell ends with (R, N, width), and what it adds (R, N, added).
+
+        Args:
+            starts: states of any number of runs, (R, states).
+            held: inputs of each, (R, N, inputs).
+        """
+        runs = len(starts)
+        if (runs, 1) not in self._rolls:
+            self._rolls[runs, 1] = DirectCall(self.cell.values.mapaccum("roll", self.samples).map(runs))
+        ends, added = self._rolls[runs, 1](self.begins(starts), held, self.reads(runs))
+        shape = runs, self.samples
+        return ends.reshape(*shape, self.cell.width), added.reshape(*shape, self.cell.gathered.numel())
+
+    @cached_property
+    def forward(self) -> DirectCall:
+        """(slopes of x at the runs' begins, of the inputs held, entries of all cells' slopes) -> slopes of x
+        at all cells' ends, by the runs' unknowns.
+        """
+        unknowns, inputs = self.held_slopes.shape[2], self.held_slopes.shape[1]
+        slopes, held = ca.MX.sym("slopes", unknowns, self.cell.width), ca.MX.sym("held", unknowns, inputs)
+        onward = self.cell.slopes[0]
+        entries = ca.MX.sym("entries", onward.pattern.nnz())
+        product = ca.horzcat(slopes, held) @ onward.matrix(entries).T
+        step = ca.Function("forward", [slopes, held, entries], [ca.densify(product)])
+        return DirectCall(step.mapaccum("forward", self.samples).map(self.count))
+
+    @cached_property
+    def backward(self) -> DirectCall:
+        """(weights of x at the runs' ends, entries of all cells' slopes, more weights of x at their begins)
+        -> weights of x at all cells' begins, both from the last cell to the first.
+        """
+        step = self.cell.slopes[0].back()
+        return DirectCall(step.mapaccum("backward", self.samples).map(self.count))
+
+    @cached_property
+    def state_pattern(self) -> Bools:
+        """Which of (x at a cell's begin, inputs) each entry of x at its end depends on."""
+        return np.array(matrices_of(self.cell.slopes[0].pattern, np.ones(self._onward_entries), 1)[0] != 0)
+
+    @property
+    def _onward_entries(self) -> int:
+        return int(self.cell.slopes[0].pattern.nnz())
+
+
+class Rolled:
+    """Runs from given starts with given inputs, and their derivatives.
+
+    Attributes:
+        held: inputs, (R, N, inputs).
+        points: x at every cell's begin, (R, N, width).
+        ends: x at every run's end, (R, width).
+        added: what every cell adds, (R, N, added).
+    """
+
+    def __init__(self, runs: Runs, starts: Array, held: Array) -> None:
+        """Roll the runs out; see `Runs.rolled`."""
+        self._runs, self._cell = runs, runs.cell
+        following, self.added = runs.roll(starts, held)
+        self.held, self.ends = held, following[:, -1]
+        self.points = np.concatenate([runs.begins(starts)[:, None], following[:, :-1]], axis=1)
+
+    @property
+    def _shape(self) -> tuple[int, int]:
+        return self._runs.count, self._runs.samples
+
+    @cached_property
+    def _given(self) -> list[Array]:
+        # Of all cells, one row each.
+        count = self._runs.count * self._runs.samples
+        return [
+            self.points.reshape(count, self._cell.width),
+            self.held.reshape(count, self.held.shape[2]),
+            self._runs.reads(self._runs.count),
+        ]
+
+    @cached_property
+    def _cell_slopes(self) -> list[Array]:
+        # Entries of the derivatives of what cells hand on and of what they add, by (x, inputs).
+        count = self._runs.count * self._runs.samples
+        return [
+            entries.reshape(count, part.pattern.nnz())
+            for part, entries in zip(
+                self._cell.slopes, mapped(self._cell.jacobian, count)(*self._given), strict=True
+            )
+        ]
+
+    @cached_property
+    def _added_slopes(self) -> Array:
+        # Derivatives of what cells add, (R, N, added, width + inputs).
+        pattern, entries = self._cell.slopes[1].pattern, self._cell_slopes[1]
+        return matrices_of(pattern, entries, len(entries)).reshape(*self._shape, *pattern.shape)
+
+    def differentiate(self, start_slopes: Array) -> None:
+        """Find the derivatives of everything by the runs' unknowns.
+
+        Args:
+            start_slopes: derivatives of the start states, (R, states, w).
+        """
+        (runs, samples), width = self._shape, self._cell.width
+        begins = np.zeros((runs, width, start_slopes.shape[2]))
+        begins[:, : self._cell.states] = start_slopes
+        held = np.broadcast_to(self._runs.held_slopes, (runs, *self._runs.held_slopes.shape))
+        (found,) = self._runs.forward(begins, held, self._cell_slopes[0])
+        ends = found.reshape(runs, samples, width, start_slopes.shape[2])
+        self.slopes = np.empty((runs, samples, width + held.shape[2], ends.shape[3]))
+        self.slopes[:, :, width:] = held
+        self.slopes[:, 0, :width], self.slopes[:, 1:, :width] = begins, ends[:, :-1]
+        self.end_slopes = ends[:, -1]
+
+    slopes: Array
+    """Derivatives of (x, inputs) at every cell's begin by the run's unknowns, (R, N, width + inputs, w)."""
+    end_slopes: Array
+    """Derivatives of x at every run's end, (R, width, w)."""
+
+    def added_slopes(self, groups: int) -> Array:
+        """Return derivatives (R, groups, added, w) of what each of so many equal parts of a run adds."""
+        gathered = self._added_slopes
+        runs, samples, added, columns = gathered.shape
+        each = samples // groups
+        parts = gathered.reshape(runs, groups, each, added, columns).transpose(0, 1, 3, 2, 4)
+        steps = self.slopes.reshape(runs, groups, each * columns, self.slopes.shape[3])
+        return np.asarray(np.matmul(parts.reshape(runs, groups, added, each * columns), steps))
+
+    def curvature(self, ends: Array, added: Array, points: Array | None) -> Array:
+        """Return second derivatives (R, w, w) by the runs' unknowns of a weighted sum of what runs do.
+
+        Args:
+            ends: weights of x at the runs' ends, (R, width).
+            added: weights of what every cell adds, (R, N, added).
+            points: weights of x at every cell's begin, (R, N, width), if anything weighs it.
+        """
+        (runs, samples), width = self._shape, self._cell.width
+        pulled = np.matmul(added[:, :, None, :], self._added_slopes[..., :width])[:, :, 0]
+        if points is not None:
+            pulled = pulled + points
+        onward = self._cell_slopes[0]
+        onward = onward.reshape(runs, samples, onward.shape[1])
+        (found,) = self._runs.backward(ends, onward[:, ::-1], pulled[:, ::-1])
+        begins = found.reshape(runs, samples, width)[:, ::-1]
+        following = np.concatenate([begins[:, 1:], ends[:, None]], axis=1)
+        return self._bent(following, added)
+
+    def _bent(self, following: Array, added: Array) -> Array:
+        # Second derivatives of the cells, weighted, between the slopes of what is bent in them.
+        (runs, samples), cell = self._shape, self._cell
+        count = runs * samples
+        weights = [following.reshape(count, cell.width), added.reshape(count, added.shape[2])]
+        found = mapped(cell.curvature, count)(*self._given, *weights)
+        inner = [
+            matrices_of(part.pattern, entries, count) for part, entries in zip(cell.inner, found, strict=True)
+        ]
+        slopes = self.slopes.reshape(count, *self.slopes.shape[2:])
+        if not cell.bent_slopes:
+            bent = np.ascontiguousarray(slopes[:, cell.bent])
+            return self._products(bent, np.matmul(inner[0], bent))
+        own = mapped(cell.bent_jacobian, count)(*self._given)
+        bent, beside = (
+            np.matmul(matrices_of(part.pattern, entries, count), slopes)
+            for part, entries in zip(cell.bent_slopes, own, strict=True)
+        )
+        half = np.matmul(inner[0].transpose(0, 2, 1), bent) + np.matmul(inner[1].transpose(0, 2, 1), beside)
+        total = self._products(bent, half)
+        return np.asarray(total + total.transpose(0, 2, 1))
+
+    def _products(self, left: Array, right: Array) -> Array:
+        # Sums over a run's samples of the products left' right, (R, w, w).
+        runs, unknowns = self._runs.count, left.shape[-1]
+        rows = left.reshape(runs, -1, unknowns).transpose(0, 2, 1)
+        return np.asarray(np.matmul(rows, right.reshape(runs, -1, unknowns)))
