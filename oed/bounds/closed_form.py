@@ -22,7 +22,6 @@ from oed.bounds.reach import (
     unslipped,
 )
 from oed.foundation.arrays import Array, Places
-from oed.kernel.criteria import E
 from oed.kernel.problem import Problem
 from oed.kernel.statement import Estimation, prior_of
 from oed.robots.models.model import robot_of
@@ -37,11 +36,9 @@ TURNED = "largest angles of both inputs in every segment, of which one has to tu
 
 
 def regression_bounds(problem: Problem) -> Iterator[Bound]:
-    """Yield bounds on E for the paper's regressions with independent increments."""
+    """Yield bounds for the paper's regressions with independent increments."""
     measurement = problem.measurement
-    if type(problem.criterion) is not E or not isinstance(measurement, Displacements):
-        return
-    if measurement.noise_model != "increments":
+    if not isinstance(measurement, Displacements) or measurement.noise_model != "increments":
         return
     for estimation in problem.any_estimations:
         yield from _trace_bounds(problem, measurement, estimation)

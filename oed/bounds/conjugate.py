@@ -1,20 +1,19 @@
 """Bounds on D and A from bounds on the information about combinations of parameters.
 
-Every bound on E is one on tr(Z F) for some Z of trace 1. For a positive definite sum of such Z, the concave
-conjugate of a criterion bounds that criterion.
+For a positive definite sum of matrices Z with bounds on tr(Z F), the concave conjugate of a criterion bounds
+that criterion.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 import scipy
 
 from oed.bounds.certificate import Bound
 from oed.foundation.arrays import Array
-from oed.kernel.criteria import A, Criterion, D, E
+from oed.kernel.criteria import Criterion
 from oed.kernel.problem import Problem
 
 SLIGHT = 1e-6
@@ -25,25 +24,14 @@ OPTIONS = {"gtol": 1e-12}
 """Options of the minimiser: it ends at slopes near rounding."""
 
 
-def traced(problem: Problem) -> Problem | None:
-    """Return the problem with criterion E instead of D or A; None for other criteria.
-
-    Bounds on E are bounds on tr(Z F), which combine to bounds on D and A.
-    """
-    if type(problem.criterion) not in (D, A):
-        return None
-    same = E(scaling=problem.criterion.scaling, subset=problem.criterion.subset)
-    return replace(problem, criterion=same)
-
-
 def combined_bounds(problem: Problem, bounds: Sequence[Bound]) -> Iterator[Bound]:
-    """Yield the lowest bound on D or A that bounds on tr(Z F) give together.
+    """Yield the lowest bound that bounds on tr(Z F) give together on a criterion with a smooth conjugate.
 
     There is none if the bounds leave some combination of parameters free.
 
     Args:
-        problem: problem with criterion D or A.
-        bounds: bounds on E with their Z.
+        problem: problem with the criterion.
+        bounds: bounds on tr(Z F) with their Z of trace 1; those without are left out.
     """
     names = [estimation.block.name for estimation in problem.any_estimations]
     by_block = [

@@ -17,7 +17,6 @@ from oed.bounds.reach import coefficient_rows, room, scales_lengths, top_speeds
 from oed.bounds.sensitivity import precision, unknown_start
 from oed.bounds.spread import largest_spread, too_fine
 from oed.foundation.arrays import Array, Bools
-from oed.kernel.criteria import E
 from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.problem import Problem
 from oed.kernel.statement import Estimation
@@ -27,8 +26,8 @@ from oed.robots.sensors.poses import Poses
 
 
 def joint_bounds(problem: Problem) -> Iterator[Bound]:
-    """Yield bounds on E for fused sensors whose noise is known."""
-    sensors = problem.measurement.joint_sensors if type(problem.criterion) is E else ()
+    """Yield bounds for fused sensors whose noise is known."""
+    sensors = problem.measurement.joint_sensors
     weights = _position_precisions(sensors)
     if weights is None:
         return

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from oed.foundation.arrays import Array, Places
-from oed.kernel.criteria import A, Criterion, D, E
+from oed.kernel.criteria import Criterion
 from oed.kernel.measurement.square_root import SquareRoot
 from oed.kernel.parts import Budget, Parts, Reading
 from oed.optimize.weights import best_weights
@@ -31,11 +31,6 @@ class Mixture:
     weights: Array
     value: float
     multiplier: Array
-
-
-def mixes(criterion: Criterion) -> bool:
-    """Return True if the best mixture bounds a criterion."""
-    return type(criterion) in (D, A, E)
 
 
 def best_mixture(

@@ -19,7 +19,7 @@ import scipy
 
 from oed.bounds.boxes import Landscape, largest, peaks
 from oed.bounds.certificate import Bound
-from oed.bounds.mixtures import Mixture, best_mixture, mixes
+from oed.bounds.mixtures import Mixture, best_mixture
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array, Bools, Places
 from oed.foundation.errors import ProblemError, UserMistake
@@ -140,7 +140,7 @@ def _kinds(problem: Problem, sensors: tuple[Sensor, ...]) -> dict[tuple[int, ...
 
 def point_bounds(problem: Problem) -> Iterator[Bound]:
     """Yield a bound on E, D and A for systems without states, all runs together."""
-    points = points_of(problem) if mixes(problem.criterion) else None
+    points = points_of(problem) if problem.criterion.conjugate else None
     if points is None:
         return
     neglected = [limit.name for limit in problem.limits if not limit.input_bounds(problem.model)]

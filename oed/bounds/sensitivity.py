@@ -21,7 +21,6 @@ from oed.bounds.certificate import Bound
 from oed.bounds.closed_form import SPEEDS, prior_matrix
 from oed.bounds.reach import grip, input_reach, room, top_speeds
 from oed.foundation.arrays import Array, Places
-from oed.kernel.criteria import E
 from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.readings import moment_reading
 from oed.kernel.problem import Problem
@@ -149,7 +148,7 @@ class Motion:
 
 def sensitivity_bounds(problem: Problem) -> Iterator[Bound]:
     """Yield bounds on tr(Z F) for every parameter, all together, and all but the size of the robot."""
-    sensors = problem.measurement.joint_sensors if type(problem.criterion) is E else ()
+    sensors = problem.measurement.joint_sensors
     precisions = [entry for entry in map(precision, sensors) if entry is not None]
     if not precisions or len(precisions) < len(sensors) or len(problem.any_estimations) > 1:
         return

@@ -10,7 +10,7 @@ import numpy as np
 
 from oed.bounds.certificate import Bound, Certificate, raised
 from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_bounds
-from oed.bounds.conjugate import combined_bounds, traced
+from oed.bounds.conjugate import combined_bounds
 from oed.bounds.joint import joint_bounds
 from oed.bounds.points import point_bounds
 from oed.bounds.reach import largest_rates, room, unslipped
@@ -19,7 +19,7 @@ from oed.bounds.sensitivity import sensitivity_bounds
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
-from oed.kernel.criteria import A, D, E
+from oed.kernel.criteria import E
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.problem import Problem
 from oed.kernel.results import TOLERANCE
@@ -29,11 +29,13 @@ from oed.robots.models.model import Model, robot_of
 from oed.robots.sensors.displacements import Displacements
 from oed.robots.space import DesignSpace
 
-BOUNDS: tuple[Callable[[Problem], Iterator[Bound]], ...] = (regression_bounds, joint_bounds)
-"""Generators of upper bounds on the objective of one run; they yield nothing for unknown problems."""
-COMBINED: tuple[Callable[[Problem], Iterator[Bound]], ...] = (sensitivity_bounds,)
-"""Generators of bounds on E that combine to bounds on D and A."""
-JOINT_RUNS: tuple[Callable[[Problem], Iterator[Bound]], ...] = (point_bounds,)
+Generator = Callable[[Problem], Iterator[Bound]]
+"""Function that yields the bounds that it can prove, and nothing for unknown problems."""
+BOUNDS: tuple[Generator, ...] = (regression_bounds, joint_bounds)
+"""Generators of upper bounds on tr(Z F), tr Z = 1, or on the smallest eigenvalue of F, of one run."""
+COMBINED: tuple[Generator, ...] = (sensitivity_bounds,)
+"""Generators of further bounds on tr(Z F), for criteria whose conjugate combines several."""
+JOINT_RUNS: tuple[Generator, ...] = (point_bounds,)
 """Generators of upper bounds on the objective of all runs together."""
 GAP = 2e-4
 """Gap between the lattice's bound and its best speeds at which the search ends."""
@@ -173,23 +175,25 @@ def _lacking(problem: Problem) -> str:
     ):
         return ROOMLESS
     same = E(scaling=problem.criterion.scaling, subset=problem.criterion.subset)
-    if type(problem.criterion) is not E and _bounds_of_runs(replace(problem, robust=None, criterion=same)):
-        return OF_E
-    return NOTHING
+    return OF_E if _bounds_of_runs(replace(problem, robust=None, criterion=same)) else NOTHING
 
 
-def _bounds_of_runs(problem: Problem, *, together: bool = False) -> list[Bound]:
-    # Each bound is on the information about one direction or on the trace, so contributions of runs add up:
-    # lambda_min of a sum is at most the sum of the bounds.
-    space, same = problem.design, traced(problem)
+def _bounds_of_runs(problem: Problem) -> list[Bound]:
     joint = [bound for bounds in JOINT_RUNS for bound in bounds(problem)]
-    if joint:
+    if joint or not problem.criterion.conjugate:
         return joint
-    combined = [] if same is None else list(combined_bounds(problem, _bounds_of_runs(same, together=True)))
+    if problem.criterion.conjugate == "linear":
+        return _added_runs(problem, BOUNDS)
+    return list(combined_bounds(problem, _added_runs(problem, (*BOUNDS, *COMBINED))))
+
+
+def _added_runs(problem: Problem, generators: Sequence[Generator]) -> list[Bound]:
+    # F adds up over runs, and with it bounds on tr(Z F).
+    space = problem.design
     if space.runs == 1:
-        return [*combined, *_bounds(problem, together)]
-    if not isinstance(space, DesignSpace) or not problem.criterion.proportional:
-        return combined
+        return [bound for bounds in generators for bound in bounds(problem)]
+    if not isinstance(space, DesignSpace):
+        return []
     starts = space.start if isinstance(space.start, tuple) else (space.start,) * space.runs
     singles = [
         replace(problem, robust=None, design=space.model_copy(update={"runs": 1, "start": start}))
@@ -198,7 +202,7 @@ def _bounds_of_runs(problem: Problem, *, together: bool = False) -> list[Bound]:
     unequal = len(set(starts)) > 1
     # Bounds without a Z do not add up.
     by_run = [
-        [bound for bound in _bounds(single, together) if bound.multiplier is not None]
+        [bound for bounds in generators for bound in bounds(single) if bound.multiplier is not None]
         for single in (singles if unequal else singles[:1])
     ]
     return [
@@ -211,11 +215,6 @@ def _bounds_of_runs(problem: Problem, *, together: bool = False) -> list[Bound]:
         )
         for matching in zip(*by_run, strict=True)
     ]
-
-
-def _bounds(problem: Problem, together: bool) -> Iterator[Bound]:
-    for bounds in (*BOUNDS, *COMBINED) if together else BOUNDS:
-        yield from bounds(problem)
 
 
 def _lattice(
@@ -241,7 +240,7 @@ def _sampled(problem: Problem) -> bool:
     # True if every sample is a measurement of its own, and the inputs act on the ground without slip.
     measurement = problem.measurement
     if (
-        type(problem.criterion) not in (E, D, A)
+        not problem.criterion.conjugate
         or problem.design.runs > 1
         or not isinstance(measurement, Displacements)
         or measurement.noise_model != "increments"
@@ -252,7 +251,7 @@ def _sampled(problem: Problem) -> bool:
     ):
         return False
     estimation = problem.any_estimations[-1]
-    if type(problem.criterion) is not E and len(problem.any_estimations) > 1:
+    if problem.criterion.conjugate == "smooth" and len(problem.any_estimations) > 1:
         return False
     # The lattice orders its inputs as the columns of W.
     return estimation.judged == estimation.block.parameters

@@ -98,6 +98,9 @@ class Criterion(Component, ABC):
     """Quantity of which `concede` takes a share."""
     proportional: ClassVar[bool] = False
     """True if k repetitions of a design give k times its value, and 0 stands for what is not identifiable."""
+    conjugate: ClassVar[str] = ""
+    """Shape of `trace_bound` as a function of Z: "linear" where a sum of Z bounds no better than one of them,
+    "smooth" where it does, with `trace_slope`; "" without a finite bound."""
 
     typical_error: ClassVar[str] = ""
     """Standard error that is inversely proportional to the root of the efficiency, of several parameters."""

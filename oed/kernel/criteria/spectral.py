@@ -30,6 +30,7 @@ class E(RootCriterion):
     asks_about: ClassVar[str] = "the worst-determined combination of parameters"
     typical_error: ClassVar[str] = "the standard error of the least certain combination of parameters"
     proportional: ClassVar[bool] = True
+    conjugate: ClassVar[str] = "linear"
     kind: Literal["E"] = "E"
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:

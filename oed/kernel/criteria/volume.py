@@ -24,6 +24,7 @@ class D(RootCriterion):
     share: ClassVar[str] = "(det F/det F_best)^(1/p), p = {size} (the volume of the confidence ellipsoid)"
     conceded: ClassVar[str] = "determinant"
     typical_error: ClassVar[str] = "the average standard error over all combinations of parameters"
+    conjugate: ClassVar[str] = "smooth"
     kind: Literal["D"] = "D"
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
@@ -78,6 +79,7 @@ class A(RootCriterion):
     definition: ClassVar[str] = "minus the sum of the variances"
     share: ClassVar[str] = "tr F_best⁻¹/tr F⁻¹ (the mean variance of the parameters)"
     typical_error: ClassVar[str] = "the parameters' average standard error"
+    conjugate: ClassVar[str] = "smooth"
     kind: Literal["A"] = "A"
 
     def judge(self, information: Sequence[SquareRoot]) -> Array:
