@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from oed.kernel.dynamics import compiled, direct_call
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -69,3 +71,15 @@ def seconds(duration: float) -> str:
 def peak_memory() -> float:
     """The most memory that this process has held [GB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+
+
+def compile_calls(call: Callable[[], object]) -> None:
+    """Let a compiler make machine code of the functions that a call calls, and wait until they use it."""
+    before, direct_call.PAYS = direct_call.PAYS, 0.0
+    try:
+        call()
+        while compiled.at_work():
+            time.sleep(0.1)
+        call()
+    finally:
+        direct_call.PAYS = before

@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 
-from benchmarks.figure import Figure, best_seconds
+from benchmarks.figure import Figure, best_seconds, compile_calls
 from benchmarks.forms import problem_of
 from oed.optimize import Genetic, solve, terms
 from oed.optimize.genetic import REFINE
@@ -18,8 +18,6 @@ POPULATION, GENERATIONS, SAMPLES = 200, 300, 200
 WANTED, SEARCHED = 50_000, 25_000
 """Drives per second and core: scored, and scored by a whole search."""
 ROUNDS = 3
-COMPILED = 10.0
-"""Time [s] after which what is called all the time has been compiled."""
 
 
 def figures() -> list[Figure]:
@@ -31,9 +29,7 @@ def _scored() -> Figure:
     design = DesignExpressions(problem_of("segment", SAMPLES), REFINE)
     drives = np.random.default_rng(0).uniform(-0.3, 0.3, (POPULATION, design.terms.size))
     plain = POPULATION / best_seconds(lambda: design.score_many(drives))
-    began = time.perf_counter()
-    while time.perf_counter() - began < COMPILED:
-        design.score_many(drives)
+    compile_calls(lambda: design.score_many(drives))
     quick = POPULATION / best_seconds(lambda: design.score_many(drives))
     what = f"drives of N = {SAMPLES} scored per second and core, {REFINE} path points a sample, generated C"
     against = f"{WANTED} wanted; {plain:.0f} without a compiler"

@@ -29,6 +29,7 @@ from oed.optimize.candidate_scores import CandidateScorer
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives
 from oed.records.record import load_record
+from oed.robots.sensors import Displacements
 from oed.workflow.sweep import parse_axis, sweep
 
 
@@ -218,9 +219,11 @@ def test_workers_take_what_was_compiled(monkeypatch: pytest.MonkeyPatch, tmp_pat
         monkeypatch.setattr(candidate_scores, name, 0.0)
     # However little it spares.
     monkeypatch.setattr(candidate_scores, "SPARED", np.inf)
-    design = DesignExpressions(problem_of(), refine=2)
+    # Written out as a whole, for its segments are not of equal length.
+    problem = problem_of(measurement=Displacements(segments=7))
+    design = DesignExpressions(problem, refine=2)
     candidates = random_drives(design, np.linspace(0.1, 1, 11), np.random.default_rng(0))
-    expected = DesignExpressions(problem_of(), refine=2).measure_many(candidates)
+    expected = DesignExpressions(problem, refine=2).measure_many(candidates)
     scored = CandidateScorer(design, 2, 3, expected=1000)
     for _ in range(3):
         for found, other in zip(scored.score(candidates), expected, strict=True):

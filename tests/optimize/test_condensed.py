@@ -259,6 +259,14 @@ PROBLEMS: dict[str, dict[str, Any]] = {
     "prime samples": {"measurement": POSES, "design": space(samples=53)},
     "readings at odd times": {"measurement": Poses(noise=NOISE, every=5)},
     "lever arm": {"measurement": Poses(noise=NOISE, lever_arm=LeverArm(x=0.05, known=False, deviation=0.01))},
+    "constants of a sensor": {
+        "measurement": RelativePoses(noise=NOISE, mounting={"x": 0.1, "y": -0.04, "heading": 0.3}),
+        "estimate": ("wheel_radius_left", "track", "sensor_x", "sensor_heading"),
+    },
+    "constants of a sensor alone": {
+        "measurement": RelativePoses(noise=NOISE, mounting={"x": 0.1, "y": -0.04, "heading": 0.3}),
+        "estimate": ("sensor_heading", "sensor_x"),
+    },
     "two sensors": {
         "measurement": Several(
             sensors=(

@@ -183,6 +183,11 @@ class Making:
 _AT_WORK: weakref.WeakSet[Making] = weakref.WeakSet()
 
 
+def at_work() -> bool:
+    """Return whether any compiler is at work for this process."""
+    return not all(making.ended for making in list(_AT_WORK))
+
+
 @atexit.register
 def stop_all() -> None:
     """Stop every compiler that is at work: what nobody collects at the end is not left at work either."""

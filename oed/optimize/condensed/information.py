@@ -12,6 +12,7 @@ import numpy as np
 from oed.foundation.arrays import Array, Places
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.measurement.joint import start_nuisances
+from oed.kernel.measurement.readings import labelled_nuisances
 from oed.kernel.problem import Problem
 from oed.optimize.condensed.differentiated import Differentiated
 from oed.optimize.terms.cell import cuts_of, estimated
@@ -89,24 +90,28 @@ class Information:
     def _joint(self, sums: Expression) -> list[Reader]:
         # Parameters and nuisances are common to all runs; a start is a run's, or known and no unknown at all.
         problem, runs, system = self._problem, self._problem.design.runs, self._problem.system
-        (estimation,) = problem.any_estimations
-        nuisances, places = estimation.block.nuisances, estimated(problem)
-        started = len(start_nuisances(self._sensors, system, runs)) // runs
-        count, states = len(places), len(system.states)
-        constants = len(nuisances) - runs * started
+        starts, places = start_nuisances(self._sensors, system, runs), estimated(problem)
+        nuisances = (*starts, *labelled_nuisances(self._sensors))
+        count, started, states = len(places), len(starts) // runs, len(system.states)
+        constants = len(nuisances) - len(starts)
         total = ca.SX.zeros(count + len(nuisances), count + len(nuisances))
         for run, part in enumerate(ca.vertsplit(sums, sums.shape[0] // runs)):
-            starts = range(count + run * started, count + (run + 1) * started)
-            last = count + runs * started
-            at = [*range(count), *starts, *range(last, last + constants)]
+            begin, last = count + run * started, count + len(starts)
+            columns = [*range(count), *range(begin, begin + started), *range(last, last + constants)]
             first = count + states
-            own = [*range(count + started), *range(first, first + constants)]
-            total[at, at] += symmetric(part, first + constants)[own, own]
+            rows = [*range(count + started), *range(first, first + constants)]
+            total[columns, columns] += symmetric(part, first + constants)[rows, rows]
         precisions = [0.0] * count + [(entry.deviation or np.inf) ** -2 for entry in nuisances]
         total = total + ca.diag(ca.DM(precisions))
-        size = len(estimation.block.parameters)
+        # A constant that is estimated stands among the parameters, and is a nuisance here like all others.
+        (estimation,) = problem.any_estimations
+        block, labels = estimation.block, [entry.name for entry in nuisances]
+        wanted = [problem.constants[name].name for name in block.parameters[len(system.parameters) :]]
+        later = [*wanted, *(entry.name for entry in block.nuisances)]
         index = dict(zip(places, range(count), strict=True))
-        index |= {size + place: count + place for place in range(len(nuisances))}
+        index |= {
+            len(system.parameters) + place: count + labels.index(label) for place, label in enumerate(later)
+        }
         return [_reader(total, index)]
 
     def grouped(self, added: Array, ends: Array | None) -> Array:

@@ -36,13 +36,11 @@ from oed.optimize.terms.whole_rows import Formulas, WholeRows
 def condensable(problem: Problem) -> bool:
     """Return whether what the samples of a problem's drives add makes up its information.
 
-    That is not so for robust limits and other systems, for constants of sensors to estimate, noise that
-    readings share over time, and segments of unequal length. A system without inputs is written out, too.
+    That is not so for robust limits and other systems, for noise that readings share over time, and for
+    segments of unequal length.
     """
     cuts = cuts_of(problem.measurement, problem.design.samples)
-    return (
-        problem.robust is None and cuts is not None and not problem.constants and bool(problem.system.inputs)
-    )
+    return problem.robust is None and cuts is not None
 
 
 class Condensed(Terms):
@@ -78,7 +76,9 @@ class Condensed(Terms):
     def _drive(self, whole: WholeRuns | None) -> ca.Function:
         # What is linear in z.
         z, embedding, fixed = ca.MX.sym("z", self.size), self.embedding, self._fixed
-        held = embedding.by_runs([without_zeros(matrix) for matrix in embedding.own_held], z)
+        held = ca.MX(self.problem.design.all_samples, 0)
+        if embedding.inputs:
+            held = embedding.by_runs([without_zeros(matrix) for matrix in embedding.own_held], z)
         constant = ca.evalf(ca.substitute(self.starts.T, self.unknowns, ca.DM.zeros(self.size)))
         starts = ca.vec(constant) + without_zeros(self.start_slopes.reshape(-1, self.size)) @ z
         linear = without_zeros(fixed.slope) @ z + ca.DM(fixed.constant)

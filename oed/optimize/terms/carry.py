@@ -60,10 +60,13 @@ class Carry:
         """
         self._gathered, self._states, self._drifting = gathered, states, drifting
         self._parameters, self._nuisances = parameters, nuisances
+        # Constants of sensors alone may be estimated.
+        self._sensed = parameters > 0 or nuisances > 0
         more = nuisances if drifting else 0
-        columns = parameters + states + more if parameters else 0
-        begin = ca.horzcat(ca.DM(states, parameters), ca.DM.eye(states))[:, : max(columns - more, 0)]
-        begin = ca.horzcat(begin, ca.DM(states, more)) if parameters else begin
+        columns = parameters + states + more if self._sensed else 0
+        begin = ca.DM(states, columns)
+        if self._sensed:
+            begin = ca.horzcat(ca.DM(states, parameters), ca.DM.eye(states), ca.DM(states, more))
         rows, values = states + remembered, 1 if remembered else 0
         begin = ca.vertcat(ca.horzcat(begin, ca.DM(states, values)), ca.DM(remembered, columns + values))
         spread = rows * (rows + 1) // 2 if drifting else 0
@@ -72,7 +75,7 @@ class Carry:
         self._columns = columns
         self._step = step or self._composed
         self.moving: list[int] = []
-        if parameters:
+        if self._sensed:
             self._find_moving()
         self.begin = self._start[self.moving]
         self.carried = ca.SX.sym("carried", len(self.moving))
@@ -148,7 +151,7 @@ class Carry:
 
     def _followed(self, carried: Expression) -> tuple[Expression, Expression]:
         # What is handed on at the end, and what the part adds to the information.
-        if not self._parameters:
+        if not self._sensed:
             return ca.SX(0, 1), ca.densify(self._gathered)
         return self.entries(*self._step(*self._parts(self.whole(carried))))
 

@@ -247,7 +247,8 @@ def carry_of(problem: Problem, gathered: Expression | None = None, **options: An
 def estimated(problem: Problem) -> list[int]:
     """Places of the estimated parameters among the robot's, of a problem with sensors."""
     (estimation,) = problem.any_estimations
-    return sorted(estimation.block.parameters.index(name) for name in estimation.parameters)
+    names = [parameter.name for parameter in problem.system.parameters]
+    return sorted(names.index(name) for name in estimation.parameters if name not in problem.constants)
 
 
 def read_end(problem: Problem, held: Expression, state: Expression) -> Expression:
