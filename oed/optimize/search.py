@@ -291,7 +291,7 @@ class Search:
     def _screened(self, design: DesignExpressions, rng: np.random.Generator) -> Screening:
         screened = screen(design, rng)
         self.evaluations += SCREENED
-        self._looked_at = screened.kept(TOLERANCE)[:RESCORED]
+        self._looked_at = screened.feasible(TOLERANCE)[:RESCORED]
         return screened
 
     def _earlier_design(self, name: str) -> Array:

@@ -1,7 +1,8 @@
-"""Programs by the chain rule: what is cheap to write around the terms, differentiated apart from them."""
+"""Nonlinear programs by the chain rule: outer functions of the terms, differentiated apart from them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -24,16 +25,21 @@ SLIGHT = 1e-4
 
 
 class Frame:
-    """How a program sees the limits: bounds of single unknowns as bounds, all others as weighted rows.
+    """Limits as a program states them: single unknowns have bounds, all other limits are weighted rows.
 
-    Bounds of single unknowns that contradict each other stay rows, for those Ipopt calls infeasible. With
-    `relaxing` every row stays a row, twice: lowered, and raised, by its limit's relaxation. Behind the rows
-    that there always are stand those of so many slots.
+    Bounds of single unknowns that contradict each other stay rows, because Ipopt reports these as infeasible.
+    A relaxing frame keeps every row, twice: lowered, and raised, by the relaxation of its limit. The rows of
+    the slots follow the permanent rows.
+
+    Args:
+        terms: terms whose limits are framed.
+        relaxing: True where the auxiliary unknowns relax the limits.
+        slots: number of slots for rows of instants.
     """
 
     def __init__(self, terms: Terms, *, relaxing: bool, slots: int = 0) -> None:
         """Sort the rows."""
-        self.size, self.relaxing, self._own = terms.size, relaxing, terms.own_bounds
+        self.size, self.relaxing, self._unknown_bounds = terms.size, relaxing, terms.own_bounds
         self.slots, self._instants = terms.slots(slots), terms.instants
         self._sizes = np.array([rows.size for rows in terms.rows])
         counts = np.array([len(rows.lower) for rows in terms.rows], dtype=int)
@@ -42,9 +48,9 @@ class Frame:
         self._upper = np.concatenate([np.zeros(0), *(rows.upper for rows in terms.rows)])
         self._simple, self._unknown, self._slope, self._constant = terms.bounded_unknowns
         least, most = self._ranges(self._lower, self._upper)
-        kept = (least <= most)[self._unknown] & (not relaxing)
-        self._simple, self._unknown = self._simple[kept], self._unknown[kept]
-        self._slope, self._constant = self._slope[kept], self._constant[kept]
+        consistent = (least <= most)[self._unknown] & (not relaxing)
+        self._simple, self._unknown = self._simple[consistent], self._unknown[consistent]
+        self._slope, self._constant = self._slope[consistent], self._constant[consistent]
         self._rest = np.delete(np.arange(len(self._owner)), self._simple)
         weights = (
             np.where(np.array(terms.linear, dtype=bool) & (not relaxing), LINEAR_WEIGHT, 1.0) / self._sizes
@@ -53,90 +59,90 @@ class Frame:
 
     @property
     def choice(self) -> ca.DM:
-        """The matrix (kept and slots, rows and slots) that picks and weights rows."""
-        kept, slots = len(self._rest), np.arange(self.slots.count)
-        rows, columns = (
-            np.append(np.arange(kept), kept + slots),
-            np.append(self._rest, len(self._owner) + slots),
-        )
+        """Matrix (r + s, rows + s) that picks and weights the r rows of the program and its s slots."""
+        count, slots = len(self._rest), np.arange(self.slots.count)
+        rows = np.append(np.arange(count), count + slots)
+        columns = np.append(self._rest, len(self._owner) + slots)
         weights = np.append(self._weights, np.ones(len(slots)))
-        shape = kept + len(slots), len(self._owner) + len(slots)
+        shape = count + len(slots), len(self._owner) + len(slots)
         return ca.DM.triplet(rows.tolist(), columns.tolist(), weights, *shape)
 
     def relaxations(self, numbers: Expression) -> Expression:
-        """The matrix (kept and slots, limits) that says which limit each row belongs to.
+        """Return the matrix (rows + slots, limits) that assigns each row to its limit.
 
         Args:
-            numbers: which rows the slots are of.
+            numbers: numbers of the rows that the slots hold, as `Chosen.numbers` gives them.
         """
         count, limits = len(self._owner), len(self._sizes)
         fixed = ca.DM.triplet(range(count), self._owner.tolist(), np.ones(count), count, limits)
         if not self.slots.count:
             return ca.MX(fixed)
-        # Of every row of an instant its limit, and what that's size is there.
+        # The limit of every row of an instant, and the row's weight by the size of that limit.
         owners = np.zeros((limits, self._instants.count))
         owners[self._instants.owner, np.arange(self._instants.count)] = self._instants.weight
         return ca.vertcat(fixed, (ca.DM(owners) @ self.slots.split(numbers)[-1]).T)
 
     def bounds(self, backoff: Array, chosen: Chosen | None = None) -> tuple[Interval, Interval]:
-        """Bounds of z and of the rows, with each limit tightened by that share of its size.
+        """Return the bounds of z and of the rows where each limit is tightened by a share of its size.
 
         Args:
-            backoff: the shares; of limits on instants none.
+            backoff: shares of the limits' sizes, (limits,); 0 for limits on instants.
             chosen: rows of instants.
         """
         shift = (backoff * self._sizes)[self._owner]
-        # Something is left between two bounds, however narrow: a robot may all but fill its room.
+        # Tightening never closes the gap between two bounds: a robot may all but fill its workspace.
         shift = np.minimum(shift, NARROWED * (self._upper - self._lower) / 2)
         lower, upper = self._lower + shift, self._upper - shift
         low, high = self._unknowns_within(lower, upper)
         least, most = lower[self._rest] * self._weights, upper[self._rest] * self._weights
         if chosen is not None:
-            own = chosen.bounds(self.slots.count)
-            least, most = np.concatenate([least, own[0]]), np.concatenate([most, own[1]])
+            slot_least, slot_most = chosen.bounds(self.slots.count)
+            least, most = np.concatenate([least, slot_least]), np.concatenate([most, slot_most])
         if self.relaxing:
             unbounded = np.full(len(least), np.inf)
             least, most = np.concatenate([-unbounded, least]), np.concatenate([most, unbounded])
         return (low, high), (least, most)
 
     def gains(self, backoff: Array, multipliers: Array, chosen: Chosen | None = None) -> Array:
-        """What the maximum gains, to first order, where each limit alone is wider: per share of its size.
+        """Return the first-order gains (limits,) of the maximum if each limit alone is widened.
+
+        They are per share of the limit's size.
 
         Args:
             backoff: share of its size by which each limit was tightened.
-            multipliers: Lagrange's, of the bounds of z and of the rows, above 0 where an upper one holds.
+            multipliers: Lagrange multipliers of the bounds of z and of the rows, positive at upper bounds.
             chosen: rows of instants.
         """
-        own, rest = np.zeros(len(self._sizes)), multipliers
+        gains, rest = np.zeros(len(self._sizes)), multipliers
         if chosen is not None:
             count = self.slots.count
             rest, slots = multipliers[:-count], np.abs(multipliers[-count:][: len(chosen)])
-            np.add.at(own, self._instants.owner[chosen.row], slots * self._instants.weight[chosen.row])
+            np.add.at(gains, self._instants.owner[chosen.row], slots * self._instants.weight[chosen.row])
         steps = SLIGHT * np.eye(len(self._sizes))
         now = self._ends(backoff, rest)
-        wider = [self._ends(backoff - step, rest) - now for step in steps]
-        return own + np.array([rest @ one for one in wider]) / SLIGHT
+        slopes = [rest @ (self._ends(backoff - step, rest) - now) for step in steps]
+        return gains + np.array(slopes) / SLIGHT
 
     def _ends(self, backoff: Array, multipliers: Array) -> Array:
-        # Of z and of every row the bound on the side that holds it; 0 where there is none.
+        # The bound of z and of every row on the side that its multiplier holds; 0 where there is none.
         (low, high), (row_low, row_high) = self.bounds(backoff)
         lower, upper = np.concatenate([low, row_low]), np.concatenate([high, row_high])
         ends = np.where(multipliers > 0, upper, lower)
         return np.where(np.isfinite(ends), ends, 0.0)
 
     def _unknowns_within(self, lower: Array, upper: Array) -> Interval:
-        # What tightened rows of single unknowns allow of these.
+        # Bounds that tightened rows of single unknowns leave to these unknowns.
         low, high = self._ranges(lower, upper)
         least, most = self._ranges(self._lower, self._upper)
-        # So it is of what several limits together allow of one unknown.
+        # Several limits on the same unknown together leave the same share of the gap.
         spare = np.zeros(self.size)
         bounded = np.isfinite(most - least)
         spare[bounded] = (1 - NARROWED) * (most - least)[bounded] / 2
         return np.minimum(low, most - spare), np.maximum(high, least + spare)
 
     def _ranges(self, lower: Array, upper: Array) -> Interval:
-        # Of every unknown, where all its own rows lie between such bounds.
-        low, high = self._own.T.copy()
+        # Interval of every unknown within which all rows of that unknown alone lie between these bounds.
+        low, high = self._unknown_bounds.T.copy()
         ends = np.array([lower[self._simple], upper[self._simple]])
         ends = np.sort((ends - self._constant) / self._slope, axis=0)
         np.maximum.at(low, self._unknown, ends[0])
@@ -145,17 +151,17 @@ class Frame:
 
 
 class ChainRule:
-    """A program around the terms, with its derivatives (MX).
+    """Nonlinear program around the terms, with its derivatives (MX).
 
     Attributes:
-        functions: of the terms.
+        functions: compiled functions of the terms.
 
     Args:
-        design: what it is about.
-        frame: how it sees the limits.
-        objective: scalar to maximise, SX of z, the entries and the auxiliary unknowns, as the next ones.
+        design: expressions of the problem.
+        frame: limits as the program states them.
+        objective: scalar to maximise, SX of z, the entries and the auxiliary unknowns.
         auxiliary: further unknowns, (k,).
-        conditions: further rows, before those of the limits.
+        conditions: further rows before those of the limits, SX of the same symbols.
     """
 
     def __init__(
@@ -168,24 +174,25 @@ class ChainRule:
     ) -> None:
         """Write the program; the terms are differentiated where no program did so before."""
         self._design, self._frame = design, frame
-        self._around = _Around([design.terms.unknowns, design.entries, auxiliary], -objective, conditions)
+        arguments = [design.terms.unknowns, design.entries, auxiliary]
+        self._outer = _OuterFunctions(arguments, -objective, conditions)
         self.functions = design.terms.functions(frame.slots.count)
         self._x = ca.MX.sym("x", design.terms.size + auxiliary.shape[0])
         self._p = ca.MX.sym("p", frame.slots.width)
         self._z, self._auxiliary = self._x[: design.terms.size], self._x[design.terms.size :]
-        self._entries, rows = self._values()
-        self._f = self._of(self._around.target)
-        self._g = ca.vertcat(self._of(self._around.conditions), self._framed(rows))
+        nominal, rows = self.functions.values(*self._arguments)
+        self._entries = self._by_robot(nominal, lambda robots: robots.values)
+        self._f = self._call(self._outer.target)
+        self._g = ca.vertcat(self._call(self._outer.conditions), self._framed(rows))
         self.program = {"x": self._x, "p": self._p, "f": self._f, "g": self._g}
 
     @property
-    def _given(self) -> list[Expression]:
-        # z, and which rows the slots are of.
+    def _arguments(self) -> list[Expression]:
+        # Arguments of the terms' functions: z, and the numbers of the rows that the slots hold.
         return [self._z, *([self._p] if self._frame.slots.count else [])]
 
-    def _of(self, function: ca.Function, *further: Expression) -> Any:
-        # Of z, entries and auxiliary unknowns. Most criteria are asked for by these last alone: then nothing
-        # has to be known of the drive.
+    def _call(self, function: ca.Function, *further: Expression) -> Any:
+        # Most criteria depend on the auxiliary unknowns alone: then the drive need not be simulated.
         needed = any(function.jac_sparsity(place, 1).nnz() for place in range(function.n_out()))
         entries = self._entries if needed else ca.DM.zeros(*self._entries.shape)
         return function(self._z, entries, self._auxiliary, *further)
@@ -195,102 +202,95 @@ class ChainRule:
         """The program's derivatives, as options of a solver."""
         return {"grad_f": self._gradient(), "jac_g": self._jacobian(), "hess_lag": self._hessian()}
 
-    def _values(self) -> tuple[Expression, Expression]:
-        nominal, rows = self.functions.values(*self._given)
-        others = [(place, robots.values(*given)) for place, robots, given in self._others()]
-        return self._stacked(nominal, others), rows
-
     def _entry_slopes(self, nominal: Expression) -> Expression:
-        others = [(place, robots.jacobian(*given)) for place, robots, given in self._others()]
-        return self._stacked(nominal, others)
+        return self._by_robot(nominal, lambda robots: robots.jacobian)
 
-    def _stacked(self, nominal: Expression, others: list[tuple[int, Expression]]) -> Expression:
-        each = [nominal] * len(self._design.robots)
-        for place, own in others:
-            each[place] = own
-        return ca.vertcat(*each)
+    def _by_robot(self, nominal: Expression, function: Callable[[OtherRobots], ca.Function]) -> Expression:
+        # The blocks of every robot judged, below each other; `nominal` is the nominal robot's.
+        blocks = [nominal] * len(self._design.robots)
+        for place, robots, arguments in self._off_nominal():
+            blocks[place] = function(robots)(*arguments)
+        return ca.vertcat(*blocks)
 
-    def _others(self) -> list[tuple[int, OtherRobots, list[Any]]]:
-        # Robots judged besides the nominal one: place, functions, what those take.
+    def _off_nominal(self) -> list[tuple[int, OtherRobots, list[Any]]]:
+        # Place of every robot judged that is not the nominal one, its functions, and their arguments.
         return [
             (place, self._design.other_robots, [self._z, ca.DM(parameters), ca.DM(shift)])
-            for place, parameters, shift in self._design.others
+            for place, parameters, shift in self._design.off_nominal
         ]
 
     def _framed(self, rows: Expression) -> Expression:
-        kept = self._frame.choice @ rows
+        framed = self._frame.choice @ rows
         if not self._frame.relaxing:
-            return kept
+            return framed
         relaxed = self._frame.relaxations(self._p) @ self._auxiliary
-        return ca.vertcat(kept - relaxed, kept + relaxed)
+        return ca.vertcat(framed - relaxed, framed + relaxed)
 
     def _gradient(self) -> ca.Function:
-        by_z, by_entries, by_auxiliary = self._of(self._around.gradient)
-        if self._around.gradient.nnz_out(1):
-            nominal, _ = self.functions.jacobian(*self._given)
+        by_z, by_entries, by_auxiliary = self._call(self._outer.gradient)
+        if self._outer.gradient.nnz_out(1):
+            nominal, _ = self.functions.jacobian(*self._arguments)
             by_z += self._entry_slopes(nominal).T @ by_entries
         gradient = ca.densify(ca.vertcat(by_z, by_auxiliary))
         return ca.Function("grad_f", [self._x, self._p], [self._f, gradient])
 
     def _jacobian(self) -> ca.Function:
-        nominal, rows = self.functions.jacobian(*self._given)
-        by_z, by_entries, by_auxiliary = self._of(self._around.jacobian)
+        nominal, rows = self.functions.jacobian(*self._arguments)
+        by_z, by_entries, by_auxiliary = self._call(self._outer.jacobian)
         framed, count = self._frame.choice @ rows, self._auxiliary.shape[0]
         relaxed = ca.MX(framed.shape[0], count)
         if self._frame.relaxing:
             relaxed = self._frame.relaxations(self._p)
             framed, relaxed = ca.vertcat(framed, framed), ca.vertcat(-relaxed, relaxed)
-        own = ca.horzcat(by_z + by_entries @ self._entry_slopes(nominal), by_auxiliary)
-        whole = ca.vertcat(own, ca.horzcat(framed, relaxed))
-        return ca.Function("jac_g", [self._x, self._p], [self._g, whole])
+        conditions = ca.horzcat(by_z + by_entries @ self._entry_slopes(nominal), by_auxiliary)
+        jacobian = ca.vertcat(conditions, ca.horzcat(framed, relaxed))
+        return ca.Function("jac_g", [self._x, self._p], [self._g, jacobian])
 
     def _hessian(self) -> ca.Function:
-        terms, around = self._design.terms, self._around
+        terms, outer = self._design.terms, self._outer
         factor, multipliers = ca.MX.sym("factor"), ca.MX.sym("multipliers", self._g.shape[0])
-        own, rest = ca.vertsplit(multipliers, [0, around.count, self._g.shape[0]])
+        on_conditions, rest = ca.vertsplit(multipliers, [0, outer.count, self._g.shape[0]])
         if self._frame.relaxing:
             lowered, raised = ca.vertsplit(rest, rest.shape[0] // 2)
             rest = lowered + raised
-        weights, zz, ze, za, ee, ea, aa = self._of(around.hessian, factor, own)
-        each = ca.vertsplit(weights, terms.entry_count)
+        weights, zz, ze, za, ee, ea, aa = self._call(outer.hessian, factor, on_conditions)
+        by_robot = ca.vertsplit(weights, terms.entry_count)
         on_nominal = ca.MX(terms.entry_count, 1)
-        places = {place for place, *_ in self._design.others}
-        for place, weight in enumerate(each):
+        places = {place for place, *_ in self._design.off_nominal}
+        for place, weight in enumerate(by_robot):
             on_nominal = on_nominal if place in places else on_nominal + weight
-        upper = self.functions.hessian(*self._given, ca.densify(on_nominal), self._frame.choice.T @ rest)
-        for place, robots, given in self._others():
-            upper += robots.hessian(*given, each[place])
+        upper = self.functions.hessian(*self._arguments, ca.densify(on_nominal), self._frame.choice.T @ rest)
+        for place, robots, arguments in self._off_nominal():
+            upper += robots.hessian(*arguments, by_robot[place])
         corner = ca.triu2symm(upper) + zz
-        if around.bent:
-            nominal, _ = self.functions.jacobian(*self._given)
+        if outer.nonlinear:
+            nominal, _ = self.functions.jacobian(*self._arguments)
             slope = self._entry_slopes(nominal)
             mixed = ze @ slope
             corner += slope.T @ ee @ slope + mixed + mixed.T
             za += slope.T @ ea
-        whole = ca.triu(ca.blockcat([[corner, za], [za.T, aa]]))
-        return ca.Function("hess_lag", [self._x, self._p, factor, multipliers], [whole])
+        hessian = ca.triu(ca.blockcat([[corner, za], [za.T, aa]]))
+        return ca.Function("hess_lag", [self._x, self._p, factor, multipliers], [hessian])
 
 
-class _Around:
-    """What is written around the terms, and its derivatives by z, entries and auxiliary unknowns."""
+class _OuterFunctions:
+    """Objective and conditions as functions of z, entries and auxiliary unknowns, with their derivatives."""
 
     def __init__(self, arguments: list[Expression], target: Expression, conditions: Expression) -> None:
         conditions = ca.densify(conditions)
         self.count = conditions.shape[0]
         factor, multipliers = ca.SX.sym("factor"), ca.SX.sym("multipliers", self.count)
         weighted = factor * target + ca.dot(multipliers, conditions)
-        slopes = [ca.gradient(weighted, each) for each in arguments]
+        slopes = [ca.gradient(weighted, argument) for argument in arguments]
         blocks = [ca.jacobian(slopes[row], arguments[column]) for row in range(3) for column in range(row, 3)]
         self.target = ca.Function("target", arguments, [ca.densify(target)])
         self.conditions = ca.Function("conditions", arguments, [conditions])
-        self.gradient = ca.Function(
-            "gradient", arguments, [ca.jacobian(target, each).T for each in arguments]
-        )
-        self.jacobian = ca.Function(
-            "jacobian", arguments, [ca.jacobian(conditions, each) for each in arguments]
-        )
+        gradients = [ca.jacobian(target, argument).T for argument in arguments]
+        self.gradient = ca.Function("gradient", arguments, gradients)
+        jacobians = [ca.jacobian(conditions, argument) for argument in arguments]
+        self.jacobian = ca.Function("jacobian", arguments, jacobians)
         self.hessian = ca.Function(
             "hessian", [*arguments, factor, multipliers], [ca.densify(slopes[1]), *blocks]
         )
-        # Most criteria are linear in the information: then its slope need not be known here.
-        self.bent = any(blocks[place].nnz() for place in (1, 3, 4))
+        # Most criteria are linear in the information: then the Hessian needs no slopes of it.
+        self.nonlinear = any(blocks[place].nnz() for place in (1, 3, 4))

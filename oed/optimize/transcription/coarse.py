@@ -1,11 +1,11 @@
 """Drives of many samples, searched on fewer: much faster, and corrected to agree with all of them.
 
 The splines have far fewer coefficients than the drive has samples, so a coarser grid is nearly as informative
-about them. What it has otherwise than the fine grid is added to its information: a difference and its slope,
-found anew at every design on which a search ends, until both grids agree there. A design at which they do is
-optimal on the fine grid as well, for values and slopes are then the same [first-order model management;
-Alexandrov et al., "Approximation and model management in aerodynamic optimization with variable-fidelity
-models", Journal of Aircraft 38, 2001].
+about them. A correction is added to its information: the difference to the fine grid and the slope of that
+difference, updated at every design on which a search ends, until both grids agree there. Such a design is
+optimal on the fine grid as well, for values and slopes are equal [first-order model management; Alexandrov et
+al., "Approximation and model management in aerodynamic optimization with variable-fidelity models", Journal
+of Aircraft 38, 2001].
 """
 
 from __future__ import annotations
@@ -29,26 +29,29 @@ from oed.optimize.transcription.starting_points import random_drives
 
 
 class Grid:
-    """The samples that a search looks at; their information is made to agree with that of all samples.
+    """Samples that a search uses; their information is corrected to agree with that of all samples.
 
     Attributes:
-        problem: to be solved.
-        design: its expressions on the grid.
-        coarse: whether that looks at fewer samples than there are.
-        corrections: symbols for what is added to the information and for its slopes, (e + e n,) for e entries
-            and n unknowns; none where all samples are looked at.
+        problem: problem to be solved.
+        design: expressions of the problem on the grid.
+        coarse: True where the grid has fewer samples than the problem.
+        corrections: symbols of the constants and slopes that are added to the information, (e + e n,) for e
+            entries and n unknowns; (0,) for a grid of all samples.
+
+    Args:
+        problem: problem to be solved.
+        samples: samples per run; by default the grid is chosen.
+        refine: points per sample at which positions are limited.
     """
 
     def __init__(self, problem: Problem, samples: int | None = None, refine: int = 1) -> None:
-        """Choose the grid, or take one of so many samples per run; positions are limited at `refine` points
-        per sample.
-        """
+        """Choose the grid and write the expressions."""
         self.problem = problem
-        # Corrections are of one robot.
+        # Corrections are made for a single robot.
         alone = len(problem.judged_systems) == 1
-        own = coarsened(problem, coarse_samples(problem, samples)) if alone else problem
-        self.coarse = own is not problem
-        self.design = DesignExpressions(own, refine)
+        searched = coarsened(problem, coarse_samples(problem, samples)) if alone else problem
+        self.coarse = searched is not problem
+        self.design = DesignExpressions(searched, refine)
         self._entries = sum(size * (size + 1) // 2 for size in self.design.sizes)
         self.corrections = ca.SX.sym("corrections", self.no_correction.size)
 
@@ -59,52 +62,48 @@ class Grid:
 
     @cached_property
     def _shares(self) -> Array:
-        # For every entry, how much more information all samples have than the grid's, of a typical drive:
-        # more readings, for instance.
+        # Ratio of the information of all samples to that of the grid, for every entry, on a typical drive.
         (drive,) = random_drives(self.design, np.array([0.5]), np.random.default_rng(0))
-        whole = stacks(self._fine.entries(self.trajectory(drive))[:, None], self.design.sizes)
-        own = self.design.matrices_of(drive)[0]
-        return np.concatenate(
-            [
-                np.full(len(one) * (len(one) + 1) // 2, np.trace(all_[0]) / np.trace(one))
-                for all_, one in zip(whole, own, strict=True)
-            ]
-        )
+        fine = stacks(self._fine.entries(self.trajectory(drive))[:, None], self.design.sizes)
+        coarse = self.design.matrices_of(drive)[0]
+        ratios = [np.trace(stack[0]) / np.trace(matrix) for stack, matrix in zip(fine, coarse, strict=True)]
+        return np.repeat(ratios, [len(matrix) * (len(matrix) + 1) // 2 for matrix in coarse])
 
     @property
     def robots(self) -> list[list[Expression]]:
-        """The matrices of every robot judged (SX), in proportion to all samples and corrected."""
+        """Information matrices of every robot judged (SX), scaled to all samples and corrected."""
         if not self.coarse:
             return self.design.robots
         added = self._added(self.corrections, self.design.terms.unknowns)
         return [symmetric_all(ca.DM(self._shares) * self.design.entries + added, self.design.sizes)]
 
     def matrices_of(self, unknowns: Array, corrections: Array) -> list[list[Array]]:
-        """The matrices of every robot judged at z, with corrections."""
+        """Return the information matrices of every robot judged at z, with corrections."""
         if not self.coarse:
             return self.design.matrices_of(unknowns)
-        own, _ = self.design.terms.values(unknowns)
-        entries = self._shares * np.array(own).ravel() + np.array(self._added(corrections, unknowns)).ravel()
+        coarse, _ = self.design.terms.values(unknowns)
+        added = np.array(self._added(corrections, unknowns)).ravel()
+        entries = self._shares * np.array(coarse).ravel() + added
         if not np.isfinite(entries).all():
-            # As of any drive that is not finite.
+            # Every drive that is not finite counts as uninformative.
             entries = np.zeros_like(entries)
         return [[stack[0] for stack in stacks(entries[:, None], self.design.sizes)]]
 
     def _added(self, corrections: Any, unknowns: Any) -> Expression:
-        # To every entry: a constant, and a slope for each unknown.
+        # Every entry is corrected by a constant and by a slope for each unknown.
         slopes = ca.reshape(corrections[self._entries :], self._entries, self.design.terms.size)
         return corrections[: self._entries] + slopes @ unknowns
 
     def correction(self, unknowns: Array) -> Array:
-        """Corrections with which the grid has, at z and close to it, the information of all samples."""
+        """Return corrections that give the grid, at z and to first order, the information of all samples."""
         if not self.coarse:
             return self.no_correction
-        own, _ = self.design.terms.values(unknowns)
-        own_slopes, _ = self.design.terms.jacobian(unknowns)
-        whole, whole_slopes = self._fine.at(self.trajectory(unknowns))
+        coarse, _ = self.design.terms.values(unknowns)
+        coarse_slopes, _ = self.design.terms.jacobian(unknowns)
+        fine, fine_slopes = self._fine.at(self.trajectory(unknowns))
         shares = self._shares
-        gaps = whole - shares * np.array(own).ravel()
-        slopes = whole_slopes - shares[:, None] * np.array(own_slopes)
+        gaps = fine - shares * np.array(coarse).ravel()
+        slopes = fine_slopes - shares[:, None] * np.array(coarse_slopes)
         return np.concatenate([gaps - slopes @ unknowns, slopes.ravel(order="F")])
 
     @cached_property
@@ -112,15 +111,19 @@ class Grid:
         return FineGrid(self.problem, self.design)
 
     def trajectory(self, unknowns: Array) -> Trajectory:
-        """The drive that z stands for, of all samples."""
+        """Return the drive of z, with all samples."""
         return replace(self.design.trajectory(unknowns), samples=self.problem.design.all_samples)
 
 
 class FineGrid:
-    """The information of all samples, and its slopes by the unknowns z.
+    """Information of all samples, and its slopes by the unknowns z.
 
-    Written compactly, with one backward sweep for every entry of the information: memory is in proportion
-    to the samples.
+    The expressions are compact, with one backward sweep for every entry of the information: memory grows in
+    proportion to the samples.
+
+    Args:
+        problem: problem with all samples.
+        design: expressions of the problem on the coarse grid.
     """
 
     def __init__(self, problem: Problem, design: DesignExpressions) -> None:
@@ -129,28 +132,25 @@ class FineGrid:
         self._sampled = space.sampling_matrix[:, space.free_rows]
         symbols, drive = any_drive(robot, space.all_samples, space.runs)
         inputs, start, *_ = symbols
-        entries = ca.vertcat(*(upper_half(one.matrix) for one in problem.estimations(drive)))
+        entries = ca.vertcat(*(upper_half(information.matrix) for information in problem.estimations(drive)))
         weights = ca.MX.sym("weights", entries.shape[0])
         slopes = ca.jtimes(entries, ca.vertcat(ca.vec(inputs), ca.vec(start)), weights, True)
-        self._known = [robot.nominal, space.period]
+        self._constants = [robot.nominal, space.period]
         self._values = ca.Function("fine", symbols, [entries])
         self._slopes = ca.Function("fine_slopes", [*symbols, weights], [slopes])
 
     def entries(self, drive: Trajectory) -> Array:
-        """Entries (e,) of the information."""
-        return np.array(self._values(drive.inputs, drive.starts, *self._known)).ravel()
+        """Return the entries (e,) of the information."""
+        return np.array(self._values(drive.inputs, drive.starts, *self._constants)).ravel()
 
     def at(self, drive: Trajectory) -> tuple[Array, Array]:
-        """Entries (e,) of the information, and their derivatives (e, n) by z."""
-        entries = self.entries(drive)
-        rows = [
-            self._by_unknowns(np.array(self._slopes(drive.inputs, drive.starts, *self._known, one)).ravel())
-            for one in np.eye(len(entries))
-        ]
-        return entries, np.array(rows)
+        """Return the entries (e,) of the information, and their derivatives (e, n) by z."""
+        entries, arguments = self.entries(drive), [drive.inputs, drive.starts, *self._constants]
+        slopes = (np.array(self._slopes(*arguments, weights)).ravel() for weights in np.eye(len(entries)))
+        return entries, np.array([self._by_unknowns(slope) for slope in slopes])
 
     def _by_unknowns(self, slope: Array) -> Array:
-        # By the chain rule from the held inputs and start states.
+        # The chain rule takes slopes by the held inputs and start states to slopes by z.
         samples, columns = len(self._sampled), len(self._design.terms.input_scale)
         by_inputs = slope[: samples * columns].reshape((samples, columns), order="F")
         by_coefficients = (self._sampled.T @ by_inputs) * self._design.terms.input_scale

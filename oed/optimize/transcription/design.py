@@ -1,4 +1,4 @@
-"""What a search works on: a problem's terms, its unknowns, the matrices judged, and what it maximises."""
+"""Expressions that a search works on: terms, unknowns, judged matrices and the maximised objective."""
 
 from __future__ import annotations
 
@@ -25,27 +25,33 @@ UNSOUND = 1e3
 
 
 class DesignExpressions:
-    """A problem's information and limits as functions of the unknowns z, and z of its drives.
+    """Information and limits of a problem as functions of the unknowns z, and z of its drives.
 
     Attributes:
-        terms: what is written out and differentiated.
-        robots: for every robot judged its matrices, of symbols that stand for their numbers (SX).
-        entries: those symbols, stacked.
+        problem: problem to be solved.
+        terms: terms that are written out and differentiated.
+        sizes: size of every information matrix.
+        robots: information matrices of every robot judged, made of the symbols in `entries` (SX).
+        entries: symbols for the entries of these matrices, stacked.
+
+    Args:
+        problem: problem to be solved.
+        refine: points per sample at which positions are limited.
     """
 
     def __init__(self, problem: Problem, refine: int = 1) -> None:
-        """Write the expressions; positions are limited at `refine` points per sample."""
+        """Write the expressions."""
         self.problem = problem
         self.terms: Terms = terms_of(problem, refine)
         self.sizes = self.terms.sizes
         count = self.terms.entry_count
         symbols = [ca.SX.sym("entries", count) for _ in problem.judged_systems]
         self.entries = ca.vertcat(*symbols)
-        self.robots = [symmetric_all(own, self.sizes) for own in symbols]
+        self.robots = [symmetric_all(entries, self.sizes) for entries in symbols]
 
     @cached_property
     def coefficient_bounds(self) -> Array:
-        """Bounds (k, 2) of those unknowns that are of the inputs."""
+        """Bounds (k, 2) of the unknowns that are spline coefficients of the inputs."""
         return self.terms.embedding.bounds(self.ranges)
 
     @property
@@ -54,7 +60,7 @@ class DesignExpressions:
         return np.asarray(self.problem.input_bounds / self.terms.input_scale[:, None])
 
     @cached_property
-    def others(self) -> list[tuple[int, Array, Array]]:
+    def off_nominal(self) -> list[tuple[int, Array, Array]]:
         """Robots judged that are not the nominal one: place, parameters (p,), shift of the start states."""
         nominal = np.array(self.problem.system.nominal)
         return [
@@ -65,26 +71,26 @@ class DesignExpressions:
 
     @cached_property
     def other_robots(self) -> OtherRobots:
-        """The information of other robots than the nominal one."""
+        """Functions for the information of robots that are not the nominal one."""
         assert isinstance(self.terms, Unrolled)
         return OtherRobots(self.problem, self.terms)
 
     def trajectory(self, unknowns: Array) -> Trajectory:
-        """The drive that z stands for."""
-        own, chosen = unknowns[: self.terms.coefficient_count], self.problem.chosen_starts
-        table = self.terms.embedding.table(own * self._scales)
+        """Return the drive of z."""
+        coefficients, chosen = unknowns[: self.terms.coefficient_count], self.problem.chosen_starts
+        table = self.terms.embedding.table(coefficients * self._scales)
         if chosen is None:
             assert self.problem.fixed_starts is not None
             return self.problem.design.trajectory(table, self.problem.fixed_starts)
-        return self.problem.design.trajectory(table, chosen.states(unknowns[len(own) :]))
+        return self.problem.design.trajectory(table, chosen.states(unknowns[len(coefficients) :]))
 
     @property
     def _scales(self) -> Array:
-        # Of those unknowns that are of the inputs.
+        # Scales (k,) of the unknowns that are spline coefficients of the inputs.
         return self.terms.embedding.spread(self.terms.input_scale)
 
     def unknowns_of(self, trajectory: Trajectory) -> Array:
-        """Z of a drive of this design space, be it of fewer knots.
+        """Return z of a drive of this design space; the drive may have fewer knots.
 
         Raises:
             ValueError: the drive's splines, signals or starts are not this space's.
@@ -99,22 +105,22 @@ class DesignExpressions:
         return np.concatenate([free, start])
 
     def matrices_of(self, unknowns: Array) -> list[list[Array]]:
-        """The information matrices of every robot judged, for one z."""
-        return [[stack[0] for stack in own] for own in self._judged(unknowns[None, :])[0]]
+        """Return the information matrices of every robot judged at z."""
+        return [[stack[0] for stack in matrices] for matrices in self._judged(unknowns[None, :])[0]]
 
     def objective(self, matrices: Sequence[Sequence[Array]]) -> Array:
-        """The objective (...,) of the matrices (..., p, p) of every robot judged."""
-        return self.problem.together([self.problem.objective.value(own) for own in matrices])
+        """Return the objective (...,) of the matrices (..., p, p) of every robot judged."""
+        return self.problem.together([self.problem.objective.value(robot) for robot in matrices])
 
     @cached_property
     def scale(self) -> float:
-        """A typical lambda_min of the information: divides it in the program, so that it is of order 1."""
+        """Typical smallest eigenvalue of the information; the program divides by it to be of order 1."""
         rng = np.random.default_rng(0)
         low, high = np.full((2, self.terms.size), [[-1.0], [1.0]])
         low[: self.terms.coefficient_count], high[: self.terms.coefficient_count] = self.coefficient_bounds.T
         drawn = rng.uniform(low, high, (200, self.terms.size))
-        own = drawn[:, : self.terms.coefficient_count]
-        own[:] = self.terms.embedding.within(own, self.ranges)
+        coefficients = drawn[:, : self.terms.coefficient_count]
+        coefficients[:] = self.terms.embedding.within(coefficients, self.ranges)
         (first, *_), _ = self._judged(drawn)
         smallest = np.min([SquareRoot.of_matrix(stack).smallest for stack in first], axis=0)
         means = [np.trace(stack, axis1=1, axis2=2) / stack.shape[1] for stack in first]
@@ -122,55 +128,58 @@ class DesignExpressions:
         return typical if typical > 0 else float(np.max(means)) or 1.0
 
     def score_many(self, candidates: Array) -> tuple[Array, Array]:
-        """Criterion (K,) and relative violation of each limit (K, limits) of candidates (K, size).
+        """Return the criterion (K,) and the relative violations (K, limits) of candidates (K, size).
 
-        For ranking candidates only: it looks at limits at the samples, `evaluate` between them too.
+        They serve to rank candidates only: limits are checked at the samples, `evaluate` checks them between
+        samples too.
         """
         values, excess = self.measure_many(candidates)
         return values, np.maximum(0.0, excess)
 
     def measure_many(self, candidates: Array, threads: int = 1) -> tuple[Array, Array]:
-        """Criterion (K,) of candidates (K, size), and by how much they exceed each limit at the points
-        looked at, in shares of its size, below 0 within it (K, limits).
+        """Return the criterion (K,) of candidates, and their excess over each limit (K, limits).
+
+        The excess is a share of the limit's size at the points that are checked, negative within the limit.
 
         Args:
-            candidates: (K, size).
-            threads: that share the nominal robot's scores; their number changes none of them.
+            candidates: unknowns, (K, size).
+            threads: threads that share the work on the nominal robot; they do not change the scores.
         """
         matrices, excess = self._judged(candidates, threads)
         return self.objective(matrices), excess
 
     def _judged(self, candidates: Array, threads: int = 1) -> tuple[list[list[Array]], Array]:
-        # For every robot its matrices (K, p, p); by how much limits are exceeded, in shares of their size.
+        # Matrices (K, p, p) of every robot, and the excess over limits in shares of their size.
         count = len(candidates)
         nominal, excess = self.terms.scored(candidates, threads)
-        found = [stacks(nominal.T, self.sizes)] * len(self.robots)
-        for place, parameters, shift in self.others:
-            other = self.other_robots.values.map("robots", "serial", count, [1, 2], [])
-            found[place] = stacks(np.array(other(candidates.T, parameters, shift)), self.sizes)
-        return _finite(found, excess)
+        robots = [stacks(nominal.T, self.sizes)] * len(self.robots)
+        for place, parameters, shift in self.off_nominal:
+            values = self.other_robots.values.map("robots", "serial", count, [1, 2], [])
+            robots[place] = stacks(np.array(values(candidates.T, parameters, shift)), self.sizes)
+        return _finite(robots, excess)
 
 
 def _finite(robots: list[list[Array]], excess: Array) -> tuple[list[list[Array]], Array]:
-    # A drive that is not finite is not informative and exceeds all limits, whatever robot it is of.
-    parts = [excess, *(stack.reshape(len(stack), -1) for own in robots for stack in own)]
+    # A drive that is not finite for any robot is not informative and exceeds all limits.
+    parts = [excess, *(stack.reshape(len(stack), -1) for matrices in robots for stack in matrices)]
     sound = np.asarray(np.isfinite(np.concatenate(parts, axis=1)).all(axis=1, keepdims=True))
     if sound.all():
         return robots, excess
-    kept = [[np.where(sound[:, :, None], stack, 0.0) for stack in own] for own in robots]
-    return kept, np.where(sound, excess, UNSOUND)
+    finite = [[np.where(sound[:, :, None], stack, 0.0) for stack in matrices] for matrices in robots]
+    return finite, np.where(sound, excess, UNSOUND)
 
 
 @dataclass(frozen=True)
 class Objective:
-    """What a search maximises, as smooth optimisation.
+    """Objective of a search, as a smooth program.
 
     Attributes:
-        maximised: scalar expression.
+        maximised: scalar expression to maximise.
         variables: auxiliary unknowns, (k,).
         equalities: expressions that must vanish, (e,).
         floors: expressions that must not be negative, (f,).
-        initial: values (k,) of the auxiliary unknowns for the numeric matrices of every robot judged.
+        initial: function from the numeric matrices of every robot judged to the first values (k,) of the
+            auxiliary unknowns.
     """
 
     maximised: Expression
@@ -181,24 +190,26 @@ class Objective:
 
 
 def objective_of(problem: Problem, robots: Sequence[Sequence[Expression]]) -> Objective:
-    """A problem's objective, of the matrices of each robot judged."""
-    each = [problem.objective.epigraph(matrices) for matrices in robots]
-    alone = len(each) == 1
+    """Return the objective of a problem as a function of the matrices of every robot judged."""
+    epigraphs = [problem.objective.epigraph(matrices) for matrices in robots]
+    alone = len(epigraphs) == 1
     mean = alone or (problem.robust is not None and problem.robust.objective == "mean")
-    objectives = ca.vertcat(*(one.objective for one in each))
+    objectives = ca.vertcat(*(epigraph.objective for epigraph in epigraphs))
     level = ca.SX(0, 1) if mean else ca.SX.sym("level")
 
     def initial(numeric: Sequence[Sequence[Array]]) -> Array:
-        begun = [one.initial(matrices) for one, matrices in zip(each, numeric, strict=True)]
-        # A level from which to begin is finite, also where a drive has next to no information.
+        first = [epigraph.initial(matrices) for epigraph, matrices in zip(epigraphs, numeric, strict=True)]
+        # The first level has to be finite, also where a drive has next to no information.
         positive = [] if mean else [[lifted(matrix) for matrix in matrices] for matrices in numeric]
         worst = [min(float(problem.objective.value(matrices)) for matrices in positive)] if positive else []
-        return np.concatenate([worst, *begun])
+        return np.concatenate([worst, *first])
 
     return Objective(
-        maximised=ca.sum1(objectives) / len(each) if mean else level,
-        variables=ca.vertcat(level, *(one.variables for one in each)),
-        equalities=ca.vertcat(*(one.equalities for one in each)),
-        floors=ca.vertcat(*(one.floors for one in each), ca.SX(0, 1) if mean else objectives - level),
+        maximised=ca.sum1(objectives) / len(epigraphs) if mean else level,
+        variables=ca.vertcat(level, *(epigraph.variables for epigraph in epigraphs)),
+        equalities=ca.vertcat(*(epigraph.equalities for epigraph in epigraphs)),
+        floors=ca.vertcat(
+            *(epigraph.floors for epigraph in epigraphs), ca.SX(0, 1) if mean else objectives - level
+        ),
         initial=initial,
     )

@@ -1,4 +1,4 @@
-"""The design as a nonlinear program: assembled once, solved from many starts.
+"""Nonlinear program of a design: assembled once, solved from many starts.
 
 Limits on speed and acceleration act on spline coefficients, whose convex hull holds the curve, so they hold
 at all times.
@@ -22,16 +22,19 @@ from oed.optimize.transcription.solver_calls import interrupts_kept, one_thread
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one call of Ipopt returned.
+    """Result of one call of Ipopt.
 
     Attributes:
-        unknowns, auxiliary: where it ended.
-        return_status: how, in Ipopt's words.
-        iterations, evaluations: that it took.
-        row_multipliers, bound_multipliers: Lagrange's.
-        maximised: what was maximised, there.
-        gains: by how much more that would be, to first order, were each limit wider: per share of its size;
-            (0,) where it did not succeed.
+        unknowns: unknowns z at its last iterate, (n,).
+        auxiliary: auxiliary unknowns there, (k,).
+        return_status: return status of Ipopt.
+        iterations: number of iterations.
+        evaluations: number of evaluations of the objective.
+        row_multipliers: Lagrange multipliers of the rows.
+        bound_multipliers: Lagrange multipliers of the bounds.
+        maximised: maximised objective at the last iterate.
+        gains: first-order gains (limits,) of the objective if each limit alone is widened, per share of the
+            limit's size; (0,) where the call did not succeed.
     """
 
     unknowns: Array
@@ -46,23 +49,23 @@ class Outcome:
 
     @property
     def succeeded(self) -> bool:
-        """Whether Ipopt reached its tolerance, so that another solve may go on from here."""
+        """True where Ipopt reached its tolerance, so that another solve may go on from here."""
         return self.return_status == "Solve_Succeeded"
 
 
 OUT_OF_TIME = "Maximum_WallTime_Exceeded"
-"""What Ipopt says where its time is up."""
+"""Return status of Ipopt at its time limit."""
 IPOPT_OPTIONS: dict[str, Any] = {
     "print_time": False,
     "error_on_fail": False,
-    # A start from which the drive is not finite is named in words, once.
+    # A start whose drive is not finite is reported once, by `NotFinite`.
     "show_eval_warnings": False,
-    # The derivatives are given; nobody asks for those by parameters, of which there are none.
+    # The program brings its derivatives; those by parameters are not needed.
     "no_nlp_grad": True,
     "calc_lam_p": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
-    # Bounds are not to be exceeded at all, or a design could seem to beat a bound that is proved.
+    # Bounds must not be exceeded at all, or a design could seem to beat a proved upper bound.
     "ipopt.bound_relax_factor": 0.0,
     # Rows of few instants are dense: looking for a better order and scaling takes longer than it saves.
     "ipopt.mumps_permuting_scaling": 0,
@@ -79,9 +82,9 @@ WARM_OPTIONS: dict[str, Any] = {
     "ipopt.warm_start_slack_bound_frac": 1e-6,
     "ipopt.warm_start_mult_bound_push": 1e-6,
 }
-"""Options of a solve that goes on from the end of one before, under slightly other limits."""
+"""Options of a solve that continues from the end of an earlier solve, under slightly different limits."""
 UNSCALED = 1e-4
-"""Ipopt's tolerance of constraints and complementarity as they are, before it scales them."""
+"""Tolerance of the unscaled constraints and complementarity of Ipopt."""
 LED_NOWHERE = (
     "Maximum_Iterations_Exceeded",
     "Infeasible_Problem_Detected",
@@ -90,20 +93,20 @@ LED_NOWHERE = (
     "Invalid_Number_Detected",
     "Diverging_Iterates",
 )
-"""How such a solve ends that is better begun anew."""
+"""Return statuses after which a warm-started solve is repeated without multipliers."""
 SLOTS = 64
-"""Rows of instants that a program has room for, or a multiple of that."""
+"""Number of which the slots of every program are a multiple."""
 WARM_ITERATIONS = 100
-"""After which the multipliers it goes on from have misled it: where they help, a dozen do."""
+"""Iterations of a warm-started solve at most: where its multipliers help, a dozen suffice."""
 
 
 def slots_for(rows: int) -> int:
-    """Slots of a program with so many rows of instants."""
+    """Return the number of slots of a program with so many rows of instants."""
     return -(-rows // SLOTS) * SLOTS
 
 
-class _Written:
-    # A program with a number of slots, and its solvers.
+class _BuiltProgram:
+    # A program with a fixed number of slots, and its solvers.
 
     def __init__(self, chain: ChainRule, frame: Frame, options: dict[str, Any]) -> None:
         self.frame, self.functions, self._program = frame, chain.functions, chain.program
@@ -114,8 +117,10 @@ class _Written:
     def solver(self, barrier: float | None, tolerance: float | None) -> ca.Function:
         key = barrier, tolerance
         if key not in self._solvers:
-            own = {**_tolerances(tolerance), **({} if barrier is None else {"ipopt.mu_init": barrier})}
-            self._solvers[key] = ca.nlpsol("design", "ipopt", self._program, {**self._options, **own})
+            options = {**self._options, **_tolerances(tolerance)}
+            if barrier is not None:
+                options["ipopt.mu_init"] = barrier
+            self._solvers[key] = ca.nlpsol("design", "ipopt", self._program, options)
         return self._solvers[key]
 
     def warm(self, tolerance: float | None) -> ca.Function:
@@ -126,27 +131,27 @@ class _Written:
         return self._warm[tolerance]
 
 
-def _tolerances(asked: float | None) -> dict[str, float]:
-    # Ipopt's own, of what is scaled and of what is not, which by itself is asked for to `UNSCALED`.
-    if asked is None:
+def _tolerances(tolerance: float | None) -> dict[str, float]:
+    # Tolerances of the scaled and of the unscaled program; for the latter `UNSCALED` is enough.
+    if tolerance is None:
         return {}
-    unscaled = max(asked, UNSCALED)
-    return {"ipopt.tol": asked, "ipopt.constr_viol_tol": unscaled, "ipopt.compl_inf_tol": unscaled}
+    unscaled = max(tolerance, UNSCALED)
+    return {"ipopt.tol": tolerance, "ipopt.constr_viol_tol": unscaled, "ipopt.compl_inf_tol": unscaled}
 
 
 class Program:
-    """One nonlinear program over z and auxiliary unknowns, built once and called for every start.
+    """Nonlinear program over z and auxiliary unknowns, built once and called for every start.
 
     Expressions are SX of z, of `design.entries` and of the auxiliary unknowns.
 
     Args:
-        design: the problem's expressions.
+        design: expressions of the problem.
         objective: scalar to maximise.
         auxiliary: further unknowns, (k,).
         equalities: expressions that must vanish, (e,).
-        floors: expressions that must stay at or above values given with each call, (f,).
-        relaxing: whether the auxiliary unknowns relax the limits, one each, in units of the limit's size.
-        options: of Ipopt, added to the package's own.
+        floors: expressions with lower bounds that each call sets, (f,).
+        relaxing: True where each auxiliary unknown relaxes one limit, in units of the limit's size.
+        options: options of Ipopt, added to `IPOPT_OPTIONS`.
     """
 
     def __init__(
@@ -160,22 +165,21 @@ class Program:
         relaxing: bool = False,
         options: dict[str, Any] | None = None,
     ) -> None:
-        """Take the parts; what is solved is written when first called."""
+        """Store the parts; the program is built at the first call of `solve`."""
         self.design = design
         self._equalities, self._floors = equalities.shape[0], floors.shape[0]
-        self._around = objective, auxiliary, ca.vertcat(equalities, floors)
+        self._parts = objective, auxiliary, ca.vertcat(equalities, floors)
         self._relaxing, self._options = relaxing, options or {}
-        self._with_slots: dict[int, _Written] = {}
+        self._with_slots: dict[int, _BuiltProgram] = {}
 
-    def _written(self, slots: int) -> _Written:
-        # With so many slots for rows of instants.
-        known = self._with_slots.get(slots)
-        # Compiled meanwhile, the terms' functions are others.
-        if known is None or known.functions is not self.design.terms.functions(slots):
+    def _built(self, slots: int) -> _BuiltProgram:
+        built = self._with_slots.get(slots)
+        # The functions of the terms change when they are compiled.
+        if built is None or built.functions is not self.design.terms.functions(slots):
             frame = Frame(self.design.terms, relaxing=self._relaxing, slots=slots)
-            chain = ChainRule(self.design, frame, *self._around)
-            self._with_slots[slots] = _Written(chain, frame, self._options)
-        return self._with_slots[slots]
+            chain = ChainRule(self.design, frame, *self._parts)
+            built = self._with_slots[slots] = _BuiltProgram(chain, frame, self._options)
+        return built
 
     def solve(
         self,
@@ -191,31 +195,31 @@ class Program:
         tolerance: float | None = None,
         chosen: Chosen | None = None,
     ) -> Outcome:
-        """Solve from a start. `backoff` tightens each limit by that share of its size.
+        """Solve from a start.
 
-        With `after` the start is where that solve ended, whose multipliers are a beginning; where they lead
-        nowhere, it is solved without them.
+        A solve that continues an earlier one starts from its end and its multipliers; where these lead
+        nowhere, it is repeated without them.
 
         Args:
-            unknowns: z to begin at.
-            auxiliary: the auxiliary unknowns to begin at.
-            floors: least values of the floors.
-            backoff: share of its size by which each limit is tightened.
-            auxiliary_lower: bounds of these.
-            auxiliary_upper: bounds of these.
-            after: the solve that it goes on from.
-            barrier: Ipopt's first barrier parameter, instead of its 0.1; a small one stays near the start.
-            tolerance: of Ipopt, instead of the program's own.
-            chosen: rows of instants that hold beside all others.
+            unknowns: first values of z, (n,).
+            auxiliary: first values of the auxiliary unknowns, (k,).
+            floors: lower bounds of the floors, (f,); 0 by default.
+            backoff: share of its size by which each limit is tightened, (limits,); 0 by default.
+            auxiliary_lower: lower bounds of the auxiliary unknowns, (k,).
+            auxiliary_upper: upper bounds of the auxiliary unknowns, (k,).
+            after: earlier solve that this one continues.
+            barrier: first barrier parameter of Ipopt instead of 0.1; a small one stays near the start.
+            tolerance: tolerance of Ipopt instead of the one in the options.
+            chosen: rows of instants that hold in addition to all other rows.
         """
         slots = 0 if chosen is None else slots_for(len(chosen))
-        written = self._written(slots)
+        built = self._built(slots)
         shares = np.zeros(len(self.design.terms.rows)) if backoff is None else backoff
-        (low, high), (row_low, row_high) = written.frame.bounds(shares, chosen)
+        (low, high), (row_low, row_high) = built.frame.bounds(shares, chosen)
         zero, open_side = np.zeros(self._equalities), np.full(self._floors, np.inf)
         least = np.zeros(self._floors) if floors is None else floors
         unbounded = np.full(len(auxiliary), np.inf)
-        given = {
+        arguments = {
             "x0": np.concatenate([unknowns, auxiliary]),
             "lbg": np.concatenate([zero, least, row_low]),
             "ubg": np.concatenate([zero, open_side, row_high]),
@@ -223,42 +227,42 @@ class Program:
             "ubx": np.concatenate([high, unbounded if auxiliary_upper is None else auxiliary_upper]),
         }
         if chosen is not None:
-            given["p"] = chosen.numbers(slots)
-        outcome = self._solved(written, given, after, barrier, tolerance)
+            arguments["p"] = chosen.numbers(slots)
+        outcome = self._solved(built, arguments, after, barrier, tolerance)
         if not outcome.succeeded or self._relaxing:
-            # Of no optimum multipliers say nothing.
+            # Multipliers mean nothing away from an optimum.
             return outcome
         rows, bounds = outcome.row_multipliers, outcome.bound_multipliers
         multipliers = np.concatenate([bounds[: len(low)], rows[self._equalities + self._floors :]])
-        return replace(outcome, gains=written.frame.gains(shares, multipliers, chosen))
+        return replace(outcome, gains=built.frame.gains(shares, multipliers, chosen))
 
     def _solved(
         self,
-        written: _Written,
-        given: dict[str, Array],
+        built: _BuiltProgram,
+        arguments: dict[str, Array],
         after: Outcome | None,
         barrier: float | None,
         tolerance: float | None,
     ) -> Outcome:
         if after is None:
-            return self._called(written.solver(barrier, tolerance), given)
-        # Rows that have come since had no multipliers.
-        rows = np.pad(after.row_multipliers, (0, len(given["lbg"]) - len(after.row_multipliers)))
+            return self._called(built.solver(barrier, tolerance), arguments)
+        # Rows that were added since the earlier solve had no multipliers.
+        rows = np.pad(after.row_multipliers, (0, len(arguments["lbg"]) - len(after.row_multipliers)))
         multipliers = {"lam_g0": rows, "lam_x0": after.bound_multipliers}
-        # The epigraph is where its multipliers are; what is fixed stays as it is given.
+        # The auxiliary unknowns begin where their multipliers belong, but fixed ones keep their values.
         place = slice(self.design.terms.size, None)
-        auxiliary = np.clip(after.auxiliary, given["lbx"][place], given["ubx"][place])
-        begun = np.concatenate([given["x0"][: place.start], auxiliary])
-        warm = self._called(written.warm(tolerance), {**given, "x0": begun, **multipliers})
+        auxiliary = np.clip(after.auxiliary, arguments["lbx"][place], arguments["ubx"][place])
+        start = np.concatenate([arguments["x0"][: place.start], auxiliary])
+        warm = self._called(built.warm(tolerance), {**arguments, "x0": start, **multipliers})
         if warm.return_status not in LED_NOWHERE:
             return warm
-        cold = self._called(written.solver(None, None), given)
+        cold = self._called(built.solver(None, None), arguments)
         iterations, evaluations = warm.iterations + cold.iterations, warm.evaluations + cold.evaluations
         return replace(cold, iterations=iterations, evaluations=evaluations)
 
-    def _called(self, solver: ca.Function, given: dict[str, Array]) -> Outcome:
+    def _called(self, solver: ca.Function, arguments: dict[str, Array]) -> Outcome:
         with interrupts_kept(), one_thread():
-            result = solver(**given)
+            result = solver(**arguments)
         stats = solver.stats()
         values = np.array(result["x"]).ravel()
         size = self.design.terms.size

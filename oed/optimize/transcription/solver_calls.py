@@ -1,4 +1,4 @@
-"""What surrounds a call of a compiled solver: Ctrl-C, which it swallows, and one thread of linear algebra."""
+"""Contexts for calls of a compiled solver: Ctrl-C, which it swallows, and one thread of linear algebra."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ Control = tuple[Callable[[], int], Callable[[int], Any]]
 def interrupts_kept() -> Iterator[None]:
     """Raise KeyboardInterrupt at the end of the context if one was signalled, and lost, inside it."""
     signalled = False
-    # An ignored signal (a worker's) is not ours to answer.
+    # A signal that is ignored, as in a worker, stays ignored.
     previous = answered()
 
     def noting(answer: Answer) -> Answer:
         def note(number: int, frame: FrameType | None) -> None:
             nonlocal signalled
             signalled = True
-            # CasADi says of the exception what it is called, and in which line of its own it met it.
+            # CasADi prints the name of the exception and a line of its own source.
             quiet.enter_context(redirect_stderr(io.StringIO()))
-            # A solver ends by the exception, whatever its wrapper then makes of it.
+            # The exception ends the solver, even where its wrapper swallows it.
             immediate(answer)(number, frame)
 
         return note
@@ -52,11 +52,11 @@ def interrupts_kept() -> Iterator[None]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let CasADi's own OpenBLAS use one thread while the context lasts.
+    """Restrict the OpenBLAS of CasADi to one thread while the context lasts.
 
-    How many threads multiply two small matrices changes their last digits, and with them the design on which
-    a flat problem's search ends. Solves therefore use one thread each, in this process as in every worker;
-    parallel work is done by processes.
+    The number of threads changes the last digits of a product of two small matrices, and with them the design
+    on which the search of a flat problem ends. Every solve therefore uses one thread, in this process as in
+    every worker; parallel work is done by processes.
     """
     control = _openblas()
     if control is None:
@@ -70,7 +70,7 @@ def one_thread() -> Iterator[None]:
 
 
 class _Single:
-    # The number is the process's: the first of all its threads' solves sets it, the last one sets it back.
+    # The number of threads is global: the first of all concurrent solves sets it, the last one restores it.
 
     def __init__(self) -> None:
         self._lock, self._solves, self._before = Lock(), 0, 0
@@ -95,8 +95,8 @@ _single = _Single()
 
 @cache
 def _openblas() -> Control | None:
-    # Packages of CasADi bring an OpenBLAS under a name of their own; one built from source may not.
-    # The name with one version number is the one that Ipopt links; another name may be another copy.
+    # Packages of CasADi bring an OpenBLAS under a name of their own; a build from source may not.
+    # Ipopt links the file with a single version number; files of other names may be other copies.
     for file in sorted(Path(casadi.__file__).parent.glob("libcasadi*openblas*.so.[0-9]")):
         library = ctypes.CDLL(str(file))
         for suffix in ("", "64_"):
