@@ -28,6 +28,7 @@ from oed.kernel.dynamics.signals import (
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.scorer import score
 from oed.optimize.condensed.terms import Condensed
+from oed.optimize.terms import terms_of
 from oed.optimize.terms.unrolled import Unrolled
 from oed.optimize.transcription.chain import Frame
 from oed.optimize.transcription.coarse import FineGrid, Grid
@@ -95,6 +96,27 @@ def test_condensed_runs_that_share_every_input_are_the_whole_drive(start: str):
     # Three inputs of 4, 1 and 1 unknowns, and of both runs the one state that is chosen.
     assert terms.size == (8 if start == "chosen" else 6)
     same_as_whole(problem, [True] * 3)
+
+
+@pytest.mark.slow
+def test_condensed_drives_without_inputs_are_the_whole_drive():
+    system = oed.Equations(
+        states={"a": "", "b": ""},
+        derivatives={"a": "-k1 * a", "b": "k1 * a - k2 * b / (1 + b)"},
+        parameters={"k1": "0.7 1/s", "k2": "0.4 1/s"},
+        inputs={},
+        outputs={"b": "b"},
+    )
+    bounds = ((0.2, 1.0), (0.1, 0.3))
+    problem = oed.Problem(
+        model=system,
+        design=oed.SignalSpace(duration=4.0, samples=8, runs=2, signals=(), start_bounds=bounds),
+        measurement=oed.Outputs(noise={"b": 0.1}),
+        limits=[],
+        criterion=D(scaling="none"),
+    )
+    assert isinstance(terms_of(problem), Condensed)
+    same_as_whole(problem, [])
 
 
 @pytest.mark.parametrize("signals", MIXED, ids=["steps", "smooth"])

@@ -46,10 +46,13 @@ class FixedRows:
         if whole is not None:
             own = zip(whole.bounds, whole.formulas.linear, strict=True)
             known |= dict(zip(needs.whole, own, strict=True))
-        owner = np.repeat(list(known), [len(bounds.lower) for bounds, _ in known.values()])
+        owner = np.repeat(
+            np.array(list(known), dtype=int), [len(bounds.lower) for bounds, _ in known.values()]
+        )
         self.order: list[int] = np.argsort(owner, kind="stable").tolist()
         known |= {place: (one, True) for place, one in without.items()}
-        self.bounds, self.linear = map(list, zip(*(known[place] for place in sorted(known)), strict=True))
+        by_limit = [known[place] for place in sorted(known)]
+        self.bounds, self.linear = [rows for rows, _ in by_limit], [linear for _, linear in by_limit]
 
     @staticmethod
     def _table(terms: Terms, rows: Rows) -> tuple[Array, Array, RowBounds]:
