@@ -13,25 +13,26 @@ import heapq
 import itertools
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from oed.bounds.certificate import SMALLEST
 from oed.bounds.lattice_program import LatticeProgram as LatticeProgram
 from oed.bounds.lattice_program import SpeedLimits as SpeedLimits
 from oed.bounds.lattice_program import lattice as lattice
-from oed.bounds.targets import Target, target_of
+from oed.bounds.targets import Target
 from oed.foundation.arrays import Array
-from oed.kernel.criteria import Criterion, E
+from oed.kernel.criteria import Criterion
 
 CUTS = 30
 """Largest number of cutting planes of one node."""
+ENOUGH = 1e-5
+"""Share by which another cutting plane has to lower a bound."""
 WORK = 3e9
 """Default number of comparisons of a search: some 5 s."""
 PER_PERIOD, PER_PLANE = 4e4, 1.5e6
 """Overhead of a period of one pass, and of finding the next Z, in comparisons."""
-SMALLEST = E()
-"""Default criterion: the smallest eigenvalue."""
 
 
 @dataclass(order=True)
@@ -95,7 +96,7 @@ class LatticeBound:
         """
         # Parts without the mirrored speeds are valid for symmetric limits only.
         covering = limits.both_ways if self.limits.symmetric else limits
-        program, target = LatticeProgram(covering, weights), self.target.with_constant(constant)
+        program, target = LatticeProgram(covering, weights), replace(self.target, constant=constant)
         return max(
             target.bound(part.multiplier, program.maximise(part.multiplier, part.conditions)[0])
             for part in self.parts
@@ -127,7 +128,7 @@ def lattice_bound(
     program = LatticeProgram(limits, weights)
     planes = usual_planes(program) if nodes is None else CUTS * nodes
     deadline = np.inf if time_limit is None else time.perf_counter() + time_limit
-    target = target_of(criterion, constant)
+    target = Target(criterion, constant)
     return _Search(program, target, gap, nodes or planes, planes, deadline).run()
 
 
@@ -209,7 +210,7 @@ class _Search:
             matrices.append(matrix)
             least, multiplier, shares = self.target.lowest(matrices)
             self._note_joined(paths, shares)
-            if self.target.near(bound, least) or self._reached(bound) or self._spent:
+            if self.target.excess(bound, least) <= ENOUGH or self._reached(bound) or self._spent:
                 break
         return _Node(-bound, next(self.serial), conditions, bound, chosen, paths, shares)
 

@@ -2,109 +2,57 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
+from oed.bounds.certificate import gap
 from oed.bounds.mixtures import best_mixture
 from oed.foundation.arrays import Array
-from oed.kernel.criteria import Criterion, E
+from oed.kernel.criteria import Criterion
 
 DIRECTIONS = 96
 """Number of corners of the polygon that contains Z of E; every Z inside is valid."""
-ENOUGH = 1e-5
-"""Share by which another cutting plane has to lower a bound."""
 FAINT = 1e-3
 """Share of the mean eigenvalue that is added to singular matrices, to have a Z > 0."""
 
 
 @dataclass(frozen=True)
-class Target(ABC):
+class Target:
     """Criterion of F + constant that a lattice bounds.
 
     Attributes:
-        criterion: criterion of two parameters.
+        criterion: criterion of two parameters, with a conjugate.
         constant: matrix that is added to F, (2, 2), e.g. prior information.
     """
 
     criterion: Criterion
     constant: Array
 
-    def with_constant(self, constant: Array) -> Self:
-        """Return the target with another constant."""
-        return replace(self, constant=constant)
-
     def bound(self, multiplier: Array, most: float) -> float:
         """Return the criterion's bound for tr(Z F) <= most; -inf if no F is feasible."""
         if not np.isfinite(most):
             return most
-        return self._bound(multiplier, most + float(np.sum(multiplier * self.constant)))
+        return self.criterion.trace_bound(multiplier, most + float(np.sum(multiplier * self.constant)))
 
-    @abstractmethod
-    def _bound(self, multiplier: Array, most: float) -> float:
-        """Return the criterion's bound for tr(Z (F + constant)) <= most."""
-
-    @abstractmethod
     def values(self, matrices: Array) -> Array:
         """Return the criterion (...,) of matrices (..., 2, 2) that include the constant."""
-
-    @abstractmethod
-    def excess(self, bound: float, value: float) -> float:
-        """Return the share by which a bound exceeds a value."""
-
-    @abstractmethod
-    def near(self, bound: float, least: float) -> bool:
-        """Return True if a bound is so close to its lower limit `least` that another Z hardly lowers it."""
-
-    @abstractmethod
-    def lowest(self, matrices: Sequence[Array]) -> tuple[float, Array, Array]:
-        """Return the lowest bound for these matrices, its Z of trace 1, and the best mixture's shares."""
-
-
-class _Smallest(Target):
-    """Smallest eigenvalue, by linear programming over Z of trace 1."""
-
-    def _bound(self, multiplier: Array, most: float) -> float:
-        return most
-
-    def values(self, matrices: Array) -> Array:
-        return np.asarray(np.linalg.eigvalsh(matrices)[..., 0])
-
-    def excess(self, bound: float, value: float) -> float:
-        return bound / value - 1 if value > 0 else 0.0 if bound <= value else np.inf
-
-    def near(self, bound: float, least: float) -> bool:
-        return bound - least <= ENOUGH * abs(bound)
-
-    def lowest(self, matrices: Sequence[Array]) -> tuple[float, Array, Array]:
-        least, point, shares = _lowest([_plane(matrix) for matrix in matrices])
-        return least, _multiplier(point), shares
-
-
-class _Smooth(Target):
-    """Criterion D or A, by the best mixture, whose supergradient is the best Z."""
-
-    def _bound(self, multiplier: Array, most: float) -> float:
-        return self.criterion.trace_bound(multiplier, most)
-
-    def values(self, matrices: Array) -> Array:
         return np.asarray(self.criterion.value([matrices]))
 
     def excess(self, bound: float, value: float) -> float:
-        return self.criterion.change(bound, value, 2) if np.isfinite(value) else np.inf
-
-    def near(self, bound: float, least: float) -> bool:
-        return self.excess(bound, least) <= ENOUGH
+        """Return the share by which a bound exceeds a value; infinite for an unidentifiable one."""
+        return 0.0 if -np.inf < bound <= value else gap(bound, value, self.criterion, 2)
 
     def lowest(self, matrices: Sequence[Array]) -> tuple[float, Array, Array]:
+        """Return the lowest bound for these matrices, its Z of trace 1, and the best mixture's shares."""
+        if self.criterion.conjugate == "linear":
+            least, point, shares = _lowest([_plane(matrix) for matrix in matrices])
+            return least, _multiplier(point), shares
         stacked = np.stack(matrices)
-        prior, judged = np.zeros((2, 2)), 2
         groups, totals = np.zeros(len(stacked), dtype=np.int64), np.ones(1)
-        mixture = best_mixture(self.criterion, stacked, prior, judged, groups, totals)
+        mixture = best_mixture(self.criterion, stacked, np.zeros((2, 2)), 2, groups, totals)
         if mixture is not None:
             return mixture.value, mixture.multiplier / np.trace(mixture.multiplier), mixture.weights
         mean = stacked.mean(axis=0)
@@ -112,16 +60,6 @@ class _Smooth(Target):
         multiplier = self.criterion.supergradient(mean + faint * np.eye(2))
         assert multiplier is not None
         return -np.inf, multiplier / np.trace(multiplier), np.full(len(stacked), 1 / len(stacked))
-
-
-def target_of(criterion: Criterion, constant: Array) -> Target:
-    """Return the target of a criterion.
-
-    Args:
-        criterion: criterion E, D or A.
-        constant: matrix that is added to F, (2, 2).
-    """
-    return (_Smallest if type(criterion) is E else _Smooth)(criterion, constant)
 
 
 def _multiplier(point: Array) -> Array:
