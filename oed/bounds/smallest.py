@@ -11,10 +11,9 @@ import numpy as np
 from oed.bounds.certificate import Bound, Certificate, raised
 from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_bounds
 from oed.bounds.conjugate import combined_bounds
+from oed.bounds.equivalence import point_bounds, selection_certificate
 from oed.bounds.joint import joint_bounds
-from oed.bounds.points import point_bounds
 from oed.bounds.reach import largest_rates, room, unslipped
-from oed.bounds.readings import selection_certificate
 from oed.bounds.sensitivity import sensitivity_bounds
 from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
 from oed.foundation.arguments import typed

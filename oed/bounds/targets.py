@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from oed.bounds.certificate import gap
-from oed.bounds.mixtures import best_mixture
+from oed.bounds.equivalence import best_mixture
 from oed.foundation.arrays import Array
 from oed.kernel.criteria import Criterion
 

@@ -7,7 +7,7 @@ import io
 
 import numpy as np
 
-from oed.bounds.readings import certified_selection
+from oed.bounds.equivalence import certified_selection
 from oed.kernel.problem import Problem
 from oed.kernel.solution import Solution
 from oed.records.stored.selection import StoredBudget, StoredReading, StoredSelection

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from oed.bounds.certificate import INFLATION, gap, raised
-from oed.bounds.mixtures import best_mixture
+from oed.bounds.equivalence import best_mixture
 from oed.kernel.criteria import A, Criterion, D, E, ModifiedE
 
 Array = npt.NDArray[np.float64]

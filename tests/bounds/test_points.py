@@ -14,7 +14,8 @@ import pytest
 
 import oed
 from oed.bounds import UNKNOWN, Certificate, bound
-from oed.bounds.points import METHOD, points_of, sensitivity_function
+from oed.bounds.equivalence import METHOD, sensitivity_function
+from oed.bounds.points import points_of
 from oed.equations.limits import InputRange
 from oed.equations.outputs import Outputs, Responses
 from oed.equations.system import Equations
