@@ -58,7 +58,7 @@ def solve(
     options = _solver(solver)
     stream = seed if options.seed is None else options.seed
     context = Context(stream, workers or default_workers(), progress or Silent(), earlier or {})
-    searched = options.own(problem)
+    searched = options.problem_to_search(problem)
     searched.require_designed()
     require_identifiable(searched)
     integrates = searched.system.integrates

@@ -1,4 +1,4 @@
-"""Scores of a generation of candidates at once, by several processes where that is faster."""
+"""Scores of all candidates of a generation, by several processes where that is faster."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from oed.kernel.problem import Problem
 from oed.optimize.transcription.design import DesignExpressions
 
 Scores = tuple[Array, Array]
-"""Criterion (K,), and by how much each limit is exceeded, in shares of its size, (K, limits)."""
+"""Criterion (K,), and excess over each limit in shares of its size, (K, limits)."""
 
 WORTH = 0.5
-"""Time [s] of scoring a generation here from which it is sent to workers.
+"""Time [s] to score a generation in this process above which it is sent to workers.
 
 Sending one costs 15 ms here and 0.1 s on a cluster, starting processes some seconds. 200 drives of 200
 samples take 3 to 8 ms: they are scored here.
 """
 WRITING = 2e-5
-"""Time [s] for one operation of a drive that is written out, as processes do which have no compiled code."""
+"""Time [s] per operation of a drive to write its expressions, as processes without compiled code do."""
 THREADS = 4
-"""Threads that score a generation here, at most: the more there are, the less each adds."""
+"""Largest number of threads that score a generation here: each further thread adds less."""
 COMPILED = 0.5
-"""Time [s] of all that is still to be scored from which generated C is thought of."""
+"""Remaining time [s] of scoring above which C code is generated and compiled."""
 SPARED = 0.6
-"""Share of that time that it spares."""
+"""Share of that time that compiled code saves."""
 
 
 class CandidateScorer:
@@ -39,11 +39,11 @@ class CandidateScorer:
         tightening: shares of the limits' sizes by which they are tightened for candidates, (limits,).
 
     Args:
-        design: the problem's expressions in this process.
-        refine: points per sample at which positions are limited there.
-        workers: who scores, where a generation takes long.
-        expected: candidates that there will be at most.
-        until: when the search ends, by `time.perf_counter`.
+        design: expressions of the problem in this process.
+        refine: points per sample at which positions are limited.
+        workers: processes that score where a generation takes long.
+        expected: largest number of candidates to come.
+        until: end of the search, by `time.perf_counter`.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class CandidateScorer:
         expected: int = 0,
         until: float = np.inf,
     ) -> None:
-        """Compile nothing yet."""
+        """Begin without measured times and compiled code."""
         self._expected, self._compiled, self._until = expected, False, until
         self._design, self._refine, self._workers = design, refine, workers
         self.tightening = np.zeros(len(design.terms.rows))
@@ -62,8 +62,9 @@ class CandidateScorer:
         self._binary: Path | None = None
 
     def score(self, candidates: Array) -> Scores:
-        """Return the criterion (K,) of candidates (K, size), and by how much they exceed each limit as it was
-        tightened, in shares of its size (K, limits).
+        """Return the criterion (K,) of candidates (K, size), and their excess (K, limits).
+
+        The excess is over each tightened limit, in shares of its size.
         """
         values, excess = self._measured(candidates)
         return values, excess + self.tightening
@@ -76,22 +77,22 @@ class CandidateScorer:
         threads = min(self._workers, THREADS) if isinstance(self._workers, int) else 1
         scores = self._design.measure_many(candidates, threads)
         self._seconds = (time.perf_counter() - began) / len(candidates)
-        if not self._compiled and self._left >= COMPILED:
-            self._binary = self._design.terms.compile_scores(SPARED * self._left)
+        if not self._compiled and self._remaining >= COMPILED:
+            self._binary = self._design.terms.compile_scores(SPARED * self._remaining)
             self._compiled = True
-            # To be found out again.
+            # The time has to be measured again.
             self._seconds = 0.0
         return scores
 
     @property
-    def _left(self) -> float:
-        # Time [s] of scoring all other candidates here.
+    def _remaining(self) -> float:
+        # Time [s] to score all further candidates in this process.
         return min(self._seconds * self._expected, self._until - time.perf_counter())
 
     def _worth_sharing(self, count: int) -> bool:
         seconds, share = self._seconds * count, 1 - 1 / at_once(self._workers)
         writing = 0.0 if self._binary is not None else WRITING * self._design.terms.written
-        return seconds > WORTH and share * (self._left + seconds) > writing
+        return seconds > WORTH and share * (self._remaining + seconds) > writing
 
     def _shared(self, candidates: Array) -> Scores:
         parts = np.array_split(candidates, at_once(self._workers))
@@ -112,7 +113,7 @@ class _Part:
 
 
 def _scored(part: _Part) -> Scores:
-    # The terms are written once in each process; what was compiled is taken from where it is.
+    # Each process writes the terms once; compiled code is loaded from its file.
     design = DesignExpressions(part.problem, part.refine)
     if part.binary is not None:
         design.terms.take_scores(part.binary)

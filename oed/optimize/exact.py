@@ -1,4 +1,4 @@
-"""Whole readings that are proved to be the best, by branch and bound on their relaxations."""
+"""Whole readings that are proved to be best, by branch and bound on their relaxations."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from oed.optimize.weights import Weights, best_weights, exceeds, exchanged_weigh
 NODES = 200
 """Relaxations that are solved by default: some seconds."""
 SMALL = 60
-"""Readings from which on the first bound is all that branching would tell in reasonable time."""
+"""Number of readings above which branching would hardly improve the first bound in reasonable time."""
 WHOLE = 1e-6
 """Distance from a whole number up to which a weight counts as one."""
 CLOSE = 1e-9
-"""Share of the criterion by which a node has to promise more than the best weights have."""
+"""Share of the criterion by which the bound of a node must exceed the best weights."""
 
 
 @dataclass(frozen=True)
 class Exact:
-    """The best whole readings found, and an upper bound on all others.
+    """Best whole readings, and an upper bound on all whole readings.
 
     Attributes:
         weights: whole weights.
@@ -42,7 +42,7 @@ class Exact:
 
 @dataclass(frozen=True)
 class _Node:
-    """Whole readings between two numbers of each."""
+    """Subset of the whole readings: weights between a lower and an upper number of each, (n,)."""
 
     low: Array
     high: Array
@@ -52,20 +52,20 @@ class _Node:
 def exact_weights(
     criterion: Criterion,
     parts: Parts,
-    known: Weights,
+    start: Weights,
     budgets: Sequence[Budget],
     nodes: int = NODES,
 ) -> Exact:
-    """Return the best whole readings within budgets, as far as so many relaxations prove it.
+    """Return the best whole readings within budgets, as far as a number of relaxations proves it.
 
     Args:
         criterion: a concave criterion.
         parts: information of the readings.
-        known: whole weights to begin with.
+        start: whole weights to begin with.
         budgets: budgets of all readings, with totals of whole ones.
-        nodes: number of relaxations at most.
+        nodes: largest number of relaxations.
     """
-    search = _Search(criterion, parts, tuple(budgets), known)
+    search = _Search(criterion, parts, tuple(budgets), start)
     upper = np.zeros(len(parts.readings))
     for budget in budgets:
         upper[list(budget.places)] = budget.upper
@@ -78,11 +78,11 @@ class _Search:
     ) -> None:
         self.criterion, self.parts, self.budgets = criterion, parts, budgets
         self.best, self.solved = start, 0
-        # The largest bound of nodes that are not looked into any further.
+        # The largest bound of nodes that are not branched any further.
         self.closed = -np.inf
 
     def run(self, first: _Node, nodes: int) -> Exact:
-        """Return the best of all whole readings between two numbers of each."""
+        """Return the best of all whole readings of a node."""
         waiting = list[tuple[float, int, _Node, Array]]()
         self._push(waiting, first)
         while waiting and self.solved < nodes and self._promises(-waiting[0][0]):
@@ -99,7 +99,7 @@ class _Search:
         return exceeds(bound, self.best.value, CLOSE)
 
     def _push(self, waiting: list[tuple[float, int, _Node, Array]], node: _Node) -> None:
-        # A node that may hold better weights, with its relaxed weights.
+        # Adds a node that may hold better weights, with its relaxed weights.
         relaxation = self._relaxed(node)
         if relaxation is None:
             return
@@ -119,25 +119,25 @@ class _Search:
     def _relaxed(self, node: _Node) -> tuple[Array, float] | None:
         # The best relaxed weights and their bound, with readings that are surely taken as prior information;
         # None where no weights are left within the budgets.
-        free = np.flatnonzero(node.high > node.low)
-        places = {place: number for number, place in enumerate(free.tolist())}
+        free = set(np.flatnonzero(node.high > node.low).tolist())
         budgets = list[Budget]()
         for budget in self.budgets:
             total = budget.total - budget.spent(node.low)
-            members = [place for place in budget.places if place in places]
-            sizes = [size for place, size in zip(budget.places, budget.sizes, strict=True) if place in places]
+            members = [place for place in budget.places if place in free]
+            sizes = [size for place, size in zip(budget.places, budget.sizes, strict=True) if place in free]
             tops = (node.high - node.low)[members]
             if total < -WHOLE or total > float(np.array(sizes) @ tops) + WHOLE:
                 return None
             if members and total > WHOLE:
-                kept = tuple(places[place] for place in members)
-                rest = replace(budget, places=kept, sizes=tuple(sizes), total=total, tops=tuple(tops))
+                rest = replace(
+                    budget, places=tuple(members), sizes=tuple(sizes), total=total, tops=tuple(tops)
+                )
                 budgets.append(rest)
         taken = sorted(place for budget in budgets for place in budget.places)
         self.solved += 1
         if not taken:
             return node.low, float(self.criterion.judge([self.parts.root(node.low)]))
-        readings = free[taken]
+        readings = np.array(taken)
         number = {place: at for at, place in enumerate(taken)}
         budgets = [
             replace(budget, places=tuple(number[place] for place in budget.places)) for budget in budgets

@@ -1,7 +1,7 @@
-"""Readings and durations chosen together with inputs: as further inputs, in the search alone.
+"""Readings and durations chosen together with inputs, as further inputs of a search.
 
-Roots v = sqrt(w) of the readings' weights, for with these sum v^2 J' R^-1 J is smooth and budgets are sums of
-v^2; and the share of the longest duration that an experiment takes.
+The further inputs are the roots v = sqrt(w) of the readings' weights, with which sum v^2 J' R^-1 J is smooth
+and budgets are sums of v^2, and the pace: the share of the longest duration that an experiment takes.
 """
 
 from __future__ import annotations
@@ -13,16 +13,14 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from oed.foundation.arrays import Array
 from oed.kernel.dynamics.expression import Expression
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.signals import Constant, PiecewiseConstant, Signal
 from oed.kernel.dynamics.space import SignalSpace, Spline
-from oed.kernel.dynamics.system import Input, Parameter, System
-from oed.kernel.dynamics.trajectory import Trajectory
+from oed.kernel.dynamics.system import Input, System
 from oed.kernel.limit import Limit, Rows
 from oed.kernel.measurement.blocks import Nuisance
-from oed.kernel.measurement.measurement import Sensor, Start, When, joined
+from oed.kernel.measurement.measurement import Sensor, Start, joined
 from oed.kernel.measurement.moment import Moment
 from oed.kernel.measurement.process_noise import Period, ProcessNoise
 from oed.kernel.pace import PACE, pace_of
@@ -34,12 +32,12 @@ from oed.kernel.solution import Solution
 
 @dataclass(frozen=True)
 class Lifted(System):
-    """A system with further inputs: some that it does not feel, and the pace at which it goes through time.
+    """System with further inputs: roots of weights, which do not move it, and the pace of its time.
 
     Attributes:
-        inner: the system.
-        efforts: how many inputs follow its own.
-        paced: whether the last input, after these, is the share of the longest duration that it takes.
+        inner: system without further inputs.
+        efforts: number of roots of weights, after the inputs of the inner system.
+        paced: True where the last input is the share of the longest duration that an experiment takes.
     """
 
     inner: System
@@ -56,182 +54,164 @@ class Lifted(System):
     states = property(lambda self: self.inner.states)
     state_units = property(lambda self: self.inner.state_units)
     start_name = property(lambda self: self.inner.start_name)
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Those of the system."""
-        return self.inner.parameters
+    parameters = property(lambda self: self.inner.parameters)
+    exact = property(lambda self: self.inner.exact)
+    estimable = property(lambda self: self.inner.estimable)
+    chosen_states = property(lambda self: self.inner.chosen_states)
 
     def step(
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
     ) -> Expression:
-        """As the system steps."""
-        own = inputs[: len(self.inner.inputs), :]
-        return self.inner.step(state, own, parameters, self.taken(inputs, period))
+        """Return the next state of the inner system.
+
+        Args:
+            state: state at the begin of the period.
+            inputs: inputs held in it, the further ones too.
+            parameters: parameters of the system, (p,).
+            period: duration of the period at full length [s].
+        """
+        return self.inner.step(state, self.inner_inputs(inputs), parameters, self.duration(inputs, period))
 
     def signals(
         self, state: Expression, inputs: Expression, parameters: Expression, period: Expression
     ) -> Mapping[str, Expression]:
-        """Those of the system."""
-        own = inputs[: len(self.inner.inputs), :]
-        return self.inner.signals(state, own, parameters, self.taken(inputs, period))
-
-    def taken(self, inputs: Expression, period: Expression) -> Expression:
-        """How long the period is at this pace [s].
+        """Return the signals of the inner system.
 
         Args:
-            inputs: held in it, these further ones too.
-            period: its duration at full length [s].
+            state: state at the begin of the period.
+            inputs: inputs held in it, the further ones too.
+            parameters: parameters of the system, (p,).
+            period: duration of the period at full length [s].
         """
+        return self.inner.signals(state, self.inner_inputs(inputs), parameters, self.duration(inputs, period))
+
+    def inner_inputs(self, inputs: Expression) -> Expression:
+        """Return the inputs of the inner system, without the further ones."""
+        return inputs[: len(self.inner.inputs), :]
+
+    def duration(self, inputs: Expression, period: Expression) -> Expression:
+        """Return the duration [s] at the pace among the inputs of a period of this full length [s]."""
         return period * inputs[len(self.inputs) - 1] if self.paced else period
 
     def estimating(self, names: Collection[str]) -> System:
-        """The system that has the parameters, with the same inputs."""
+        """Return the system that estimates the named parameters, with the same further inputs."""
         return replace(self, inner=self.inner.estimating(names))
-
-    @property
-    def exact(self) -> System:
-        """That of the system: what is predicted has inputs of its own."""
-        return self.inner.exact
-
-    @property
-    def estimable(self) -> Mapping[str, tuple[str, ...]]:
-        """As the system says."""
-        return self.inner.estimable
-
-    @property
-    def chosen_states(self) -> int:
-        """As the system says."""
-        return self.inner.chosen_states
 
 
 @dataclass(frozen=True)
 class LiftedNoise(ProcessNoise):
-    """Process noise of a system with further inputs: for as long as a period takes.
+    """Process noise of a system with further inputs, over the duration of a period at its pace.
 
     Attributes:
-        inner: of the system.
+        inner: process noise of the inner system.
     """
 
     inner: ProcessNoise
     signal = property(lambda self: self.inner.signal)
-
-    @property
-    def size(self) -> int:
-        """As the system's."""
-        return self.inner.size
-
-    @property
-    def text(self) -> str:
-        """As the system's."""
-        return self.inner.text
+    size = property(lambda self: self.inner.size)
+    text = property(lambda self: self.inner.text)
 
     def covariance(self, period: Period) -> Expression:
-        """As the system's."""
+        """Return the covariance matrix of the inner noise over a period."""
         return self.inner.covariance(_unlifted(period))
 
     def step(self, period: Period, errors: Expression) -> Expression:
-        """As the system's."""
+        """Return the change of the state by the errors of the inner noise in a period."""
         return self.inner.step(_unlifted(period), errors)
 
 
 def _unlifted(period: Period) -> Period:
-    # What the system itself knows.
     system, state, inputs, parameters, duration = period
     assert isinstance(system, Lifted)
-    own = inputs[: len(system.inner.inputs), :]
-    return Period(system.inner, state, own, parameters, system.taken(inputs, duration))
+    duration = system.duration(inputs, duration)
+    return Period(system.inner, state, system.inner_inputs(inputs), parameters, duration)
 
 
 class LiftedSensor(Sensor):
-    """A sensor whose readings count as much as the square of an input says, and as long as another says.
+    """Sensor whose readings are weighted by the square of one further input and timed by another.
 
     Attributes:
-        inner: the sensor.
-        own: how many inputs the sensor knows.
-        effort: place of the root of its weight among the inputs; None where all readings count alike.
-        pace: place of the share of the longest duration; None where the duration is given.
+        inner: sensor without weights.
+        inner_count: number of inputs of the inner system.
+        effort: place of the root of its weight among the inputs; None where all weights are equal.
+        pace: place of the pace among the inputs; None where the duration is fixed.
     """
 
     kind: str = "lifted"
     inner: Sensor
-    own: int
+    inner_count: int
     effort: int | None = None
     pace: int | None = None
 
     continuous = property(lambda self: self.inner.continuous)
-
-    @property
-    def when(self) -> When:  # type: ignore[override]
-        """As the sensor."""
-        return self.inner.when
+    when = property(lambda self: self.inner.when)
 
     @property
     def nuisances(self) -> tuple[Nuisance, ...]:
-        """Those of the sensor."""
+        """Nuisance parameters of the inner sensor."""
         return self.inner.nuisances
 
     @property
     def start_known(self) -> Start | None:
-        """What its owner knows of the start states."""
+        """Knowledge of the start states, as the inner sensor has it."""
         return self.inner.start_known
 
     @property
     def process_noise(self) -> ProcessNoise | None:
-        """What its owner says, of the system with further inputs."""
+        """Process noise of the inner sensor, for the system with further inputs."""
         noise = self.inner.process_noise
         return None if noise is None else LiftedNoise(noise)
 
     def reading(self, moment: Moment) -> Expression:
-        """That of the sensor."""
-        return self.inner.reading(replace(moment, inputs=moment.inputs[: self.own, :]))
+        """Return the noise-free reading of the inner sensor."""
+        return self.inner.reading(self._inner_moment(moment))
 
     def whitening(self, moment: Moment) -> Expression:
-        """That of the sensor, times the root of the weight, and of how long a period is."""
-        found = self.inner.whitening(replace(moment, inputs=moment.inputs[: self.own, :]))
+        """Return the whitening of the inner sensor, times the roots of the weight and of the pace."""
+        whitening = self.inner.whitening(self._inner_moment(moment))
         if self.pace is not None and self.inner.continuous:
-            found = ca.sqrt(moment.inputs[self.pace]) * found
-        return found if self.effort is None else moment.inputs[self.effort] * found
+            whitening = ca.sqrt(moment.inputs[self.pace]) * whitening
+        return whitening if self.effort is None else moment.inputs[self.effort] * whitening
+
+    def _inner_moment(self, moment: Moment) -> Moment:
+        return replace(moment, inputs=moment.inputs[: self.inner_count, :])
 
 
 class FurtherRange(Limit):
-    """A further input between two values.
+    """Range of a further input.
 
     Attributes:
-        input: its name.
-        low, high: the values.
+        input: name of the input.
+        low: smallest value.
+        high: largest value.
     """
 
     looks_at: ClassVar[Any] = "inputs"
     input: str
     low: float
     high: float
-
-    @property
-    def name(self) -> str:  # type: ignore[override]
-        """That of the input."""
-        return self.input
+    name = property(lambda self: self.input)
 
     def rows(self, drive: Drive) -> Rows:
-        """The input in every period."""
+        """Return the value of the input in every period as rows."""
         column = drive.input_values[:, drive.system.input_names.index(self.input)]
         count = column.shape[0]
         return Rows(column, np.full(count, self.low), np.full(count, self.high), self.high, "")
 
     def input_bounds(self, system: System) -> dict[str, tuple[float, float]]:
-        """Of this input alone."""
+        """Return the range of this input by its name."""
         return {self.input: (self.low, self.high)}
 
 
 class EffortTotal(Limit):
-    """A budget: the sum of squares of some inputs, each period's times its size.
+    """Budget on the weighted sum of squares of some further inputs over all periods.
 
     Attributes:
         label: name of the budget.
-        sizes: size of every period's reading at the longest duration, by the inputs' names; 0 where nothing
-            is read.
-        timed: names of those inputs whose readings are as large as they are long.
-        total: sum that may be spent.
+        sizes: size of the reading in every period at the longest duration, by the names of the inputs; 0 in
+            periods without a reading.
+        timed: names of the inputs whose readings grow in proportion to their duration.
+        total: largest sum.
     """
 
     looks_at: ClassVar[Any] = "run"
@@ -239,14 +219,10 @@ class EffortTotal(Limit):
     sizes: tuple[tuple[str, tuple[float, ...]], ...]
     timed: tuple[str, ...] = ()
     total: float
-
-    @property
-    def name(self) -> str:  # type: ignore[override]
-        """That of the budget."""
-        return self.label
+    name = property(lambda self: self.label)
 
     def rows(self, drive: Drive) -> Rows:
-        """One row: what is spent of the total."""
+        """Return the share of the total that is spent, as a single row."""
         names = drive.system.input_names
         spent: Expression = 0.0
         for name, sizes in self.sizes:
@@ -256,14 +232,13 @@ class EffortTotal(Limit):
 
 
 def lifted(problem: Problem) -> Problem | None:
-    """The problem whose inputs are the inputs, roots of the weights, and the pace; None where nothing is
-    chosen together with inputs.
+    """Return the problem with roots of the weights and the pace as further inputs.
 
-    Weights are chosen for trajectories that are found without them where trials are weighted as a whole, and
-    in spaces of splines.
+    It is None where nothing is chosen together with inputs. In spaces of splines, and where whole trials are
+    weighted, weights are instead chosen after the search, for the trajectory that it found.
     """
     space, sensors = problem.design, problem.measurement.joint_sensors
-    # A system without inputs has no signals, and start states to be chosen with the readings.
+    # A system without inputs has no signals, but its start states may be chosen with the readings.
     if not isinstance(space, SignalSpace) or (problem.model.inputs and not space.signals):
         return None
     if problem.robust is not None:
@@ -271,16 +246,16 @@ def lifted(problem: Problem) -> Problem | None:
     weighted, paced = _weighted(problem), space.shortest is not None
     if not weighted and not paced:
         return None
-    own, efforts = len(problem.model.inputs), len(sensors) if weighted else 0
-    inner = [
+    count, efforts = len(problem.model.inputs), len(sensors) if weighted else 0
+    lifted_sensors = [
         LiftedSensor(
-            inner=one,
-            own=own,
-            effort=own + place if weighted else None,
-            pace=own + efforts if paced else None,
-            every=one.every,
+            inner=sensor,
+            inner_count=count,
+            effort=count + place if weighted else None,
+            pace=count + efforts if paced else None,
+            every=sensor.every,
         )
-        for place, one in enumerate(sensors)
+        for place, sensor in enumerate(sensors)
     ]
     limits, signals = _further(problem, efforts)
     return replace(
@@ -289,7 +264,7 @@ def lifted(problem: Problem) -> Problem | None:
         design=space.model_copy(
             update={"signals": (*space.signals, *signals), "spline": Spline(), "shortest": None}
         ),
-        measurement=inner[0] if len(inner) == 1 else joined(inner),
+        measurement=lifted_sensors[0] if len(lifted_sensors) == 1 else joined(lifted_sensors),
         limits=(*problem.limits, *limits),
         selection=None,
     )
@@ -297,12 +272,12 @@ def lifted(problem: Problem) -> Problem | None:
 
 def _weighted(problem: Problem) -> bool:
     selection = problem.selection
-    between = any(one.when == "between samples" for one in problem.measurement.joint_sensors)
+    between = any(sensor.when == "between samples" for sensor in problem.measurement.joint_sensors)
     return selection is not None and selection.of == "readings" and not between
 
 
 def _further(problem: Problem, efforts: int) -> tuple[list[Limit], list[Signal]]:
-    # Limits on the further inputs, and what they may be over a run.
+    # Limits on the further inputs, and their signals over a run.
     limits, signals = list[Limit](), list[Signal]()
     selection, space = problem.selection, problem.design
     if efforts and selection is not None:
@@ -321,41 +296,40 @@ def _totals(problem: Problem) -> list[EffortTotal]:
     selection = problem.selection
     assert selection is not None
     parts = selection.parts_of(problem.measurement.joint_sensors, problem.system, problem.design)
-    labels = list(dict.fromkeys(one.sensor for one in parts.readings))
+    labels = list(dict.fromkeys(reading.sensor for reading in parts.readings))
     sensors = problem.measurement.joint_sensors
     timed = tuple(f"{EFFORT}{place}" for place, sensor in enumerate(sensors) if sensor.continuous)
-    found = []
+    totals = []
     for number, budget in enumerate(selection.budgets(parts)):
-        here = {parts.readings[place].sensor for place in budget.places}
+        budgeted = {parts.readings[place].sensor for place in budget.places}
         sizes = [
             (f"{EFFORT}{place}", _sizes(problem, place))
             for place, label in enumerate(labels)
-            if label in here
+            if label in budgeted
         ]
         label = f"budget_{number}"
-        found.append(EffortTotal(label=label, sizes=tuple(sizes), timed=timed, total=budget.total))
-    return found
+        totals.append(EffortTotal(label=label, sizes=tuple(sizes), timed=timed, total=budget.total))
+    return totals
 
 
 def _sizes(problem: Problem, place: int) -> tuple[float, ...]:
-    # How much of a budget the readings of a sensor are, period by period of all runs.
+    # Size of the readings of a sensor in every period of all runs.
     sensor, space = problem.measurement.joint_sensors[place], problem.design
     held = np.minimum(sensor.columns(space.samples), space.samples - 1)
-    each = np.bincount(held, minlength=space.samples) * (space.period if sensor.continuous else 1.0)
-    return tuple(np.tile(each, space.runs).tolist())
+    sizes = np.bincount(held, minlength=space.samples) * (space.period if sensor.continuous else 1.0)
+    return tuple(np.tile(sizes, space.runs).tolist())
 
 
 def lowered(problem: Problem, solution: Solution) -> Solution:
-    """A solution of the lifted problem as one of the problem itself, its weights left to be chosen."""
+    """Return a solution of the lifted problem as a solution of the problem, without weights."""
     if solution.trajectory is None:
         return replace(solution, problem=problem)
-    trajectory = _own(problem, solution.trajectory)
-    return replace(solution, trajectory=trajectory, evaluation=score(problem, trajectory), problem=problem)
-
-
-def _own(problem: Problem, trajectory: Trajectory) -> Trajectory:
-    own, space = len(problem.model.inputs), problem.design
-    table: Array = trajectory.coefficients[:, :own]
+    space, coefficients = problem.design, solution.trajectory.coefficients
     paced = isinstance(space, SignalSpace) and space.shortest is not None
-    share = float(trajectory.coefficients[0, -1]) if paced else 1.0
-    return replace(trajectory, knots=share * trajectory.knots, coefficients=table)
+    share = float(coefficients[0, -1]) if paced else 1.0
+    trajectory = replace(
+        solution.trajectory,
+        knots=share * solution.trajectory.knots,
+        coefficients=coefficients[:, : len(problem.model.inputs)],
+    )
+    return replace(solution, trajectory=trajectory, evaluation=score(problem, trajectory), problem=problem)

@@ -1,6 +1,6 @@
 """Concave criteria as functions of the weights of readings, with derivatives for an interior-point method.
 
-S (p, p) is what is left of F = K + sum w_k R_k'R_k on the judged parameters when all other unknowns are
+S (p, p) is the information of F = K + sum w_k R_k'R_k on the judged parameters once all other unknowns are
 eliminated. The Hessian of each objective by the weights is -U U' with few columns, so that nothing is ever as
 large as the square of the number of readings.
 """
@@ -32,7 +32,7 @@ class Slope:
         by_level: derivative by the level, (h,), h = 1 with a level and 0 without.
         curvature: U of the Hessian -U U' by the weights, (n, m).
         level_curvature: rows of U of the level, l, (h, m).
-        dual_change: from y = U'dx + l'dt, (m,), the change of the level's multipliers.
+        dual_change: function from y = U'dx + l'dt, (m,), to the change of the level's multipliers.
     """
 
     by_weight: Array
@@ -46,7 +46,7 @@ class Objective(ABC):
     """A concave function of the information, or the barrier problem with a level t below its criterion.
 
     Attributes:
-        has_level: whether there is a level.
+        has_level: True where there is a level.
         barriers: number of the barriers that keep the level below the criterion.
     """
 
@@ -58,12 +58,12 @@ class Objective(ABC):
         return 0.0
 
     def central(self, point: Projection, level: float, barrier: float) -> Array:
-        """Return the multipliers of the level that a barrier asks for; none without a level.
+        """Return the multipliers of the level on the central path; (0,) without a level.
 
         Args:
-            point: the information at the weights.
-            level: t.
-            barrier: mu.
+            point: information at the weights.
+            level: level t.
+            barrier: barrier parameter mu.
         """
         return np.zeros(0)
 
@@ -72,7 +72,7 @@ class Objective(ABC):
         return longest(dual, change)
 
     def scale(self, value: float) -> float:
-        """Return the change of the criterion that counts as all of its value."""
+        """Return the size of the criterion, the unit of tolerances."""
         return abs(value)
 
     @abstractmethod
@@ -84,9 +84,9 @@ class Objective(ABC):
         """Return the objective; minus infinity where it has no value.
 
         Args:
-            point: the information at the weights.
-            level: t.
-            barrier: mu.
+            point: information at the weights.
+            level: level t.
+            barrier: barrier parameter mu.
         """
 
     @abstractmethod
@@ -95,9 +95,9 @@ class Objective(ABC):
 
         Args:
             program: rows and constraints.
-            point: the information at the weights.
-            level: t.
-            barrier: mu.
+            point: information at the weights.
+            level: level t.
+            barrier: barrier parameter mu.
             dual: multipliers of the level.
         """
 
@@ -124,7 +124,7 @@ class Volume(Objective):
 
     def slope(self, program: Program, point: Projection, level: float, barrier: float, dual: Array) -> Slope:
         """Return the derivatives."""
-        rows = point.left @ _inverse_root(point.information).T
+        rows = point.judged @ _inverse_root(point.information).T
         columns, lines = np.triu_indices(rows.shape[1])
         squares = rows[:, columns] * rows[:, lines] * np.where(columns == lines, 1.0, np.sqrt(2.0))
         return _without_level(program, rows, np.hstack([squares, _products(rows, point.eliminated)]))
@@ -150,7 +150,7 @@ class Variance(Objective):
     def slope(self, program: Program, point: Projection, level: float, barrier: float, dual: Array) -> Slope:
         """Return the derivatives."""
         root = _inverse_root(point.information)
-        rows = point.left @ reduced(self.predictions @ root.T @ root).T
+        rows = point.judged @ reduced(self.predictions @ root.T @ root).T
         return _without_level(program, rows, _products(rows, point.whitened(root)))
 
 
@@ -189,7 +189,7 @@ class SmallestEigenvalue(Objective):
     def slope(self, program: Program, point: Projection, level: float, barrier: float, dual: Array) -> Slope:
         """Return the derivatives, the curvature by Z and X = S - t W as [Monteiro, 1997] does."""
         root, factor = _inverse_root(point.information - level * self.weighing), _root(dual)
-        rows, weighted = point.left @ root.T, point.left @ factor.T
+        rows, weighted = point.judged @ root.T, point.judged @ factor.T
         curvature = np.hstack(
             [_products(rows, weighted) / np.sqrt(2.0), _products(weighted, point.eliminated)]
         )
@@ -244,8 +244,8 @@ class LargestVariance(Objective):
         """Return the derivatives."""
         root, central = _inverse_root(point.information), self.central(point, level, barrier)
         steep = np.sqrt(dual / self._spare(point, level))
-        rows = point.left @ reduced(_stacked(dual, self.predictions) @ root.T @ root).T
-        legs = [point.left @ (leg @ root.T @ root).T for leg in self.predictions]
+        rows = point.judged @ reduced(_stacked(dual, self.predictions) @ root.T @ root).T
+        legs = [point.judged @ (leg @ root.T @ root).T for leg in self.predictions]
         falls = np.stack([(leg**2).sum(axis=1) for leg in legs], axis=1)
         curvature = np.hstack([falls * steep, _products(rows, point.whitened(root))])
         level_curvature = np.zeros((1, curvature.shape[1]))
@@ -267,13 +267,13 @@ def longest(values: Array, changes: Array) -> float:
 
 def _without_level(program: Program, rows: Array, curvature: Array) -> Slope:
     by_weight, columns = program.by_reading((rows**2).sum(axis=1)), program.by_reading(curvature)
-    nothing = np.zeros(0)
-    return Slope(by_weight, nothing, columns, np.zeros((0, columns.shape[1])), lambda change: nothing)
+    empty = np.zeros(0)
+    return Slope(by_weight, empty, columns, np.zeros((0, columns.shape[1])), lambda change: empty)
 
 
-def _products(rows: Array, others: Array) -> Array:
+def _products(rows: Array, factors: Array) -> Array:
     # All products of the entries of two rows, times sqrt(2), (k, a b).
-    return np.asarray(np.sqrt(2.0) * np.einsum("ka,kb->kab", rows, others).reshape(len(rows), -1))
+    return np.asarray(np.sqrt(2.0) * np.einsum("ka,kb->kab", rows, factors).reshape(len(rows), -1))
 
 
 def _stacked(shares: Array, predictions: Sequence[Array]) -> Array:
@@ -309,10 +309,10 @@ def objective_of(criterion: Criterion, units: Array) -> Objective:
 
     Args:
         criterion: E, D, A, G or I.
-        units: combinations of the judged parameters that S is of, as columns (parameters, p).
+        units: combinations of the judged parameters of which S is the information, (parameters, p).
 
     Raises:
-        UserMistake: another criterion.
+        UserMistake: the criterion is none of these.
     """
     if isinstance(criterion, D):
         return Volume(units.shape[1])

@@ -1,4 +1,4 @@
-"""Readings chosen for a trajectory, by weights that are best for it."""
+"""Selection of the readings of a trajectory, by the weights that are best for it."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ class Selected(Brief):
     """Readings chosen within a problem's budget.
 
     Attributes:
-        criterion: by which.
-        parts: what has weights.
-        budgets: of these.
-        costs: of limits on all trials together.
-        relaxed: the best weights, not whole.
-        exact: whole readings, and what no others exceed; None where the problem asks for none.
+        criterion: criterion that the weights maximise.
+        parts: information of the weighted readings.
+        budgets: budgets of the readings.
+        costs: costs of limits on all trials together.
+        relaxed: best weights without the condition that they are whole.
+        exact: best whole readings, and their upper bound; None where the problem asks for no whole readings.
     """
 
     criterion: Criterion
@@ -50,12 +50,12 @@ class Selected(Brief):
 
     @property
     def chosen(self) -> Weights:
-        """What is to be done."""
+        """Weights to be used: whole ones where the problem asks for these."""
         return self.relaxed if self.exact is None else self.exact.weights
 
     @property
     def bound(self) -> float:
-        """What the criterion of no choice exceeds, whole where whole ones are asked for."""
+        """Upper bound on the criterion of all selections, whole ones where the problem asks for these."""
         if self.exact is not None:
             return self.exact.bound
         return weight_bound(
@@ -65,28 +65,30 @@ class Selected(Brief):
 
 @typed
 def select(problem: Problem, trajectory: Trajectory) -> Selected | None:
-    """The best readings of a trajectory within the problem's `selection`; None where all of them together
-    leave undetermined what the criterion asks for: then no choice is better than another.
+    """Return the best readings of a trajectory within the problem's `selection`.
+
+    It is None where all readings together do not identify what the criterion judges: then no selection is
+    better than another.
 
     Args:
-        problem: with a selection.
-        trajectory: whose readings they are; weights that it has are of no matter.
+        problem: problem with a selection.
+        trajectory: trajectory whose readings are selected; its weights are ignored.
 
     Raises:
-        UserMistake: a criterion that is not concave, or a problem without a selection.
-        ProblemError: readings that do not add up.
+        UserMistake: the criterion is not concave, or the problem has no selection.
+        ProblemError: the numbers of readings are inconsistent.
     """
     if problem.selection is None:
         raise UserMistake("the problem's readings are all taken: give it a selection")
-    # A search asks first, then whoever scores the drive, and the record each time that it is saved.
-    known = _KNOWN.setdefault(problem, {})
+    # The search, the score of its drive and every save of the record need the same selection.
+    selections = _SELECTIONS.setdefault(problem, {})
     key = pickle.dumps(replace(trajectory, weights=None))
-    if key not in known:
-        known[key] = _selected(problem, problem.selection, trajectory)
-    return known[key]
+    if key not in selections:
+        selections[key] = _selected(problem, problem.selection, trajectory)
+    return selections[key]
 
 
-_KNOWN: WeakKeyDictionary[Problem, dict[bytes, Selected | None]] = WeakKeyDictionary()
+_SELECTIONS: WeakKeyDictionary[Problem, dict[bytes, Selected | None]] = WeakKeyDictionary()
 
 
 def _selected(problem: Problem, selection: Selection, trajectory: Trajectory) -> Selected | None:
@@ -100,7 +102,7 @@ def _selected(problem: Problem, selection: Selection, trajectory: Trajectory) ->
     if not selection.whole:
         return Selected(criterion, parts, budgets, costs, relaxed, None)
     near = whole_weights(criterion, parts, relaxed.values, budgets)
-    # A search may end where less is identifiable.
+    # The relaxed weights may identify less than the whole ones.
     relaxed = near if near.value > relaxed.value else relaxed
     return Selected(criterion, parts, budgets, costs, relaxed, exact_weights(criterion, parts, near, budgets))
 
@@ -108,7 +110,7 @@ def _selected(problem: Problem, selection: Selection, trajectory: Trajectory) ->
 def _within(
     problem: Problem, selection: Selection, trajectory: Trajectory
 ) -> tuple[Parts, tuple[Budget, ...], tuple[Cost, ...]]:
-    # What has weights, with its budgets and costs; candidates that exceed a limit have none.
+    # Weighted readings, with their budgets and costs; candidates that exceed a limit get no weight.
     parts = selection.parts(parts_of(problem, trajectory))
     allowed = _allowed(problem, selection, trajectory, parts)
     budgets = tuple(_restricted(budget, allowed) for budget in selection.budgets(parts))
@@ -116,7 +118,7 @@ def _within(
 
 
 def _allowed(problem: Problem, selection: Selection, trajectory: Trajectory, parts: Parts) -> Bools:
-    # Candidates that keep to the limits, (n,): all where none does, or where no candidates are weighted.
+    # Mask (n,) of candidates that satisfy the limits: all where none does, or without weighted candidates.
     allowed = np.ones(len(parts.readings), dtype=bool)
     limited = [limit.name for limit in problem.limits if not limit.counts_trials]
     weighs_moments = problem.model.states and selection.of != "trials"
@@ -139,7 +141,7 @@ def _allowed(problem: Problem, selection: Selection, trajectory: Trajectory, par
 
 
 def _restricted(budget: Budget, allowed: Bools) -> Budget:
-    # The budget without weights of what is not allowed, and of what can be spent then.
+    # The budget without weights of forbidden readings; its total is at most what the others can spend.
     members = allowed[list(budget.places)]
     if members.all():
         return budget
@@ -149,12 +151,12 @@ def _restricted(budget: Budget, allowed: Bools) -> Budget:
 
 
 def rated(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
-    """A trajectory that nobody searched for, scored with the readings that are best for it.
+    """Return a trajectory that was not searched for, scored with the readings that are best for it.
 
     Args:
-        problem: that scores it.
-        trajectory: of which all readings, or those with weights, may be taken.
-        name: of the solution.
+        problem: problem that scores it.
+        trajectory: trajectory with all readings, or with weights of these.
+        name: name of the solution.
     """
     if problem.selection is None or trajectory.weights is not None:
         return scored(problem, trajectory, name)
@@ -162,17 +164,17 @@ def rated(problem: Problem, trajectory: Trajectory, name: str) -> Solution:
 
 
 def with_readings(problem: Problem, solution: Solution) -> Solution:
-    """A solution with the readings that are best for its trajectory, scored anew.
+    """Return a solution with the readings that are best for its trajectory, scored again.
 
     Args:
-        problem: with a selection.
-        solution: of the same without one.
+        problem: problem with a selection.
+        solution: solution of the same problem without one.
     """
     if solution.trajectory is None or problem.selection is None:
         return solution
-    found = select(problem, solution.trajectory)
-    if found is not None:
-        weights = found.parts.of_every_reading(found.chosen.values)
+    selected = select(problem, solution.trajectory)
+    if selected is not None:
+        weights = selected.parts.of_every_reading(selected.chosen.values)
     else:
         parts, budgets, costs = _within(problem, problem.selection, solution.trajectory)
         even = np.zeros(len(parts.readings))

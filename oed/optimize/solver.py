@@ -1,4 +1,4 @@
-"""The Solver seam: a frozen set of options that can search a problem."""
+"""Base class of solvers: frozen sets of options that can search a problem."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ from oed.optimize.transcription.design import DesignExpressions
 
 @dataclass(frozen=True)
 class Context:
-    """The circumstances of a search; of these only the seed and the earlier searches may change its result.
+    """Circumstances of a search; only the seed and the earlier solutions may change its result.
 
     Attributes:
-        seed: of every random draw.
-        workers: processes to use, or a cluster.
-        progress: who is informed how far it is.
-        earlier: solutions of the searches before this one, by name.
-        refining_since: when the search began (by `time.perf_counter`) whose design this one only improves, on
-            a finer spline; it is among the earlier ones, by the solver's name. None for a search of its own.
+        seed: seed of all random numbers.
+        workers: number of processes, or a cluster.
+        progress: listener to the progress of the search.
+        earlier: solutions of earlier searches, by name.
+        refining_since: begin, by `time.perf_counter`, of the search whose design this one only improves on a
+            finer spline; that design is among the earlier solutions, by the solver's name. None for a search
+            from scratch.
     """
 
     seed: int = 0
@@ -52,18 +53,19 @@ class Context:
 
 
 def earlier_design(earlier: Mapping[str, Solution], name: str, design: DesignExpressions) -> Array:
-    """Return the unknowns of an earlier search's design: of those on several splines, of the finest one that
-    can be driven here.
+    """Return the unknowns of the design of an earlier search.
+
+    Of designs on several splines it is the finest one that the splines of this problem can represent.
 
     Args:
         earlier: solutions by name.
         name: name of the search.
-        design: expressions of the problem that it is a start for.
+        design: expressions of the problem that it starts.
 
     Raises:
-        ProblemError: no search of that name.
-        Failure: it has no design.
-        ValueError: a design of splines that are not those of the problem.
+        ProblemError: no earlier search has that name.
+        Failure: the search found no design.
+        ValueError: the splines of the design are not those of the problem.
     """
     solution = earlier.get(name)
     if solution is None:
@@ -83,12 +85,12 @@ class Solver(Component, ABC):
     """Options of one kind of search.
 
     Attributes:
-        name: of its result; the kind by default.
-        seed: instead of the study's.
-        criterion: instead of the problem's, to maximise; the design is scored by the problem's all the same.
-        without_drift: whether to search as if the process had no noise; the design is scored with it all the
-            same, to see what leaving it out costs.
-        refines: whether it can go on from a design on a finer spline.
+        name: name of the solution; the kind by default.
+        seed: seed instead of the study's.
+        criterion: criterion to maximise instead of the problem's, which still scores the design.
+        without_drift: True to search without process noise; the design is still scored with it, which shows
+            the cost of neglecting it.
+        refines: True where the search can continue from a design on a finer spline.
     """
 
     refines: ClassVar[bool] = False
@@ -99,8 +101,8 @@ class Solver(Component, ABC):
     criterion: Annotated[Criterion, OneOf(CRITERION_CHOICES)] | None = None
     without_drift: bool = False
 
-    def own(self, problem: Problem) -> Problem:
-        """Return the problem as it is searched."""
+    def problem_to_search(self, problem: Problem) -> Problem:
+        """Return the problem with the criterion and the process noise of this search."""
         searched = problem.steady if self.without_drift else problem
         return searched if self.criterion is None else replace(searched, criterion=self.criterion)
 
@@ -110,11 +112,12 @@ class Solver(Component, ABC):
         return self.name or self.kind
 
     def again(self, *, quick: bool = True) -> Solver:
-        """The options to search with once more, where an earlier solution of the same name is a good start:
-        from that alone if `quick`. The same ones by default.
+        """Return the options of a further search, where an earlier solution of the same name is a good start.
+
+        A quick search starts from that solution alone. By default the options stay the same.
         """
         return self
 
     @abstractmethod
     def search(self, problem: Problem, context: Context) -> Solution:
-        """The best design found for `problem`; every number in it comes from `evaluate`."""
+        """Return the best design found for `problem`; every number in it comes from `evaluate`."""

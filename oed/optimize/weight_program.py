@@ -13,15 +13,15 @@ from oed.foundation.arrays import Array, Places
 
 @dataclass(frozen=True)
 class Program:
-    """Rows of readings and linear constraints, in units in which the weights to begin with are all 1.
+    """Rows of readings and linear constraints, in units in which all first weights are 1.
 
     Attributes:
         rows: whitened rows of the readings, judged combinations first, (k, q).
         places: reading of each row, (k,).
-        known_rows: rows of what is known before, (m, q).
+        known_rows: rows of the prior information, (m, q).
         judged: number of the judged combinations.
-        upper: largest weights, (n,); infinite where none is needed.
-        equalities: rows whose product with the weights stays as it is, (e, n).
+        upper: largest weights, (n,); infinite where no bound is needed.
+        equalities: rows whose product with the weights stays constant, (e, n).
         inequalities: rows whose product with the weights stays below 1, (i, n).
     """
 
@@ -35,7 +35,7 @@ class Program:
 
     @cached_property
     def _sums(self) -> Any:
-        # Adds up what rows of the same reading have, (n, k); None where each reading has one row.
+        # Matrix (n, k) that sums the rows of each reading; None where each reading has one row.
         count = len(self.places)
         if np.array_equal(self.places, np.arange(len(self.upper))):
             return None
@@ -55,7 +55,8 @@ class Program:
     def distances(self, weights: Array) -> Array:
         """Return the distances (d,) from all bounds and inequalities.
 
-        These are the weights, what is left up to the finite largest weights, and what the inequalities leave.
+        These are the weights, their differences to the finite largest weights, and the slacks of the
+        inequalities.
         """
         above = self.upper[self._bounded] - weights[self._bounded]
         return np.concatenate([weights, above, 1.0 - self.inequalities @ weights])
@@ -87,16 +88,16 @@ class Program:
         return values[:count], values[count:limited], values[limited:]
 
     def projected(self, weights: Array) -> Projection:
-        """Return the judged information at weights (n,), with the rows that are left of the readings."""
-        every = np.vstack([self.rows, self.known_rows])
+        """Return the judged information at weights (n,), with the projected rows of the readings."""
+        rows = np.vstack([self.rows, self.known_rows])
         counts = np.concatenate([weights[self.places], np.ones(len(self.known_rows))])
-        left, others = every[:, : self.judged], every[:, self.judged :]
-        if others.shape[1]:
-            factor = np.linalg.cholesky(others.T @ (counts[:, None] * others))
-            others = np.linalg.solve(factor, others.T).T
-            left = left - others @ (others.T @ (counts[:, None] * left))
+        judged, eliminated = rows[:, : self.judged], rows[:, self.judged :]
+        if eliminated.shape[1]:
+            factor = np.linalg.cholesky(eliminated.T @ (counts[:, None] * eliminated))
+            eliminated = np.linalg.solve(factor, eliminated.T).T
+            judged = judged - eliminated @ (eliminated.T @ (counts[:, None] * judged))
         count = len(self.rows)
-        return Projection(left.T @ (counts[:, None] * left), left[:count], others[:count])
+        return Projection(judged.T @ (counts[:, None] * judged), judged[:count], eliminated[:count])
 
 
 @dataclass(frozen=True)
@@ -105,14 +106,14 @@ class Projection:
 
     Attributes:
         information: S, (p, p).
-        left: rows of the readings on the judged parameters, the others eliminated, (k, p).
-        eliminated: rows on the others, whitened, (k, q - p).
+        judged: rows of the readings on the judged parameters, all other unknowns eliminated, (k, p).
+        eliminated: whitened rows of the readings on the eliminated unknowns, (k, q - p).
     """
 
     information: Array
-    left: Array
+    judged: Array
     eliminated: Array
 
     def whitened(self, root: Array) -> Array:
-        """Return the rows on all unknowns, those on the judged ones in units of a root (p, p), (k, q)."""
-        return np.hstack([self.left @ root.T, self.eliminated])
+        """Return the rows (k, q) on all unknowns, with the judged ones in units of a root (p, p)."""
+        return np.hstack([self.judged @ root.T, self.eliminated])

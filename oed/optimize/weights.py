@@ -77,7 +77,7 @@ def best_weights(
     free = free[most[free] > 0]
     limits = _Limits(open_budgets, costs, most)
     values, multiplier = _maximised(criterion, parts, limits, start.values, free)
-    chosen = limits.kept(values)
+    chosen = limits.nearest(values)
     planes = [_weights(criterion, parts, chosen, dual) for dual in (multiplier, None)]
     best = min(
         planes, key=lambda plane: weight_bound(criterion, parts, chosen, plane.gradient, budgets, costs)
@@ -92,7 +92,7 @@ class _Limits:
     costs: Sequence[Cost]
     most: Array
 
-    def kept(self, weights: Array) -> Array:
+    def nearest(self, weights: Array) -> Array:
         """Return the nearest weights (n,) that keep to all limits, up to one share of each budget."""
         chosen = np.clip(weights, 0.0, self.most)
         for budget in self.budgets:
@@ -102,41 +102,41 @@ class _Limits:
 
 
 def _spending(budget: Budget, weights: Array) -> Array:
-    # Its weights, all lowered or raised by one share until they are all that may be spent.
+    # The weights of a budget, all lowered or raised by one share until the budget is spent.
     current, spare = weights[list(budget.places)], budget.total - budget.spent(weights)
     if spare <= 0:
         return np.asarray(current * (budget.total / budget.spent(weights)))
-    room = budget.upper - current
-    left = float(np.array(budget.sizes) @ room)
-    return np.asarray(current + room * min(spare / left, 1.0)) if left > 0 else current
+    slack = budget.upper - current
+    unspent = float(np.array(budget.sizes) @ slack)
+    return np.asarray(current + slack * min(spare / unspent, 1.0)) if unspent > 0 else current
 
 
 def _maximised(
     criterion: Criterion, parts: Parts, limits: _Limits, start: Array, free: Places
 ) -> tuple[Array, Array]:
-    # The best weights (n,), those that are not free as they were, and a multiplier (judged, judged).
+    # The best weights (n,), with fixed ones unchanged, and a multiplier (judged, judged).
     certain = start.copy()
     certain[free] = 0.0
     some = parts if len(free) == len(start) else parts.taken(certain, free)
-    begun = start[free]
-    roots = np.sqrt(begun)[some.places]
+    first = start[free]
+    roots = np.sqrt(first)[some.places]
     rows = roots[:, None] * some.rows
-    units, across, others = _whitening(np.vstack([rows, some.known_rows]), parts.judged)
+    units, across, eliminated = _whitening(np.vstack([rows, some.known_rows]), parts.judged)
 
     def whitened(derivatives: Array) -> Array:
-        nuisances = derivatives[:, parts.judged :] @ others
+        nuisances = derivatives[:, parts.judged :] @ eliminated
         return np.hstack([(derivatives[:, : parts.judged] - nuisances @ across) @ units, nuisances])
 
     number = np.full(len(start), -1)
     number[free] = np.arange(len(free))
-    spent, upper = np.zeros((len(limits.budgets), len(free))), limits.most[free] / begun
+    spent, upper = np.zeros((len(limits.budgets), len(free))), limits.most[free] / first
     for row, budget in zip(spent, limits.budgets, strict=True):
         places = number[list(budget.places)]
         row[places[places >= 0]] = np.array(budget.sizes)[places >= 0] / budget.total
-    spent *= begun
-    # What a budget allows anyway needs no bound.
+    spent *= first
+    # A weight that its budget limits already needs no bound.
     upper[spent.max(axis=0) * upper >= 1.0] = np.inf
-    priced = [np.array(cost.sizes)[free] * begun / cost.most for cost in limits.costs]
+    priced = [np.array(cost.sizes)[free] * first / cost.most for cost in limits.costs]
     limited = np.vstack([spent, *priced]) if priced else np.zeros((0, len(free)))
     program = Program(
         whitened(rows),
@@ -148,13 +148,13 @@ def _maximised(
         limited,
     )
     shares, gradient = maximise(program, objective_of(criterion, units), BEGUN if priced else 1.0)
-    certain[free] = _fewest(program, shares) * begun
+    certain[free] = _fewest(program, shares) * first
     return certain, units @ gradient @ units.T
 
 
 def _fewest(program: Program, weights: Array) -> Array:
-    # Weights of the same information with no more of them between their bounds than equations [Caratheodory]:
-    # of many readings that say the same few, not all of them a little each.
+    # Weights of the same information, no more of them strictly between their bounds than there are equations
+    # [Caratheodory]: a few of many similar readings, rather than a little of each.
     columns, lines = np.triu_indices(program.rows.shape[1])
     squares = program.by_reading(program.rows[:, columns] * program.rows[:, lines]).T
     same = np.vstack([squares, program.equalities, program.inequalities])
@@ -166,48 +166,46 @@ def _fewest(program: Program, weights: Array) -> Array:
         # Directions along which nothing changes; each is followed until a weight meets its bound.
         directions = np.linalg.svd(same[:, inner])[2][len(same) :]
         for place in range(len(directions)):
-            direction, here = directions[place], fewer[inner]
-            room = np.where(direction < 0, here, program.upper[inner] - here)
+            direction, current = directions[place], fewer[inner]
+            slack = np.where(direction < 0, current, program.upper[inner] - current)
             lengths = np.full(len(inner), np.inf)
-            np.divide(room, np.abs(direction), out=lengths, where=np.abs(direction) > PRESENT)
+            np.divide(slack, np.abs(direction), out=lengths, where=np.abs(direction) > PRESENT)
             if not np.isfinite(lengths).any():
-                direction, lengths = (
-                    -direction,
-                    np.where(direction > PRESENT, here / np.abs(direction), np.inf),
-                )
+                lengths = np.where(direction > PRESENT, current / np.abs(direction), np.inf)
+                direction = -direction
             first = int(lengths.argmin())
-            fewer[inner] = np.clip(here + lengths[first] * direction, 0.0, program.upper[inner])
+            fewer[inner] = np.clip(current + lengths[first] * direction, 0.0, program.upper[inner])
             fewer[inner[first]] = 0.0 if direction[first] < 0 else program.upper[inner[first]]
             rest = directions[place + 1 :]
             rest -= np.outer(rest[:, first] / direction[first], direction)
 
 
 def _whitening(rows: Array, judged: int) -> tuple[Array, Array, Array]:
-    # From rows (k, q): orthonormal combinations of the judged columns beside the others, as columns (p, r);
-    # how much of combinations of the others to take from the judged columns, (s, p); and these combinations,
-    # (q - p, s).
-    others = _orthonormal(rows[:, judged:])
-    basis = rows[:, judged:] @ others
+    # For rows (k, q): orthonormal combinations of the judged columns without those of the nuisance columns,
+    # (p, r); projections of the judged columns on combinations of the nuisance columns, (s, p); and these
+    # combinations, (q - p, s).
+    eliminated = _orthonormal(rows[:, judged:])
+    basis = rows[:, judged:] @ eliminated
     across = basis.T @ rows[:, :judged]
-    return _orthonormal(rows[:, :judged] - basis @ across), across, others
+    return _orthonormal(rows[:, :judged] - basis @ across), across, eliminated
 
 
 def _orthonormal(rows: Array) -> Array:
-    # Combinations of columns, in units of which rounding is of no matter.
+    # Orthonormal combinations of columns, which are scaled first so that their units do not matter.
     sizes = np.linalg.norm(rows, axis=0)
     some = np.flatnonzero(sizes)
     _, lengths, directions = np.linalg.svd(rows[:, some] / sizes[some], full_matrices=False)
-    kept = lengths > rounding_of(rows)
-    combinations = np.zeros((rows.shape[1], int(kept.sum())))
-    combinations[some] = (directions[kept] / lengths[kept, None]).T / sizes[some, None]
+    regular = lengths > rounding_of(rows)
+    combinations = np.zeros((rows.shape[1], int(regular.sum())))
+    combinations[some] = (directions[regular] / lengths[regular, None]).T / sizes[some, None]
     return combinations
 
 
 @typed
 def whole_weights(criterion: Criterion, parts: Parts, weights: Array, budgets: Sequence[Budget]) -> Weights:
-    """Return whole readings within budgets: near weights, then exchanged one by one while that is better.
+    """Return whole readings within budgets: rounded weights, exchanged one by one while that is better.
 
-    `weight_bound` judges them.
+    `weight_bound` bounds how much better any weights could be.
 
     Args:
         criterion: a concave criterion, to be large.
@@ -216,7 +214,7 @@ def whole_weights(criterion: Criterion, parts: Parts, weights: Array, budgets: S
         budgets: budgets of all readings, with totals of whole ones.
 
     Raises:
-        UserMistake: a total that is not so many whole ones.
+        UserMistake: a total that whole readings cannot spend.
     """
     chosen = np.zeros(len(weights))
     for budget in budgets:
@@ -253,20 +251,20 @@ def exceeds(value: float, reference: float, share: float) -> bool:
 
     Args:
         value: value of a criterion.
-        reference: what it is compared with.
+        reference: value that it is compared with.
         share: share of the size of the reference.
     """
     return value > (reference + abs(reference) * share if np.isfinite(reference) else reference)
 
 
 def _nearest(weights: Array, budget: Budget) -> Array:
-    # Largest remainders.
+    # Whole numbers by the method of largest remainders.
     if budget.whole is None:
         text = f"expected whole numbers of readings, got {budget.total:g} and at most {budget.most:g} of each"
         raise UserMistake(text)
     counts = np.minimum(np.floor(weights + SLIGHT), budget.upper)
-    left = np.where(counts < budget.upper, weights - counts, -np.inf)
-    counts[np.argsort(-left, kind="stable")[: round(budget.whole - counts.sum())]] += 1.0
+    remainders = np.where(counts < budget.upper, weights - counts, -np.inf)
+    counts[np.argsort(-remainders, kind="stable")[: round(budget.whole - counts.sum())]] += 1.0
     return counts
 
 
@@ -287,7 +285,7 @@ def _exchanged(chosen: Array, dropped: int, taken: int) -> Array:
 
 
 def _weights(criterion: Criterion, parts: Parts, weights: Array, dual: Array | None = None) -> Weights:
-    # What is not identifiable, or by rounding only, has no plane that bounds it.
+    # Without identifiable parameters, or where only rounding identifies them, no plane bounds the criterion.
     gradient: Array | None = np.zeros((parts.judged,) * 2)
     if criterion.identifiable([parts.root(weights)]):
         with suppress(np.linalg.LinAlgError):
