@@ -154,30 +154,28 @@ def _direction_bounds(
 ) -> Iterator[Bound]:
     edges = measurement.segment_edges(problem.design.samples)
     count, arcs = len(edges) - 1, robot_of(problem.system).integration == "arc"
-    speeds, bounds = top_speeds(problem), room(problem)
+    speeds, bounds, budget = top_speeds(problem), room(problem), path_budget(problem)
     lengths = None if speeds is None else np.add.reduceat(problem.design.period * speeds, edges[:-1])
     variance = noise_of(problem, estimation) ** 2
+
+    def bound(row: int, squares: Array, method: str, *assumptions: str) -> Bound:
+        return along(problem, estimation, rows[row], float(np.sum(squares)) / variance, method, assumptions)
+
     if arcs:
         method = "a segment's turn is a chord of the unit circle, no longer than its diameter"
-        assumptions: tuple[str, ...] = ("exact arcs", "neither speeds nor the room matter")
-        yield along(problem, estimation, rows[0], 4.0 * count / variance, method, assumptions)
+        yield bound(0, np.full(count, 4.0), method, "exact arcs", "neither speeds nor the room matter")
     if lengths is not None:
-        method, assumptions = "a segment is no longer than the top speed allows", (SPEEDS, NO_ROOM)
-        yield along(problem, estimation, rows[1], float((lengths**2).sum()) / variance, method, assumptions)
-    budget = path_budget(problem)
+        yield bound(1, lengths**2, "a segment is no longer than the top speed allows", SPEEDS, NO_ROOM)
     if lengths is not None and budget is not None:
         method = "no more path than allowed, in segments as long as the top speed allows"
-        assumptions = ("path length within its limit", SPEEDS, NO_ROOM)
-        yield along(
-            problem, estimation, rows[1], largest_squares(lengths, budget) / variance, method, assumptions
-        )
+        squares = np.array(largest_squares(lengths, budget))
+        yield bound(1, squares, method, "path length within its limit", SPEEDS, NO_ROOM)
     if arcs and bounds is not None:
         x_min, x_max, y_min, y_max = bounds
         diagonal = (x_max - x_min) ** 2 + (y_max - y_min) ** 2
         squares = np.full(count, diagonal) if lengths is None else np.minimum(lengths**2, diagonal)
         method = "a segment's displacement is no longer than the room's diagonal"
-        assumptions = ("exact arcs", "every position within the room", SPEEDS)
-        yield along(problem, estimation, rows[1], float(squares.sum()) / variance, method, assumptions)
+        yield bound(1, squares, method, "exact arcs", "every position within the room", SPEEDS)
 
 
 def largest_squares(lengths: Array, budget: float) -> float:

@@ -16,7 +16,7 @@ from oed.bounds.closed_form import SPEEDS, along
 from oed.bounds.reach import coefficient_rows, room, scales_lengths, top_speeds
 from oed.bounds.sensitivity import precision, unknown_start
 from oed.bounds.spread import largest_spread, too_fine
-from oed.foundation.arrays import Array, Bools
+from oed.foundation.arrays import Array
 from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.problem import Problem
 from oed.kernel.statement import Estimation
@@ -90,18 +90,28 @@ def _size_bounds(
         "all lengths wrong alike: every position in a corner of the room",
         ("every position within the room", "initial pose unknown", "speeds are left out"),
     )
-    reading, speeds = _only_reading(sensors, weights), top_speeds(problem)
-    if reading is None or speeds is None:
+    # Sensors share the shift of the path, so spreads separate only if a single sensor reads positions.
+    readings = [sensor for sensor, weight in zip(sensors, weights, strict=True) if weight]
+    speeds = top_speeds(problem)
+    if len(readings) != 1 or speeds is None:
         return
-    step = problem.design.period * speeds
-    if too_fine(x_min, x_max, step) or too_fine(y_min, y_max, step):
+    step, axes = problem.design.period * speeds, np.reshape(bounds, (2, 2))
+    if any(too_fine(low, high, step) for low, high in axes):
         return
-    weight, sensor = reading
+    read = np.zeros(problem.design.samples + 1, dtype=bool)
+    read[readings[0].columns(problem.design.samples)] = True
+    starts = (None, None) if problem.fixed_starts is None else problem.fixed_starts[0, :2]
+    # A path moved to its nominal start may leave the workspace by the tolerance of the start.
+    widened = axes + problem.start_spare * np.array([-1, 1])
+    spreads = [
+        largest_spread(low, high, start, step, read)
+        for (low, high), start in zip(widened, starts, strict=True)
+    ]
     yield along(
         problem,
         estimation,
         change,
-        weight * _spread(problem, sensor, bounds, step),
+        max(weights) * sum(spreads),
         "all lengths wrong alike: dynamic programming over positions within top speed, axis by axis",
         ("every position within the room", "initial pose unknown", SPEEDS),
     )
@@ -114,29 +124,3 @@ def _growth(problem: Problem, estimation: Estimation) -> Array | None:
         return None
     values = dict(zip(estimation.parameters, estimation.nominal, strict=True))
     return np.array([values[name] if name in lengths else 0.0 for name in estimation.judged])
-
-
-def _only_reading(sensors: Sequence[Sensor], weights: Sequence[float]) -> tuple[float, Sensor] | None:
-    # Sensors share the shift of the path, so spreads separate only if a single sensor reads positions.
-    readings = [(weight, sensor) for weight, sensor in zip(weights, sensors, strict=True) if weight]
-    return readings[0] if len(readings) == 1 else None
-
-
-def _read(problem: Problem, sensor: Sensor) -> Bools:
-    read = np.zeros(problem.design.samples + 1, dtype=bool)
-    read[sensor.columns(problem.design.samples)] = True
-    return read
-
-
-def _spread(
-    problem: Problem, sensor: Sensor, bounds: tuple[float, float, float, float], steps: Array
-) -> float:
-    read = _read(problem, sensor)
-    starts = problem.fixed_starts
-    first = (None, None) if starts is None else (float(starts[0, 0]), float(starts[0, 1]))
-    # A path moved to its nominal start may leave the workspace by the tolerance of the start.
-    spare = problem.start_spare
-    x_min, x_max, y_min, y_max = np.array(bounds) + spare * np.array([-1, 1, -1, 1])
-    return largest_spread(x_min, x_max, first[0], steps, read) + largest_spread(
-        y_min, y_max, first[1], steps, read
-    )

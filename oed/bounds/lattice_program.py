@@ -48,15 +48,27 @@ def lattice(low: float, high: float, step: float, ends: float) -> Array:
         step: largest change in one period.
         ends: largest magnitude in the first and the last period; infinite without one.
     """
-    seeds = [low, high, (low + high) / 2] + ([-ends, ends] if np.isfinite(ends) else [])
-    seeds = [seed for seed in seeds if low <= seed <= high]
+    seeds = [low, high, (low + high) / 2, *([-ends, ends] if np.isfinite(ends) else [])]
+    return reachable(low, high, step, seeds)
+
+
+def reachable(low: float, high: float, step: float, seeds: Sequence[float]) -> Array:
+    """Return the values within bounds that multiples of a step reach from seeds, ascending.
+
+    Args:
+        low: lower bound.
+        high: upper bound.
+        step: step; infinite for the seeds alone.
+        seeds: values from which the steps begin.
+    """
+    inside = [seed for seed in seeds if low <= seed <= high]
     if not np.isfinite(step):
-        return np.unique(seeds)
+        return np.unique(inside)
     count = int(np.ceil((high - low) / step)) + 1
-    values = np.concatenate([seed + step * np.arange(-count, count + 1) for seed in seeds])
-    inside = np.sort(values[(values >= low) & (values <= high)])
+    values = np.concatenate([seed + step * np.arange(-count, count + 1) for seed in inside])
+    values = np.sort(values[(values >= low) & (values <= high)])
     # Values that differ by rounding are merged.
-    return np.asarray(inside[np.concatenate([[True], np.diff(inside) > 1e-9 * max(1.0, high - low)])])
+    return np.asarray(values[np.concatenate([[True], np.diff(values) > 1e-9 * max(1.0, high - low)])])
 
 
 class LatticeProgram:

@@ -159,6 +159,7 @@ def sensitivity_bounds(problem: Problem) -> Iterator[Bound]:
     motion = _motion(problem, estimation)
     if motion is None or any(_reads_parameters(problem, sensor) for sensor in sensors):
         return
+    assumptions = (SPEEDS, *(("every position within the room",) if np.isfinite(motion.across) else ()))
     reference = problem.design.samples // 2 if unknown_start(sensors) else 0
     prior, count = prior_matrix(problem, estimation), len(estimation.judged)
 
@@ -166,7 +167,7 @@ def sensitivity_bounds(problem: Problem) -> Iterator[Bound]:
         multiplier = factor.T @ factor
         value = motion.largest(factor, precisions, reference) + float(np.sum(multiplier * prior))
         size = float(np.trace(multiplier))
-        return Bound(value / size, METHOD, (SPEEDS, *_room(motion)), multiplier / size, estimation.block.name)
+        return Bound(value / size, METHOD, assumptions, multiplier / size, estimation.block.name)
 
     separate = [bound(row[None]) for row in np.eye(count)]
     yield from separate
@@ -175,18 +176,9 @@ def sensitivity_bounds(problem: Problem) -> Iterator[Bound]:
         return
     balanced = np.diag(sizes**-0.5)
     yield bound(balanced)
-    grown = balanced @ (
-        np.array([_nominal(estimation, name) for name in estimation.judged]) / estimation.scales
-    )
+    nominal = dict(zip(estimation.parameters, estimation.nominal, strict=True))
+    grown = balanced @ (np.array([nominal[name] for name in estimation.judged]) / estimation.scales)
     yield bound((np.eye(count) - np.outer(grown, grown) / float(grown @ grown)) @ balanced)
-
-
-def _room(motion: Motion) -> tuple[str, ...]:
-    return ("every position within the room",) if np.isfinite(motion.across) else ()
-
-
-def _nominal(estimation: Estimation, name: str) -> float:
-    return float(dict(zip(estimation.parameters, estimation.nominal, strict=True))[name])
 
 
 def _motion(problem: Problem, estimation: Estimation) -> Motion | None:

@@ -13,9 +13,10 @@ from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regr
 from oed.bounds.conjugate import combined_bounds
 from oed.bounds.equivalence import point_bounds, selection_certificate
 from oed.bounds.joint import joint_bounds
+from oed.bounds.lattice_program import LatticeProgram, SpeedLimits
 from oed.bounds.reach import largest_rates, room, unslipped
 from oed.bounds.sensitivity import sensitivity_bounds
-from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice_bound
+from oed.bounds.speed_lattice import LatticeBound, lattice_bound
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array
 from oed.kernel.criteria import E
@@ -114,11 +115,14 @@ def _searched(problem: Problem, nodes: int | None, time_limit: float | None, gap
     original, problem = problem, problem.steady
     looser = problem.widened(TOLERANCE)
     bounds, widened = _bounds_of_runs(problem), _bounds_of_runs(looser)
-    lattice = _lattice(problem, nodes, time_limit, gap)
-    if lattice is not None:
+    lattice, speeds, wider = None, _speeds(problem), _speeds(looser)
+    if speeds is not None:
+        lattice = lattice_bound(
+            *speeds, gap=gap, nodes=nodes, time_limit=time_limit, criterion=problem.criterion
+        )
         bounds.append(_lattice_bound(problem, lattice.upper, lattice))
-        if _program(looser) is not None:
-            widened.append(_lattice_bound(looser, lattice.of_others(*_speeds(looser)), lattice))
+        if wider is not None:
+            widened.append(_lattice_bound(looser, lattice.of_others(*wider), lattice))
     # A bound under wider limits holds under these limits too, and may be lower by rounding.
     lowest = min((bound.value for bound in bounds), default=-np.inf)
     bounds += [bound for bound in widened if bound.value < lowest]
@@ -216,57 +220,31 @@ def _added_runs(problem: Problem, generators: Sequence[Generator]) -> list[Bound
     ]
 
 
-def _lattice(
-    problem: Problem, nodes: int | None, time_limit: float | None, gap: float
-) -> LatticeBound | None:
-    if _program(problem) is None:
-        return None
-    return lattice_bound(
-        *_speeds(problem), gap=gap, nodes=nodes, time_limit=time_limit, criterion=problem.criterion
-    )
-
-
-def _program(problem: Problem) -> LatticeProgram | None:
-    # None if a lattice proves nothing, or is too fine for a single pass.
-    if not _sampled(problem):
-        return None
-    limits, weights, _ = _speeds(problem)
-    program = LatticeProgram(limits, weights)
-    return program if program.steps <= MOST_STEPS else None
-
-
-def _sampled(problem: Problem) -> bool:
-    # True if every sample is a measurement of its own, and the inputs act on the ground without slip.
-    measurement = problem.measurement
+def _speeds(problem: Problem) -> tuple[SpeedLimits, Array, Array] | None:
+    # Limits of the speeds, weights, and prior information for the dynamic programme. None unless every sample
+    # is a measurement of its own and the inputs act on the ground without slip, and for too fine a lattice.
+    measurement, space, criterion = problem.measurement, problem.design, problem.criterion
+    estimation = problem.any_estimations[-1]
     if (
-        not problem.criterion.conjugate
-        or problem.design.runs > 1
+        not criterion.conjugate
+        or space.runs > 1
         or not isinstance(measurement, Displacements)
         or measurement.noise_model != "increments"
-        or measurement.segment_count(problem.design.samples) != problem.design.samples
+        or measurement.segment_count(space.samples) != space.samples
         or len(problem.model.inputs) != 2
         or len(robot_of(problem.model).coefficient_names) != 2
         or not unslipped(problem)
+        or (criterion.conjugate == "smooth" and len(problem.any_estimations) > 1)
+        # The lattice orders its inputs as the columns of W.
+        or estimation.judged != estimation.block.parameters
     ):
-        return False
-    estimation = problem.any_estimations[-1]
-    if problem.criterion.conjugate == "smooth" and len(problem.any_estimations) > 1:
-        return False
-    # The lattice orders its inputs as the columns of W.
-    return estimation.judged == estimation.block.parameters
-
-
-def _speeds(problem: Problem) -> tuple[SpeedLimits, Array, Array]:
-    # Limits of the speeds, weights, and prior information.
-    space, estimation = problem.design, problem.any_estimations[-1]
+        return None
     rate = float(largest_rates(problem).max())
     ends = problem.rest_spare + space.period / 2 * rate if space.rest_to_rest else np.inf
     limits = SpeedLimits(space.samples, problem.input_bounds, space.period * rate, ends)
-    return (
-        limits,
-        space.period * estimation.scales / noise_of(problem, estimation),
-        prior_matrix(problem, estimation),
-    )
+    weights = space.period * estimation.scales / noise_of(problem, estimation)
+    is_coarse = LatticeProgram(limits, weights).steps <= MOST_STEPS
+    return (limits, weights, prior_matrix(problem, estimation)) if is_coarse else None
 
 
 def _lattice_bound(problem: Problem, value: float, lattice: LatticeBound) -> Bound:
@@ -285,19 +263,16 @@ def _lattice_drive(problem: Problem, lattice: LatticeBound) -> Trajectory | None
     # The best speeds, as they are or reversed: the variant with the smallest violations of the limits.
     space = problem.design
     start = problem.start_states(np.zeros((1, 0))) if problem.fixed_starts is None else problem.fixed_starts
-    speeds = lattice.speeds
-    candidates = [speeds, -speeds, speeds[::-1], -speeds[::-1]]
     low, high = problem.input_bounds.T
-    candidates = [
-        candidate
-        for candidate in candidates
-        if np.all(candidate >= low - 1e-9) and np.all(candidate <= high + 1e-9)
-    ]
     drives = [
-        Trajectory.from_samples(candidate, space.duration, start, rest_to_rest=space.rest_to_rest)
-        for candidate in candidates
+        Trajectory.from_samples(speeds, space.duration, start, rest_to_rest=space.rest_to_rest)
+        for forwards in (lattice.speeds, lattice.speeds[::-1])
+        for speeds in (forwards, -forwards)
+        if np.all(speeds >= low - 1e-9) and np.all(speeds <= high + 1e-9)
     ]
-    if not drives:
-        return None
-    scored = [(score(problem, drive), drive) for drive in drives]
-    return max(scored, key=lambda pair: (pair[0].feasible, -sum(pair[0].violations.values())))[1]
+
+    def keeping(drive: Trajectory) -> tuple[bool, float]:
+        evaluation = score(problem, drive)
+        return evaluation.feasible, -sum(evaluation.violations.values())
+
+    return max(drives, key=keeping, default=None)

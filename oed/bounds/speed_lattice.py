@@ -18,9 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from oed.bounds.certificate import SMALLEST
-from oed.bounds.lattice_program import LatticeProgram as LatticeProgram
-from oed.bounds.lattice_program import SpeedLimits as SpeedLimits
-from oed.bounds.lattice_program import lattice as lattice
+from oed.bounds.lattice_program import LatticeProgram, SpeedLimits
 from oed.bounds.targets import Target
 from oed.foundation.arrays import Array
 from oed.kernel.criteria import Criterion

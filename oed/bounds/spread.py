@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from oed.bounds.lattice_program import reachable
 from oed.foundation.arrays import Array, Bools
 
 SUM_STEPS = 4000
@@ -46,19 +47,13 @@ def largest_spread(low: float, high: float, start: float | None, steps: Array, r
     half = (high - low) / 2
     if half <= 0:
         return 0.0
-    seeds = [low, high] + ([] if start is None else [start])
-    count = int(np.ceil((high - low) / step)) + 1
-    values = np.concatenate([seed + step * np.arange(-count, count + 1) for seed in seeds])
-    values = np.unique(np.round(values[(values >= low - 1e-12) & (values <= high + 1e-12)], 12)) - middle
+    values = reachable(low, high, step, [low, high, *([] if start is None else [start])]) - middle
     readings = int(read.sum())
     grain = 2 * half * readings / SUM_STEPS
     shifts = np.rint(values / grain).astype(int)
     # Best value by position and by the sum of the readings so far.
     table = np.full((len(values), 1), -np.inf)
-    first = (
-        np.ones(len(values), dtype=bool) if start is None else np.isclose(values, start - middle, atol=1e-9)
-    )
-    table[first] = 0.0
+    table[slice(None) if start is None else np.isclose(values, start - middle, atol=1e-9)] = 0.0
     reach = step * (1 + 1e-9) + 1e-9
     lows, highs = (
         np.searchsorted(values, values - reach),

@@ -9,7 +9,8 @@ import pytest
 from builders import problem_of
 
 from oed.bounds import bound, speed_lattice
-from oed.bounds.speed_lattice import LatticeProgram, SpeedLimits, lattice_bound, usual_planes
+from oed.bounds.lattice_program import LatticeProgram, SpeedLimits
+from oed.bounds.speed_lattice import lattice_bound, usual_planes
 from oed.kernel.problem import Problem
 from oed.robots.limits import WheelAcceleration, WheelSpeed
 from oed.robots.sensors import Displacements

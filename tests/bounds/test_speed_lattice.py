@@ -11,7 +11,8 @@ import pytest
 from builders import RADIUS, TRACK, problem_of
 
 from oed.bounds import bound
-from oed.bounds.speed_lattice import LatticeBound, LatticeProgram, SpeedLimits, lattice, lattice_bound
+from oed.bounds.lattice_program import LatticeProgram, SpeedLimits, lattice
+from oed.bounds.speed_lattice import LatticeBound, lattice_bound
 from oed.kernel.evaluation import evaluate
 from oed.robots.limits import Rectangle, WheelAcceleration, WheelSpeed
 from oed.robots.models import TractorTrailer
