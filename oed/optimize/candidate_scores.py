@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -26,10 +25,6 @@ WRITING = 2e-5
 """Time [s] per operation of a drive to write its expressions, as processes without compiled code do."""
 THREADS = 4
 """Largest number of threads that score a generation here: each further thread adds less."""
-COMPILED = 0.5
-"""Remaining time [s] of scoring above which C code is generated and compiled."""
-SPARED = 0.6
-"""Share of that time that compiled code saves."""
 
 
 class CandidateScorer:
@@ -54,12 +49,11 @@ class CandidateScorer:
         expected: int = 0,
         until: float = np.inf,
     ) -> None:
-        """Begin without measured times and compiled code."""
-        self._expected, self._compiled, self._until = expected, False, until
+        """Begin without measured times."""
+        self._expected, self._until = expected, until
         self._design, self._refine, self._workers = design, refine, workers
         self.tightening = np.zeros(len(design.terms.rows))
         self._seconds = 0.0
-        self._binary: Path | None = None
 
     def score(self, candidates: Array) -> Scores:
         """Return the criterion (K,) of candidates (K, size), and their excess (K, limits).
@@ -77,11 +71,6 @@ class CandidateScorer:
         threads = min(self._workers, THREADS) if isinstance(self._workers, int) else 1
         scores = self._design.measure_many(candidates, threads)
         self._seconds = (time.perf_counter() - began) / len(candidates)
-        if not self._compiled and self._remaining >= COMPILED:
-            self._binary = self._design.terms.compile_scores(SPARED * self._remaining)
-            self._compiled = True
-            # The time has to be measured again.
-            self._seconds = 0.0
         return scores
 
     @property
@@ -91,13 +80,13 @@ class CandidateScorer:
 
     def _worth_sharing(self, count: int) -> bool:
         seconds, share = self._seconds * count, 1 - 1 / at_once(self._workers)
-        writing = 0.0 if self._binary is not None else WRITING * self._design.terms.written
+        writing = WRITING * self._design.terms.written
         return seconds > WORTH and share * (self._remaining + seconds) > writing
 
     def _shared(self, candidates: Array) -> Scores:
         parts = np.array_split(candidates, at_once(self._workers))
         problem, refine = self._design.problem, self._refine
-        tasks = [_Part(problem, refine, part, self._binary) for part in parts if len(part)]
+        tasks = [_Part(problem, refine, part) for part in parts if len(part)]
         scores: dict[int, Scores] = {}
         run_tasks(_scored, tasks, self._workers, scores.__setitem__)
         values, excess = zip(*(scores[index] for index in range(len(tasks))), strict=True)
@@ -109,12 +98,8 @@ class _Part:
     problem: Problem
     refine: int
     candidates: Array
-    binary: Path | None
 
 
 def _scored(part: _Part) -> Scores:
-    # Each process writes the terms once; compiled code is loaded from its file.
-    design = DesignExpressions(part.problem, part.refine)
-    if part.binary is not None:
-        design.terms.take_scores(part.binary)
-    return design.measure_many(part.candidates)
+    # Each process writes the terms once.
+    return DesignExpressions(part.problem, part.refine).measure_many(part.candidates)

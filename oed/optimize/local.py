@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -29,7 +28,7 @@ from oed.optimize.terms.slots import Chosen
 from oed.optimize.transcription.chain import SLIGHT
 from oed.optimize.transcription.coarse import Grid
 from oed.optimize.transcription.design import objective_of
-from oed.optimize.transcription.program import Outcome, Program, slots_for
+from oed.optimize.transcription.program import Outcome, Program
 
 ROUNDS = 6
 """Solves that are judged at all times, each closer to what all limits and samples ask than the one before."""
@@ -359,14 +358,3 @@ class LocalSearch:
         margins = {margin.name: margin for margin in evaluation.margins}
         shares = [margins[limit.name].violation / margins[limit.name].size for limit in self.problem.limits]
         return np.where(np.array(shares) > TOLERANCE / 2, shares, 0.0)
-
-    def compile(self, spared: float, *, sketching: bool = False) -> tuple[int, Path] | None:
-        """Let a compiler begin on what a search calls most; return the number of slots, and where it will be.
-
-        Args:
-            spared: time [s] that this would spare.
-            sketching: whether sketches are to come.
-        """
-        slots = slots_for(len(self.first_instants(sketching=sketching)))
-        binary = self.design.terms.compile(slots, spared=spared)
-        return None if binary is None else (slots, binary)

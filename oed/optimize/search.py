@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from oed.foundation.arrays import Array
-from oed.foundation.work.parallel import at_once, run_tasks, waiting
+from oed.foundation.work.parallel import run_tasks, waiting
 from oed.kernel.cards import explored_text
 from oed.kernel.criteria import D
 from oed.kernel.problem import Problem
@@ -46,8 +46,6 @@ TRIAL = 4
 """Starts tried before a search without any design asks whether the limits conflict."""
 RESCORED = 5
 """Screened drives that are scored between their samples at most, the best first."""
-SPARED = 0.5
-"""Share of a search's time that machine code spares it."""
 POOL_SECONDS, READY_SECONDS = 8.0, 2.0
 """Work left below which worker processes, each building its own program, take longer: such as have to be
 started first, and such as wait.
@@ -226,23 +224,16 @@ class Search:
         begun = 0
         while begun < len(jobs):
             remaining = self._solves_left * float(np.mean(self._seconds)) if self._seconds else 0.0
-            binary = shared.local.compile(SPARED * remaining, sketching=sketching)
             # How many share the work decides only when a design is there, not which.
             least = POOL_SECONDS if waiting() == 1 else min(READY_SECONDS, POOL_SECONDS)
             workers = self.context.workers if remaining > least else 1
-            if not self._seconds:
-                # The very first one alone: it shows how long the others will take.
-                count = 1
-            elif shared.local.design.terms.compiling:
-                # A compiler takes a processor, and what is begun now goes without what it makes.
-                count = max(at_once(workers) - 1, 1)
-            else:
-                count = len(jobs)
+            # The very first one alone: it shows how long the others will take.
+            count = len(jobs) if self._seconds else 1
             batch, ended = jobs[begun : begun + count], dict[int, tuple[LocalResult, float]]()
             cut: BaseException | None = None
             try:
                 hear = partial(self._hear, ended, sketching)
-                run_tasks(replace(shared, binary=binary), batch, workers, hear)
+                run_tasks(shared, batch, workers, hear)
             except (TimeUp, KeyboardInterrupt) as error:
                 # What has ended counts all the same.
                 cut = error

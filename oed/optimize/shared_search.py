@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
@@ -27,14 +26,12 @@ class SharedSearch:
         problem: problem to be solved.
         options: options of Ipopt and of the stages.
         deadline: when the whole search ends, by `time.time`.
-        binary: slots, and the file of what was compiled for these.
     """
 
     token: str
     problem: Problem = field(compare=False)
     options: IpoptOptions = field(compare=False)
     deadline: float = field(default=np.inf, compare=False)
-    binary: tuple[int, Path] | None = field(default=None, compare=False)
 
     @property
     def local(self) -> LocalSearch:
@@ -43,8 +40,6 @@ class SharedSearch:
 
     def __call__(self, job: Callable[[LocalSearch], LocalResult]) -> LocalResult:
         """Do a job, in any process."""
-        if self.binary is not None:
-            self.local.design.terms.take(*self.binary)
         return job(self.local)
 
 

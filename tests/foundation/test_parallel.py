@@ -23,13 +23,11 @@ from worker_tasks import dying_once
 from oed.foundation.errors import Failure
 from oed.foundation.work import parallel
 from oed.foundation.work.parallel import BREAKDOWNS, run_tasks
-from oed.kernel.dynamics.compiled import compiler
 from oed.optimize import candidate_scores
 from oed.optimize.candidate_scores import CandidateScorer
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives
 from oed.records.record import load_record
-from oed.robots.sensors import Displacements
 from oed.workflow.sweep import parse_axis, sweep
 
 
@@ -202,35 +200,6 @@ def test_a_population_scores_the_same_in_parts(monkeypatch: pytest.MonkeyPatch):
         np.testing.assert_array_equal(excess, expected[1])
     # The first time here, which also tells how long it takes.
     assert counts == [3]
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")
-def test_workers_take_what_was_compiled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    taken = []
-
-    def watching(function: Any, tasks: list[Any], workers: Any, take: Any) -> None:
-        run_tasks(function, tasks, 1, take)
-        taken.append([task.binary is not None for task in tasks])
-
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(candidate_scores, "run_tasks", watching)
-    for name in ("WORTH", "WRITING", "COMPILED"):
-        monkeypatch.setattr(candidate_scores, name, 0.0)
-    # However little it spares.
-    monkeypatch.setattr(candidate_scores, "SPARED", np.inf)
-    # Written out as a whole, for its segments are not of equal length.
-    problem = problem_of(measurement=Displacements(segments=7))
-    design = DesignExpressions(problem, refine=2)
-    candidates = random_drives(design, np.linspace(0.1, 1, 11), np.random.default_rng(0))
-    expected = DesignExpressions(problem, refine=2).measure_many(candidates)
-    scored = CandidateScorer(design, 2, 3, expected=1000)
-    for _ in range(3):
-        for found, other in zip(scored.score(candidates), expected, strict=True):
-            np.testing.assert_array_equal(found, other)
-    # Here first, and again when compiled; one library, which the workers take.
-    assert taken == [[True] * 3]
-    assert len(list((tmp_path / "oed").iterdir())) == 1
 
 
 def test_a_population_is_scored_here_where_writing_its_drive_out_elsewhere_takes_longer(

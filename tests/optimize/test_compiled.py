@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,13 +10,16 @@ import casadi as ca
 import numpy as np
 import pytest
 from builders import BOX, SPEED, problem_of
-from some_instants import SLOTS, numbers_of
+from some_instants import numbers_of
 
-from oed.kernel.dynamics.compiled import MANY, Making, compiled, compiler
+from oed.kernel.dynamics import direct_call
+from oed.kernel.dynamics.compiled import MANY, at_work, compiled, compiler
 from oed.kernel.dynamics.space import Spline
 from oed.kernel.problem import Problem
+from oed.optimize.condensed.terms import Condensed
 from oed.optimize.ipopt import Ipopt
 from oed.optimize.local import LocalSearch
+from oed.optimize.terms.base import Terms
 from oed.optimize.terms.unrolled import Unrolled
 from oed.optimize.transcription.program import slots_for
 from oed.robots.sensors import Displacements
@@ -29,12 +33,6 @@ needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler on
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     return tmp_path / "oed"
-
-
-@pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A cache for what the tests of searches compile, one and the same."""
-    return tmp_path_factory.mktemp("shared")
 
 
 def example(factor: float = 2.0) -> ca.Function:
@@ -87,55 +85,52 @@ def test_a_cache_that_cannot_be_written_is_done_without(monkeypatch: pytest.Monk
 
 
 def problem() -> Problem:
-    """One whose drives are written out: its segments are not of equal length."""
     return problem_of(
-        samples=12,
+        samples=4,
         spline=Spline(degree=1, coefficients=4),
-        measurement=Displacements(segments=5),
+        measurement=Displacements(segments=2),
         limits=(SPEED, BOX),
     )
 
 
-@needs_compiler
-@pytest.mark.slow
-def test_what_a_search_calls_is_the_same_to_the_last_bit(shared: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(shared))
-    search = LocalSearch(problem(), SETTINGS)
-    terms, slots = search.design.terms, slots_for(len(search.first_instants()))
-    plain = list(vars(terms.functions(slots)).values())
-    making = Making(plain)
-    making.wait()
-    quick = making.functions()
-    assert quick is not None
-    assert len(list((shared / "oed").iterdir())) == 1
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        given = [rng.uniform(-0.5, 0.5, terms.size), numbers_of(terms, rng, slots)]
-        weights = [rng.normal(size=plain[2].size1_in(place)) for place in (2, 3)]
-        for one, other, more in zip(plain, quick, ([], [], weights), strict=True):
-            for expected, found in zip(one.call([*given, *more]), other.call([*given, *more]), strict=True):
-                np.testing.assert_array_equal(np.array(found), np.array(expected))
+def called(terms: Terms, slots: int, seed: int) -> list[np.ndarray]:
+    """Results of a terms' functions at one point."""
+    functions, rng = terms.functions(slots), np.random.default_rng(seed)
+    given = [rng.uniform(-0.5, 0.5, terms.size), numbers_of(terms, rng, slots)]
+    weights = [rng.normal(size=functions.hessian.size1_in(place)) for place in (2, 3)]
+    parts = (functions.values, []), (functions.jacobian, []), (functions.hessian, weights)
+    return [np.array(ca.densify(part)) for function, more in parts for part in function.call([*given, *more])]
 
 
 @needs_compiler
 @pytest.mark.slow
-def test_a_search_ends_where_it_does_without(shared: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(shared))
+@pytest.mark.parametrize("kind", [Condensed, Unrolled])
+def test_what_a_search_calls_is_the_same_to_the_last_bit(
+    kind: type[Terms], cache: Path, monkeypatch: pytest.MonkeyPatch
+):
+    plain, quick = kind(problem()), kind(problem())
+    slots = slots_for(len(LocalSearch(problem(), SETTINGS).first_instants()))
+    monkeypatch.setattr(direct_call, "PAYS", 0.0)
+    for _ in range(2):
+        called(quick, slots, 0)
+        while at_work():
+            time.sleep(0.05)
+    assert list(cache.glob("*.so"))
+    expected = [called(plain, slots, seed) for seed in range(20)]
+    for seed in range(20):
+        for part, other in zip(called(quick, slots, seed), expected[seed], strict=True):
+            np.testing.assert_array_equal(part, other)
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_a_search_ends_where_it_does_without(cache: Path, monkeypatch: pytest.MonkeyPatch):
     ends = []
-    for compiling in (False, True):
-        search = LocalSearch(replace(problem(), name=f"{compiling}"), SETTINGS)
-        terms = search.design.terms
-        if compiling:
-            slots, binary = search.compile(np.inf)
-            terms.compiled()
-            assert binary is not None
-            assert terms.functions(slots).values.is_a("External")
-            other = Unrolled(search.problem)
-            other.take(slots, binary)
-            assert other.functions(slots).hessian.is_a("External")
-        else:
-            assert not terms.functions(SLOTS).values.is_a("External")
-        ends.append(search.maximise(np.full(terms.size, 0.1)).unknowns)
+    for pays in (np.inf, 0.0):
+        monkeypatch.setattr(direct_call, "PAYS", pays)
+        search = LocalSearch(replace(problem(), name=f"{pays}"), SETTINGS)
+        ends.append(search.maximise(np.full(search.design.terms.size, 0.1)).unknowns)
+    assert list(cache.iterdir())
     np.testing.assert_array_equal(*ends)
 
 
@@ -152,32 +147,3 @@ def test_long_lists_are_compiled_as_they_stand(cache: Path):
     point = np.random.default_rng(0).normal(size=20)
     for found, expected in zip(quick(point), wrapped(point), strict=True):
         np.testing.assert_array_equal(np.array(found), np.array(expected))
-
-
-@needs_compiler
-@pytest.mark.slow
-def test_what_takes_longer_than_it_spares_is_not_compiled(
-    cache: Path, shared: Path, monkeypatch: pytest.MonkeyPatch
-):
-    terms = Unrolled(problem())
-    slots = slots_for(len(LocalSearch(problem(), SETTINGS).first_instants()))
-    assert terms.compile(slots, spared=0.1) is None
-    assert terms.compile(slots, spared=1.5) is not None
-    terms.compiled()
-    assert not cache.exists() or not list(cache.iterdir())
-    assert not terms.functions(slots).values.is_a("External")
-    # Where it turns out later that it pays, it is begun.
-    monkeypatch.setenv("XDG_CACHE_HOME", str(shared))
-    terms.compile(slots)
-    terms.compiled()
-    assert terms.functions(slots).values.is_a("External")
-
-
-def test_what_is_long_is_not_even_written_down(monkeypatch: pytest.MonkeyPatch):
-    def never(*_: object, **__: object) -> None:
-        raise AssertionError("looked for")
-
-    monkeypatch.setattr("oed.optimize.terms.generated.Making", never)
-    terms = Unrolled(problem())
-    monkeypatch.setattr("oed.optimize.terms.generated.LARGEST", terms.written - 1)
-    assert terms.compile(SLOTS) is None

@@ -30,7 +30,6 @@ from oed.optimize.ipopt_options import BUDGET, with_shared_budget
 from oed.optimize.local import LocalSearch
 from oed.optimize.results import LocalResult
 from oed.optimize.search import Search, TimeUp
-from oed.optimize.terms.base import Terms
 from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.perturbations import varied_design
 from oed.optimize.transcription.starting_points import Screening, screen, varied_starts
@@ -270,26 +269,6 @@ def test_the_result_is_the_same_for_any_number_of_workers(monkeypatch):
     assert one.explored.spent == pytest.approx(one.explored.iterations * 24 / 200)
     assert one.evaluation.objective == evaluate(problem, one.trajectory).objective
     assert "iterations" in one.message
-
-
-@pytest.mark.usefixtures("few_screened")
-@pytest.mark.slow
-def test_few_starts_are_begun_as_long_as_a_compiler_is_at_work(monkeypatch):
-    # What it makes is for those that are begun after it.
-    sizes, asked = [], iter([True, True])
-    monkeypatch.setattr(Terms, "compiling", property(lambda _: next(asked, False)))
-    monkeypatch.setattr("oed.optimize.search.POOL_SECONDS", 0.0)
-
-    def noted(work, tasks, workers, take):
-        sizes.append(len(tasks))
-        for place, task in enumerate(tasks):
-            take(place, work(task))
-
-    monkeypatch.setattr("oed.optimize.search.run_tasks", noted)
-    problem = problem_of(design=SPACE, limits=(WheelSpeed(bounds=(2, 8)), ACCELERATION))
-    found = solve(problem, Ipopt(starts=8, perturbations=0, second_stage="none"), seed=0, workers=3)
-    assert sizes == [1, 2, 1, 4]
-    assert len(found.starts) == 8
 
 
 def shared(*solvers):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -14,17 +15,13 @@ from builders import ACCELERATION, BOX, SPEED, problem_of
 
 import oed
 from oed.foundation.arrays import Array
-from oed.kernel.dynamics.compiled import compiler
+from oed.kernel.dynamics.compiled import at_work, compiler
 from oed.kernel.dynamics.space import Spline
-from oed.kernel.problem import Problem
-from oed.optimize import terms as kept_terms
 from oed.optimize.condensed.terms import Condensed
 from oed.optimize.terms import terms_of
 from oed.optimize.terms.base import Terms
-from oed.optimize.terms.generated import COMPILING, LOOKING
 from oed.optimize.terms.row_bounds import RowBounds, excess
 from oed.optimize.terms.unrolled import Unrolled
-from oed.optimize.transcription.design import DesignExpressions
 from oed.robots.limits import (
     BodySpeed,
     CommandedSpeed,
@@ -139,12 +136,11 @@ def test_neither_company_nor_threads_change_a_bit(name: str):
 def test_nor_does_generated_c(name: str, cache: Path, monkeypatch: pytest.MonkeyPatch):
     terms = terms_of(problem_of(**PROBLEMS[name], name=name), refine=2)
     drives = candidates(terms)
-    if isinstance(terms, Unrolled):
-        terms.compile_scores()
-    else:
-        monkeypatch.setattr("oed.kernel.dynamics.direct_call.PAYS", 0.0)
-        while not list(cache.glob("*.so")):
-            terms.scored(drives)
+    monkeypatch.setattr("oed.kernel.dynamics.direct_call.PAYS", 0.0)
+    terms.scored(drives)
+    while at_work():
+        time.sleep(0.05)
+    terms.scored(drives)
     assert list(cache.glob("*.so"))
     assert_same_bits(terms.scored(drives), scored(name))
 
@@ -165,32 +161,6 @@ def test_limits_are_exceeded_as_by_their_rows(name: str):
         np.testing.assert_allclose(found, beyond.max(axis=1) / rows.size, rtol=1e-9, atol=1e-9)
     assert (excess > 0).any(axis=0).all()
     assert (excess < 0).any()
-
-
-@needs_compiler
-@pytest.mark.slow
-def test_compiled_anew_only_where_that_spares_time(cache: Path):
-    def design() -> DesignExpressions:
-        # Written out, for its segments are not of equal length.
-        kept_terms._KEPT.clear()
-        return DesignExpressions(problem, 2)
-
-    def libraries() -> int:
-        return len(list(cache.iterdir())) if cache.exists() else 0
-
-    problem: Problem = problem_of(**SPACE, measurement=Displacements(segments=3), limits=(SPEED, BOX))
-    drives = candidates(design().terms)
-    plain = design().score_many(drives)
-    # Per operation: less than finding out takes, enough to compile, and enough to find that.
-    for spared, count in ((0.5 * LOOKING, 0), (30 * COMPILING, 1), (1.5 * LOOKING, 1)):
-        own = design()
-        assert isinstance(own.terms, Unrolled)
-        assert (own.terms.compile_scores(spared * own.terms.written) is None) == (count == 0)
-        assert libraries() == count
-        assert_same_bits(own.score_many(drives), plain)
-        assert own.terms._scores.is_a("External") == bool(count)
-    unknown = design()
-    assert unknown.terms.compile_scores(0.5 * LOOKING * unknown.terms.written) is None
 
 
 @pytest.mark.parametrize(

@@ -69,17 +69,14 @@ class Making:
 
     Attributes:
         binary: path of the library; None where there is no compiler, or no room for the source.
-        anew: True if functions that were not compiled before are compiled.
     """
 
-    def __init__(self, functions: Sequence[ca.Function], *, anew: bool = True) -> None:
+    def __init__(self, functions: Sequence[ca.Function]) -> None:
         """Begin, unless it is there from before.
 
         Args:
             functions: functions of different names.
-            anew: compile what was not compiled before.
         """
-        self.anew = anew
         self.binary: Path | None = None
         self._names = [function.name() for function in functions]
         self._process: subprocess.Popen[bytes] | None = None
@@ -94,7 +91,7 @@ class Making:
             stack.callback(shutil.rmtree, folder, ignore_errors=True)
             source = _written(functions, folder)
             self.binary = _binary_path(source.read_bytes(), tool)
-            if not self.binary.exists() and anew:
+            if not self.binary.exists():
                 self.binary.parent.mkdir(parents=True, exist_ok=True)
                 _clear(self.binary.parent)
                 self._begin(tool, source)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -209,25 +208,10 @@ class Condensed(Terms):
         constants = np.hstack([elapsed[:, None], chosen.reshape(count, self._instants.count)])
         return ChosenRows(run, own, constants, asked)
 
-    def compile(self, slots: int, *, spared: float = np.inf) -> Path | None:
-        """Compile nothing: cells are compiled once they have been called for long."""
-        return None
-
-    def take(self, slots: int, binary: Path) -> None:
-        """Take nothing that another process has compiled."""
-
     @property
     def written(self) -> int:
         """Operations of a sample."""
         return int(self._cell.values.n_instructions())
-
-    def compile_scores(self, spared: float = np.inf) -> Path | None:
-        """Compile nothing: cells are compiled once they have been called for long."""
-        return None
-
-    def take_scores(self, binary: Path) -> bool:
-        """Take nothing that another process has compiled."""
-        return False
 
     def scored(self, candidates: Array, threads: int = 1) -> tuple[Array, Array]:
         """Return the entries (K, e) of unknowns (K, size), and the most by which limits are exceeded.

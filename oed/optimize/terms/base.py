@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -144,25 +143,6 @@ class Terms(ABC):
             threads: that share the work; their number changes no digit.
         """
 
-    @abstractmethod
-    def compile_scores(self, spared: float = np.inf) -> Path | None:
-        """Let generated C score candidates, where there is a compiler; the numbers stay the same.
-
-        Returns the library; None where there is none.
-
-        Args:
-            spared: time [s] that compiled code would spare. Where the compiler takes longer, it is given up,
-                or not begun; code compiled earlier is taken if finding it takes little of that time.
-        """
-
-    @abstractmethod
-    def take_scores(self, binary: Path) -> bool:
-        """Let compiled code score candidates; False where the file is missing.
-
-        Args:
-            binary: a file.
-        """
-
     @property
     @abstractmethod
     def written(self) -> int:
@@ -180,30 +160,6 @@ class Terms(ABC):
     @abstractmethod
     def functions(self, slots: int = 0) -> Functions:
         """The terms' functions, with so many slots for rows of instants."""
-
-    @abstractmethod
-    def compile(self, slots: int, *, spared: float = np.inf) -> Path | None:
-        """Let a compiler begin to make machine code of them, where there is one; where it will be.
-
-        Args:
-            slots: how many.
-            spared: time [s] that this would spare; where compiling takes longer, only what was compiled
-                before is taken.
-        """
-
-    @property
-    def compiling(self) -> bool:
-        """Whether a compiler is at work."""
-        return False
-
-    @abstractmethod
-    def take(self, slots: int, binary: Path) -> None:
-        """Use what another process has compiled, if it is there already.
-
-        Args:
-            slots: how many.
-            binary: a file.
-        """
 
     @property
     def values(self) -> ca.Function:

@@ -109,7 +109,7 @@ class _BuiltProgram:
     # A program with a fixed number of slots, and its solvers.
 
     def __init__(self, chain: ChainRule, frame: Frame, options: dict[str, Any]) -> None:
-        self.frame, self.functions, self._program = frame, chain.functions, chain.program
+        self.frame, self._program = frame, chain.program
         self._options = {**IPOPT_OPTIONS, **chain.derivatives, **options}
         self._solvers: dict[tuple[float | None, float | None], ca.Function] = {}
         self._warm: dict[float | None, ca.Function] = {}
@@ -173,13 +173,11 @@ class Program:
         self._with_slots: dict[int, _BuiltProgram] = {}
 
     def _built(self, slots: int) -> _BuiltProgram:
-        built = self._with_slots.get(slots)
-        # The functions of the terms change when they are compiled.
-        if built is None or built.functions is not self.design.terms.functions(slots):
+        if slots not in self._with_slots:
             frame = Frame(self.design.terms, relaxing=self._relaxing, slots=slots)
             chain = ChainRule(self.design, frame, *self._parts)
-            built = self._with_slots[slots] = _BuiltProgram(chain, frame, self._options)
-        return built
+            self._with_slots[slots] = _BuiltProgram(chain, frame, self._options)
+        return self._with_slots[slots]
 
     def solve(
         self,
