@@ -34,12 +34,9 @@ def combined_bounds(problem: Problem, bounds: Sequence[Bound]) -> Iterator[Bound
         bounds: bounds on tr(Z F) with their Z of trace 1; those without are left out.
     """
     names = [estimation.block.name for estimation in problem.any_estimations]
+    bounds = [bound for bound in bounds if bound.multiplier is not None]
     by_block = [
-        _combined(
-            problem.criterion,
-            [bound for bound in bounds if bound.block == name and bound.multiplier is not None],
-        )
-        for name in names
+        _combined(problem.criterion, [bound for bound in bounds if bound.block == name]) for name in names
     ]
     combined = [bound for bound in by_block if bound is not None]
     if len(combined) == len(names):
@@ -77,20 +74,21 @@ def _joined(methods: Iterable[str]) -> str:
 def _lowest(criterion: Criterion, matrices: Array) -> Array:
     # Shares (n,) in the sum of Z (n, p, p) with tr(Z F) <= 1. The bound is quasiconvex in the shares, so a
     # descent from equal shares ends at the lowest bound; logarithms keep the shares positive.
+    def bound(shares: Array) -> tuple[float, Array | None]:
+        total = np.tensordot(shares, matrices, axes=1)
+        value = criterion.trace_bound(total, 1.0)
+        return value, criterion.trace_slope(total, 1.0) if np.isfinite(value) else None
+
     equal = np.full(len(matrices), 1 / len(matrices))
-    total = np.tensordot(equal, matrices, axes=1)
-    first = criterion.trace_bound(total, 1.0)
-    slope = criterion.trace_slope(total, 1.0) if np.isfinite(first) else None
-    if slope is None or len(equal) == 1:
+    first, first_slope = bound(equal)
+    if first_slope is None or len(equal) == 1:
         return equal
     # Change of the bound per relative change of the information.
-    scale = -float(np.sum(slope * total))
+    scale = -float(np.sum(first_slope * np.tensordot(equal, matrices, axes=1)))
 
     def excess(logs: Array) -> tuple[float, Array]:
         shares = _shares(logs)
-        total = np.tensordot(shares, matrices, axes=1)
-        value = criterion.trace_bound(total, 1.0)
-        slope = criterion.trace_slope(total, 1.0) if np.isfinite(value) else None
+        value, slope = bound(shares)
         if slope is None:
             return OUTSIDE, np.zeros(len(shares))
         derivatives = np.tensordot(matrices, slope, axes=2)
@@ -99,12 +97,7 @@ def _lowest(criterion: Criterion, matrices: Array) -> Array:
     solution = scipy.optimize.minimize(excess, np.zeros(len(equal)), jac=True, method="BFGS", options=OPTIONS)
     trial = _shares(solution.x)
     trial = np.where(trial > SLIGHT, trial, 0.0)
-    best = min(
-        equal,
-        trial / trial.sum(),
-        key=lambda shares: criterion.trace_bound(np.tensordot(shares, matrices, axes=1), 1.0),
-    )
-    return np.asarray(best)
+    return np.asarray(min(equal, trial / trial.sum(), key=lambda shares: bound(shares)[0]))
 
 
 def _shares(logs: Array) -> Array:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oed.bounds.boxes import largest, peaks
+from oed.bounds.boxes import Landscape, largest, peaks
 from oed.bounds.certificate import Bound, Certificate, raised
 from oed.bounds.points import Points, points_of
 from oed.foundation.arguments import typed
@@ -182,9 +182,9 @@ class _Search:
     """Exchange of points until none is more informative, followed by a proof of that.
 
     Attributes:
-        points: that are known, (k, n).
-        groups: of which kind each is, (k,).
-        matrices: information at each, (k, q, q).
+        points: points of the mixture and candidates, (k, n).
+        groups: kinds of the points, (k,).
+        matrices: information at the points, (k, q, q).
     """
 
     def __init__(self, criterion: Criterion, design: Points) -> None:
@@ -205,7 +205,7 @@ class _Search:
             factor, most, has_new_points = _factor(mixture.multiplier), 0.0, False
             for group, landscape in enumerate(self.design.landscapes):
                 points = self.points[self.groups == group]
-                before = float(landscape.at(points, factor)[0].max())
+                before = _highest(landscape, points, factor)
                 proved = largest(landscape, factor, self.design.low, self.design.high, points)
                 magnitudes = np.abs(self.matrices[self.groups == group])
                 terms = np.einsum("ab,kab->k", np.abs(mixture.multiplier), magnitudes).max()
@@ -230,10 +230,6 @@ class _Search:
         self.matrices = np.concatenate([self.matrices, matrices[finite]])
         self.groups = np.concatenate([self.groups, np.full(int(finite.sum()), group)])
 
-    def _keep(self, chosen: Places) -> None:
-        self.points, self.groups = self.points[chosen], self.groups[chosen]
-        self.matrices = self.matrices[chosen]
-
     def _exchanged(self) -> Mixture | None:
         # The best mixture after exchanges of points until none improves it.
         design, best, kinds = self.design, None, range(len(self.design.totals))
@@ -252,10 +248,15 @@ class _Search:
                 grid = design.first[np.argsort(-landscape.at(design.first, factor)[0])[:TOP]]
                 starts = np.concatenate([self.points[members & present], grid])
                 maxima.append(peaks(landscape, factor, design.low, design.high, starts))
-                most += design.totals[group] * float(landscape.at(maxima[-1], factor)[0].max())
-                before += design.totals[group] * float(landscape.at(self.points[members], factor)[0].max())
+                most += design.totals[group] * _highest(landscape, maxima[-1], factor)
+                before += design.totals[group] * _highest(landscape, self.points[members], factor)
             gain = self._bound(mixture, most), self._bound(mixture, before)
-            self._keep(self._distinct(mixture.weights, present))
+            chosen = self._distinct(mixture.weights, present)
+            self.points, self.groups, self.matrices = (
+                self.points[chosen],
+                self.groups[chosen],
+                self.matrices[chosen],
+            )
             merged = [self._merge(group, maxima[group]) for group in kinds]
             if self.criterion.change(*gain, design.judged) <= CONVERGED or not any(merged):
                 break
@@ -285,6 +286,10 @@ class _Search:
     def _bound(self, mixture: Mixture, most: float) -> float:
         judged, prior = self.design.judged, float(np.sum(mixture.multiplier * self.design.prior))
         return self.criterion.trace_bound(mixture.multiplier[:judged, :judged], most + prior)
+
+
+def _highest(landscape: Landscape, points: Array, factor: Array) -> float:
+    return float(landscape.at(points, factor)[0].max())
 
 
 def _factor(multiplier: Array) -> Array:

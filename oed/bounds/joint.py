@@ -14,10 +14,9 @@ import numpy as np
 from oed.bounds.certificate import Bound
 from oed.bounds.closed_form import SPEEDS, along
 from oed.bounds.reach import coefficient_rows, room, scales_lengths, top_speeds
-from oed.bounds.sensitivity import precision, unknown_start
+from oed.bounds.sensitivity import Precision, precisions_of, unknown_start
 from oed.bounds.spread import largest_spread, too_fine
 from oed.foundation.arrays import Array
-from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.problem import Problem
 from oed.kernel.statement import Estimation
 from oed.robots.models.model import robot_of
@@ -27,30 +26,20 @@ from oed.robots.sensors.poses import Poses
 
 def joint_bounds(problem: Problem) -> Iterator[Bound]:
     """Yield bounds for fused sensors whose noise is known."""
-    sensors = problem.measurement.joint_sensors
-    weights = _position_precisions(sensors)
-    if weights is None:
+    precisions = precisions_of(problem.measurement.joint_sensors)
+    if not precisions:
         return
     # Information of all readings per squared displacement.
-    readings = [len(sensor.columns(problem.design.samples)) for sensor in sensors]
-    total = sum(weight * count for weight, count in zip(weights, readings, strict=True))
+    samples = problem.design.samples
+    total = sum(entry.position * len(entry.sensor.columns(samples)) for entry in precisions)
     (estimation,) = problem.any_estimations
     if robot_of(problem.system).physical is not problem.system:
-        yield from _circle_bound(problem, estimation, sensors, total)
+        yield from _circle_bound(problem, estimation, total)
     else:
-        yield from _size_bounds(problem, estimation, sensors, weights, total)
+        yield from _size_bounds(problem, estimation, precisions, total)
 
 
-def _position_precisions(sensors: Sequence[Sensor]) -> list[float] | None:
-    # Upper bounds on the sensors' information per reading and squared displacement [1/m^2]; None if unknown.
-    precisions = [precision(sensor) for sensor in sensors]
-    positions = [entry.position for entry in precisions if entry is not None]
-    return positions if precisions and len(positions) == len(precisions) else None
-
-
-def _circle_bound(
-    problem: Problem, estimation: Estimation, sensors: Sequence[Sensor], total: float
-) -> Iterator[Bound]:
+def _circle_bound(problem: Problem, estimation: Estimation, total: float) -> Iterator[Bound]:
     rows = coefficient_rows(problem)
     names = robot_of(problem.model).coefficient_names[1]
     if (
@@ -62,6 +51,7 @@ def _circle_bound(
     # A change of c21, c22 along the yaw rate's row displaces positions on a unit circle.
     change = np.zeros(len(estimation.judged))
     change[[estimation.judged.index(name) for name in names]] = rows[0]
+    sensors = problem.measurement.joint_sensors
     centred = unknown_start(sensors) and all(isinstance(sensor, Poses | YawRate) for sensor in sensors)
     value = total if centred else 4.0 * total
     yield along(
@@ -75,10 +65,10 @@ def _circle_bound(
 
 
 def _size_bounds(
-    problem: Problem, estimation: Estimation, sensors: Sequence[Sensor], weights: list[float], total: float
+    problem: Problem, estimation: Estimation, precisions: Sequence[Precision], total: float
 ) -> Iterator[Bound]:
     bounds, change = room(problem), _growth(problem, estimation)
-    if bounds is None or change is None or not unknown_start(sensors):
+    if bounds is None or change is None or not unknown_start(problem.measurement.joint_sensors):
         return
     x_min, x_max, y_min, y_max = bounds
     half_squares = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) / 4
@@ -91,15 +81,15 @@ def _size_bounds(
         ("every position within the room", "initial pose unknown", "speeds are left out"),
     )
     # Sensors share the shift of the path, so spreads separate only if a single sensor reads positions.
-    readings = [sensor for sensor, weight in zip(sensors, weights, strict=True) if weight]
+    positions = [entry for entry in precisions if entry.position]
     speeds = top_speeds(problem)
-    if len(readings) != 1 or speeds is None:
+    if len(positions) != 1 or speeds is None:
         return
     step, axes = problem.design.period * speeds, np.reshape(bounds, (2, 2))
     if any(too_fine(low, high, step) for low, high in axes):
         return
     read = np.zeros(problem.design.samples + 1, dtype=bool)
-    read[readings[0].columns(problem.design.samples)] = True
+    read[positions[0].sensor.columns(problem.design.samples)] = True
     starts = (None, None) if problem.fixed_starts is None else problem.fixed_starts[0, :2]
     # A path moved to its nominal start may leave the workspace by the tolerance of the start.
     widened = axes + problem.start_spare * np.array([-1, 1])
@@ -111,7 +101,7 @@ def _size_bounds(
         problem,
         estimation,
         change,
-        max(weights) * sum(spreads),
+        positions[0].position * sum(spreads),
         "all lengths wrong alike: dynamic programming over positions within top speed, axis by axis",
         ("every position within the room", "initial pose unknown", SPEEDS),
     )

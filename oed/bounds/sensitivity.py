@@ -59,8 +59,7 @@ class Precision:
     arm: float = 0.0
 
 
-def precision(sensor: Sensor) -> Precision | None:
-    """Return upper bounds on the information of a reading; None if unknown."""
+def _precision(sensor: Sensor) -> Precision | None:
     if isinstance(sensor, YawRate):
         return Precision(sensor, 0.0, 0.0, sensor.noise**-2)
     if not isinstance(sensor, Poses | Ranges) or sensor.joint_whitening is not None:
@@ -74,6 +73,12 @@ def precision(sensor: Sensor) -> Precision | None:
     precisions = {name: float(sensor.noise.deviation(name) or np.inf) ** -2 for name in sensor.quantities}
     places = [value for name, value in precisions.items() if name != "heading"]
     return Precision(sensor, max(places, default=0.0), precisions.get("heading", 0.0), arm=arm)
+
+
+def precisions_of(sensors: Sequence[Sensor]) -> list[Precision]:
+    """Return upper bounds on the information of the sensors' readings; [] if one of them is unknown."""
+    precisions = [entry for entry in map(_precision, sensors) if entry is not None]
+    return precisions if len(precisions) == len(sensors) else []
 
 
 def unknown_start(sensors: Sequence[Sensor]) -> bool:
@@ -149,8 +154,8 @@ class Motion:
 def sensitivity_bounds(problem: Problem) -> Iterator[Bound]:
     """Yield bounds on tr(Z F) for every parameter, all together, and all but the size of the robot."""
     sensors = problem.measurement.joint_sensors
-    precisions = [entry for entry in map(precision, sensors) if entry is not None]
-    if not precisions or len(precisions) < len(sensors) or len(problem.any_estimations) > 1:
+    precisions = precisions_of(sensors)
+    if not precisions or len(problem.any_estimations) > 1:
         return
     (estimation,) = problem.any_estimations
     # Constants of sensors change readings without moving the pose, so no bound here covers them.

@@ -227,24 +227,23 @@ class Spread:
 @lru_cache(maxsize=32)
 def spread_of(system: UncertainSystem) -> Spread | None:
     """Return the quantities of an uncertainty, and those of a prior alone; None without any."""
-    statement, prior, runs = system.uncertainty, system.prior, system.runs
-    uncertainty = statement if isinstance(statement, Uncertainty) else None
+    prior, runs = system.prior, system.runs
+    uncertainty = system.uncertainty if isinstance(system.uncertainty, Uncertainty) else None
     within = tuple(uncertainty.within) if uncertainty is not None else ()
     base = _base((*within, *(prior.names if prior is not None else ())), system)
     quantities = _quantities(base)
     ranges = uncertainty.ranges(base) if uncertainty is not None else {}
     named = tuple(ranges)
-    low, high = ({name: ends[side] for name, ends in ranges.items()} for side in (0, 1))
     prior_names, covariance = _of_prior(prior, base, named)
     for name, square in zip(prior_names, np.diag(covariance), strict=True):
         middle, _ = quantities[name]
-        low[name], high[name] = middle - square**0.5, middle + square**0.5
-    parameter_names = [parameter.name for parameter in base.parameters if parameter.name in low]
-    begun = [name for name in _starts(base) if name in low]
-    every = [*parameter_names, *begun * runs]
+        ranges[name] = middle - square**0.5, middle + square**0.5
+    parameter_names = [parameter.name for parameter in base.parameters if parameter.name in ranges]
+    starts = [name for name in _starts(base) if name in ranges]
+    every = [*parameter_names, *starts * runs]
     if not every:
         return None
-    ends = np.array([[low[name], high[name]] for name in every])
+    ends = np.array([ranges[name] for name in every])
     nominal, units = zip(*(quantities[name] for name in every), strict=True)
     flat = uncertainty is not None and uncertainty.distribution == "uniform"
     uniform = np.array([flat and name in named for name in every])
@@ -253,7 +252,7 @@ def spread_of(system: UncertainSystem) -> Spread | None:
     places = [every.index(name) for name in prior_names]
     moments[np.ix_(places, places)] = covariance
     return Spread(
-        names=(*parameter_names, *(_start_name(name, run) for run in range(runs) for name in begun)),
+        names=(*parameter_names, *(_start_name(name, run) for run in range(runs) for name in starts)),
         units=units,
         nominal=np.array(nominal),
         low=ends[:, 0],
