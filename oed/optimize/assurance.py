@@ -1,4 +1,4 @@
-"""A search for a robust drive: simulated with many robots, limits tightened until enough satisfy them."""
+"""Search for a robust drive: limits are tightened until enough simulated robots satisfy them."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from oed.uncertainty.departures import violation_probability
 from oed.uncertainty.robust import Robust
 
 ROUNDS = 12
-"""Searches, each with tighter limits than the last, before giving up."""
+"""Largest number of searches, each with tighter limits than the one before."""
 NARROWER = (
     "The limits are tightened for what is uncertain; a short drive that stays well inside would narrow it."
 )
 """Advice where no back-off suffices."""
 MORE_DRAWS = "More of them (`draws`) can verify more drives."
-"""Advice where draws are so few that another drive could not be shown to be safe by them."""
+"""Advice where the draws are too few to verify another drive."""
 FINAL = 0
-"""Stream of the verification samples, which are reported: limits were not tightened by them.
+"""Random stream of the verification samples, by which limits are never tightened.
 
-Of up to `ROUNDS` + 1 drives the one is chosen that they accept, so intervals are for all these together."""
+They choose among up to `ROUNDS` + 1 drives, so reported intervals hold for all these drives together."""
 UNTRIED = "It was not tried with other robots."
 """Note on a design whose verification was interrupted."""
 
 
 def assured(options: Solver, problem: Problem, context: Context) -> Solution:
-    """Return the best design; of a robust problem, one that as many robots satisfy as its confidence asks.
+    """Return the best design; for a robust problem, one whose limits hold with the required confidence.
 
     Args:
         options: options of the search.
@@ -46,7 +46,7 @@ class _Assurance:
     def __init__(self, problem: Problem, robust: Robust, context: Context) -> None:
         self.problem, self.robust, self.context = problem, robust, context
         self.solutions: list[Solution] = []
-        # One of these is chosen by the same verification samples; one more is that of the last search.
+        # One drive per round may be verified by the same samples, and that of the last, thorough search.
         self.drives = robust.verifications(ROUNDS + 1)
         self.verified = 0
 
@@ -70,14 +70,14 @@ class _Assurance:
             if self.verified == self.drives:
                 solution = replace(solution, detail=f"{solution.detail} {MORE_DRAWS}".strip())
                 break
-            # The verification samples tell no more than that they are not satisfied: others say where.
+            # Limits are tightened by the violations of other samples than those of the verification.
             tightened, solver = tightened.tighter(violation.worst), options.again()
             context = self.context.with_earlier(solution)
         return self._failed(replace(solution, status=Status.FAILED), last)
 
     def _improved(self, options: Solver, solution: Solution, tightened: Robust) -> Solution:
-        # How tight limits have to be was found with quick searches: now a whole one, from the best of them,
-        # where that is more than the last quick one was.
+        # Quick searches found how tight the limits have to be: a thorough search follows from the best of
+        # them, unless the last search was thorough already.
         thorough, refining = options.again(quick=False), self.context.refining_since is not None
         if len(self.solutions) == 1 or refining or thorough == options.again():
             return self._summed(solution)
@@ -95,9 +95,9 @@ class _Assurance:
         self.solutions.append(solution)
         if solution.trajectory is None:
             return solution
-        # Scored by the problem as it was given, however limits were tightened.
+        # The score is by the limits of the study, not by tightened ones.
         scored = replace(solution, evaluation=score(self.problem, solution.trajectory), robust=tightened)
-        # Every drive has draws of its own, lest it suit the draws that it is judged by.
+        # Every drive gets new draws, lest it be fitted to the draws that judge it.
         return self._tried(scored, FINAL + len(self.solutions))
 
     def _verified(self, solution: Solution) -> Solution:

@@ -1,4 +1,4 @@
-"""Reasons why no drive is feasible: limits that stand against each other, and by how much."""
+"""Reasons why no drive is feasible: conflicting limits, and the amounts by which they conflict."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ NEGLIGIBLE = 1e-4
 
 
 def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str:
-    """Return a sentence naming the limits of which one has to give way, and how far each alone would have to.
+    """Return a sentence that names the conflicting limits, and how far each alone would have to be relaxed.
 
-    Every limit in turn is relaxed as little as a local search finds possible while all others hold. The
-    sentence is "" where the limits turn out to agree.
+    Every limit in turn is relaxed as little as a local search finds possible while all other limits hold. The
+    sentence is "" where the limits turn out to be compatible.
     """
     relaxation = ca.SX.sym("relaxation", len(design.terms.rows))
     program = Program(
@@ -41,7 +41,7 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
             continue
         if share < NEGLIGIBLE:
             return ""
-        # What the rows exceed by share of their size, as the limit itself is measured.
+        # The relaxation of the rows in the units of the limit.
         amount = excess_text(limit.amount(share * rows.size), rows.unit, degrees=limit.in_degrees)
         phrases.append(f"{words(limit.name)} (by at most {amount})")
     if not phrases:
@@ -53,7 +53,8 @@ def describe_conflict(design: DesignExpressions, starts: Sequence[Array]) -> str
 
 
 def _smallest_relaxation(program: Program, starts: Sequence[Array], place: int) -> float | None:
-    # Of one limit with the others satisfied, as a share of its size, from the first start that leads there.
+    # Smallest relaxation of one limit with all others satisfied, as a share of its size, from the first start
+    # that leads to such a drive.
     design = program.design
     exchange, count = Exchange(design.problem, design.terms), len(design.terms.rows)
     upper = np.where(np.arange(count) == place, np.inf, 0.0)
@@ -70,7 +71,7 @@ def _smallest_relaxation(program: Program, starts: Sequence[Array], place: int) 
 
     for start in starts:
         outcome, _ = exchange.solved(solve, start, None, exchange.begun(), design.trajectory)
-        # Wherever Ipopt stopped: if all other limits hold there, it is a witness.
+        # Any point where all other limits hold is a witness, wherever Ipopt stopped.
         _, violations = design.score_many(outcome.unknowns[None, :])
         if np.delete(violations[0], place).max(initial=0.0) < NEGLIGIBLE:
             return float(violations[0, place])

@@ -1,4 +1,4 @@
-"""Searches by integration steps that are fine enough for the design that they end with."""
+"""Searches whose integration steps are refined until they are fine enough for the design."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from oed.optimize.refinement import ENDED, Search
 from oed.optimize.solver import Context, Solver
 
 FINEST_SEARCHED = 16
-"""Number of times that steps of a search are finer than the study's at most: it takes as much longer."""
+"""Largest refinement of the integration steps of a search, whose duration grows by the same factor."""
 NEARLY = 0.1
-"""Share by which results may change with finer steps where a search from the design alone will do."""
+"""Relative change of the results with finer steps up to which a search from the design alone suffices."""
 COARSER = "A search with finer integration steps found no design; this one is of coarser steps."
-"""Note on a design whose search could not be taken up again."""
+"""Note on a design that a search with finer steps could not improve on."""
 
 
 def by_enough_steps(search: Search, options: Solver, problem: Problem, context: Context) -> Solution:
-    """Return the design of a search whose steps are made finer until information and limits no longer depend
-    on them; the detail of the solution says so where that was necessary.
+    """Return the design of a search with steps so fine that information and limits no longer depend on them.
+
+    The detail of the solution notes any refinement of the steps.
 
     Args:
-        search: search of a problem, by its own steps.
+        search: function that searches a problem with the steps of its system.
         options: options of the search.
         problem: problem whose system is integrated numerically.
         context: seed, workers, progress, earlier solutions.
@@ -46,7 +47,7 @@ def by_enough_steps(search: Search, options: Solver, problem: Problem, context: 
         again = options if lifted(problem) is not None else options.again(quick=quick)
         further = search(again, problem.refined(times), context.with_earlier(solution))
         if further.trajectory is None:
-            # The design of coarser steps stays, and is scored by finer ones.
+            # The design of coarser steps remains, and is scored with finer ones.
             status = further.status if further.status in ENDED else solution.status
             return replace(solution, status=status, detail=f"{solution.detail} {COARSER}".strip())
         solution = replace(further, wall_seconds=time.perf_counter() - began)

@@ -1,9 +1,9 @@
-"""Limits at all times by few rows: those of the instants at which a search would leave them.
+"""Limits at all times by few rows, those of the instants at which a search would exceed them.
 
-A limit on every instant is infinitely many conditions. A search begins with few of them; where the drive that
-it ends on exceeds a limit on a fine grid of times, the worst instants of every such stretch are added, and it
-goes on from there, until nothing is left to add [Blankenship and Falk, "Infinitely constrained optimization
-problems", Journal of Optimization Theory and Applications 19, 1976].
+A limit at every instant is infinitely many conditions. A search begins with few of them. Where its drive
+exceeds a limit on a fine grid of times, the worst instant of every such interval is added and the search goes
+on, until no instant is exceeded [Blankenship and Falk, "Infinitely constrained optimization problems",
+Journal of Optimization Theory and Applications 19, 1976].
 """
 
 from __future__ import annotations
@@ -26,56 +26,56 @@ from oed.optimize.terms.slots import Chosen
 from oed.optimize.transcription.program import OUT_OF_TIME, SLOTS, Outcome, slots_for
 
 PER_UNKNOWN = 2.0
-"""Instants per unknown of an input that a search begins with in a run."""
+"""Number of first instants of a run per unknown of an input."""
 LEAST, MOST = 10, 32
-"""Instants of a run that it begins with at least, and at most, but for slots that would be empty: more cost
-more than they save.
+"""Smallest and largest number of first instants of a run, without those that fill slots: more cost more than
+they save.
 """
 TOGETHER = 128
-"""Rows of all instants that it begins with at most, but for the least number of each: of many obstacles few
-count, and which is found out soon.
+"""Largest number of rows of all first instants, unless `LEAST` is more: few of many obstacles matter, and the
+search soon finds out which.
 """
 ENOUGH = 1e-4
-"""Share of a limit's size by which a drive exceeds it where nothing is added any more."""
+"""Excess, as a share of the limit's size, up to which no instants are added."""
 CLOSE = 2e-3
-"""Share of a limit's size by which it is exceeded at most where the next solve is to the end."""
+"""Largest excess, as a share of the limit's size, before the next solve is to full tolerance."""
 IDLE = 0.02
-"""Share of a limit's size that a drive stays away from it at an instant that others may take the place of."""
+"""Distance of a drive from a limit, as a share of its size, at an instant that may be replaced."""
 EXCHANGES = 10
-"""Times that a search goes on with more instants before it is judged as it is."""
+"""Largest number of solves with added instants."""
 TIMES = 2000
-"""Times of a run at which limits are looked at, at least."""
+"""Smallest number of times of a run at which limits are checked."""
 
 
 class Exchange:
-    """Choice of the instants that a search of one problem looks at.
+    """Choice of the instants at which the search of a problem imposes limits.
 
     Args:
-        problem: problem, all of whose samples count.
+        problem: problem with all samples.
         terms: terms of the search, on all samples or on fewer.
 
     Attributes:
-        lower_level: where given drives exceed the limits.
+        lower_level: search for the instants at which drives exceed the limits.
+        needed: True where any limit is on instants.
+        fine: number of times of a period at which limits are checked.
     """
 
     def __init__(self, problem: Problem, terms: Terms) -> None:
-        """Look at no drive yet."""
+        """Store the rows of the terms."""
         self._problem, self._terms = problem, terms
         self._rows, self._searched = terms.instants, terms.problem
         self.lower_level = LowerLevel(problem, terms)
         self.needed = self._rows.count > 0
-        """True when any limit is on instants."""
         self.fine = max(FINE, -(-TIMES // problem.design.samples))
-        """Times of a period at which limits are looked at."""
 
     def begun(self) -> Instants:
-        """Return the instants to begin with, evenly spread over each run."""
+        """Return the first instants of a search, evenly spread over each run."""
         rows = self._rows.count * self._problem.design.runs
         if not rows:
             return self._spread(LEAST)
         most = int(np.clip(TOGETHER // rows, LEAST, MOST))
         count = int(np.clip(PER_UNKNOWN * max(self._terms.embedding.counts, default=0), LEAST, most))
-        # Slots that are there anyway need not be empty.
+        # Slots that a program has anyway are filled.
         return self._spread(slots_for(count * rows) // rows)
 
     def at_samples(self) -> Instants:
@@ -83,7 +83,7 @@ class Exchange:
         return self._spread(self._searched.design.samples)
 
     def _spread(self, count: int) -> Instants:
-        # So many in each run, evenly, of every row.
+        # Evenly spread instants of every row, `count` in each run.
         space, rows = self._problem.design, self._rows.count
         times = space.duration * np.arange(1, count + 1) / count
         row = np.repeat(np.arange(rows), space.runs * count)
@@ -91,13 +91,14 @@ class Exchange:
         return Instants(row, run, np.tile(times, rows * space.runs))
 
     def chosen(self, instants: Instants, drive: Trajectory) -> Chosen:
-        """Return instants as rows of the search's program, at a drive of the problem close to which it looks.
+        """Return instants as rows of the search's program.
 
-        On fewer samples than all a row has another value there; its bounds are moved by that.
+        On a grid of fewer samples a row has a different value than on all samples; its bounds are shifted by
+        the difference at a drive near the solution.
 
         Args:
-            instants: instants of the problem's drives.
-            drive: drive on all samples.
+            instants: instants of drives of the problem.
+            drive: drive near the solution, on all samples.
         """
         lower, upper = self._rows.lower[instants.row], self._rows.upper[instants.row]
         space = self._searched.design
@@ -110,7 +111,7 @@ class Exchange:
         return Chosen(sample, elapsed, instants.row, basis, places, lower, upper, self._rows.count)
 
     def _basis(self, instants: Instants) -> tuple[Array, Places]:
-        # Values of the basis functions that are not 0, and the first input's unknowns that they are of.
+        # Values of the nonzero basis functions, and the places of their unknowns of the first input.
         embedding, space = self._terms.embedding, self._searched.design
         if not self._rows.asking:
             return np.zeros((0, len(instants))), np.zeros((0, len(instants)), dtype=int)
@@ -119,7 +120,7 @@ class Exchange:
         band = spline.basis(space.own_knots, degree, instants.time)
         first = instants.run * (space.all_coefficients // space.runs)
         every = first[:, None] + band.places
-        # Of coefficients that rest fixes there is no unknown.
+        # Coefficients that the rest at the ends fixes are no unknowns.
         place = np.full(space.all_coefficients, -1)
         place[embedding.free] = np.arange(len(embedding.free))
         unknown = place[every]
@@ -134,22 +135,23 @@ class Exchange:
         trajectory: Callable[[Array], Trajectory],
         until: float = np.inf,
     ) -> tuple[Outcome, Instants]:
-        """Solve, and go on with more instants until none is exceeded.
+        """Solve with ever more instants until no limit is exceeded; return the outcome and these instants.
 
         Args:
-            solve: solve from unknowns, after a solve, with rows of instants, loosely or to the end.
-            unknowns: unknowns to begin at.
-            after: solve that it goes on from.
-            instants: instants to begin with.
-            trajectory: function that returns the drive of unknowns.
-            until: end by `time.time`; what is not done by then is as if Ipopt had run out of time.
+            solve: function that solves from unknowns, continues an earlier solve, with rows of instants, to a
+                loose or to the full tolerance.
+            unknowns: first values of z, (n,).
+            after: earlier solve that the first one continues.
+            instants: first instants.
+            trajectory: function that returns the drive of z.
+            until: deadline by `time.time`, after which the outcome has the status of Ipopt's time limit.
         """
         if not self.needed:
             return solve(unknowns, after, None, False), instants
-        # What comes before all instants that count are known need not be exact.
+        # Solves need not be exact before all relevant instants are known.
         iterations, evaluations, loosely = 0, 0, after is None
         for remaining in reversed(range(EXCHANGES)):
-            # What is handed on in the end is solved to the end.
+            # The last solve is to full tolerance.
             loosely = loosely and remaining > 0
             chosen = self.chosen(instants, trajectory(unknowns))
             outcome = solve(unknowns, after, chosen, loosely)
@@ -167,10 +169,10 @@ class Exchange:
         return replace(outcome, iterations=iterations, evaluations=evaluations), instants
 
     def with_more(self, instants: Instants, more: Instants, drive: Trajectory) -> Instants:
-        """Return instants with further ones, which take the places of those that a drive is farthest from.
+        """Return instants with further ones, which replace those where a drive is farthest from the limits.
 
         Args:
-            instants: instants that are looked at.
+            instants: instants of the last solve.
             more: instants to be added.
             drive: drive of the problem.
         """
@@ -181,19 +183,19 @@ class Exchange:
         idle = np.argsort(excess, kind="stable")[:missing]
         idle = idle[excess[idle] < -IDLE]
         first = np.arange(len(more)) < len(idle)
-        # Joining copies them.
+        # Joining makes a copy, which is changed in place.
         merged = instants.joined(instants.some(np.zeros(len(instants), dtype=bool)))
         for old, new in ((merged.row, more.row), (merged.run, more.run), (merged.time, more.time)):
             old[idle] = new[first]
         return merged.joined(more.some(~first))
 
     def more(self, instants: Instants, drive: Trajectory, finer: int = 1) -> Instants:
-        """Return the worst instants of a drive that are not among others, to half a step of the fine grid.
+        """Return the worst instants of a drive that are not near the instants of the last solve.
 
         Args:
-            instants: instants that are looked at.
+            instants: instants of the last solve.
             drive: drive of the problem.
-            finer: factor on the times that are looked at.
+            finer: factor on the number of times that are checked; half a step between these counts as near.
         """
         if not np.isfinite(drive.coefficients).all():
             return instants.some(np.zeros(len(instants), dtype=bool))

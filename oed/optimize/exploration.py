@@ -1,7 +1,7 @@
 """`starts: auto`: many cheap solves within a budget of iterations, from varied starts and perturbed designs.
 
-Every round is drawn and judged in the same order whoever solves it, and the budget is counted in iterations,
-so that the result is the same for any number of workers.
+Every round is drawn and judged in the same order whichever process solves it, and the budget is counted in
+iterations, so that the result is the same for any number of workers.
 """
 
 from __future__ import annotations
@@ -21,45 +21,49 @@ from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.perturbations import varied_design
 
 UNIT = 200
-"""Samples of one iteration as budgets count: one on n samples, of all runs and robots, counts n/200."""
+"""Samples of one iteration of a budget: an iteration on n samples, of all runs and robots, counts n/200."""
 LEAST_SAMPLES = 20
-"""Samples that an iteration counts as at least, for what Ipopt does itself."""
+"""Smallest number of samples that an iteration counts as, for the work of Ipopt itself."""
 PER_COEFFICIENT = 3
-"""Samples per spline coefficient of the grid explored on; the best are then solved on the search's own."""
+"""Samples per spline coefficient on the grid of the exploration, whose best designs are solved further."""
 WORTHWHILE = 0.6
-"""Share of the search's samples up to which such a grid is worth building."""
+"""Share of the search's samples up to which the exploration's grid is worth building."""
 ROUND = 4
 """Number of solves that are drawn together."""
 LEAST, SHARE = 850, 0.18
-"""Ipopt's iterations, and the share of the budget, that are spent before the best, found again, ends it:
-after fewer chance decides which optimum that is. Where solves are cheap, more of them are made.
+"""Iterations of Ipopt, and share of the budget, before repeated finds of the best design end the exploration.
+
+After fewer iterations chance decides which optimum is found again; where solves are cheap, more are made.
 """
 ELITE = 4
-"""Different optima that are perturbed: the best one most often."""
+"""Number of different optima that are perturbed, the best one most often."""
 HOPELESS = 24
-"""Solves without a single drive that keeps the limits which end it."""
+"""Number of solves without any feasible drive after which the exploration ends."""
 BARRIERS = (0.1, 1e-3)
-"""Barrier parameters that solves begin with: a large one forgets the start, a small one keeps to it, and they
-end in different optima. Which of them finds more depends on the problem.
+"""First barrier parameters of the solves: a large one leaves the start, a small one stays near it.
+
+They lead to different optima; which of them finds better ones depends on the problem.
 """
 SUPPOSED = ((1, 60), (1, 40))
-"""Perturbed designs solved from each, and the iterations these took, as supposed before there are any."""
+"""Prior number of solves from each barrier parameter, and of the iterations that they took."""
 FINISHED = 3
-"""Optima that are solved on the search's own grid in the end, at most."""
+"""Largest number of optima that are solved on the search's own grid in the end."""
 CLOSE = 0.02
-"""Share of the objective that one of them may be worse than the best, as the grid explored on sees it."""
+"""Share of the objective by which such an optimum may be worse than the best on the exploration's grid."""
 
 
 DIFFERENT = 1e-4
-"""Share of the objective by which two optima differ at least; of closer ones the better stays."""
+"""Smallest difference between two optima as a share of the objective; of closer optima the better stays."""
 AGAIN = 7
-"""Times that the best is found again which end a search, if by then half as many solves as up to its first
-time are made. Where optima are few this comes soon, where they are many never.
+"""Number of repeated finds of the best design that ends the exploration.
+
+At least half as many solves must have followed its first find as preceded it: where optima are few, the
+search ends soon; where they are many, never.
 """
 
 
 def explorer_of(shared: SharedSearch) -> SharedSearch:
-    """Return a search on few samples, where these tell good splines from bad ones; else the search itself."""
+    """Return a search on few samples where these can rank splines, else the search itself."""
     space = shared.problem.design
     few, samples = PER_COEFFICIENT * space.spline.count, shared.local.design.problem.design.samples
     if not space.spline.degree or coarse_samples(shared.problem, few) > samples * WORTHWHILE:
@@ -70,7 +74,13 @@ def explorer_of(shared: SharedSearch) -> SharedSearch:
 
 @dataclass(frozen=True)
 class Attempt:
-    """A sketch to make: where it begins, and its first barrier parameter."""
+    """Sketch to be made from a start.
+
+    Attributes:
+        unknowns: unknowns z of the start, (size,).
+        barrier: first barrier parameter.
+        perturbed: True where the start is a perturbed design.
+    """
 
     unknowns: Array
     barrier: float = BARRIERS[-1]
@@ -83,17 +93,17 @@ class Attempt:
 
 @dataclass
 class Exploration:
-    """The state of a search within a budget.
+    """State of an exploration within a budget.
 
     Attributes:
-        design: expressions of the grid explored on.
-        fresh: ever more starts.
+        design: expressions on the exploration's grid.
+        fresh: iterator over new starts.
         rng: generator of perturbations.
-        budget: Ipopt's iterations, each over `UNIT` samples.
-        elite: the best different optima so far, the best first.
-        iterations: iterations spent, of any size.
-        solves: solves made.
-        rounds: rounds begun.
+        budget: largest number of iterations of Ipopt, each over `UNIT` samples.
+        elite: best different optima so far, in descending order.
+        iterations: number of iterations so far, of any size.
+        solves: number of solves so far.
+        rounds: number of rounds so far.
     """
 
     design: DesignExpressions
@@ -112,7 +122,7 @@ class Exploration:
 
     @property
     def spent(self) -> float:
-        """Iterations spent, as budgets count."""
+        """Iterations spent, each over `UNIT` samples."""
         problem = self.design.problem
         samples = problem.design.samples * problem.design.runs * len(problem.judged_systems)
         return max(samples, LEAST_SAMPLES) / UNIT * self.iterations
@@ -124,37 +134,37 @@ class Exploration:
 
     @property
     def solves_left(self) -> float:
-        """Number of solves that the budget allows yet, at the iterations that solves have taken."""
+        """Estimated number of solves within the remaining budget, from the mean iterations of a solve."""
         return self.solves * max(self.budget / self.spent - 1, 0.0) if self.spent else 1.0
 
     @property
     def done(self) -> bool:
-        """True when the budget is spent, or the best was found often enough."""
+        """True where the budget is spent, or the best design was found often enough."""
         lost = not self.elite and self.solves >= HOPELESS
         enough = self.iterations >= LEAST and self.spent >= SHARE * self.budget
         often = enough and self._again >= AGAIN and self.solves - self._risen >= self._risen / 2
         return self.spent >= self.budget or often or lost
 
     def next_round(self) -> list[Attempt]:
-        """Return the attempts of a further round: perturbed designs and one fresh start, or starts alone."""
+        """Return the attempts of the next round: perturbed designs and one new start, or new starts alone."""
         opening = not self.rounds or not self.elite
         self.rounds += 1
         perturbed = [] if opening else [self._perturbed(place) for place in range(ROUND - 1)]
         return [*perturbed, *(Attempt(next(self.fresh)) for _ in range(ROUND - len(perturbed)))]
 
     def _perturbed(self, place: int) -> Attempt:
-        # Two of three from the best, the others from any of the elite.
+        # Two of three perturb the best design, the third perturbs any of the elite.
         base = self.elite[0 if place < ROUND - 2 else int(self.rng.integers(len(self.elite)))]
         moved = varied_design(self.design, base.unknowns, self.rng)
-        # A barrier that takes fewer iterations begins more of them. No fixed share serves all problems:
-        # with a quarter from the larger one a race car's A ends at 8.4 instead of 6.8, with a half obstacle
-        # courses and skid steering lose 1.5 %.
+        # A barrier parameter that takes fewer iterations is drawn more often. No fixed share suits all
+        # problems: with a quarter from the larger parameter a race car's A ends at 8.4 instead of 6.8, with a
+        # half obstacle courses and skid steering lose 1.5 %.
         weights = np.array([(solves / iterations) ** 3 for solves, iterations in self._tallies.values()])
         barrier = float(self.rng.choice(BARRIERS, p=weights / weights.sum()))
         return Attempt(moved, barrier, perturbed=True)
 
     def take(self, attempt: Attempt, sketch: LocalResult) -> None:
-        """Count a solve, and keep where it ended if that is among the best."""
+        """Count a solve, and add its end to the elite if it is among the best."""
         self.iterations += sketch.iterations
         self.solves += 1
         if attempt.perturbed:
@@ -177,12 +187,12 @@ class Exploration:
 
     @property
     def worth_finishing(self) -> list[LocalResult]:
-        """The best optima, the best first."""
+        """Optima close to the best, in descending order."""
         best = self.elite[0].objective if self.elite else 0.0
         return [optimum for optimum in self.elite[:FINISHED] if optimum.objective >= best - CLOSE * abs(best)]
 
     @property
     def explored(self) -> Explored:
-        """Account of what was spent."""
+        """Number of solves and iterations that the exploration spent."""
         samples = self.design.problem.design.samples
         return Explored(self.solves, self.iterations, samples, self.budget, self.spent)

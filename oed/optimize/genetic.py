@@ -1,4 +1,4 @@
-"""The paper's global search without derivatives: pymoo's genetic algorithm on the spline coefficients.
+"""Global search without derivatives: the genetic algorithm of pymoo on the spline coefficients.
 
 The genes are the unknowns of the design: spline coefficients, and start poses where these are free. Each
 generation is scored at once by the function that also screens Ipopt's starts; the best candidates are scored
@@ -32,32 +32,37 @@ from oed.optimize.transcription.design import DesignExpressions
 from oed.optimize.transcription.starting_points import random_drives, start_bounds
 
 REFINE = 2
-"""Path points per sample at which candidates are checked; 1 for limits with a back-off, whose rows at a point
-take as long as a whole sample of the drive.
+"""Path points per sample at which candidates are checked.
+
+It is 1 for limits with a back-off, whose rows at a point take as long as a whole sample of the drive.
 """
 MOST_TIGHTENED = 0.1
-"""Share of a limit's size by which it is tightened at most: drives in a room exceed limits by up to 4 %
-between these points, those through a wall by about its thickness.
+"""Largest tightening of a limit as a share of its size.
+
+Between these points, drives in a workspace exceed limits by up to 4 %, drives through a wall by its
+thickness.
 """
 FINER, FINEST = 4, 32
-"""Factor on these points where every candidate that satisfies the limits at them exceeds one between them,
-and the most points per sample.
+"""Factor on the number of points where all candidates that are feasible at the points exceed limits between
+them, and the largest number of points per sample.
 """
 MOST_DRIVES = 10_000
-"""Drives per generation at most: pymoo compares all pairs of them, which takes 2 GB then."""
+"""Largest number of drives per generation: pymoo compares all pairs of them, which then takes 2 GB."""
 RESCORED = 3
-"""Candidates of a generation that are scored again at most, from the best down."""
+"""Largest number of candidates of a generation that are scored again, from the best down."""
 
 
 class Genetic(Solver):
-    """A real-coded genetic algorithm: simulated binary crossover, polynomial mutation, elitist survival that
-    prefers feasible candidates.
+    """Real-coded genetic algorithm with elitist survival that prefers feasible candidates.
+
+    It uses simulated binary crossover and polynomial mutation.
 
     Attributes:
         population: number of drives per generation, 10,000 at most.
-        generations: number of generations at most.
-        evaluations: number of drives scored at most; None for no limit.
-        time_limit: search time [s]; None for none. A search that it ends depends on the machine.
+        generations: largest number of generations.
+        evaluations: largest number of drives to score; None for no limit.
+        time_limit: largest search time [s]; None for no limit. The result of a search that it ends depends on
+            the machine.
     """
 
     kind: Literal["genetic"] = "genetic"
@@ -73,12 +78,12 @@ class Genetic(Solver):
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """The candidates that a search goes on from.
+    """Candidates that the next generation starts from.
 
     Attributes:
         unknowns: unknowns of the design, (K, size).
-        values: criterion, (K,).
-        excess: by how much each limit is exceeded at the points, in shares of its size, (K, limits).
+        values: values of the criterion, (K,).
+        excess: excess over each limit at the points, in shares of its size, (K, limits).
     """
 
     unknowns: Array
@@ -94,7 +99,7 @@ class Candidates:
 
 
 class Generations:
-    """Generations of pymoo's genetic algorithm, asked for candidates and told their scores.
+    """Generations of the genetic algorithm of pymoo.
 
     Args:
         population: number of candidates.
@@ -131,7 +136,7 @@ class Generations:
         self._algorithm.setup(problem, seed=seed, verbose=False)
 
     def advance(self) -> Candidates | None:
-        """Make, score and select the next generation; return the candidates selected, None if none is new."""
+        """Make, score and select the next generation; return None where no candidate is new."""
         offspring = self._algorithm.ask()
         if offspring is None:
             return None
@@ -150,20 +155,20 @@ class Generations:
         """
         population = self._algorithm.pop
         excess = population.get("G") + tightening - self._scorer.tightening
-        # Candidates are selected by the sum of what they exceed, which pymoo keeps.
+        # pymoo selects candidates by the sum of their violations, which it stores.
         population.set("G", excess, "CV", np.maximum(excess, 0.0).sum(axis=1, keepdims=True))
         self._scorer.tightening = tightening
 
 
 def excess_between(evaluation: Evaluation, at_points: Array) -> Array:
-    """Return how much more a drive exceeds each limit between the points than at them, (limits,).
+    """Return the additional excess (limits,) of a drive between the points, in shares of the limits' sizes.
 
     It is 0 where the limit is satisfied, and where it is more than `MOST_TIGHTENED`: a wall thinner than the
-    way between two points must not forbid drives far from it.
+    distance between two points must not forbid drives far from it.
 
     Args:
-        evaluation: of the drive, at all times.
-        at_points: by how much each limit is exceeded at the points, in shares of its size, (limits,).
+        evaluation: scores of the drive at all times.
+        at_points: excess over each limit at the points, in shares of its size, (limits,).
     """
     margins = evaluation.margins[: len(at_points)]
     further = np.array([margin.violation / margin.size for margin in margins]) - at_points
@@ -235,8 +240,8 @@ class _Search:
         return Status.SEARCHED
 
     def _rescore(self, candidates: Candidates, most: int | None, tightening: Array) -> Array:
-        # Keeps the best candidate if it satisfies all limits, else looks at the next ones; returns the
-        # tightening, (limits,), with which those refused would have been infeasible at the points.
+        # Keeps the best candidate that satisfies all limits; returns the tightening (limits,) with which the
+        # refused candidates would have been infeasible at the points.
         needed = tightening
         unseen = (
             place

@@ -19,21 +19,21 @@ from oed.optimize.objectives import Objective, longest
 from oed.optimize.weight_program import Program, Projection
 
 TOLERANCE = 1e-11
-"""Share of the criterion by which the weights may be less than the best."""
+"""Largest suboptimality of the weights, as a share of the criterion."""
 FIRST = 10.0
-"""Sum of all barriers to begin with, in units of the criterion."""
+"""Sum of all first barriers, in units of the criterion."""
 FADING = 0.1
-"""Largest ratio of a barrier to the one before."""
+"""Largest ratio of a barrier parameter to the one before."""
 FEW = 3
-"""Newton steps after which a barrier counts as easy."""
+"""Largest number of Newton steps for which a barrier counts as easy."""
 MOST_STEPS = 300
-"""Newton steps at most."""
+"""Largest number of Newton steps."""
 CENTRED = 0.1
 """Squared Newton decrement, in units of the barrier, below which the barrier falls."""
 SHORTENINGS = 30
-"""Halvings of a step at most."""
+"""Largest number of halvings of a step."""
 REFINEMENTS = 2
-"""Refinements of a Newton step by its residuals."""
+"""Number of refinements of a Newton step by its residuals."""
 SUFFICIENT = 1e-4
 """Share of the rise that the slope promises with which a step is accepted [Armijo, 1966]."""
 ROUNDING = 1e-15
@@ -42,15 +42,15 @@ ROUNDING = 1e-15
 
 @dataclass(frozen=True)
 class Iterate:
-    """Weights, the level and multipliers.
+    """Iterate of the method: weights, level and multipliers.
 
     Attributes:
-        weights: x, (n,).
-        level: t; 0 without.
+        weights: weights x, (n,).
+        level: level t; 0 without a level.
         prices: multipliers of the bounds and inequalities, in the order of `Program.distances`.
         balance: multipliers of the equalities, (e,).
         dual: multipliers of the level.
-        point: the information at the weights.
+        point: information at the weights.
     """
 
     weights: Array
@@ -66,8 +66,8 @@ def maximise(program: Program, objective: Objective, share: float) -> tuple[Arra
 
     Args:
         program: rows and constraints.
-        objective: of the judged information.
-        share: weight of every reading to begin with, strictly inside all constraints.
+        objective: objective of the judged information.
+        share: first weight of every reading, strictly inside all constraints.
     """
     weights = np.full(len(program.upper), share)
     point, distances = program.projected(weights), program.distances(weights)
@@ -84,7 +84,7 @@ def maximise(program: Program, objective: Objective, share: float) -> tuple[Arra
             last = TOLERANCE / count * objective.scale(_criterion(objective, iterate.level, iterate.point))
             if barrier <= last:
                 break
-            # Where the last barrier took few steps the next may be much smaller.
+            # After a barrier that took few steps the next may be much smaller.
             ratio = FADING**2 if steps <= FEW and successor is not None else FADING
             barrier, steps = max(ratio * barrier, last), 0
     return iterate.weights, objective.gradient(iterate.point, iterate.dual)
@@ -98,10 +98,11 @@ def _criterion(objective: Objective, level: float, point: Projection) -> float:
 def _stepped(
     program: Program, objective: Objective, iterate: Iterate, barrier: float
 ) -> tuple[Iterate | None, float]:
-    # The iterate after a Newton step, None where none leads higher, and the decrement squared times mu.
+    # The iterate after a Newton step, None where no step leads higher, and mu times the squared decrement.
     slope = objective.slope(program, iterate.point, iterate.level, barrier, iterate.dual)
     distances = program.distances(iterate.weights)
-    # Differences from the multipliers so far: the multipliers themselves would cancel, with all their digits.
+    # Differences from the current multipliers: the multipliers themselves would lose all digits by
+    # cancellation.
     uphill = slope.by_weight + program.rising(barrier / distances) - program.equalities.T @ iterate.balance
     diagonal, priced = program.weighed(iterate.prices / distances)
     curvature = np.hstack([slope.curvature, priced])
@@ -139,14 +140,14 @@ def _barrier_function(program: Program, objective: Objective, iterate: Iterate, 
 
 
 class _NewtonSystem:
-    """The linear system of a Newton step.
+    """Linear system of a Newton step.
 
     Unknowns are the changes dx of the weights, dt of the level, dv of the equalities' multipliers, and y:
 
         D dx + U y + A'dv = uphill,  y = U'dx + l'dt,  l y = by_level,  A dx = 0.
 
-    It is solved for y, or where that is longer for dx. Both lose digits where D is small; refinement by the
-    residuals of these equations brings them back.
+    It is solved for the shorter of y and dx. Both lose digits where D is small; refinement by the residuals
+    of these equations restores them.
     """
 
     def __init__(self, diagonal: Array, curvature: Array, level: Array, equalities: Array) -> None:
@@ -158,7 +159,7 @@ class _NewtonSystem:
             level: l, (h, m).
             equalities: A, (e, n).
         """
-        # SciPy takes longer to load than all that needs no weights.
+        # Loading SciPy takes longer than a search without weights needs in all.
         from scipy.linalg import lapack
 
         self.units, self.level = diagonal**-0.5, level
@@ -183,7 +184,7 @@ class _NewtonSystem:
         system[np.arange(head), np.arange(head)] += 1.0
         self.sizes = np.sqrt(np.abs(np.diag(system)))
         self.sizes[self.sizes == 0] = 1.0
-        # By LAPACK itself: SciPy's functions around it take longer than small systems do.
+        # LAPACK is called directly: the overhead of SciPy's functions exceeds the work on small systems.
         factors = lapack.dgetrf(system / np.outer(self.sizes, self.sizes), overwrite_a=True)[:2]
         self.solution = partial(lapack.dgetrs, *factors)
 
@@ -206,7 +207,7 @@ class _NewtonSystem:
         return self.units * change, curved, raised, balance
 
     def _solved(self, right: list[Array]) -> tuple[Array, Array, Array, Array]:
-        # dx in units of D^-1/2, y, dt and dv for any right sides, the second that of y - U'dx - l'dt.
+        # dx in units of D^-1/2, y, dt and dv for any right-hand sides; the second is that of y - U'dx - l'dt.
         first, second, third, fourth = right
         scaled, rows, level = self.scaled, self.rows, self.level
         if self.for_weights:

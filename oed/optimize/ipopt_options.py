@@ -12,7 +12,7 @@ from oed.foundation.quantities import Duration
 from oed.optimize.solver import Solver
 
 BUDGET = 1200
-"""Iterations, as budgets count, that the searches of a study share unless they are given."""
+"""Default budget of iterations that the searches of a study share."""
 
 
 class IpoptOptions(Solver, ABC):
@@ -34,7 +34,7 @@ class IpoptOptions(Solver, ABC):
 
     @field_validator("perturbations", "iterations")
     @classmethod
-    def _of_its_starts(cls, value: int | None, info: ValidationInfo) -> int | None:
+    def _fits_starts(cls, value: int | None, info: ValidationInfo) -> int | None:
         auto = info.data.get("starts") == "auto"
         if auto and info.field_name == "perturbations":
             raise ValueError(
@@ -46,35 +46,36 @@ class IpoptOptions(Solver, ABC):
         return value
 
     def as_data(self) -> dict[str, Any]:
-        """The options as plain data, without those that mean nothing here."""
+        """Return the options as plain data, without options that `starts` makes meaningless."""
         unused = "perturbations" if self.starts == "auto" else ""
         return {key: value for key, value in super().as_data().items() if key != unused}
 
     @property
     def budget(self) -> int:
-        """Iterations that "auto" may spend."""
+        """Budget of iterations of `starts: auto`."""
         return BUDGET if self.iterations is None else self.iterations
 
     @property
     def for_ipopt(self) -> dict[str, Any]:
-        """The options of Ipopt, in its names."""
+        """Options of Ipopt, by its names."""
         options: dict[str, Any] = {"ipopt.max_iter": self.max_iterations, "ipopt.tol": self.tolerance}
         if self.time_limit is not None:
             options["ipopt.max_wall_time"] = self.time_limit
         return options
 
     def again(self, *, quick: bool = True) -> Self:
-        """Return options that begin at the earlier design, alone or in the place of the first start."""
+        """Return options that start from the earlier design, alone or instead of the first start."""
         fewer = {"starts": 1, "perturbations": 0, "iterations": None} if quick else {}
         return self.model_copy(update={**fewer, "start_from": self.label})
 
 
 def with_shared_budget(solvers: Sequence[Solver]) -> tuple[Solver, ...]:
-    """Return the solvers of a study, with `BUDGET` in equal shares for those of `starts: auto` that give no
-    `iterations`. What one does not spend is lost, so that no search depends on those before it.
+    """Return the solvers of a study with equal shares of `BUDGET` for `starts: auto` without `iterations`.
+
+    Iterations that a search does not spend are not passed on, so that no search depends on earlier ones.
 
     Args:
-        solvers: solvers as the study gives them.
+        solvers: solvers of the study.
     """
     sharing = [
         isinstance(solver, IpoptOptions) and solver.starts == "auto" and solver.iterations is None

@@ -1,4 +1,4 @@
-"""One local search: Ipopt from one start, and again with more instants of limits until all are satisfied."""
+"""Local search: Ipopt from one start, with more instants and tighter limits until all are satisfied."""
 
 from __future__ import annotations
 
@@ -31,35 +31,37 @@ from oed.optimize.transcription.design import objective_of
 from oed.optimize.transcription.program import Outcome, Program
 
 ROUNDS = 6
-"""Solves that are judged at all times, each closer to what all limits and samples ask than the one before."""
+"""Largest number of solves whose drives are scored at all times; each one corrects limits and samples."""
 HOPELESS = 0.1
-"""Excess, as a share of a limit's size, that no tightening mends where Ipopt has not converged either: the
-search has not found the inside.
+"""Excess, as a share of a limit's size, above which a solve that did not converge ends the search.
+
+Tightening cannot help there: the search has not found the feasible region.
 """
 NARROWEST = 0.6
-"""Share of a limit's size that tightening may take away at most."""
+"""Largest tightening of a limit, as a share of its size."""
 MISLED = 1e-5
-"""Share of the objective by which a coarse grid may see a design otherwise than all samples do."""
+"""Largest relative difference between the objectives on a coarse grid and on all samples."""
 LOOSE = 1e-3
 """Tolerance of solves after which more instants may be added."""
 SKETCHED = 1e-5
-"""Tolerance of sketches, at least: the best of their ends are solved on."""
+"""Smallest tolerance of sketches, the best of which are solved further."""
 SLIPPED = 0.02
-"""Excess between the points of a path, as a share of a limit's size, from which on points are denser."""
+"""Excess between the points of a path, as a share of a limit's size, above which points are made denser."""
 FINER, FINEST = 4, 64
-"""Factor on the points per sample then, and the most there are."""
+"""Factor on the number of points per sample, and their largest number."""
 
 
 class LocalSearch:
-    """Programs of one problem, built when first used: the criterion's, and the second stage's.
+    """Local search of one problem, with a program of the criterion and a program of the second stage.
 
-    Limits on instants hold at those that the search has come across. Of a robust problem, limits on the path
-    hold at `refine` points per sample; where a design slips through between them, it goes on with more.
+    Limits on instants are imposed at the instants that the search has collected. For a robust problem, limits
+    on the path are imposed at `refine` points per sample, and at more points where a design exceeds them in
+    between.
 
     Args:
         problem: problem to be solved.
         options: options of Ipopt and of the stages.
-        deadline: when the whole search ends, by `time.time`, which all processes share.
+        deadline: end of the entire search by `time.time`, which all processes share.
         refine: points per sample.
     """
 
@@ -77,7 +79,7 @@ class LocalSearch:
 
     @cached_property
     def program(self) -> Program:
-        """The criterion's program."""
+        """Program that maximises the criterion."""
         return self._program(self._objective.maximised, self._objective.floors)
 
     @cached_property
@@ -93,7 +95,7 @@ class LocalSearch:
         return Program(
             self.design,
             objective=maximised,
-            # Corrections are constants, though Ipopt is told of them as unknowns that are fixed.
+            # Corrections are constants, passed to Ipopt as fixed unknowns.
             auxiliary=ca.vertcat(self._objective.variables, self.grid.corrections),
             equalities=self._objective.equalities,
             floors=floors,
@@ -106,34 +108,34 @@ class LocalSearch:
 
     @property
     def no_floors(self) -> Array:
-        """Values of the criterion's floors that ask nothing."""
+        """Lower bounds (f,) of the floors without a second stage."""
         return np.zeros(self._objective.floors.shape[0])
 
     @cached_property
     def _sketching(self) -> Exchange | None:
-        # Of a coarse grid's few samples limits hold at the ends of all at once, as the grid sees drives: that
-        # leads to better drives than limits that come by and by, and nobody asks yet what lies between.
+        # On a coarse grid, limits are imposed at the ends of all samples at once: this leads to better drives
+        # than adding instants step by step, and sketches need no limits between samples.
         exchange = Exchange(self.design.terms.problem, self.design.terms)
         return exchange if self.grid.coarse and exchange.needed else None
 
     def first_instants(self, *, sketching: bool = False) -> Instants:
-        """Return the instants that a search, or a sketch, begins with."""
+        """Return the first instants of a search or of a sketch."""
         if sketching and self._sketching is not None:
             return self._sketching.at_samples()
         return self.exchange.begun()
 
     def maximise(self, unknowns: Array, barrier: float | None = None) -> LocalResult:
-        """Maximise the criterion from a start; the start itself is the result if it is better than the end.
+        """Maximise the criterion from a start; the start is the result where it is better than the end.
 
         Args:
-            unknowns: unknowns z to begin at.
+            unknowns: first values of z, (n,).
             barrier: first barrier parameter of the first solve, see `Program.solve`.
         """
         result = self._searched(unknowns, self.no_floors, self.grid.no_correction, barrier)
         better = self.improvement(unknowns, result.objective)
         if better is None:
             return result
-        # The gains hold for a start that is as good as where a solve from it ended.
+        # The gains at the end also hold at a start that is equally good.
         level = result.objective >= better.objective - MISLED * abs(better.objective)
         return replace(
             result,
@@ -148,15 +150,15 @@ class LocalSearch:
         """Return the best design by the second measure that keeps `share` of this design's objective."""
         corrections = self.grid.correction(unknowns)
         value = float(self.design.objective(self._matrices(unknowns, corrections)))
-        # A little more than asked for, lest rounding end a little below.
+        # A margin of 0.1 % of the concession keeps rounding from violating it.
         level = self.problem.criterion.concede(value, share + 1e-3 * (1 - share))
         return self._searched(unknowns, np.append(self.no_floors, level), corrections, second=True)
 
     def sketch(self, unknowns: Array, barrier: float) -> LocalResult:
-        """Solve once on the search's own grid, without tightening limits, to see where a start leads.
+        """Solve once on the search's own grid, without tightening, to rank a start.
 
         Args:
-            unknowns: unknowns z to begin at.
+            unknowns: first values of z, (n,).
             barrier: first barrier parameter, see `Program.solve`.
         """
         began, nothing, exchange = time.perf_counter(), self.grid.no_correction, self._sketching
@@ -206,7 +208,7 @@ class LocalSearch:
         *,
         second: bool = False,
     ) -> LocalResult:
-        # What is not finite ends a search, but takes nothing from the rounds before.
+        # A drive that is not finite ends a search, but earlier rounds still count.
         began, rounds, broken = time.perf_counter(), list[Round](), ""
         try:
             for solve in self._rounds(unknowns, floors, corrections, barrier, second=second):
@@ -229,20 +231,20 @@ class LocalSearch:
         *,
         second: bool,
     ) -> Iterator[Round]:
-        # Solves under limits tightened again and again, each with what its end is worth.
+        # Solves under ever tighter limits, each with the scores of its drive.
         program = self._second if second else self.program
         backoff, instants = np.zeros(len(self.problem.limits)), self.first_instants()
         after: Outcome | None = None
         for _ in range(ROUNDS):
             options: dict[str, Any] = {"floors": floors, "backoff": backoff, "barrier": barrier}
             outcome, instants = self.exchanged(program, unknowns, corrections, instants, after, **options)
-            # Limits and corrections change little from round to round: each goes on from the one before.
+            # Limits and corrections change little from round to round: each continues the one before.
             unknowns, after = outcome.unknowns, outcome if outcome.succeeded else None
             drive = self.grid.trajectory(unknowns)
             evaluation = score(self.problem, drive)
             yield outcome, evaluation
             excess = self._excess(evaluation)
-            # A second stage that fails under tighter limits has no room left to choose in.
+            # A second stage that fails under tighter limits has no freedom left.
             lost = not outcome.succeeded and (second or excess.max() > HOPELESS)
             satisfied = not (excess.any() or self._misled(unknowns, corrections, evaluation))
             if lost or satisfied or time.time() > self.deadline:
@@ -268,14 +270,14 @@ class LocalSearch:
         after: Outcome | None = None,
         **options: Any,
     ) -> tuple[Outcome, Instants]:
-        """Solve from a start with ever more instants until limits are satisfied; return the end, and those.
+        """Solve with ever more instants until limits are satisfied; return the outcome and these instants.
 
         Args:
-            program: program that is solved.
-            unknowns: unknowns z to begin at.
+            program: program to solve.
+            unknowns: first values of z, (n,).
             corrections: corrections of the grid.
-            instants: instants to begin with.
-            after: solve that it goes on from.
+            instants: first instants.
+            after: earlier solve that the first one continues.
             options: further arguments of `Program.solve`.
         """
         tolerance = options.pop("tolerance", None)
@@ -291,8 +293,8 @@ class LocalSearch:
         """Call Ipopt once from a start, with the grid's corrections.
 
         Args:
-            program: program that is solved.
-            unknowns: unknowns z to begin at.
+            program: program to solve.
+            unknowns: first values of z, (n,).
             corrections: corrections of the grid.
             options: further arguments of `Program.solve`.
         """
@@ -307,12 +309,12 @@ class LocalSearch:
         )
 
     def _matrices(self, unknowns: Array, corrections: Array) -> list[list[Array]]:
-        # Those that the program sees.
+        # Scaled matrices, as the program uses them.
         robots = self.grid.matrices_of(unknowns, corrections)
         return [[matrix / self.scale for matrix in matrices] for matrices in robots]
 
     def gains(self, outcome: Outcome) -> dict[str, float]:
-        """Return the gains by wider limits (see `Solution`) where a solve by `program` ended."""
+        """Return the gains by wider limits (see `Solution`) at the end of a solve of `program`."""
         if not outcome.succeeded:
             return {}
         size = sum(len(estimation.judged) for estimation in self.problem.any_estimations)
@@ -321,14 +323,14 @@ class LocalSearch:
         for limit, rows, gain in limits:
             widened = outcome.maximised + SLIGHT * gain
             share = self.problem.objective.change(widened, outcome.maximised, size)
-            # By the limit's own size, which its rows may measure otherwise.
+            # The size of a limit may be in other units than the size of its rows.
             amount = limit.amount(SLIGHT * rows.size)
             if amount > 0:
                 gains[limit.name] = float(share / amount)
         return gains
 
     def _missed(self, instants: Instants, drive: Trajectory, excess: Array) -> Instants:
-        # Instants between the times looked at, where limits are exceeded: as across a thin wall.
+        # Instants between the checked times where limits are exceeded, as across a thin wall.
         finer, more = 1, instants.some(np.zeros(len(instants), dtype=bool))
         while excess[self._at_instants].any() and not len(more) and finer <= FINEST:
             more = self.exchange.more(instants, drive, finer)
@@ -337,24 +339,24 @@ class LocalSearch:
 
     @cached_property
     def _at_instants(self) -> Bools:
-        # Limits that hold at the instants of the exchange.
+        # Mask of the limits that are imposed at the instants of the exchange.
         return np.isin(np.arange(len(self.problem.limits)), self.design.terms.instants.limits)
 
     @cached_property
     def _at_points(self) -> Bools:
-        # Limits on the path that hold at points of it, as those of a robust problem do.
+        # Mask of the limits on the path that are imposed at points, as for robust problems.
         on_path = np.array([isinstance(limit, PathLimit) for limit in self.problem.limits])
         return on_path & ~self._at_instants
 
     def _misled(self, unknowns: Array, corrections: Array, evaluation: Evaluation) -> bool:
-        # Whether the grid saw a design much otherwise than all samples do.
+        # True where the objective on the grid differs from that on all samples.
         if not self.grid.coarse:
             return False
         value = float(self.design.objective(self.grid.matrices_of(unknowns, corrections)))
         return abs(value - evaluation.objective) > MISLED * abs(evaluation.objective)
 
     def _excess(self, evaluation: Evaluation) -> Array:
-        # Half the tolerance is left for rounding, so that the design passes other people's checks as well.
+        # Half the tolerance is kept for rounding, so that independent checks pass the design as well.
         margins = {margin.name: margin for margin in evaluation.margins}
         shares = [margins[limit.name].violation / margins[limit.name].size for limit in self.problem.limits]
         return np.where(np.array(shares) > TOLERANCE / 2, shares, 0.0)

@@ -1,7 +1,7 @@
-"""Lower level of limits at all times: the instants at which a drive exceeds them, and by how much.
+"""Lower level of limits at all times: the instants at which a drive exceeds them, and the excess there.
 
-What a search over drives is to a semi-infinite program, this is to each of its limits: the search for the
-instant at which a given drive exceeds it most.
+In a semi-infinite program the upper level searches for the drive; the lower level searches for the instants
+at which a fixed drive exceeds each limit most.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from oed.optimize.terms.base import Terms
 
 @dataclass(frozen=True)
 class Instants:
-    """Instants of drives, with the row that is looked at there.
+    """Instants of drives, each with a row of the limits.
 
     Attributes:
-        row: place among an instant's rows, (K,).
-        run: run of the drive, (K,).
+        row: place among the rows of an instant, (K,).
+        run: number of the run, (K,).
         time: time on the run's clock [s], (K,).
     """
 
@@ -44,40 +44,40 @@ class Instants:
         )
 
     def some(self, mask: Bools) -> Instants:
-        """Return those that a mask (K,) selects."""
+        """Return the instants that a mask (K,) selects."""
         return Instants(self.row[mask], self.run[mask], self.time[mask])
 
     def near(self, instants: Instants, apart: float) -> Bools:
-        """Return the mask (K,) of those that have an instant of the same row less than a time [s] away."""
+        """Return the mask (K,) of instants less than a time [s] from any other instants of the same row."""
         same = (self.row[:, None] == instants.row) & (self.run[:, None] == instants.run)
         close = np.abs(self.time[:, None] - instants.time) < apart
         return np.asarray((same & close).any(axis=1))
 
 
 class LowerLevel:
-    """A problem's limits on instants, along drives.
+    """Limits of a problem on instants, along drives.
 
     Args:
-        problem: problem, all of whose samples count.
+        problem: problem with all samples.
         terms: terms of the search, on all samples or on fewer.
     """
 
     def __init__(self, problem: Problem, terms: Terms) -> None:
-        """Take the rows of both."""
+        """Store the rows of the terms."""
         self._problem, self._rows, self._scale = problem, terms.instants, terms.input_scale
 
     def exceeded(self, drive: Trajectory, share: float, fine: int) -> Instants:
-        """Return the worst instants of a drive: of every row the peak of each stretch where it is exceeded.
+        """Return the instants of all peaks of a drive's excess over each row.
 
         Args:
             drive: drive of the problem.
-            share: share of a limit's size by which it is exceeded at least.
-            fine: number of times in a period that are looked at.
+            share: smallest excess of a peak, as a share of the limit's size.
+            fine: number of times of a period that are checked.
         """
         table, times = self._table(drive, fine)
         excess = self._rows.excess(table)
         runs, _ = times.shape
-        # Of every row and run its course over time, (rows, runs, times).
+        # Course of every row over the time of every run, (rows, runs, times).
         courses = excess.reshape(runs, -1, self._rows.count).transpose(2, 0, 1)
         wide = np.pad(courses, ((0, 0), (0, 0), (1, 1)), constant_values=-np.inf)
         before, after = wide[:, :, :-2], wide[:, :, 2:]
@@ -92,10 +92,10 @@ class LowerLevel:
         return Instants(row, run, times[run, place] + np.where(inside, shift, 0.0) * step)
 
     def violations(self, instants: Instants, drive: Trajectory) -> Array:
-        """Return by how much a drive exceeds the rows of instants, in shares of their limits' sizes, (K,).
+        """Return the excess (K,) of a drive over the rows of instants, in shares of their limits' sizes.
 
         Args:
-            instants: instants of the problem's drives.
+            instants: instants of drives of the problem.
             drive: drive on all samples.
         """
         return self._rows.excess(self.at(drive, instants), instants.row)
@@ -107,7 +107,7 @@ class LowerLevel:
         return table[np.arange(len(instants)), instants.row]
 
     def _table(self, drive: Trajectory, fine: int) -> tuple[Array, Array]:
-        # Rows (instants, R) at so many times of every period, run by run, and those times (runs, instants).
+        # Rows (instants, R) at `fine` times of every period, run by run, and these times (runs, instants).
         samples = drive.samples // drive.runs
         steps = np.arange(0 if self._problem.design.start_is_free else 1, samples * fine + 1)
         times = np.tile(drive.period * steps / fine, (drive.runs, 1))

@@ -1,6 +1,6 @@
-"""`coefficients: auto`: a search on a coarse spline, then solves from its design on finer and finer ones.
+"""`coefficients: auto`: a search on a coarse spline, then solves from its design on ever finer splines.
 
-Every spline has all curves of the one before, so that its solves begin exactly where the last ones ended.
+Every spline contains all curves of the one before, so that a solve starts exactly at the last design.
 """
 
 from __future__ import annotations
@@ -18,25 +18,26 @@ from oed.kernel.solution import RefinementLevel, Solution, Status
 from oed.optimize.solver import Context, Solver
 
 ENOUGH = 0.005
-"""Gain of the last doubling, as a share of the objective, below which a spline is fine enough. Where gains
-halve from one doubling to the next, as they mostly do, all further ones together are worth about as much
-again; a design of another kind that only a finer spline can drive may still be worth more.
+"""Gain of the last doubling, as a share of the objective, below which a spline is fine enough.
+
+Where gains halve from one doubling to the next, as they mostly do, all further doublings together gain about
+as much again; a different kind of design that only a finer spline can represent may still gain more.
 """
 ENDED = (Status.INTERRUPTED, Status.TIME_LIMIT)
-"""Statuses of a search that is not to go on."""
+"""Statuses of a search that must not continue."""
 STAGE = "refined_spline"
 """Name of the stage in solutions."""
 
 Search = Callable[[Solver, Problem, Context], Solution]
-"""Search of a problem whose spline is given."""
+"""Function that searches a problem with a fixed spline."""
 
 
 def plan(problem: Problem, solvers: Sequence[Solver]) -> str:
-    """Return in words what `coefficients: auto` means for a problem and its searches; "" for a given spline.
+    """Return a description of `coefficients: auto` for a problem and its searches; "" for a fixed spline.
 
     Args:
         problem: problem to be solved.
-        solvers: its searches.
+        solvers: searches of the problem.
     """
     spline = problem.design.spline
     if not spline.refines or not problem.designed:
@@ -48,7 +49,7 @@ def plan(problem: Problem, solvers: Sequence[Solver]) -> str:
 
 
 def finer_splines(problem: Problem) -> Iterator[Spline]:
-    """Yield the finer splines, up to one with a coefficient for every sample, which can be any of them."""
+    """Yield ever finer splines, up to one with a coefficient per sample, which represents all inputs."""
     spline = problem.design.spline.first
     while spline.count < problem.design.samples:
         spline = spline.finer
@@ -56,18 +57,18 @@ def finer_splines(problem: Problem) -> Iterator[Spline]:
 
 
 def on_spline(problem: Problem, spline: Spline) -> Problem:
-    """Return the problem of the same drives but for their splines."""
+    """Return the problem with another spline."""
     return replace(problem, design=problem.design.with_spline(spline))
 
 
 def refined(options: Solver, problem: Problem, context: Context, search: Search) -> Solution:
-    """Return the best design for a problem whose spline is refined, with all levels.
+    """Return the best design of a problem whose spline is refined, with all levels of refinement.
 
     Args:
         options: options of the search.
         problem: problem to be solved.
         context: seed, workers, progress, earlier solutions.
-        search: search of a problem whose spline is given.
+        search: function that searches a problem with a fixed spline.
     """
     began, spline = time.perf_counter(), problem.design.spline.first
     best = search(options, on_spline(problem, spline), context)
@@ -84,7 +85,7 @@ def refined(options: Solver, problem: Problem, context: Context, search: Search)
         finer = finer_splines(problem)
         reason = f"there are as many as the {problem.design.samples} samples of a run"
     for spline in finer:
-        # Limits of a robust problem begin as tight as they had to be.
+        # Limits of a robust problem start with the tightening of the coarser spline.
         robust = problem.robust if best.robust is None else best.robust
         further = replace(context.with_earlier(best), refining_since=began)
         solution = search(options, replace(on_spline(problem, spline), robust=robust), further)
@@ -106,7 +107,7 @@ def refined(options: Solver, problem: Problem, context: Context, search: Search)
 
 
 def _scored(problem: Problem, solution: Solution) -> Solution:
-    # By the problem as it was given, however tight its limits were in the search.
+    # The score is by the limits of the study, not by tightened ones.
     assert solution.trajectory is not None
     return replace(solution, evaluation=score(problem, solution.trajectory))
 
@@ -124,7 +125,7 @@ def _gain(problem: Problem, level: RefinementLevel, before: RefinementLevel) -> 
 
 
 def _joined(before: Solution, solution: Solution) -> Solution:
-    # The finer design, with what the search went through before it.
+    # The finer design, with the history of the search before it.
     assert solution.evaluation is not None
     spent = before.history[-1].evaluations if before.history else 0
     standing = before.history[-1].objective if before.history else -float("inf")

@@ -1,4 +1,4 @@
-"""Results of local searches: where each ended, what it is worth, and what is told of it meanwhile."""
+"""Results of local searches, and the messages about them during a search."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from oed.kernel.solution import Start, Status
 from oed.optimize.transcription.program import OUT_OF_TIME, Outcome
 
 ROUNDING = 1e-9
-"""Share of the objective that a design must be better by to replace an earlier one."""
+"""Smallest improvement, as a share of the objective, with which a design replaces an earlier one."""
 
 _STATUS = {
     "Solve_Succeeded": Status.CONVERGED,
@@ -32,23 +32,22 @@ _STATUS = {
 }
 
 Round: TypeAlias = tuple[Outcome, Evaluation]
-"""End of a solve, and what the scorer says of the drive there."""
+"""Outcome of a solve, and the scores of its drive."""
 
 
 @dataclass(frozen=True, eq=False)
 class LocalResult:
-    """End of one local search.
+    """Result of one local search.
 
     Attributes:
-        unknowns: unknowns z of the drive there, (size,).
-        iterations: iterations of Ipopt.
-        wall_seconds: time that it took [s].
-        status: how it ended.
-        evaluations: evaluations of the drive.
-        evaluation: what the scorer says of the drive; None unless that is a feasible design.
-        sketched: objective on the grid of a sketch, which nobody has scored; minus infinity where limits are
-            exceeded.
-        reason: why it has failed, where that is known.
+        unknowns: unknowns z of its drive, (size,).
+        iterations: number of iterations of Ipopt.
+        wall_seconds: duration of the search [s].
+        status: status at its end.
+        evaluations: number of evaluations of drives.
+        evaluation: scores of the drive; None unless it is a feasible design.
+        sketched: objective on the grid of a sketch, without scores; minus infinity where limits are exceeded.
+        reason: reason of a failure; "" without a known reason.
         gains: gains by wider limits, see `Solution`.
     """
 
@@ -64,23 +63,23 @@ class LocalResult:
 
     @property
     def objective(self) -> float:
-        """The objective reached; minus infinity without a feasible design."""
+        """Objective at the end of the search; minus infinity without a feasible design."""
         return self.sketched if self.evaluation is None else self.evaluation.objective
 
     @property
     def start(self) -> Start:
-        """The entry of a solution's list of starts."""
+        """Entry for this search in the starts of a solution."""
         objective = self.objective if np.isfinite(self.objective) else None
         return Start(objective, self.status, self.wall_seconds, self.iterations)
 
 
 def is_better(objective: float, standing: float) -> bool:
-    """Return whether an objective is larger than another by more than rounding."""
+    """Return True if an objective exceeds another by more than rounding."""
     return bool(np.isfinite(objective)) and objective > standing + ROUNDING * abs(objective)
 
 
 def best_round(rounds: Sequence[Round]) -> int:
-    """Return the place of the best feasible round, of equal ones the last; without any, of the last round."""
+    """Return the place of the best feasible round, the last of equal ones; without any, of the last round."""
     best, standing = len(rounds) - 1, -np.inf
     for place, (_, evaluation) in reversed(list(enumerate(rounds))):
         if evaluation.feasible and is_better(evaluation.objective, standing):
@@ -89,15 +88,16 @@ def best_round(rounds: Sequence[Round]) -> int:
 
 
 def result_of(rounds: Sequence[Round], place: int, seconds: float, broken: str) -> LocalResult:
-    """Return the result of a local search whose last rounds may have led nowhere.
+    """Return the result of a local search, by one of its rounds.
 
-    A drive that does not identify what is asked for is a design all the same: the search says so in the end.
+    A drive that does not identify the judged parameters is a design, too; the solution reports it as
+    singular.
 
     Args:
-        rounds: solves of the search, one at least.
-        place: which of them counts.
-        seconds: time that it took [s].
-        broken: why a further round was not finite; "" if none was.
+        rounds: rounds of the search, at least one.
+        place: place of the round that counts.
+        seconds: duration of the search [s].
+        broken: reason why a further round was not finite; "" if every round was.
     """
     outcome, evaluation = rounds[place]
     status = _STATUS.get(outcome.return_status, Status.FAILED)
@@ -105,7 +105,7 @@ def result_of(rounds: Sequence[Round], place: int, seconds: float, broken: str) 
     if not usable:
         status = status if status is Status.INFEASIBLE else Status.FAILED
     elif status in (Status.INFEASIBLE, Status.FAILED) or broken or place < len(rounds) - 1:
-        # A feasible end is a design, whatever made Ipopt stop there or went wrong from there.
+        # A feasible end is a design, whatever made Ipopt stop there and whatever failed afterwards.
         status = Status.ACCEPTABLE
     return LocalResult(
         outcome.unknowns,
@@ -119,10 +119,10 @@ def result_of(rounds: Sequence[Round], place: int, seconds: float, broken: str) 
 
 
 def announce_drive(listener: Progress, problem: Problem, evaluation: Evaluation, seconds: float) -> None:
-    """Tell a listener what a feasible drive is worth: nobody need wait for the end to see what to expect.
+    """Announce the standard errors of a feasible drive, so that users see early what to expect.
 
     Args:
-        listener: to the search.
+        listener: listener to the progress of the search.
         problem: problem that is searched.
         evaluation: scores of the drive.
         seconds: time since the search began [s].

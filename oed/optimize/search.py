@@ -1,7 +1,7 @@
-"""The search of Ipopt: starts, perturbed designs, a second stage; one loop that shares the solves of all.
+"""Multi-start search by Ipopt: starts, perturbed designs, a second stage, and one loop over all their solves.
 
-Which solves are made, and in which order their results count, depends on the seed alone; how many processes
-share them only on how long they take.
+The solves and the order of their results depend on the seed alone; the number of processes that share them
+depends on their durations.
 """
 
 from __future__ import annotations
@@ -41,31 +41,32 @@ from oed.optimize.transcription.starting_points import (
 )
 
 ROUND = 4
-"""Perturbations tried from one design before the best of them is perturbed in turn."""
+"""Number of perturbations of a design before the best result is perturbed in turn."""
 TRIAL = 4
-"""Starts tried before a search without any design asks whether the limits conflict."""
+"""Number of starts without a design after which the search checks for conflicting limits."""
 RESCORED = 5
-"""Screened drives that are scored between their samples at most, the best first."""
+"""Largest number of screened drives that are scored at all times, the best first."""
 POOL_SECONDS, READY_SECONDS = 8.0, 2.0
-"""Work left below which worker processes, each building its own program, take longer: such as have to be
-started first, and such as wait.
+"""Remaining work [s] below which worker processes, which all build the program, do not pay.
+
+The first is for processes that have to be started, the second for waiting processes.
 """
 
 AnyJob = TypeVar("AnyJob", bound=Callable[[LocalSearch], LocalResult])
-"""Solve that a local search is to make."""
+"""Type of a solve that a local search makes."""
 
 
 class TimeUp(Exception):
-    """The search's time limit has passed."""
+    """Signal that the time limit of the search has passed."""
 
 
 class Search:
-    """A search on its way.
+    """Multi-start search of one problem.
 
     Args:
         options: options of the search.
         problem: problem to be solved.
-        context: seed, workers, progress, earlier designs.
+        context: seed, workers, progress, earlier solutions.
     """
 
     def __init__(self, options: IpoptOptions, problem: Problem, context: Context) -> None:
@@ -97,7 +98,7 @@ class Search:
             try:
                 self._find()
             finally:
-                # No search is to end with less than the best drives that were only looked at.
+                # The best screened drives are candidates for the design, too.
                 self._keep_better(self._looked_at)
             self._check_time()
             self._decide()
@@ -117,7 +118,8 @@ class Search:
             self._perturb(self.options.perturbations)
 
     def _go_on(self) -> None:
-        # From the earlier design on a finer spline: which barrier parameter leads farther, nobody knows.
+        # Solves from the earlier design on a finer spline, with each barrier parameter: either may lead
+        # farther.
         start = self._earlier_design(self.options.label)
         count = self.problem.design.spline.count
         self.context.progress.begin(f"refine the spline to {count} coefficients", len(BARRIERS))
@@ -133,7 +135,7 @@ class Search:
             points[0] = self._earlier_design(name)
         self._solves_left = count + (0 if self.options.starts == "auto" else self.options.perturbations)
         self._maximise(points[:TRIAL])
-        # Where the first few starts give no design, asking why comes before trying the others.
+        # Where the first few starts give no design, the reason is looked for before trying more.
         if self.best is None:
             self._keep_better(self._looked_at)
         if self.best is not None or not self._conflict:
@@ -152,7 +154,8 @@ class Search:
         self._note_stage("perturbations")
 
     def _explore(self) -> None:
-        # Many solves, on a coarse grid where that will do; the best are then solved on the search's own.
+        # Many solves, on a coarse grid where that suffices; the best are then solved on the search's own
+        # grid.
         explorer = explorer_of(self.shared)
         design, name = explorer.local.design, self.options.start_from
         self.context.progress.begin("explore", 100)
@@ -190,7 +193,7 @@ class Search:
 
     def _decide(self) -> None:
         stage, share, best = self.options.second_stage, self.options.second_stage_share, self.best
-        # Maximising log det is what the first stage of D has done.
+        # The first stage of the criterion D has maximised log det already.
         done = stage == "none" or (stage == "logdet" and isinstance(self.problem.criterion, D))
         if done or best is None or best.evaluation is None or best.evaluation.singular:
             return
@@ -198,7 +201,7 @@ class Search:
         decided = self.shared(partial(LocalSearch.second_stage, unknowns=best.unknowns, share=share))
         self.context.progress.advance()
         least = self.problem.criterion.concede(best.objective, share)
-        # Less than that only by rounding; anything worse is no gain.
+        # The second stage may lose more than the share only by rounding.
         if decided.objective >= least - 1e-6 * abs(least):
             self.best = replace(decided, gains=best.gains)
         self._note_stage("second_stage")
@@ -206,7 +209,7 @@ class Search:
     def _maximise(
         self, points: Sequence[Array], barrier: float | None = None, *, perturbed: bool = False
     ) -> None:
-        # Local searches to the end; those from perturbed designs are not listed as starts.
+        # Local searches to full tolerance; those from perturbed designs are not listed as starts.
         jobs = [partial(LocalSearch.maximise, unknowns=point, barrier=barrier) for point in points]
         for _, result in self._results(self.shared, jobs):
             if not perturbed:
@@ -214,20 +217,20 @@ class Search:
             if result.evaluation is None:
                 self._reason = self._reason or result.reason
             elif self.best is None or is_better(result.objective, self.best.objective):
-                # Better than rounding alone could make it: else the first one stays, on every machine.
+                # Differences within rounding keep the first design, on every machine.
                 self.best = result
 
     def _results(
         self, shared: SharedSearch, jobs: Sequence[AnyJob], *, sketching: bool = False
     ) -> Iterator[tuple[AnyJob, LocalResult]]:
-        # The one loop over all solves: yields their results in their order, whichever ends first.
+        # Yields the results of solves in the order of the solves, whichever ends first.
         begun = 0
         while begun < len(jobs):
             remaining = self._solves_left * float(np.mean(self._seconds)) if self._seconds else 0.0
-            # How many share the work decides only when a design is there, not which.
+            # The number of processes changes the time until a design is found, not the design.
             least = POOL_SECONDS if waiting() == 1 else min(READY_SECONDS, POOL_SECONDS)
             workers = self.context.workers if remaining > least else 1
-            # The very first one alone: it shows how long the others will take.
+            # The first solve runs alone and shows how long the next ones will take.
             count = len(jobs) if self._seconds else 1
             batch, ended = jobs[begun : begun + count], dict[int, tuple[LocalResult, float]]()
             cut: BaseException | None = None
@@ -235,7 +238,7 @@ class Search:
                 hear = partial(self._hear, ended, sketching)
                 run_tasks(shared, batch, workers, hear)
             except (TimeUp, KeyboardInterrupt) as error:
-                # What has ended counts all the same.
+                # Solves that have ended still count.
                 cut = error
             for place, (result, seconds) in sorted(ended.items()):
                 self._note(result, seconds)
@@ -264,7 +267,7 @@ class Search:
         self._check_time()
 
     def _note(self, result: LocalResult, seconds: float) -> None:
-        # A later start may have ended before an earlier one; time in the history does not go back.
+        # A later start may end before an earlier one, but time in the history never decreases.
         self.evaluations += result.evaluations
         before = self.history[-1] if self.history else HistoryPoint(0, 0.0, -np.inf)
         if result.evaluation is not None and result.objective > before.objective:
@@ -328,7 +331,7 @@ class Search:
 
     @cached_property
     def _conflict(self) -> str:
-        # Which limits conflict, in words; "" if they turn out to agree, or something else is in the way.
+        # Sentence about the conflicting limits; "" if they are compatible, or another reason is known.
         if self._reason:
             return ""
         self.context.progress.begin("find out which limits conflict", 1)

@@ -1,4 +1,4 @@
-"""Local searches that processes share: each builds its own once, and then makes many solves by it."""
+"""Local searches in several processes, each of which builds a search once and makes many solves with it."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from oed.optimize.local import LocalSearch
 from oed.optimize.results import LocalResult
 
 BUILT = 4
-"""Local searches that a process keeps, each with its programs."""
+"""Largest number of local searches that a process keeps, each with its programs."""
 
 
 @dataclass(frozen=True)
 class SharedSearch:
-    """A local search that every process builds once, and then makes many solves by.
+    """Local search that every process builds once and uses for many solves.
 
     Attributes:
-        token: name of the search, by which processes know it.
+        token: unique name of the search.
         problem: problem to be solved.
         options: options of Ipopt and of the stages.
-        deadline: when the whole search ends, by `time.time`.
+        deadline: end of the entire search, by `time.time`.
     """
 
     token: str
@@ -35,11 +35,11 @@ class SharedSearch:
 
     @property
     def local(self) -> LocalSearch:
-        """The local search of this process."""
+        """Local search of this process."""
         return _built(self)
 
     def __call__(self, job: Callable[[LocalSearch], LocalResult]) -> LocalResult:
-        """Do a job, in any process."""
+        """Return the result of a job, in any process."""
         return job(self.local)
 
 
