@@ -21,7 +21,7 @@ from oed.kernel.dynamics.intervals import EVERYTHING, full
 TIGHT = 1e-10
 """Share by which the bound may exceed the largest value found."""
 MOST_BOXES = 8_000
-"""Largest number of boxes that are bounded."""
+"""MaximumEnclosure number of boxes that are bounded."""
 NARROW = 1e-12
 """Share of the root box's width below which a box is not split."""
 CHUNK = 2000
@@ -29,7 +29,7 @@ CHUNK = 2000
 NEWTON = 6
 """Newton steps towards the largest value of a box on which the function is concave."""
 STEPS = 60
-"""Largest number of steps towards local maxima."""
+"""MaximumEnclosure number of steps towards local maxima."""
 SHORTEST = 1e-6
 """Share of Newton's step below which the line search ends."""
 FLAT = 1e-10
@@ -37,7 +37,7 @@ FLAT = 1e-10
 
 
 @dataclass(frozen=True)
-class Largest:
+class MaximumEnclosure:
     """Enclosure of a function's largest value over a box.
 
     Attributes:
@@ -130,7 +130,7 @@ class Landscape:
         )
 
 
-def peaks(landscape: Landscape, factor: Array, low: Array, high: Array, starts: Array) -> Array:
+def local_maxima(landscape: Landscape, factor: Array, low: Array, high: Array, starts: Array) -> Array:
     """Return local maxima (k, n) over a box, by Newton's method with step control from given starts.
 
     Args:
@@ -157,7 +157,9 @@ def peaks(landscape: Landscape, factor: Array, low: Array, high: Array, starts: 
     return point
 
 
-def largest(landscape: Landscape, factor: Array, low: Array, high: Array, peaks: Array) -> Largest:
+def enclose_maximum(
+    landscape: Landscape, factor: Array, low: Array, high: Array, peaks: Array
+) -> MaximumEnclosure:
     """Enclose the largest value over a box.
 
     Args:
@@ -167,18 +169,18 @@ def largest(landscape: Landscape, factor: Array, low: Array, high: Array, peaks:
         high: largest inputs, (n,).
         peaks: points (k, n) at which the function may be large, at least one.
     """
-    return _Search(landscape, factor, low, high, peaks).run()
+    return _BoxSearch(landscape, factor, low, high, peaks).run()
 
 
-class _Search:
+class _BoxSearch:
     def __init__(self, landscape: Landscape, factor: Array, low: Array, high: Array, peaks: Array) -> None:
         self.landscape, self.factor, self.peaks = landscape, factor, peaks
         self.width = np.where(high > low, high - low, 1.0)
         self.low, self.high = low[None], high[None]
         self.value, self.point = -np.inf, peaks[0]
-        self._note(peaks)
+        self._record_best(peaks)
 
-    def run(self) -> Largest:
+    def run(self) -> MaximumEnclosure:
         closed, examined, uppers = -np.inf, 0, np.full(1, np.inf)
         while len(self.low) and examined < MOST_BOXES:
             examined += len(self.low)
@@ -189,9 +191,9 @@ class _Search:
             self.low, self.high, uppers = self.low[is_open], self.high[is_open], uppers[is_open]
             uppers = self._split(gradients[is_open], uppers)
         upper = max(closed, self.value, float(uppers.max(initial=-np.inf)))
-        return Largest(upper, self.value, self.point)
+        return MaximumEnclosure(upper, self.value, self.point)
 
-    def _note(self, points: Array) -> None:
+    def _record_best(self, points: Array) -> None:
         values, *_ = self.landscape.at(points, self.factor)
         values = np.where(np.isnan(values), -np.inf, values)
         if values.max(initial=-np.inf) > self.value:
@@ -204,7 +206,7 @@ class _Search:
         middle = (low + high) / 2
         natural, gradients, second = self.landscape.over(low, high, self.factor)
         value, slope, _ = self.landscape.at(middle, self.factor)
-        self._note(middle)
+        self._record_best(middle)
         moving = np.asarray(radius > 0)
         both = _pairs(moving)
         second = np.where(both[..., None], second, 0.0)
@@ -231,7 +233,7 @@ class _Search:
             point[inside] = place
         for _ in range(NEWTON):
             value, slope, second = self.landscape.at(point, self.factor)
-            self._note(point)
+            self._record_best(point)
             most = value + np.maximum(slope * (high - point), slope * (low - point)).sum(axis=1)
             lowest = np.fmin(lowest, most)
             point = np.clip(point + _ascent(slope, second, np.asarray(high > low)), low, high)

@@ -141,7 +141,7 @@ def gap(bound: float, objective: float, criterion: Criterion = SMALLEST, judged:
     return np.inf if useless or bound == np.inf else criterion.change(bound, objective, judged)
 
 
-def raised(bound: float, criterion: Criterion, judged: int) -> float:
+def inflate(bound: float, criterion: Criterion, judged: int) -> float:
     """Return a bound raised by more than the rounding errors of the information.
 
     Args:

@@ -13,13 +13,13 @@ import numpy as np
 from oed.bounds.certificate import Bound
 from oed.bounds.reach import (
     coefficient_rows,
-    grip,
+    has_exact_inputs,
     input_reach,
+    largest_input_gain,
     largest_rates,
     path_budget,
-    room,
     top_speeds,
-    unslipped,
+    workspace_bounds,
 )
 from oed.foundation.arrays import Array, Places
 from oed.kernel.problem import Problem
@@ -42,7 +42,7 @@ def regression_bounds(problem: Problem) -> Iterator[Bound]:
         return
     for estimation in problem.any_estimations:
         yield from _trace_bounds(problem, measurement, estimation)
-        yield from _turned_round(problem, measurement, estimation)
+        yield from _turning_bounds(problem, measurement, estimation)
         rows = coefficient_rows(problem)
         if (
             estimation.block.name == "position"
@@ -77,7 +77,7 @@ def prior_matrix(problem: Problem, estimation: Estimation) -> Array:
 
 def _trace_bounds(problem: Problem, measurement: Displacements, estimation: Estimation) -> Iterator[Bound]:
     # The rows of a segment are sums of T w, so their norm is at most the sum of the norms.
-    factor = grip(problem)
+    factor = largest_input_gain(problem)
     if factor is None:
         return
     columns, weights = _columns(estimation), estimation.scales / noise_of(problem, estimation)
@@ -97,12 +97,12 @@ def _trace_bounds(problem: Problem, measurement: Displacements, estimation: Esti
     )
 
 
-def _turned_round(problem: Problem, measurement: Displacements, estimation: Estimation) -> Iterator[Bound]:
+def _turning_bounds(problem: Problem, measurement: Displacements, estimation: Estimation) -> Iterator[Bound]:
     # The heading turns by c11 and c12 times the angles a of two inputs, and the smallest eigenvalue is at
     # most half the trace less |F12|. So segments with a positive and with a negative product of both angles
     # have to be about equally many, and an input changes its sign between two of them.
     columns, prior = _columns(estimation), prior_matrix(problem, estimation)
-    if estimation.block.name != "heading" or len(columns) != 2 or not unslipped(problem):
+    if estimation.block.name != "heading" or len(columns) != 2 or not has_exact_inputs(problem):
         return
     if len(problem.model.inputs) != 2:
         return
@@ -110,11 +110,13 @@ def _turned_round(problem: Problem, measurement: Displacements, estimation: Esti
     weights = estimation.scales / noise_of(problem, estimation)
     reach = period * input_reach(problem)[:, columns] * weights
     steps = period**2 * largest_rates(problem)[columns] * weights
-    value = most_turning(reach, steps, edges) + float(np.trace(prior)) / 2 + abs(float(prior[0, 1]))
+    value = (
+        turning_eigenvalue_bound(reach, steps, edges) + float(np.trace(prior)) / 2 + abs(float(prior[0, 1]))
+    )
     yield Bound(value, TURNED, (SPEEDS, NO_ROOM), None, estimation.block.name)
 
 
-def most_turning(reach: Array, steps: Array, edges: Places) -> float:
+def turning_eigenvalue_bound(reach: Array, steps: Array, edges: Places) -> float:
     """Return an upper bound on the smallest eigenvalue of sum a a' for the angles a (2,) of all segments.
 
     Args:
@@ -132,13 +134,14 @@ def most_turning(reach: Array, steps: Array, edges: Places) -> float:
         few = float(one_sign.sum() + (gains[2 * aside - 1] if aside else 0.0))
         first, last = int(edges[aside]), int(edges[-1 - aside])
         passing = [
-            _passing_zero(reach[:, place], float(steps[place]), edges, first, last) for place in (0, 1)
+            _largest_with_sign_change(reach[:, place], float(steps[place]), edges, first, last)
+            for place in (0, 1)
         ]
         largest.append(max(few, float(np.max(squares.sum() - squares + passing)) / 2))
     return min([float(squares.sum()) / 2, *largest])
 
 
-def _passing_zero(reach: Array, step: float, edges: Places, first: int, last: int) -> float:
+def _largest_with_sign_change(reach: Array, step: float, edges: Places, first: int, last: int) -> float:
     # The largest sum of squared angles per segment of an input that changes its sign, or is 0, between two
     # successive periods from `first` until `last`.
     periods, best = np.arange(len(reach)), 0.0
@@ -154,12 +157,14 @@ def _direction_bounds(
 ) -> Iterator[Bound]:
     edges = measurement.segment_edges(problem.design.samples)
     count, arcs = len(edges) - 1, robot_of(problem.system).integration == "arc"
-    speeds, bounds, budget = top_speeds(problem), room(problem), path_budget(problem)
+    speeds, bounds, budget = top_speeds(problem), workspace_bounds(problem), path_budget(problem)
     lengths = None if speeds is None else np.add.reduceat(problem.design.period * speeds, edges[:-1])
     variance = noise_of(problem, estimation) ** 2
 
     def bound(row: int, squares: Array, method: str, *assumptions: str) -> Bound:
-        return along(problem, estimation, rows[row], float(np.sum(squares)) / variance, method, assumptions)
+        return direction_bound(
+            problem, estimation, rows[row], float(np.sum(squares)) / variance, method, assumptions
+        )
 
     if arcs:
         method = "a segment's turn is a chord of the unit circle, no longer than its diameter"
@@ -189,7 +194,7 @@ def largest_squares(lengths: Array, budget: float) -> float:
     return float((taken**2).sum())
 
 
-def along(
+def direction_bound(
     problem: Problem,
     estimation: Estimation,
     change: Array,

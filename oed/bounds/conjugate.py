@@ -36,26 +36,27 @@ def combined_bounds(problem: Problem, bounds: Sequence[Bound]) -> Iterator[Bound
     names = [estimation.block.name for estimation in problem.any_estimations]
     bounds = [bound for bound in bounds if bound.multiplier is not None]
     by_block = [
-        _combined(problem.criterion, [bound for bound in bounds if bound.block == name]) for name in names
+        _combine_block(problem.criterion, [bound for bound in bounds if bound.block == name])
+        for name in names
     ]
     combined = [bound for bound in by_block if bound is not None]
     if len(combined) == len(names):
         # Both criteria add up over the blocks.
         yield Bound(
             sum(bound.value for bound in combined),
-            _joined(bound.method for bound in combined),
+            _join_methods(bound.method for bound in combined),
             tuple(dict.fromkeys(text for bound in combined for text in bound.assumptions)),
             combined[0].multiplier if len(combined) == 1 else None,
         )
 
 
-def _combined(criterion: Criterion, bounds: Sequence[Bound]) -> Bound | None:
+def _combine_block(criterion: Criterion, bounds: Sequence[Bound]) -> Bound | None:
     if not bounds:
         return None
     matrices = np.stack([bound.multiplier for bound in bounds if bound.multiplier is not None])
     # Scaled so that tr(Z F) <= 1.
     matrices = matrices / np.maximum([bound.value for bound in bounds], np.finfo(float).tiny)[:, None, None]
-    shares = _lowest(criterion, matrices)
+    shares = _best_shares(criterion, matrices)
     multiplier = np.tensordot(shares, matrices, axes=1)
     value = criterion.trace_bound(multiplier, 1.0)
     if not np.isfinite(value):
@@ -63,15 +64,15 @@ def _combined(criterion: Criterion, bounds: Sequence[Bound]) -> Bound | None:
     used = [bound for bound, share in zip(bounds, shares, strict=True) if share]
     assumptions = tuple(dict.fromkeys(text for bound in used for text in bound.assumptions))
     return Bound(
-        value, _joined(bound.method for bound in used), assumptions, multiplier / np.trace(multiplier)
+        value, _join_methods(bound.method for bound in used), assumptions, multiplier / np.trace(multiplier)
     )
 
 
-def _joined(methods: Iterable[str]) -> str:
+def _join_methods(methods: Iterable[str]) -> str:
     return "; and ".join(dict.fromkeys(methods))
 
 
-def _lowest(criterion: Criterion, matrices: Array) -> Array:
+def _best_shares(criterion: Criterion, matrices: Array) -> Array:
     # Shares (n,) in the sum of Z (n, p, p) with tr(Z F) <= 1. The bound is quasiconvex in the shares, so a
     # descent from equal shares ends at the lowest bound; logarithms keep the shares positive.
     def bound(shares: Array) -> tuple[float, Array | None]:

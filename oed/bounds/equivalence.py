@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oed.bounds.boxes import Landscape, largest, peaks
-from oed.bounds.certificate import Bound, Certificate, raised
+from oed.bounds.boxes import Landscape, enclose_maximum, local_maxima
+from oed.bounds.certificate import Bound, Certificate, inflate
 from oed.bounds.points import Points, points_of
 from oed.foundation.arguments import typed
 from oed.foundation.arrays import Array, Bools, Places
@@ -156,7 +156,7 @@ def selection_certificate(problem: Problem, trajectory: Trajectory) -> Certifica
         return Certificate(np.inf, UNDETERMINED, (), criterion=problem.criterion)
     count, judged = len(certified.derivatives), certified.selected.parts.judged
     return Certificate(
-        raised(certified.bound, problem.criterion, judged),
+        inflate(certified.bound, problem.criterion, judged),
         SELECTION_METHOD.format(count=count),
         ("readings of this experiment within the budget of weights",),
         certified.selected.relaxed.gradient,
@@ -172,13 +172,13 @@ def point_bounds(problem: Problem) -> Iterator[Bound]:
         return
     neglected = [limit.name for limit in problem.limits if not limit.input_bounds(problem.model)]
     omissions = [f"{', '.join(neglected)} left out"] if neglected else []
-    bound = _Search(problem.criterion, points).run()
+    bound = _PointSearch(problem.criterion, points).run()
     if bound is not None:
         value, multiplier = bound
         yield Bound(value, METHOD, (IN_BOX, *omissions), multiplier)
 
 
-class _Search:
+class _PointSearch:
     """Exchange of points until none is more informative, followed by a proof of that.
 
     Attributes:
@@ -199,14 +199,14 @@ class _Search:
         """Return the bound and its Z; None if no points identify all parameters or a maximum is infinite."""
         best: tuple[float, Array] | None = None
         for _ in range(PROOFS):
-            mixture = self._exchanged()
+            mixture = self._exchange_points()
             if mixture is None:
                 return best
-            factor, most, has_new_points = _factor(mixture.multiplier), 0.0, False
+            factor, most, has_new_points = _root(mixture.multiplier), 0.0, False
             for group, landscape in enumerate(self.design.landscapes):
                 points = self.points[self.groups == group]
-                before = _highest(landscape, points, factor)
-                proved = largest(landscape, factor, self.design.low, self.design.high, points)
+                before = _largest_value(landscape, points, factor)
+                proved = enclose_maximum(landscape, factor, self.design.low, self.design.high, points)
                 magnitudes = np.abs(self.matrices[self.groups == group])
                 terms = np.einsum("ab,kab->k", np.abs(mixture.multiplier), magnitudes).max()
                 most += self.design.totals[group] * (proved.upper + LOST * float(terms))
@@ -230,7 +230,7 @@ class _Search:
         self.matrices = np.concatenate([self.matrices, matrices[finite]])
         self.groups = np.concatenate([self.groups, np.full(int(finite.sum()), group)])
 
-    def _exchanged(self) -> Mixture | None:
+    def _exchange_points(self) -> Mixture | None:
         # The best mixture after exchanges of points until none improves it.
         design, best, kinds = self.design, None, range(len(self.design.totals))
         for _ in range(ROUNDS):
@@ -239,7 +239,7 @@ class _Search:
             )
             if mixture is None:
                 break
-            best, factor = mixture, _factor(mixture.multiplier)
+            best, factor = mixture, _root(mixture.multiplier)
             present = mixture.weights > PRESENT * design.totals[self.groups]
             before = most = 0.0
             maxima = []
@@ -247,22 +247,22 @@ class _Search:
                 landscape, members = design.landscapes[group], self.groups == group
                 grid = design.first[np.argsort(-landscape.at(design.first, factor)[0])[:TOP]]
                 starts = np.concatenate([self.points[members & present], grid])
-                maxima.append(peaks(landscape, factor, design.low, design.high, starts))
-                most += design.totals[group] * _highest(landscape, maxima[-1], factor)
-                before += design.totals[group] * _highest(landscape, self.points[members], factor)
+                maxima.append(local_maxima(landscape, factor, design.low, design.high, starts))
+                most += design.totals[group] * _largest_value(landscape, maxima[-1], factor)
+                before += design.totals[group] * _largest_value(landscape, self.points[members], factor)
             gain = self._bound(mixture, most), self._bound(mixture, before)
-            chosen = self._distinct(mixture.weights, present)
+            chosen = self._distinct_points(mixture.weights, present)
             self.points, self.groups, self.matrices = (
                 self.points[chosen],
                 self.groups[chosen],
                 self.matrices[chosen],
             )
-            merged = [self._merge(group, maxima[group]) for group in kinds]
+            merged = [self._add_new_points(group, maxima[group]) for group in kinds]
             if self.criterion.change(*gain, design.judged) <= CONVERGED or not any(merged):
                 break
         return best
 
-    def _distinct(self, weights: Array, present: Bools) -> Places:
+    def _distinct_points(self, weights: Array, present: Bools) -> Places:
         # The present points with the largest shares, without duplicates of equal information.
         chosen: list[int] = []
         sizes = np.sqrt(np.abs(self.matrices).max(axis=0)) + np.finfo(float).tiny
@@ -273,7 +273,7 @@ class _Search:
                 chosen.append(place)
         return np.array(sorted(chosen))
 
-    def _merge(self, group: int, candidates: Array) -> bool:
+    def _add_new_points(self, group: int, candidates: Array) -> bool:
         # Adds candidates that are new; True if there are any.
         before = len(self.points)
         width = np.where(self.design.high > self.design.low, self.design.high - self.design.low, 1.0)
@@ -288,11 +288,11 @@ class _Search:
         return self.criterion.trace_bound(mixture.multiplier[:judged, :judged], most + prior)
 
 
-def _highest(landscape: Landscape, points: Array, factor: Array) -> float:
+def _largest_value(landscape: Landscape, points: Array, factor: Array) -> float:
     return float(landscape.at(points, factor)[0].max())
 
 
-def _factor(multiplier: Array) -> Array:
+def _root(multiplier: Array) -> Array:
     # Root U of a multiplier Z = U'U.
     values, vectors = np.linalg.eigh(multiplier)
     return np.asarray(np.sqrt(np.clip(values, 0.0, None))[:, None] * vectors.T)
@@ -325,4 +325,4 @@ def sensitivity_function(problem: Problem, multiplier: Array, count: int = 401) 
     if multiplier.shape != points.prior.shape:
         raise UserMistake(f"multiplier: expected {points.prior.shape}, got {multiplier.shape}")
     values = np.linspace(points.low[0], points.high[0], count)
-    return values, points.landscapes[0].at(values[:, None], _factor(multiplier))[0]
+    return values, points.landscapes[0].at(values[:, None], _root(multiplier))[0]

@@ -12,10 +12,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from oed.bounds.certificate import Bound
-from oed.bounds.closed_form import SPEEDS, along
-from oed.bounds.reach import coefficient_rows, room, scales_lengths, top_speeds
-from oed.bounds.sensitivity import Precision, precisions_of, unknown_start
-from oed.bounds.spread import largest_spread, too_fine
+from oed.bounds.closed_form import SPEEDS, direction_bound
+from oed.bounds.reach import coefficient_rows, scales_lengths, top_speeds, workspace_bounds
+from oed.bounds.sensitivity import SensorPrecision, precisions_of, unknown_start
+from oed.bounds.spread import is_too_fine, largest_spread
 from oed.foundation.arrays import Array
 from oed.kernel.problem import Problem
 from oed.kernel.statement import Estimation
@@ -54,7 +54,7 @@ def _circle_bound(problem: Problem, estimation: Estimation, total: float) -> Ite
     sensors = problem.measurement.joint_sensors
     centred = unknown_start(sensors) and all(isinstance(sensor, Poses | YawRate) for sensor in sensors)
     value = total if centred else 4.0 * total
-    yield along(
+    yield direction_bound(
         problem,
         estimation,
         change,
@@ -65,14 +65,14 @@ def _circle_bound(problem: Problem, estimation: Estimation, total: float) -> Ite
 
 
 def _size_bounds(
-    problem: Problem, estimation: Estimation, precisions: Sequence[Precision], total: float
+    problem: Problem, estimation: Estimation, precisions: Sequence[SensorPrecision], total: float
 ) -> Iterator[Bound]:
-    bounds, change = room(problem), _growth(problem, estimation)
+    bounds, change = workspace_bounds(problem), _growth(problem, estimation)
     if bounds is None or change is None or not unknown_start(problem.measurement.joint_sensors):
         return
     x_min, x_max, y_min, y_max = bounds
     half_squares = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) / 4
-    yield along(
+    yield direction_bound(
         problem,
         estimation,
         change,
@@ -86,7 +86,7 @@ def _size_bounds(
     if len(positions) != 1 or speeds is None:
         return
     step, axes = problem.design.period * speeds, np.reshape(bounds, (2, 2))
-    if any(too_fine(low, high, step) for low, high in axes):
+    if any(is_too_fine(low, high, step) for low, high in axes):
         return
     read = np.zeros(problem.design.samples + 1, dtype=bool)
     read[positions[0].sensor.columns(problem.design.samples)] = True
@@ -97,7 +97,7 @@ def _size_bounds(
         largest_spread(low, high, start, step, read)
         for (low, high), start in zip(widened, starts, strict=True)
     ]
-    yield along(
+    yield direction_bound(
         problem,
         estimation,
         change,

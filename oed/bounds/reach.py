@@ -35,7 +35,7 @@ def largest_rates(problem: Problem) -> Array:
     return np.asarray(np.abs(problem.rate_bounds).max(axis=1))
 
 
-def grip(problem: Problem) -> float | None:
+def largest_input_gain(problem: Problem) -> float | None:
     """Return an upper bound on the ratio of effective inputs to inputs.
 
     It is None if the robot states none, or if its motion does not follow from its inputs alone.
@@ -52,12 +52,12 @@ def grip(problem: Problem) -> float | None:
     return 1.0 if effective is inputs else None
 
 
-def unslipped(problem: Problem) -> bool:
+def has_exact_inputs(problem: Problem) -> bool:
     """Return True if the effective inputs equal the inputs."""
     model = robot_of(problem.model)
     if isinstance(model, SkidSteer):
         return model.slip_outer == model.slip_inner == 0
-    return grip(problem) == 1.0
+    return largest_input_gain(problem) == 1.0
 
 
 def coefficient_rows(problem: Problem) -> tuple[Array, Array] | None:
@@ -75,13 +75,13 @@ def coefficient_rows(problem: Problem) -> tuple[Array, Array] | None:
 
 def top_speeds(problem: Problem) -> Array | None:
     """Return the largest speed of the robot's origin in each period, (N,) [m/s]; None if unknown."""
-    rows, factor = coefficient_rows(problem), grip(problem)
+    rows, factor = coefficient_rows(problem), largest_input_gain(problem)
     if rows is None or factor is None:
         return None
     return np.asarray(factor * input_reach(problem) @ np.abs(rows[1]))
 
 
-def room(problem: Problem) -> tuple[float, float, float, float] | None:
+def workspace_bounds(problem: Problem) -> tuple[float, float, float, float] | None:
     """Return the rectangle x_min, x_max, y_min, y_max of the robot's origin; None without a workspace."""
     workspace = workspace_of(problem.limits)
     if workspace is None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from oed.bounds.certificate import Bound
 from oed.bounds.closed_form import SPEEDS, prior_matrix
-from oed.bounds.reach import grip, input_reach, room, top_speeds
+from oed.bounds.reach import input_reach, largest_input_gain, top_speeds, workspace_bounds
 from oed.foundation.arrays import Array, Places
 from oed.kernel.measurement.measurement import Sensor
 from oed.kernel.measurement.readings import moment_reading
@@ -41,7 +41,7 @@ MOST_INPUTS = 4
 
 
 @dataclass(frozen=True)
-class Precision:
+class SensorPrecision:
     """Upper bounds on the information of one reading.
 
     Attributes:
@@ -59,23 +59,23 @@ class Precision:
     arm: float = 0.0
 
 
-def _precision(sensor: Sensor) -> Precision | None:
+def _precision(sensor: Sensor) -> SensorPrecision | None:
     if isinstance(sensor, YawRate):
-        return Precision(sensor, 0.0, 0.0, sensor.noise**-2)
+        return SensorPrecision(sensor, 0.0, 0.0, sensor.noise**-2)
     if not isinstance(sensor, Poses | Ranges) or sensor.joint_whitening is not None:
         return None
     arm = float(np.hypot(sensor.lever_arm.x, sensor.lever_arm.y))
     if isinstance(sensor, Ranges):
-        return Precision(sensor, len(sensor.beacons) / sensor.noise**2, arm=arm)
+        return SensorPrecision(sensor, len(sensor.beacons) / sensor.noise**2, arm=arm)
     if sensor.noise.covariance is not None:
         most = float(1 / np.linalg.eigvalsh(np.array(sensor.noise.covariance))[0])
-        return Precision(sensor, most, most, arm=arm)
+        return SensorPrecision(sensor, most, most, arm=arm)
     precisions = {name: float(sensor.noise.deviation(name) or np.inf) ** -2 for name in sensor.quantities}
     places = [value for name, value in precisions.items() if name != "heading"]
-    return Precision(sensor, max(places, default=0.0), precisions.get("heading", 0.0), arm=arm)
+    return SensorPrecision(sensor, max(places, default=0.0), precisions.get("heading", 0.0), arm=arm)
 
 
-def precisions_of(sensors: Sequence[Sensor]) -> list[Precision]:
+def precisions_of(sensors: Sequence[Sensor]) -> list[SensorPrecision]:
     """Return upper bounds on the information of the sensors' readings; [] if one of them is unknown."""
     precisions = [entry for entry in map(_precision, sensors) if entry is not None]
     return precisions if len(precisions) == len(sensors) else []
@@ -88,7 +88,7 @@ def unknown_start(sensors: Sequence[Sensor]) -> bool:
 
 
 @dataclass(frozen=True)
-class Motion:
+class MotionSensitivity:
     """Largest sensitivity of the motion to the parameters.
 
     Attributes:
@@ -106,7 +106,7 @@ class Motion:
     across: float
     period: float
 
-    def largest(self, factor: Array, precisions: Sequence[Precision], reference: int) -> float:
+    def trace_bound(self, factor: Array, precisions: Sequence[SensorPrecision], reference: int) -> float:
         """Return an upper bound on tr(Z F) for Z = U'U.
 
         Args:
@@ -170,7 +170,7 @@ def sensitivity_bounds(problem: Problem) -> Iterator[Bound]:
 
     def bound(factor: Array) -> Bound:
         multiplier = factor.T @ factor
-        value = motion.largest(factor, precisions, reference) + float(np.sum(multiplier * prior))
+        value = motion.trace_bound(factor, precisions, reference) + float(np.sum(multiplier * prior))
         size = float(np.trace(multiplier))
         return Bound(value / size, METHOD, assumptions, multiplier / size, estimation.block.name)
 
@@ -186,8 +186,8 @@ def sensitivity_bounds(problem: Problem) -> Iterator[Bound]:
     yield bound((np.eye(count) - np.outer(grown, grown) / float(grown @ grown)) @ balanced)
 
 
-def _motion(problem: Problem, estimation: Estimation) -> Motion | None:
-    slopes, factor, speeds = _slopes(problem, estimation), grip(problem), top_speeds(problem)
+def _motion(problem: Problem, estimation: Estimation) -> MotionSensitivity | None:
+    slopes, factor, speeds = _slopes(problem, estimation), largest_input_gain(problem), top_speeds(problem)
     if slopes is None or factor is None or speeds is None:
         return None
     period, reach = problem.design.period, factor * input_reach(problem)
@@ -195,12 +195,12 @@ def _motion(problem: Problem, estimation: Estimation) -> Motion | None:
     signs = np.array([(1.0, *rest) for rest in product((1.0, -1.0), repeat=reach.shape[1] - 1)])
     corners = period * reach[:, None, :] * signs
     lengths = np.concatenate([[0.0], np.cumsum(period * speeds)])
-    bounds = room(problem)
+    bounds = workspace_bounds(problem)
     across = np.inf
     if bounds is not None:
         # Between samples an arc may bulge out of the workspace.
         across = float(np.hypot(bounds[1] - bounds[0], bounds[3] - bounds[2]) + period * speeds.max())
-    return Motion(corners @ slopes[0], corners @ slopes[1], lengths, across, period)
+    return MotionSensitivity(corners @ slopes[0], corners @ slopes[1], lengths, across, period)
 
 
 def _slopes(problem: Problem, estimation: Estimation) -> tuple[Array, Array] | None:

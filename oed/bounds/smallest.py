@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from oed.bounds.certificate import Bound, Certificate, raised
+from oed.bounds.certificate import Bound, Certificate, inflate
 from oed.bounds.closed_form import NO_ROOM, SPEEDS, noise_of, prior_matrix, regression_bounds
 from oed.bounds.conjugate import combined_bounds
 from oed.bounds.equivalence import point_bounds, selection_certificate
 from oed.bounds.joint import joint_bounds
 from oed.bounds.lattice_program import LatticeProgram, SpeedLimits
-from oed.bounds.reach import largest_rates, room, unslipped
+from oed.bounds.reach import has_exact_inputs, largest_rates, workspace_bounds
 from oed.bounds.sensitivity import sensitivity_bounds
 from oed.bounds.speed_lattice import LatticeBound, lattice_bound
 from oed.foundation.arguments import typed
@@ -94,11 +94,13 @@ def bound(
     """
     began = time.perf_counter()
     problem.require_designed()
-    certificate = _at_once(problem) or _searched(problem, nodes, time_limit, gap)
+    certificate = _certificate_without_search(problem) or _certificate_by_search(
+        problem, nodes, time_limit, gap
+    )
     return replace(certificate, wall_seconds=time.perf_counter() - began)
 
 
-def _at_once(problem: Problem) -> Certificate | None:
+def _certificate_without_search(problem: Problem) -> Certificate | None:
     # The certificate of problems that need no search over designs; None for all others.
     if problem.robust is not None and problem.robust.objective == "mean":
         # The nominal robot's bound holds for the worst of several robots, but not for their mean.
@@ -110,11 +112,13 @@ def _at_once(problem: Problem) -> Certificate | None:
     return Certificate(np.inf, REPEATED, ()) if problem.selection.most > 1 else None
 
 
-def _searched(problem: Problem, nodes: int | None, time_limit: float | None, gap: float) -> Certificate:
+def _certificate_by_search(
+    problem: Problem, nodes: int | None, time_limit: float | None, gap: float
+) -> Certificate:
     # Process noise only adds to the covariance of readings, so F is at most that without process noise.
     original, problem = problem, problem.steady
     looser = problem.widened(TOLERANCE)
-    bounds, widened = _bounds_of_runs(problem), _bounds_of_runs(looser)
+    bounds, widened = _objective_bounds(problem), _objective_bounds(looser)
     lattice, speeds, wider = None, _speeds(problem), _speeds(looser)
     if speeds is not None:
         lattice = lattice_bound(
@@ -122,7 +126,7 @@ def _searched(problem: Problem, nodes: int | None, time_limit: float | None, gap
         )
         bounds.append(_lattice_bound(problem, lattice.upper, lattice))
         if wider is not None:
-            widened.append(_lattice_bound(looser, lattice.of_others(*wider), lattice))
+            widened.append(_lattice_bound(looser, lattice.bound_for(*wider), lattice))
     # A bound under wider limits holds under these limits too, and may be lower by rounding.
     lowest = min((bound.value for bound in bounds), default=-np.inf)
     bounds += [bound for bound in widened if bound.value < lowest]
@@ -130,13 +134,19 @@ def _searched(problem: Problem, nodes: int | None, time_limit: float | None, gap
     every = () if problem.selection is None else (EVERY,)
     every = every if original is problem else (*every, STEADY)
     return replace(
-        _smallest(problem, bounds, (*every, *EXACTLY), lattice, NOTHING if bounds else _lacking(problem)),
+        _smallest_certificate(
+            problem,
+            bounds,
+            (*every, *EXACTLY),
+            lattice,
+            NOTHING if bounds else _missing_bound_reason(problem),
+        ),
         drive=None if lattice is None else _lattice_drive(problem, lattice),
-        widened=_smallest(problem, widened, (*every, *TOLERATED), lattice),
+        widened=_smallest_certificate(problem, widened, (*every, *TOLERATED), lattice),
     )
 
 
-def _smallest(
+def _smallest_certificate(
     problem: Problem,
     bounds: Sequence[Bound],
     assumptions: tuple[str, ...],
@@ -148,7 +158,7 @@ def _smallest(
     inflated = [
         replace(
             bound,
-            value=raised(bound.value, criterion, judged),
+            value=inflate(bound.value, criterion, judged),
             assumptions=(*bound.assumptions, *assumptions),
         )
         for bound in bounds
@@ -168,29 +178,29 @@ def _smallest(
     )
 
 
-def _lacking(problem: Problem) -> str:
+def _missing_bound_reason(problem: Problem) -> str:
     # The reason why nothing is proved: the change to the problem that would give a bound.
     if not isinstance(problem.model, Model):
         return UNKNOWN
     hall = Rectangle(x=(-HALL, HALL), y=(-HALL, HALL))
-    if room(problem) is None and _bounds_of_runs(
+    if workspace_bounds(problem) is None and _objective_bounds(
         replace(problem, robust=None, limits=(*problem.limits, hall))
     ):
         return ROOMLESS
     same = E(scaling=problem.criterion.scaling, subset=problem.criterion.subset)
-    return OF_E if _bounds_of_runs(replace(problem, robust=None, criterion=same)) else NOTHING
+    return OF_E if _objective_bounds(replace(problem, robust=None, criterion=same)) else NOTHING
 
 
-def _bounds_of_runs(problem: Problem) -> list[Bound]:
+def _objective_bounds(problem: Problem) -> list[Bound]:
     joint = [bound for bounds in JOINT_RUNS for bound in bounds(problem)]
     if joint or not problem.criterion.conjugate:
         return joint
     if problem.criterion.conjugate == "linear":
-        return _added_runs(problem, BOUNDS)
-    return list(combined_bounds(problem, _added_runs(problem, (*BOUNDS, *COMBINED))))
+        return _trace_bounds(problem, BOUNDS)
+    return list(combined_bounds(problem, _trace_bounds(problem, (*BOUNDS, *COMBINED))))
 
 
-def _added_runs(problem: Problem, generators: Sequence[Generator]) -> list[Bound]:
+def _trace_bounds(problem: Problem, generators: Sequence[Generator]) -> list[Bound]:
     # F adds up over runs, and with it bounds on tr(Z F).
     space = problem.design
     if space.runs == 1:
@@ -233,7 +243,7 @@ def _speeds(problem: Problem) -> tuple[SpeedLimits, Array, Array] | None:
         or measurement.segment_count(space.samples) != space.samples
         or len(problem.model.inputs) != 2
         or len(robot_of(problem.model).coefficient_names) != 2
-        or not unslipped(problem)
+        or not has_exact_inputs(problem)
         or (criterion.conjugate == "smooth" and len(problem.any_estimations) > 1)
         # The lattice orders its inputs as the columns of W.
         or estimation.judged != estimation.block.parameters

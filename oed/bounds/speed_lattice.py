@@ -34,7 +34,7 @@ PER_PERIOD, PER_PLANE = 4e4, 1.5e6
 
 
 @dataclass(order=True)
-class _Node:
+class _LatticeNode:
     priority: float
     serial: int
     conditions: dict[int, tuple[int, int]] = field(compare=False)
@@ -45,7 +45,7 @@ class _Node:
 
 
 @dataclass(frozen=True)
-class Part:
+class SpeedSubset:
     """Subset of the speeds, and the Z that bounds it; the subsets of a search cover all speeds.
 
     Attributes:
@@ -79,11 +79,11 @@ class LatticeBound:
     speeds: Array
     nodes: int
     complete: bool
-    parts: tuple[Part, ...]
+    parts: tuple[SpeedSubset, ...]
     limits: SpeedLimits
     target: Target
 
-    def of_others(self, limits: SpeedLimits, weights: Array, constant: Array) -> float:
+    def bound_for(self, limits: SpeedLimits, weights: Array, constant: Array) -> float:
         """Return a bound for slightly different limits and weights by the same parts: any Z is valid for
         them.
 
@@ -127,7 +127,7 @@ def lattice_bound(
     planes = usual_planes(program) if nodes is None else CUTS * nodes
     deadline = np.inf if time_limit is None else time.perf_counter() + time_limit
     target = Target(criterion, constant)
-    return _Search(program, target, gap, nodes or planes, planes, deadline).run()
+    return _LatticeSearch(program, target, gap, nodes or planes, planes, deadline).run()
 
 
 def usual_planes(program: LatticeProgram) -> int:
@@ -136,7 +136,7 @@ def usual_planes(program: LatticeProgram) -> int:
 
 
 @dataclass
-class _Search:
+class _LatticeSearch:
     program: LatticeProgram
     target: Target
     gap: float
@@ -147,8 +147,8 @@ class _Search:
     lower: float = -np.inf
     best: Array = field(default_factory=lambda: np.zeros(0))
     serial: Iterator[int] = field(default_factory=itertools.count)
-    closed: list[_Node] = field(default_factory=list)
-    empty: list[Part] = field(default_factory=list)
+    closed: list[_LatticeNode] = field(default_factory=list)
+    empty: list[SpeedSubset] = field(default_factory=list)
 
     def run(self) -> LatticeBound:
         root = self._node({}, np.eye(2) / 2, np.inf)
@@ -174,7 +174,7 @@ class _Search:
             speeds=self.best / self.program.weights,
             nodes=self.nodes,
             complete=self._reached(upper),
-            parts=(*(Part(node.conditions, node.multiplier) for node in remaining), *self.empty),
+            parts=(*(SpeedSubset(node.conditions, node.multiplier) for node in remaining), *self.empty),
             limits=self.program.limits,
             target=self.target,
         )
@@ -186,7 +186,9 @@ class _Search:
     def _spent(self) -> bool:
         return self.planes <= 0 or time.perf_counter() > self.deadline
 
-    def _node(self, conditions: dict[int, tuple[int, int]], multiplier: Array, above: float) -> _Node | None:
+    def _node(
+        self, conditions: dict[int, tuple[int, int]], multiplier: Array, above: float
+    ) -> _LatticeNode | None:
         # Cutting planes: every Z gives a valid bound, and a plane that constrains the next Z.
         matrices: list[Array] = []
         paths: list[Array] = []
@@ -197,27 +199,27 @@ class _Search:
             self.planes -= 1
             most, path = self.program.maximise(multiplier, conditions)
             if not np.isfinite(most):
-                self.empty.append(Part(conditions, multiplier))
+                self.empty.append(SpeedSubset(conditions, multiplier))
                 return None
             matrix = path.T @ path + self.target.constant
             value = self.target.bound(multiplier, most)
-            self._note(path, matrix)
+            self._record_best(path, matrix)
             if value < bound:
                 bound, chosen = value, multiplier
             paths.append(path)
             matrices.append(matrix)
             least, multiplier, shares = self.target.lowest(matrices)
-            self._note_joined(paths, shares)
+            self._record_joins(paths, shares)
             if self.target.excess(bound, least) <= ENOUGH or self._reached(bound) or self._spent:
                 break
-        return _Node(-bound, next(self.serial), conditions, bound, chosen, paths, shares)
+        return _LatticeNode(-bound, next(self.serial), conditions, bound, chosen, paths, shares)
 
-    def _note(self, path: Array, matrix: Array) -> None:
+    def _record_best(self, path: Array, matrix: Array) -> None:
         value = float(self.target.values(matrix))
         if value > self.lower:
             self.lower, self.best = value, path
 
-    def _note_joined(self, paths: list[Array], shares: Array) -> None:
+    def _record_joins(self, paths: list[Array], shares: Array) -> None:
         # Joins of the drives in the bound's mixture: one up to some period, another from then on.
         used = [paths[index] for index in np.argsort(-shares)[:2]]
         for first, second in itertools.permutations(used, 2):
@@ -233,7 +235,7 @@ class _Search:
                 path = np.concatenate([first[: times[best]], second[times[best] :]])
                 self.lower, self.best = float(values[best]), path
 
-    def _children(self, node: _Node) -> list[dict[int, tuple[int, int]]]:
+    def _children(self, node: _LatticeNode) -> list[dict[int, tuple[int, int]]]:
         # Branches in the period in which the drives of the mixture disagree most about straight or turn.
         used = [(share, path) for share, path in zip(node.shares, node.paths, strict=False) if share > 1e-9]
         middle = self.program.limits.bounds.mean(axis=1) * self.program.weights

@@ -20,7 +20,7 @@ MOST_WORK = 1.5e10
 """Largest number of operations of the dynamic programme."""
 
 
-def too_fine(low: float, high: float, steps: Array) -> bool:
+def is_too_fine(low: float, high: float, steps: Array) -> bool:
     """Return True if the positions' lattice is too fine for the dynamic programme.
 
     Args:

@@ -48,7 +48,7 @@ class Target:
     def lowest(self, matrices: Sequence[Array]) -> tuple[float, Array, Array]:
         """Return the lowest bound for these matrices, its Z of trace 1, and the best mixture's shares."""
         if self.criterion.conjugate == "linear":
-            least, point, shares = _lowest([_plane(matrix) for matrix in matrices])
+            least, point, shares = _lowest_plane([_plane(matrix) for matrix in matrices])
             return least, _multiplier(point), shares
         stacked = np.stack(matrices)
         groups, totals = np.zeros(len(stacked), dtype=np.int64), np.ones(1)
@@ -72,7 +72,7 @@ def _plane(matrix: Array) -> tuple[float, Array]:
     return float(np.trace(matrix)) / 2, np.array([(matrix[0, 0] - matrix[1, 1]) / 2, matrix[0, 1]])
 
 
-def _lowest(planes: list[tuple[float, Array]]) -> tuple[float, Array, Array]:
+def _lowest_plane(planes: list[tuple[float, Array]]) -> tuple[float, Array, Array]:
     # Minimum over a polygon inside the disc of the largest plane, its point, and the planes' multipliers.
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     sides = np.stack([np.cos(angles), np.sin(angles), np.zeros(DIRECTIONS)], axis=1)

@@ -20,7 +20,7 @@ from oed.kernel.limit import PathLimit
 from oed.kernel.problem import Problem
 from oed.kernel.results import TOLERANCE
 from oed.kernel.solution import TAIL, Violation
-from oed.uncertainty.uncertainty import Spread, given_spread
+from oed.uncertainty.uncertainty import UncertainQuantities, require_spread
 
 BATCH = 500
 """Number of robots simulated in one call."""
@@ -55,7 +55,7 @@ class Departures:
     limits: tuple[str, ...]
     draws: int
     seed: int
-    spread: Spread
+    spread: UncertainQuantities
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def violation_probability(
         ValueError: the problem has neither an uncertainty nor a prior.
     """
     limits = path_limits(problem)
-    values = given_spread(problem.uncertain_system).draws(draws, seed, stream)
+    values = require_spread(problem.uncertain_system).draws(draws, seed, stream)
     if not limits:
         return Violation(0.0, interval_of(0, draws, drives), draws, seed, {}, 0.0, values[:0])
     excess, certain = _excess(problem, limits, trajectory, values)
@@ -137,7 +137,7 @@ def departures(
     limits = position_limits(problem)
     if not limits:
         return None
-    spread = given_spread(problem.uncertain_system)
+    spread = require_spread(problem.uncertain_system)
     excess, _ = _excess(problem, limits, trajectory, spread.draws(draws, seed))
     leaves = (excess > TOLERANCE).any(axis=1)
     distances = (excess * _sizes(problem, limits)).max(axis=1)[leaves]
@@ -180,7 +180,7 @@ def paths(problem: Problem, trajectory: Trajectory, values: Array) -> Array:
         trajectory: commanded drive.
         values: values of the uncertain quantities, (K, q).
     """
-    spread = given_spread(problem.uncertain_system)
+    spread = require_spread(problem.uncertain_system)
     function = _poses(problem, trajectory.samples, trajectory.runs)
     starts = trajectory.starts + spread.shifts(values)
     return np.array(
@@ -203,7 +203,7 @@ def position_limits(problem: Problem) -> list[PathLimit]:
 
 def _sizes(problem: Problem, limits: Sequence[PathLimit]) -> Array:
     # Sizes of limits [m], (limits,).
-    system = given_spread(problem.uncertain_system).system
+    system = require_spread(problem.uncertain_system).system
     origin = ca.DM.zeros(1, len(system.states))
     return np.array([limit.rows_at(origin, system).size for limit in limits])
 
@@ -214,7 +214,7 @@ def _excess(
     # Excess of each draw over each limit, as a share of the limit's size, (K, limits), and True for limits
     # with a proved excess. Between the samples it is computed only where it decides: for draws that come
     # close to a limit at the samples, and for the worst draws.
-    spread = given_spread(problem.uncertain_system)
+    spread = require_spread(problem.uncertain_system)
     robots = _Robots(trajectory, spread.parameter_values(values), trajectory.starts + spread.shifts(values))
     excess, further = _at_points(problem, tuple(limits), robots)
     undecided = (excess <= TOLERANCE) & (further > TOLERANCE)
@@ -234,7 +234,7 @@ def _between(
 ) -> tuple[Array, bool]:
     # Excess of some draws over a limit at all times, (K,), exact for the chosen ones, for others only
     # compared with the tolerance; and True if it is proved.
-    system, parts = given_spread(problem.uncertain_system).system.refinement
+    system, parts = require_spread(problem.uncertain_system).system.refinement
     excess = excess_of(limit, system) if limit.looks_at == "state" else None
     if excess is None or not excess.is_bounded:
         closer, _ = _at_points(problem, (limit,), robots, FINE)
@@ -268,7 +268,7 @@ def _exceeded(
     problem: Problem, limits: tuple[PathLimit, ...], samples: int, runs: int, refine: int
 ) -> ca.Function:
     # Excess over every limit at the points, and its upper bound in between: half a step further on.
-    system = given_spread(problem.uncertain_system).system
+    system = require_spread(problem.uncertain_system).system
     symbols, drive = any_drive(system, samples, runs, refine=refine)
     step = ca.mmax(drive.speeds) * drive.period / refine
     worst = []
@@ -289,7 +289,7 @@ def _greatest(values: ca.MX, path: ca.MX) -> ca.MX:
 
 @lru_cache(maxsize=8)
 def _poses(problem: Problem, samples: int, runs: int) -> ca.Function:
-    symbols, drive = any_drive(given_spread(problem.uncertain_system).system, samples, runs)
+    symbols, drive = any_drive(require_spread(problem.uncertain_system).system, samples, runs)
     return ca.Function("poses", symbols, [drive.states])
 
 

@@ -21,7 +21,12 @@ from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.limit import ROUNDED, PathLimit, Rows
 from oed.kernel.solution import TAIL
 from oed.kernel.tightening import Scenarios, Tightening, UncertainSystem
-from oed.uncertainty.uncertainty import Spread, given_spread, impossible, spread_of
+from oed.uncertainty.uncertainty import (
+    UncertainQuantities,
+    impossible_system_message,
+    require_spread,
+    spread_of,
+)
 
 TIGHTER = 1.15
 """Factor on the back-off after draws with too many violations."""
@@ -116,7 +121,7 @@ class Robust(Tightening):
         spread = spread_of(system)
         if spread is None:
             return [Issue(("robust",), NOTHING_UNCERTAIN)]
-        if system.uncertainty is None and (text := impossible(spread, system)):
+        if system.uncertainty is None and (text := impossible_system_message(spread, system)):
             return [Issue(("prior",), text)]
         if self.objective != "nominal" and spread.system != system.estimated:
             return [Issue(("robust", "objective"), OTHER_PARAMETERS)]
@@ -128,11 +133,11 @@ class Robust(Tightening):
     def backed_off(self, limit: PathLimit, drive: Drive, system: UncertainSystem) -> Rows:
         """Return the rows of a limit on the path with its back-off, on a drive of the spread's robot."""
         rows = limit.rows(drive)
-        return rows.backed_off(_back_off(limit, drive, given_spread(system), self, rows.size))
+        return rows.backed_off(_back_off(limit, drive, require_spread(system), self, rows.size))
 
     def scenarios(self, system: UncertainSystem) -> Scenarios:
         """Return the scenarios at the corners of the ranges, and the added ones."""
-        spread = given_spread(system)
+        spread = require_spread(system)
         added = np.reshape(np.array(self.added_scenarios, dtype=float), (-1, len(spread.names)))
         return spread.scenarios(
             np.vstack([spread.extremes(self.reach), added]) if self.kind == "scenarios" else added
@@ -140,7 +145,7 @@ class Robust(Tightening):
 
     def judged(self, system: UncertainSystem) -> Scenarios:
         """Return the scenarios whose mean or worst criterion is the objective."""
-        spread = given_spread(system)
+        spread = require_spread(system)
         return spread.scenarios(
             spread.moments()
             if self.objective == "mean"
@@ -148,20 +153,24 @@ class Robust(Tightening):
         )
 
 
-def _back_off(limit: PathLimit, drive: Drive, spread: Spread, robust: Robust, size: float) -> Expression:
+def _back_off(
+    limit: PathLimit, drive: Drive, spread: UncertainQuantities, robust: Robust, size: float
+) -> Expression:
     # Back-off of every row of the limit.
     points = drive.path.shape[0] // drive.runs
     width = len(spread.system.parameters) + len(spread.system.states)
     parts = []
     for run in range(drive.runs):
-        moved = _moved(limit, spread, robust, size, drive.first_run + run).map(points)
+        moved = _back_off_function(limit, spread, robust, size, drive.first_run + run).map(points)
         path = drive.path[run * points : (run + 1) * points, :].T
         slopes = drive.path_sensitivities[:, run * points * width : (run + 1) * points * width]
         parts.append(moved(path, slopes))
     return ca.vec(ca.horzcat(*parts).T)
 
 
-def _moved(limit: PathLimit, spread: Spread, robust: Robust, size: float, run: int) -> ca.Function:
+def _back_off_function(
+    limit: PathLimit, spread: UncertainQuantities, robust: Robust, size: float, run: int
+) -> ca.Function:
     # Back-off of the rows at a point as a function of the point and its sensitivities.
     system = spread.system
     states, parameters = len(system.states), len(system.parameters)

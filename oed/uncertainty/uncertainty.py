@@ -53,7 +53,7 @@ class Uncertainty(ParameterUncertainty):
         """Return the unknown names, the invalid ranges, and the impossible systems."""
         issues = self._own_issues(_base(tuple(self.within), system))
         spread = None if issues else spread_of(system)
-        text = "" if spread is None else impossible(spread, system)
+        text = "" if spread is None else impossible_system_message(spread, system)
         return [*issues, Issue(("uncertainty",), text)] if text else issues
 
     def _own_issues(self, base: System) -> list[Issue]:
@@ -63,7 +63,7 @@ class Uncertainty(ParameterUncertainty):
             path = ("uncertainty", key)
             names = base.long_names(key)
             if names[0] not in quantities:
-                last = f"of the start the last {len(_starts(base))}"
+                last = f"of the start the last {len(_start_units(base))}"
                 expected = f"expected one of {', '.join(quantities)} ({last})"
                 text = f"{expected}, got {key!r}{did_you_mean(key, quantities)}"
                 issues.append(Issue(path, text))
@@ -112,7 +112,7 @@ class Uncertainty(ParameterUncertainty):
 
 
 @dataclass(frozen=True, eq=False)
-class Spread:
+class UncertainQuantities:
     """Uncertain quantities as numbers, SI: parameters first, then every run's start.
 
     Attributes:
@@ -165,11 +165,11 @@ class Spread:
 
     def ends(self, reach: float) -> Array:
         """Return each quantity at either end of its range with all others nominal, (2 q, q)."""
-        return self._along(_both_ways(len(self.names)), reach)
+        return self._along(_signed_unit_vectors(len(self.names)), reach)
 
     def _along(self, signs: Array, reach: float) -> Array:
         uniform = np.select([signs > 0, signs < 0], [self.high, self.low], self.nominal)
-        normal = self.nominal + reach * signs @ _axes(self.covariance).T
+        normal = self.nominal + reach * signs @ _square_root(self.covariance).T
         return np.asarray(np.where(self.uniform, uniform, normal))
 
     def moments(self) -> Array:
@@ -178,7 +178,9 @@ class Spread:
         [Julier and Uhlmann, Unscented filtering and nonlinear estimation, 2004]
         """
         size = len(self.names)
-        return np.asarray(self.nominal + np.sqrt(size) * _both_ways(size) @ _axes(self.covariance).T)
+        return np.asarray(
+            self.nominal + np.sqrt(size) * _signed_unit_vectors(size) @ _square_root(self.covariance).T
+        )
 
     def parameter_values(self, values: Array) -> Array:
         """Return the system's parameters (K, p) for values (K, q)."""
@@ -225,7 +227,7 @@ class Spread:
 
 
 @lru_cache(maxsize=32)
-def spread_of(system: UncertainSystem) -> Spread | None:
+def spread_of(system: UncertainSystem) -> UncertainQuantities | None:
     """Return the quantities of an uncertainty, and those of a prior alone; None without any."""
     prior, runs = system.prior, system.runs
     uncertainty = system.uncertainty if isinstance(system.uncertainty, Uncertainty) else None
@@ -239,7 +241,7 @@ def spread_of(system: UncertainSystem) -> Spread | None:
         middle, _ = quantities[name]
         ranges[name] = middle - square**0.5, middle + square**0.5
     parameter_names = [parameter.name for parameter in base.parameters if parameter.name in ranges]
-    starts = [name for name in _starts(base) if name in ranges]
+    starts = [name for name in _start_units(base) if name in ranges]
     every = [*parameter_names, *starts * runs]
     if not every:
         return None
@@ -251,7 +253,7 @@ def spread_of(system: UncertainSystem) -> Spread | None:
     moments = np.diag(np.where(uniform, square, (ends[:, 1] - nominal) ** 2))
     places = [every.index(name) for name in prior_names]
     moments[np.ix_(places, places)] = covariance
-    return Spread(
+    return UncertainQuantities(
         names=(*parameter_names, *(_start_name(name, run) for run in range(runs) for name in starts)),
         units=units,
         nominal=np.array(nominal),
@@ -265,7 +267,7 @@ def spread_of(system: UncertainSystem) -> Spread | None:
     )
 
 
-def given_spread(system: UncertainSystem) -> Spread:
+def require_spread(system: UncertainSystem) -> UncertainQuantities:
     """Return the uncertain quantities.
 
     Raises:
@@ -277,7 +279,7 @@ def given_spread(system: UncertainSystem) -> Spread:
     return spread
 
 
-def impossible(spread: Spread, system: UncertainSystem) -> str:
+def impossible_system_message(spread: UncertainQuantities, system: UncertainSystem) -> str:
     """Return a message about an impossible system within the ranges or three standard deviations.
 
     It is "" if all systems are possible, as with coefficients, which may have any values.
@@ -310,13 +312,13 @@ def _of_prior(prior: Prior | None, base: System, besides: Sequence[str]) -> tupl
 
 def _base(names: Sequence[str], system: UncertainSystem) -> System:
     # The system with its own parameters, unless the names exist among those to estimate only.
-    starts = set(_starts(system.model))
+    starts = set(_start_units(system.model))
     own_names = {parameter.name for parameter in system.model.parameters} | starts
     estimated = {parameter.name for parameter in system.estimated.parameters} | starts
     return system.estimated if not set(names) <= own_names and set(names) <= estimated else system.model
 
 
-def _starts(base: System) -> dict[str, str]:
+def _start_units(base: System) -> dict[str, str]:
     # Units of the states that a start chooses; they are uncertain only if named.
     return dict(zip(base.states[: base.chosen_states], base.state_units, strict=False))
 
@@ -324,14 +326,14 @@ def _starts(base: System) -> dict[str, str]:
 def _quantities(base: System) -> dict[str, tuple[float, str]]:
     # Nominal values and units of all quantities that can be uncertain.
     parameters = {parameter.name: (parameter.nominal, parameter.unit) for parameter in base.parameters}
-    return parameters | {state: (0.0, unit) for state, unit in _starts(base).items()}
+    return parameters | {state: (0.0, unit) for state, unit in _start_units(base).items()}
 
 
-def _both_ways(size: int) -> Array:
+def _signed_unit_vectors(size: int) -> Array:
     return np.vstack([np.eye(size), -np.eye(size)])
 
 
-def _axes(covariance: Array) -> Array:
+def _square_root(covariance: Array) -> Array:
     # Symmetric square root, whose columns keep independent quantities apart; scaled for invariance to units.
     sizes = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(sizes, sizes))

@@ -15,7 +15,7 @@ from oed.robots.usual_uncertainty import usual_uncertainty
 from oed.study.study import Study
 from oed.uncertainty.departures import DRAWS, Departures, departures, paths, position_limits, violated
 from oed.uncertainty.robust import Robust
-from oed.uncertainty.uncertainty import Uncertainty, given_spread, impossible, spread_of
+from oed.uncertainty.uncertainty import Uncertainty, impossible_system_message, require_spread, spread_of
 from oed.workflow.robustness import BUNDLE, BUNDLE_STREAM, points_by_run, uncertain_table
 
 
@@ -51,7 +51,7 @@ def departures_on(
         simulated[0][1],
         usual=problem.uncertainty is not study.problem.uncertainty,
         robust=robust is not None,
-        uncertain=uncertain_table(given_spread(problem.uncertain_system)),
+        uncertain=uncertain_table(require_spread(problem.uncertain_system)),
         results=[Departing.of(departing, name=name) for name, departing in simulated],
         bundle=None if robust is not None or best is None else _bundle(problem, best, seed),
     )
@@ -72,7 +72,7 @@ def with_uncertainty(study: Study) -> Problem | None:
         (
             replace(problem, uncertainty=uncertainty, prior=system.prior)
             for uncertainty, system in _assumptions(problem)
-            if (spread := spread_of(system)) is not None and not impossible(spread, system)
+            if (spread := spread_of(system)) is not None and not impossible_system_message(spread, system)
         ),
         None,
     )
@@ -97,7 +97,7 @@ def _simulated(problem: Problem, solution: Solution, draws: int, seed: int) -> D
 
 def _bundle(problem: Problem, best: Solution, seed: int) -> Paths:
     assert best.trajectory is not None
-    values = given_spread(problem.uncertain_system).draws(BUNDLE, seed, BUNDLE_STREAM)
+    values = require_spread(problem.uncertain_system).draws(BUNDLE, seed, BUNDLE_STREAM)
     points = points_by_run(paths(problem, best.trajectory, values), best.trajectory.runs)
     violating = violated(problem, best.trajectory, values, position_limits(problem))
     return Paths.of(name=best.name, violating=violating, paths=points[..., :2])

@@ -17,7 +17,7 @@ from oed.records.stored.simulation import Paths, StatesOverTime, StoredRobustnes
 from oed.study.study import Study
 from oed.uncertainty.departures import path_limits, paths, violated, violation_probability
 from oed.uncertainty.robust import Robust
-from oed.uncertainty.uncertainty import Spread, spread_of
+from oed.uncertainty.uncertainty import UncertainQuantities, spread_of
 from oed.workflow.studies import Work
 
 PLAIN = "Searched without back-off for other robots than the nominal one, for comparison."
@@ -101,7 +101,7 @@ def robustness(study: Study, solutions: Sequence[Solution], seed: int) -> Stored
     )
 
 
-def uncertain_table(spread: Spread) -> list[Uncertain]:
+def uncertain_table(spread: UncertainQuantities) -> list[Uncertain]:
     """Return uncertain quantities as a record has them."""
     columns = (spread.names, spread.units, spread.nominal, spread.low, spread.high, spread.uniform)
     return [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from oed.bounds.reach import largest_rates, room
+from oed.bounds.reach import largest_rates, workspace_bounds
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
 from oed.kernel.problem import Problem
@@ -60,7 +60,7 @@ def wanted_speeds(problem: Problem, kind: str, rng: np.random.Generator) -> Arra
 
 def start_pose(problem: Problem, kind: str, rng: np.random.Generator) -> Array:
     """The fixed start, or a random one: a corner that faces the other for a diagonal."""
-    fixed, bounds = problem.fixed_starts, room(problem)
+    fixed, bounds = problem.fixed_starts, workspace_bounds(problem)
     if fixed is not None:
         return fixed[0]
     if bounds is None:

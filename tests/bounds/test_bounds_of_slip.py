@@ -10,7 +10,7 @@ from builders import RADIUS, TRACK, problem_of
 from test_soundness import check
 
 from oed.bounds import NOTHING, bound
-from oed.bounds.reach import coefficient_rows, grip, scales_lengths, top_speeds
+from oed.bounds.reach import coefficient_rows, largest_input_gain, scales_lengths, top_speeds
 from oed.kernel.criteria import E
 from oed.kernel.problem import Problem
 from oed.robots.limits import Rectangle, WheelAcceleration, WheelSpeed
@@ -64,7 +64,7 @@ def test_a_lag_keeps_the_lengths_in_proportion_and_has_no_top_speed():
     problem = slip_problem(yaw_lag=0.4)
     assert scales_lengths(problem, LENGTHS)
     assert not scales_lengths(problem, LENGTHS[:2])
-    assert (grip(problem), coefficient_rows(problem), top_speeds(problem)) == (None, None, None)
+    assert (largest_input_gain(problem), coefficient_rows(problem), top_speeds(problem)) == (None, None, None)
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from oed.bounds import boxes
-from oed.bounds.boxes import Landscape, largest, peaks
+from oed.bounds.boxes import Landscape, enclose_maximum, local_maxima
 
 Row = Callable[[Any], Any]
 
@@ -53,7 +53,7 @@ def test_no_value_of_a_dense_grid_is_larger(name: str) -> None:
         factor = rng.normal(size=(each.shape[1],) * 2)
         expected = ((each @ factor.T) ** 2).sum(axis=1).max()
         starts = rng.uniform(low, high, (2, len(low)))
-        found = largest(landscape, factor, low, high, starts)
+        found = enclose_maximum(landscape, factor, low, high, starts)
         assert expected <= found.upper * (1 + 1e-12)
         # The value is of a point of the box, and all but proved.
         assert np.all((low <= found.point) & (found.point <= high))
@@ -70,7 +70,9 @@ def test_the_largest_value_is_as_sure_whatever_its_unit(scale: float) -> None:
     low, high = np.array(ranges, dtype=float).T
     inputs = ca.SX.sym("x", 2)
     landscape, starts = Landscape(inputs, row(inputs)), (low + high)[None] / 2
-    one, other = (largest(landscape, factor * np.eye(2), low, high, starts) for factor in (1.0, scale))
+    one, other = (
+        enclose_maximum(landscape, factor * np.eye(2), low, high, starts) for factor in (1.0, scale)
+    )
     assert other.upper == pytest.approx(scale**2 * one.upper, rel=1e-9, abs=0)
     assert other.value <= other.upper <= other.value * (1 + 1e-9)
 
@@ -81,7 +83,7 @@ def test_peaks_are_local_maxima() -> None:
     inputs = ca.SX.sym("x", 2)
     landscape, factor, rng = Landscape(inputs, row(inputs)), np.eye(2), np.random.default_rng(0)
     starts = rng.uniform(low, high, (20, 2))
-    found = peaks(landscape, factor, low, high, starts)
+    found = local_maxima(landscape, factor, low, high, starts)
     values = landscape.at(found, factor)[0]
     assert np.all(values >= landscape.at(starts, factor)[0])
     for _ in range(50):
@@ -96,6 +98,6 @@ def test_the_largest_value_is_as_sure_where_it_takes_many_steps_to_come_near_it(
     monkeypatch.setattr(boxes, "NEWTON", 1)
     inputs = ca.SX.sym("x", 1)
     landscape, low, high = Landscape(inputs, ca.cos(inputs)), np.array([-0.3]), np.array([0.5])
-    found = largest(landscape, np.eye(1), low, high, low[None])
+    found = enclose_maximum(landscape, np.eye(1), low, high, low[None])
     assert found.upper * (1 + 1e-12) >= 1
     assert found.upper <= 1 + 1e-9

@@ -25,7 +25,7 @@ from places import PROBLEMS
 
 from oed.bounds import NOTHING, OF_E, ROOMLESS, Certificate, bound
 from oed.bounds.certificate import INFLATION, OF_ALL
-from oed.bounds.closed_form import TURNED, largest_squares, most_turning, regression_bounds
+from oed.bounds.closed_form import TURNED, largest_squares, regression_bounds, turning_eigenvalue_bound
 from oed.kernel.criteria import A, E, ModifiedE
 from oed.kernel.evaluation import evaluate
 from oed.kernel.measurement.prior import Prior
@@ -308,7 +308,7 @@ def test_no_angles_say_more_than_one_input_that_turns_round() -> None:
         reach = rng.uniform(0.5, 1.5) * np.ones((segments * each, 2))
         reach[0] = reach[-1] = rng.uniform(0.2, 1.0) * reach[1]
         steps = rng.uniform(0.2, 2.5, 2)
-        most = most_turning(reach, steps, edges)
+        most = turning_eigenvalue_bound(reach, steps, edges)
         signs = rng.choice([-1.0, 1.0], (4000, segments, 2))
         wanted = np.repeat(signs, each, axis=1) * np.where(rng.random((4000, 1, 1)) < 0.8, 1.0, rng.random())
         wanted = np.roll(wanted, int(rng.integers(-1, 2)), axis=1) * reach
@@ -328,10 +328,12 @@ def test_angles_of_another_size_say_as_much_more_as_their_squares(scale: float) 
     for segments in range(3, 8):
         edges = 3 * np.arange(segments + 1)
         reach, steps = rng.uniform(0.5, 1.5, (3 * segments, 2)), rng.uniform(0.02, 0.1, 2)
-        most = most_turning(reach, steps, edges)
+        most = turning_eigenvalue_bound(reach, steps, edges)
         # Less than where neither turns round.
         assert most < 0.95 * (np.add.reduceat(reach, edges[:-1]) ** 2).sum() / 2
-        assert most_turning(scale * reach, scale * steps, edges) == pytest.approx(scale**2 * most, rel=1e-9)
+        assert turning_eigenvalue_bound(scale * reach, scale * steps, edges) == pytest.approx(
+            scale**2 * most, rel=1e-9
+        )
 
 
 @pytest.mark.slow

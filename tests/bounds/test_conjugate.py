@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from oed.bounds.conjugate import _lowest
+from oed.bounds.conjugate import _best_shares
 from oed.kernel.criteria import A, Criterion, D, ModifiedE
 
 Array = npt.NDArray[np.float64]
@@ -38,7 +38,7 @@ def drawn(rng: np.random.Generator) -> Array:
 def test_no_other_sum_is_lower(criterion: Criterion, seed: int) -> None:
     rng = np.random.default_rng(seed)
     matrices = drawn(rng)
-    shares = _lowest(criterion, matrices)
+    shares = _best_shares(criterion, matrices)
     assert shares.min() >= 0
     assert shares.sum() == pytest.approx(1.0)
     best = value(criterion.kind, np.tensordot(shares, matrices, axes=1))
@@ -63,5 +63,5 @@ def test_the_slope_is_that_of_differences(criterion: Criterion) -> None:
 
 def test_a_direction_that_none_bounds_leaves_shares_equal() -> None:
     one_way = np.stack([np.diag([1.0, 0.0]), np.diag([3.0, 0.0])])
-    np.testing.assert_array_equal(_lowest(D(), one_way), [0.5, 0.5])
-    np.testing.assert_array_equal(_lowest(ModifiedE(), one_way), [0.5, 0.5])
+    np.testing.assert_array_equal(_best_shares(D(), one_way), [0.5, 0.5])
+    np.testing.assert_array_equal(_best_shares(ModifiedE(), one_way), [0.5, 0.5])

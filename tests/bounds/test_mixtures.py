@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from oed.bounds.certificate import INFLATION, gap, raised
+from oed.bounds.certificate import INFLATION, gap, inflate
 from oed.bounds.equivalence import best_mixture
 from oed.kernel.criteria import A, Criterion, D, E, ModifiedE
 
@@ -111,6 +111,6 @@ def test_bounds_are_raised_whatever_their_sign(criterion: Criterion) -> None:
     for number in (-1e6, -2.0, -1e-9, 1e-9, 3.0, 1e6):
         # The value of so much more information in every direction.
         more = 3 * np.log1p(INFLATION) if criterion.kind == "D" else INFLATION * abs(number)
-        assert raised(number, criterion, 3) > number
-        assert raised(number, criterion, 3) - number == pytest.approx(more, rel=1e-3, abs=1e-10)
-    assert raised(-np.inf, criterion, 3) == -np.inf
+        assert inflate(number, criterion, 3) > number
+        assert inflate(number, criterion, 3) - number == pytest.approx(more, rel=1e-3, abs=1e-10)
+    assert inflate(-np.inf, criterion, 3) == -np.inf

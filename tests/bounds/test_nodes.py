@@ -70,7 +70,7 @@ def test_a_bound_of_slightly_wider_limits_by_the_same_parts():
         wider = SpeedLimits(12, own.bounds + more, 2.003, 1.01)
         found = lattice_bound(own, np.ones(2), NOTHING, nodes=4)
         again = lattice_bound(wider, np.ones(2), NOTHING, nodes=4)
-        value = found.of_others(wider, np.ones(2), NOTHING)
+        value = found.bound_for(wider, np.ones(2), NOTHING)
         assert again.lower <= value <= 1.02 * again.upper
         assert value >= found.lower
 

@@ -72,7 +72,7 @@ def test_no_speeds_beat_the_lattice(
     assert criterion.change(found.upper, found.lower, 2) < 0.15
     # The parts hold all speeds, also of limits that are a little wider.
     wider = limits(12, tuple(1.001 * np.array(ends)), 1.001 * step, rest * 1.001)
-    more = found.of_others(wider, weights, constant)
+    more = found.bound_for(wider, weights, constant)
     assert values(criterion.kind, random_speeds(wider, rng, 1000), weights, constant).max() <= more
     assert more >= found.lower
 

@@ -180,7 +180,7 @@ def test_the_parts_of_a_search_hold_all_speeds(place: int, nodes: int) -> None:
         for way in (1, -1) if allowed.symmetric else (1,):
             held |= (way * signs * (everything - middle) >= -1e-9).all(axis=(1, 2))
     assert held.all()
-    assert found.of_others(allowed, weights, NOTHING) <= found.upper * (1 + 1e-9)
+    assert found.bound_for(allowed, weights, NOTHING) <= found.upper * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("allowed", TINY, ids=range(len(TINY)))

@@ -14,7 +14,7 @@ from drives import KINDS, wanted_speeds, within_limits
 
 from oed.bounds import LATTICE, bound, smallest
 from oed.bounds.certificate import Bound
-from oed.bounds.reach import largest_rates, room
+from oed.bounds.reach import largest_rates, workspace_bounds
 from oed.kernel.dynamics.rollout import Drive
 from oed.kernel.dynamics.trajectory import Trajectory
 from oed.kernel.evaluation import evaluate
@@ -112,7 +112,7 @@ def test_a_widened_room_holds_every_point_that_is_tolerated(area: Any):
     rng = np.random.default_rng(0)
     problem = problem_of(limits=(SPEED, area), design=DesignSpace(duration=10, samples=40, start="free"))
     for share in (0.02, 0.3):
-        x_min, x_max, y_min, y_max = room(problem.widened(share))
+        x_min, x_max, y_min, y_max = workspace_bounds(problem.widened(share))
         points = rng.uniform(-4, 4, (20000, 2))
         rows = area.rows_for(points, 0.0)
         values = np.array(rows.expression).reshape(-1)

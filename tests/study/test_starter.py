@@ -34,7 +34,7 @@ from oed.study.starter import (
 )
 from oed.study.study import Study
 from oed.uncertainty.departures import violation_probability
-from oed.uncertainty.uncertainty import given_spread
+from oed.uncertainty.uncertainty import require_spread
 from oed.workflow.studies import load_study, parse_study
 
 LARGE = "8 m x 6 m"
@@ -110,7 +110,7 @@ HALF_WIDTHS = {
 @pytest.mark.parametrize("robot", HALF_WIDTHS)
 def test_init_writes_the_uncertainty_before_a_calibration(robot: str):
     study = parse_study(starter(Choice(robot, room=LARGE)))
-    spread = given_spread(study.problem.uncertain_system)
+    spread = require_spread(study.problem.uncertain_system)
     scales = np.where(spread.nominal == 0, 1.0, spread.nominal)
     widths = (spread.high - spread.low) / 2 / scales
     assert dict(zip(spread.names, widths, strict=True)) == pytest.approx(HALF_WIDTHS[robot], rel=1e-2)
@@ -122,7 +122,7 @@ def test_init_writes_the_uncertainty_before_a_calibration(robot: str):
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", SKIDDING)
 def test_a_pilot_drive_is_for_all_tracks_that_skidding_makes(robot: str):
-    spread = given_spread(parse_study(starter(Choice(robot))).problem.uncertain_system)
+    spread = require_spread(parse_study(starter(Choice(robot))).problem.uncertain_system)
     ratios = np.abs(spread.high / spread.low)
     assert np.maximum(ratios, 1 / ratios).max() == pytest.approx(MOST / LEAST, rel=0.01)
 

@@ -20,7 +20,7 @@ from oed.kernel.measurement.prior import Prior
 from oed.robots.models import DifferentialDrive, SkidSteer
 from oed.robots.sensors import Poses
 from oed.robots.space import DesignSpace, StartPose
-from oed.uncertainty.uncertainty import Spread, Uncertainty
+from oed.uncertainty.uncertainty import UncertainQuantities, Uncertainty
 from oed.uncertainty.uncertainty import spread_of as spread_of_system
 
 RIGHT, LEFT = "wheel_radius_right", "wheel_radius_left"
@@ -31,7 +31,9 @@ CORRELATED = ((4e-6, 3e-6), (3e-6, 9e-6))
 sensed_problem = partial(problem_of, measurement=SENSOR, criterion=E(scaling="relative"))
 
 
-def spread_of(within: dict[str, Any] | None = None, distribution: str = "uniform", **parts: Any) -> Spread:
+def spread_of(
+    within: dict[str, Any] | None = None, distribution: str = "uniform", **parts: Any
+) -> UncertainQuantities:
     """The spread of a problem whose robot is uncertain `within`."""
     if within is not None:
         parts["uncertainty"] = Uncertainty.model_validate({"within": within, "distribution": distribution})
@@ -253,7 +255,7 @@ class TestPriors:
 
 
 @cache
-def three_ranges() -> Spread:
+def three_ranges() -> UncertainQuantities:
     return spread_of({"track": ("17 cm", "20 cm"), RIGHT: "5 %", "heading": "2 deg"})
 
 
